@@ -1,8 +1,10 @@
 """Fixtures of every test."""
 
 import collections
+import gc
 import os
 import sys
+from collections.abc import Generator
 
 import pytest
 from django.core.cache import cache
@@ -35,19 +37,35 @@ def pytest_sessionstart() -> None:
     collected_files()
 
 
-@pytest.fixture(autouse=True)
-def no_attempts_counted():
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Let no garbage collection look through what lasts until the end: modules and tests are half
+    a million objects, and a test that makes many would have them all looked through again.
+    """
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.collect()
+        gc.freeze()
+        gc.enable()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup() -> None:
     """How often an address has tried something stands in the process's cache, and all tests of a
     process come from one address.
     """
     cache.clear()
 
 
-@pytest.fixture(autouse=True)
-def language_of_nobody():
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown() -> Generator[None, object, object]:
     """A request in another language leaves it behind in its thread, which is the tests' own."""
-    yield
-    translation.deactivate()
+    try:
+        return (yield)
+    finally:
+        translation.deactivate()
 
 
 @pytest.hookimpl(trylast=True)

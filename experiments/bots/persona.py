@@ -93,16 +93,17 @@ class Persona:
         rng = self._rng("self")
         self._own = float(rng.standard_normal())
         self.birth_year = int(rng.integers(EARLY_BIRTH, LATE_BIRTH))
-        self.agent = str(rng.choice(AGENTS)) + MARK
-        self.method = "touch" if "Mobile" in self.agent else str(rng.choice(["keyboard", "mouse"]))
-        self._pace = float(np.clip(0.85 + 0.1 * rng.standard_normal(), 0.6, 1.0))
+        self.agent = AGENTS[rng.integers(len(AGENTS))] + MARK
+        self.method = "touch" if "Mobile" in self.agent else ("keyboard", "mouse")[rng.integers(2)]
+        self._pace = min(max(0.85 + 0.1 * float(rng.standard_normal()), 0.6), 1.0)
 
     def _rng(self, *about: str | int) -> np.random.Generator:
         """Return the generator of one matter: what is asked before it changes nothing, so that a
         page that comes twice is answered alike.
         """
-        words = "\x1f".join(str(part) for part in about).encode()
-        return np.random.default_rng([self.seed, self.number, *words])
+        text = "\x1f".join(str(part) for part in about).encode()
+        words = (*_words(self.seed), *_words(self.number), *text)
+        return np.random.default_rng(np.array(words, dtype=np.uint32))
 
     def opinion(self, item: str, circumstances: Mapping[str, str]) -> float:
         """Return how much the bot agrees, in standard deviations of all bots."""
@@ -152,3 +153,11 @@ class Persona:
     def seconds(self, matter: str, low: float, high: float) -> float:
         """Return how long the bot takes for something."""
         return float(self._rng("seconds", matter).uniform(low, high))
+
+
+def _words(number: int) -> list[int]:
+    """Return a number in words of 32 bits, the least first: what NumPy makes of it, only sooner."""
+    found = [number & 0xFFFFFFFF]
+    while number := number >> 32:
+        found.append(number & 0xFFFFFFFF)
+    return found

@@ -280,6 +280,8 @@ def _doors(track: CourseTrack, progress: Progress, motion: Motion) -> Stepped:
         doorway.name for doorway in track.doorways if motion.crosses(doorway.start, doorway.end)
     }
     begun = progress.in_doorway ^ crossed
+    if not begun and not progress.in_doorway:
+        return progress, ()
     names = tuple(
         doorway.name
         for doorway in track.doorways
@@ -306,6 +308,8 @@ def _stops(track: CourseTrack, progress: Progress, motion: Motion) -> Stepped:
         )
         progress = replace(progress, passed=(*progress.passed, _now(progress)))
     on_later = frozenset(_on_later(track, progress, motion))
+    if on_later == progress.on_later:
+        return progress, tuple(events)
     numbers = sorted(on_later - progress.on_later)
     events += [
         ProgressEvent(_now(progress), "out_of_order", progress.pose, number=number)
@@ -331,6 +335,8 @@ def _window(track: CourseTrack, progress: Progress, motion: Motion) -> Stepped:
     if spot is None or photo.settled or len(progress.passed) < spot.stop.number:
         return progress, ()
     is_open = spot.stop.distance(*motion.end) <= spot.radius * (LEAVING if photo.is_open else 1.0)
+    if is_open == photo.is_open:
+        return progress, ()
     opens = is_open and not photo.is_open
     pose = progress.pose
     facing = spot.sight(pose) if pose is not None else None
@@ -392,9 +398,10 @@ def _station(track: CourseTrack, progress: Progress, seen: Seen, **_more: bool) 
             and pose is not None
             and pose.distance(track.dock) > OUT
         )
-        leaves = away and not progress.is_out
-        events = (ProgressEvent(seen.at, "left_station", pose, number=0),) if leaves else ()
-        return replace(progress, is_out=progress.is_out or leaves), events
+        if not away or progress.is_out:
+            return progress, ()
+        left = ProgressEvent(seen.at, "left_station", pose, number=0)
+        return replace(progress, is_out=True), (left,)
     if len(progress.passed) == len(track.stops) and progress.dock.docked:
         ended, event = _end(progress, seen.at, "completed")
         return ended, (ProgressEvent(seen.at, "docked", progress.pose, number=0), event)

@@ -143,9 +143,14 @@ def edges(solids: tuple[Solid, ...]) -> Floats:
     """
     if not solids:
         return np.zeros((0, 4))
-    return np.vstack(
-        [np.hstack([solid.outline, np.roll(solid.outline, -1, axis=0)]) for solid in solids]
-    )
+    return np.concatenate([_sides(solid.outline) for solid in solids])
+
+
+def _sides(outline: Floats) -> Floats:
+    found = np.empty((len(outline), 4))
+    found[:, :2] = outline
+    found[:-1, 2:], found[-1, 2:] = outline[1:], outline[0]
+    return found
 
 
 def inside(outline: Floats, x: Floats, y: Floats) -> npt.NDArray[np.bool_]:
@@ -153,6 +158,6 @@ def inside(outline: Floats, x: Floats, y: Floats) -> npt.NDArray[np.bool_]:
     border included.
     """
     result = np.ones(x.shape, dtype=np.bool_)
-    for (ax, ay), (bx, by) in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+    for ax, ay, bx, by in _sides(outline).tolist():
         result &= (bx - ax) * (y - ay) - (by - ay) * (x - ax) >= 0.0
     return result

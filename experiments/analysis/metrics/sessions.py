@@ -144,7 +144,7 @@ def _commands(track: Trajectory) -> Values:
     }
     found |= {f"share_{way}": float(np.nansum(states[f"on_{way}"])) / count for way in WAYS}
     found["command_age"] = float(np.nansum(states["age_sum"])) / count
-    found["command_age_p95"] = float(np.percentile(ages, 95)) if ages.size else math.nan
+    found["command_age_p95"] = _quantile(ages, 0.95)
     return found | _answered(states) | _asked_and_allowed(states)
 
 
@@ -158,6 +158,28 @@ def _asked_and_allowed(states: Columns) -> Values:
         )
         for name in SERIES
     }
+
+
+def _median(values: Floats) -> float:
+    """Return the median, NaN of nothing. NumPy's takes ten times as long for so few."""
+    if not values.size:
+        return math.nan
+    ordered, half = np.sort(values), values.size // 2
+    return float(ordered[half] if values.size % 2 else (ordered[half - 1] + ordered[half]) / 2.0)
+
+
+def _quantile(values: Floats, share: float) -> float:
+    """Return the value below which a share lies, straight between neighbours as NumPy's does it;
+    NaN of nothing.
+    """
+    if not values.size:
+        return math.nan
+    place = share * (values.size - 1)
+    below = math.floor(place)
+    low, high = np.sort(values)[[below, min(below + 1, values.size - 1)]].tolist()
+    beyond = place - below
+    step = high - low
+    return float(high - step * (1.0 - beyond) if beyond >= 0.5 else low + step * beyond)
 
 
 def _known_sum(values: Floats) -> float:
@@ -174,9 +196,9 @@ def _answered(states: Columns) -> Values:
     )
     ages, answers = ages[np.isfinite(ages)], answers[np.isfinite(answers)]
     return {
-        "command_age_median": float(np.median(ages)) if ages.size else math.nan,
-        "answer_age": float(np.median(answers)) if answers.size else math.nan,
-        "answer_age_p95": float(np.percentile(answers, 95)) if answers.size else math.nan,
+        "command_age_median": _median(ages),
+        "answer_age": _median(answers),
+        "answer_age_p95": _quantile(answers, 0.95),
     }
 
 
@@ -193,13 +215,13 @@ def _link(network: Columns) -> Values:
         known("freezes"),
     )
     return {
-        "round_trip": float(np.median(trips)) if trips.size else math.nan,
-        "round_trip_p95": float(np.percentile(trips, 95)) if trips.size else math.nan,
+        "round_trip": _median(trips),
+        "round_trip_p95": _quantile(trips, 0.95),
         "loss": float(loss.mean()) if loss.size else math.nan,
         "fps": float(fps.mean()) if fps.size else math.nan,
         "freezes": float(freezes.sum()) if freezes.size else math.nan,
-        "frame_age": float(np.median(ages)) if ages.size else math.nan,
-        "frame_age_p95": float(np.percentile(ages, 95)) if ages.size else math.nan,
+        "frame_age": _median(ages),
+        "frame_age_p95": _quantile(ages, 0.95),
     }
 
 

@@ -122,7 +122,7 @@ def one_factor(covariances: Floats) -> OneFactor:
         options={"ftol": 1e-14, "gtol": 1e-9, "maxiter": 1000},
     )
     at_bound = np.flatnonzero(found.x <= LEAST_UNIQUENESS * (1.0 + 1e-6))
-    loadings = _loadings(found.x, correlations)
+    _, loadings = _factored(found.x, correlations)
     return OneFactor(loadings * sd, found.x * sd**2, tuple(at_bound.tolist()))
 
 
@@ -130,20 +130,19 @@ def _discrepancy(uniquenesses: Floats, correlations: Floats) -> tuple[float, Flo
     """Return what is minimised and its gradient: with the eigenvalues θ of Ψ^-½ R Ψ^-½, rising,
     Σ(θ - log θ - 1) over all but the greatest.
     """
-    root = np.sqrt(uniquenesses)
-    values = np.linalg.eigvalsh(correlations / np.outer(root, root))
+    values, loadings = _factored(uniquenesses, correlations)
     rest = values[:-1]
-    loadings = _loadings(uniquenesses, correlations)
     implied = loadings**2 + uniquenesses
     gradient: Floats = (implied - np.diag(correlations)) / uniquenesses**2
     return float((rest - np.log(rest) - 1.0).sum()), gradient
 
 
-def _loadings(uniquenesses: Floats, correlations: Floats) -> Floats:
+def _factored(uniquenesses: Floats, correlations: Floats) -> tuple[Floats, Floats]:
+    """Return the eigenvalues θ (k,) and the loadings (k,) that go with uniquenesses."""
     root = np.sqrt(uniquenesses)
     values, vectors = np.linalg.eigh(correlations / np.outer(root, root))
     found: Floats = root * vectors[:, -1] * math.sqrt(max(0.0, float(values[-1]) - 1.0))
-    return found if found.sum() >= 0.0 else -found
+    return values, found if found.sum() >= 0.0 else -found
 
 
 def _error_of_omega(model: OneFactor, n: int) -> float:

@@ -237,12 +237,28 @@ def _profile(sums: _Sums, ratio: float) -> _Profile:
     return _Profile(deviance, estimates, xx, residual)
 
 
+def _deviances(sums: _Sums, ratios: Floats) -> Floats:
+    """Return the deviance of `_profile` at each of several ratios (g,), all at once."""
+    ratios = ratios[:, None]
+    weights = ratios / (1.0 + sums.counts * ratios)  # (g, people)
+    xx = sums.xx - (sums.columns.T * weights[:, None, :]) @ sums.columns
+    xy = sums.xy - (weights * sums.outcomes) @ sums.columns
+    yy = sums.yy - weights @ np.square(sums.outcomes)
+    n, size = int(sums.counts.sum()), xy.shape[1]
+    explained = (np.linalg.solve(xx, xy[:, :, None])[:, :, 0] * xy).sum(axis=1)
+    residuals = np.maximum(yy - explained, 0.0) / (n - size)
+    if (residuals <= ROUNDING * yy / n).any():
+        raise CannotFitError("no variance: the effects explain everything")
+    spread = np.log1p(sums.counts * ratios).sum(axis=1)
+    found: Floats = spread + np.linalg.slogdet(xx)[1] + (n - size) * np.log(residuals)
+    return found
+
+
 def _best_ratio(sums: _Sums) -> float:
     """Return the ratio of the least deviance: the best of a grid, refined between its neighbours; 0
     where none is better than that.
     """
-    grid = [_profile(sums, math.exp(power)).deviance for power in GRID]
-    place = int(np.argmin(grid))
+    place = int(np.argmin(_deviances(sums, np.exp(GRID))))
     found = minimize_scalar(
         lambda power: _profile(sums, math.exp(power)).deviance,
         bounds=(GRID[max(place - 1, 0)], GRID[min(place + 1, len(GRID) - 1)]),

@@ -38,17 +38,16 @@ def propose_docks(
     structure: Structure, walls: list[Segment], title: str
 ) -> tuple[ChargingDock, ...]:
     """Return a station for each series of robots that one fits for, in the world's frame."""
-    layers = structure.layers
-    clearance = layers.clearance(structure.floor)
     docks: list[ChargingDock] = []
     taken: list[Pose2D] = []
     for model in MODELS.values():
         best, most = None, 0.0
-        for pose in _candidates(walls, model):
-            if any(pose.distance(other) < DOCK.apart for other in taken):
+        poses = list(_candidates(walls, model))
+        for pose, room in zip(poses, _clear_behind(structure, poses), strict=True):
+            is_better = room > most + 1e-9
+            if not is_better or any(pose.distance(other) < DOCK.apart for other in taken):
                 continue
-            room = _room(structure, clearance, pose, model)
-            if room > most + 1e-9:
+            if _stands_free(structure, pose, model):
                 best, most = pose, room
         if best is not None:
             taken.append(best)
@@ -98,21 +97,20 @@ def _candidates(walls: list[Segment], model: RobotModel) -> Iterator[Pose2D]:
                 )
 
 
-def _room(structure: Structure, clearance: Floats, pose: Pose2D, model: RobotModel) -> float:
-    """Return the clearance in metres on the way out of a dock, 0 when there is too little."""
+def _clear_behind(structure: Structure, poses: list[Pose2D]) -> list[float]:
+    """Return the clearance in metres on the way out of a dock at each pose, 0 where there is too
+    little.
+    """
     layers = structure.layers
     back = np.arange(0.0, DOCK.way_out + DOCK.step, layers.resolution)
-    points = _applied(pose, -back, np.zeros_like(back))
-    if not layers.at(structure.floor, points).all():
-        return 0.0
-    columns = np.floor(points[:, 0] / layers.resolution).astype(np.intp)
-    rows = layers.free.shape[0] - 1 - np.floor(points[:, 1] / layers.resolution).astype(np.intp)
-    least = float(clearance[rows, columns].min())
-    return (
-        min(least, DOCK.plenty)
-        if least >= DOCK.clearance and _stands_free(structure, pose, model)
-        else 0.0
-    )
+    points = np.array([_applied(pose, -back, np.zeros_like(back)) for pose in poses])
+    points = points.reshape(-1, 2)
+    clearance = layers.values_at(structure.floor_clearance, points, 0.0)
+    least = clearance.reshape(len(poses), len(back)).min(axis=1)
+    rooms: list[float] = np.where(
+        least >= DOCK.clearance, np.minimum(least, DOCK.plenty), 0.0
+    ).tolist()
+    return rooms
 
 
 def _stands_free(structure: Structure, pose: Pose2D, model: RobotModel) -> bool:

@@ -7,6 +7,7 @@ concern.
 
 import math
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +20,7 @@ from robots.world.solids import Floats
 Bools = npt.NDArray[np.bool_]
 Labels = npt.NDArray[np.int32]
 Cells = npt.NDArray[np.intp]
+Kind = TypeVar("Kind", np.bool_, np.float64)
 
 FINEST = 0.05  # metres: finer maps are coarsened to about this
 EVERYWHERE = np.ones((3, 3), dtype=np.bool_)  # neighbours of a cell, diagonal ones included
@@ -69,12 +71,20 @@ class Layers:
 
     def at(self, mask: Bools, points: Floats) -> Bools:
         """Return a mask's values (n,) at points (n, 2), False outside of the map."""
-        high, wide = mask.shape
+        return self._at(mask, points, np.zeros(len(points), dtype=np.bool_))
+
+    def values_at(self, field: Floats, points: Floats, outside: float) -> Floats:
+        """Return a field's values (n,) at points (n, 2), and another one outside of the map."""
+        return self._at(field, points, np.full(len(points), outside))
+
+    def _at(
+        self, field: npt.NDArray[Kind], points: Floats, result: npt.NDArray[Kind]
+    ) -> npt.NDArray[Kind]:
+        high, wide = field.shape
         columns = np.floor(points[:, 0] / self.resolution).astype(np.intp)
         rows = high - 1 - np.floor(points[:, 1] / self.resolution).astype(np.intp)
         inside = (rows >= 0) & (rows < high) & (columns >= 0) & (columns < wide)
-        result = np.zeros(len(points), dtype=np.bool_)
-        result[inside] = mask[rows[inside], columns[inside]]
+        result[inside] = field[rows[inside], columns[inside]]
         return result
 
     def to_world(self, point: tuple[float, float]) -> tuple[float, float]:

@@ -55,55 +55,74 @@ def directions(mask: Bools, sigma: float) -> tuple[Floats, Floats]:
 def line_regions(mask: Bools, layers: Layers) -> list[Floats]:
     """Return the line-support regions of a mask as points (n, 2); clear cells begin."""
     angle, clearness = directions(mask, max(REGIONS.window / layers.resolution, 1.2))
-    reach = max(1, round(REGIONS.reach / layers.resolution))
-    about = [
-        (row, column)
-        for row in range(-reach, reach + 1)
-        for column in range(-reach, reach + 1)
-        if (row, column) != (0, 0)
-    ]
-    width = max(REGIONS.half_width / layers.resolution, 1.25)
-    open_cells = mask.copy()
+    field = _Field(mask, angle, layers)
     rows, columns = mask.nonzero()
     order = np.argsort(-clearness[rows, columns], kind="stable")
     regions = []
     for seed in zip(rows[order].tolist(), columns[order].tolist(), strict=True):
-        if open_cells[seed]:
-            cells = np.array(_grown(seed, open_cells, angle, about, width))
+        if field.is_open(seed):
+            cells = np.array(field.grown(seed))
             regions.append(layers.centres(cells[:, 0], cells[:, 1]))
     return regions
 
 
-def _grown(
-    seed: tuple[int, int],
-    open_cells: Bools,
-    angle: Floats,
-    about: list[tuple[int, int]],
-    width: float,
-) -> list[tuple[int, int]]:
-    """Take cells along a line from `open_cells`, beginning with a seed. The line is fitted anew
-    whenever the region has doubled.
+class _Field:
+    """The cells that belong to no region yet, in one row with a margin about the map, so that every
+    cell has all of its neighbours.
     """
-    high, wide = open_cells.shape
-    line = (float(seed[1]), float(-seed[0]), float(angle[seed]))
-    cells, waiting, refit = [seed], deque([seed]), 8
-    open_cells[seed] = False
-    while waiting:
-        row, column = waiting.popleft()
-        for down, right in about:
-            at = (row + down, column + right)
-            if not (0 <= at[0] < high and 0 <= at[1] < wide and open_cells[at]):
+
+    def __init__(self, mask: Bools, angle: Floats, layers: Layers) -> None:
+        self._reach = reach = max(1, round(REGIONS.reach / layers.resolution))
+        self._across = across = int(mask.shape[1]) + 2 * reach
+        self._open = bytearray(np.pad(mask, reach).tobytes())
+        self._angle: list[float] = np.pad(angle, reach).ravel().tolist()
+        self._width = max(REGIONS.half_width / layers.resolution, 1.25)
+        self._about = [
+            row * across + column
+            for row in range(-reach, reach + 1)
+            for column in range(-reach, reach + 1)
+            if (row, column) != (0, 0)
+        ]
+
+    def is_open(self, cell: tuple[int, int]) -> bool:
+        """Tell whether a cell belongs to no region yet."""
+        return bool(self._open[self._place(cell)])
+
+    def _place(self, cell: tuple[int, int]) -> int:
+        return (cell[0] + self._reach) * self._across + cell[1] + self._reach
+
+    def grown(self, seed: tuple[int, int]) -> list[tuple[int, int]]:
+        """Take cells along a line, beginning with a seed. The line is fitted anew whenever the
+        region has doubled.
+        """
+        line = (float(seed[1]), float(-seed[0]), self._angle[self._place(seed)])
+        cells, waiting, refit = [seed], deque([self._place(seed)]), 8
+        self._open[self._place(seed)] = False
+        while waiting:
+            here = waiting.popleft()
+            for place in self._fitting(here, line):
+                self._open[place] = False
+                row, column = divmod(place, self._across)
+                cells.append((row - self._reach, column - self._reach))
+                waiting.append(place)
+            if len(cells) >= refit:
+                line, refit = _line(cells), 2 * len(cells)
+        return cells
+
+    def _fitting(self, here: int, line: tuple[float, float, float]) -> list[int]:
+        """Return the open places about one that lie along a line and in its direction."""
+        x, y, direction = line
+        cosine, sine = math.cos(direction), math.sin(direction)
+        found = []
+        for place in (here + step for step in self._about if self._open[here + step]):
+            turn = (self._angle[place] - direction + math.pi / 2.0) % math.pi - math.pi / 2.0
+            if abs(turn) > REGIONS.alike:
                 continue
-            x, y, direction = line
-            turn = abs((angle[at] - direction + math.pi / 2.0) % math.pi - math.pi / 2.0)
-            away = abs(math.cos(direction) * (-at[0] - y) - math.sin(direction) * (at[1] - x))
-            if turn <= REGIONS.alike and away <= width:
-                open_cells[at] = False
-                cells.append(at)
-                waiting.append(at)
-        if len(cells) >= refit:
-            line, refit = _line(cells), 2 * len(cells)
-    return cells
+            row, column = divmod(place, self._across)
+            away = cosine * (self._reach - row - y) - sine * (column - self._reach - x)
+            if abs(away) <= self._width:
+                found.append(place)
+        return found
 
 
 def _line(cells: list[tuple[int, int]]) -> tuple[float, float, float]:

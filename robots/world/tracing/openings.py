@@ -48,7 +48,7 @@ def find_openings(structure: Structure, labels: Labels, main: float | None) -> l
     direction in radians, when it has one.
     """
     layers = structure.layers
-    clearance = layers.clearance(structure.ground)
+    clearance = structure.ground_clearance
     found = []
     for pair in _pairs(labels):
         first, second = labels == pair[0], labels == pair[1]

@@ -138,7 +138,7 @@ def _without_unreachable(plan: FloorPlan, grid: OccupancyGrid) -> FloorPlan:
 
 def _rooms(tracing: Tracing, titles: Titles) -> tuple[Room, ...]:
     layers, labels = tracing.structure.layers, tracing.labels
-    clearance = layers.clearance(tracing.structure.ground)
+    clearance = tracing.structure.ground_clearance
     rooms: list[Room] = []
     counts = {titles.room: 0, titles.corridor: 0}
     for number in range(1, int(labels.max()) + 1):
@@ -193,7 +193,7 @@ def _furniture(obstacle: Obstacle, number: int, layers: Layers) -> Furniture:
 def _places(tracing: Tracing, rooms: tuple[Room, ...]) -> Iterator[Place]:
     """Return a place in each room: where there is most space."""
     layers = tracing.structure.layers
-    clearance = layers.clearance(tracing.structure.floor)
+    clearance = tracing.structure.floor_clearance
     for number, room in enumerate(rooms, start=1):
         heights = np.where(tracing.labels == number, clearance, -1.0)
         rows, columns = np.unravel_index([int(np.argmax(heights))], heights.shape)

@@ -17,11 +17,12 @@ import numpy as np
 import scipy
 
 from robots.world.solids import Floats
-from robots.world.tracing.layers import EVERYWHERE, Bools, Labels, Layers, disc
+from robots.world.tracing.layers import EVERYWHERE, Bools, Cells, Labels, Layers, disc
 from robots.world.tracing.outlines import polygon_of
 from robots.world.tracing.structure import Structure
 
 MOST_ROOMS = 100  # of a plan
+MARGIN = 2  # cells by which a room reaches into its neighbours
 
 
 @dataclass(frozen=True)
@@ -48,8 +49,7 @@ def label_rooms(structure: Structure) -> Labels:
     elsewhere.
     """
     layers = structure.layers
-    clearance = layers.clearance(structure.ground)
-    labels = _without_small(_flooded(clearance, layers), layers)
+    labels = _without_small(_flooded(structure.ground_clearance, layers), layers)
     found = np.unique(labels[labels > 0])
     places = {int(label): np.argwhere(labels == label).mean(axis=0) for label in found}
     row = max(1, layers.cells_in(3.0))
@@ -83,17 +83,32 @@ def polygon(labels: Labels, number: int, layers: Layers) -> Floats:
 def filled(floor: Bools, others: Bools, layers: Layers) -> Bools:
     """Return the floor of a room with its niches, without the floor of `others`."""
     radius = layers.cells_in(ROOMS.closing)
-    padded = np.pad(floor, 2 * radius)
+    # farther away than the closing reaches nothing happens
+    part = _about(floor, radius + MARGIN)
+    padded = np.pad(floor[part], 2 * radius)
     closed = scipy.ndimage.binary_closing(padded, disc(radius))[
         2 * radius : -2 * radius, 2 * radius : -2 * radius
     ]
     # a little into its neighbours: outlines that are simplified must leave no slit between rooms
-    grown = scipy.ndimage.binary_dilation(closed & ~others, EVERYWHERE, iterations=2)
+    grown = scipy.ndimage.binary_dilation(closed & ~others[part], EVERYWHERE, iterations=MARGIN)
     parts, count = scipy.ndimage.label(grown)
     if count > 1:
         grown = parts == int(np.argmax(np.bincount(parts.ravel())[1:])) + 1
-    result: Bools = grown
+    result: Bools = np.zeros_like(floor)
+    result[part] = grown
     return result
+
+
+def _about(mask: Bools, cells: int) -> tuple[slice, slice]:
+    """Return the rows and columns that hold a mask's cells, and so many beside them."""
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    return _reaching(rows, cells), _reaching(columns, cells)
+
+
+def _reaching(found: Cells, cells: int) -> slice:
+    if not len(found):
+        return slice(0, 1)
+    return slice(max(int(found[0]) - cells, 0), int(found[-1]) + cells + 1)
 
 
 # --- flooding -------------------------------------------------------------------------------------
@@ -147,15 +162,17 @@ def _flooded(clearance: Floats, layers: Layers) -> Labels:
     about = (-across - 1, -across, -across + 1, -1, 1, across - 1, across, across + 1)
     labels, basins, height = [0] * len(flat), _Basins(layers), flat.tolist()
     for cell in order.tolist():
-        near = {basins.root(labels[cell + step]) for step in about if labels[cell + step]}
+        near = [other for step in about if labels[other := cell + step]]
+        met = set(map(labels.__getitem__, near))
         if not near:
             basin = basins.new(height[cell])
+        elif len(met) == 1:
+            basin = basins.root(met.pop())
         else:
-            # water runs from a cell to its highest neighbour
-            uphill = max(about, key=lambda step: height[cell + step] * (labels[cell + step] > 0))
-            for one, other in combinations(sorted(near), 2):
+            for one, other in combinations(sorted({basins.root(label) for label in met}), 2):
                 basins.meet(basins.root(one), basins.root(other), height[cell])
-            basin = basins.root(labels[cell + uphill])
+            # water runs from a cell to its highest neighbour
+            basin = basins.root(labels[max(near, key=height.__getitem__)])
         labels[cell] = basin
         basins.cells[basin] += 1
     roots = np.array([basins.root(basin) for basin in range(len(basins.parent))], dtype=np.int32)

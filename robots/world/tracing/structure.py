@@ -7,10 +7,12 @@ part of the building.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy
 
+from robots.world.solids import Floats
 from robots.world.tracing.layers import EVERYWHERE, Bools, Labels, Layers
 
 
@@ -45,6 +47,16 @@ class Structure:
     def ground(self) -> Bools:
         """The floor as it would be without the furniture that stands free."""
         return self.floor | self.standing
+
+    @cached_property
+    def floor_clearance(self) -> Floats:
+        """Return (h, w) metres from each cell of the floor to where it ends."""
+        return self.layers.clearance(self.floor)
+
+    @cached_property
+    def ground_clearance(self) -> Floats:
+        """Return the same of the ground."""
+        return self.layers.clearance(self.ground)
 
 
 def structure_of(layers: Layers) -> Structure:

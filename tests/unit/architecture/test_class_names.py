@@ -1,10 +1,11 @@
 """One name is one class, so that a search for it finds one thing."""
 
 import ast
-from collections import defaultdict
-from pathlib import Path
+import re
+from collections import Counter, defaultdict
 
 from tests.support.paths import ROOT
+from tests.support.sources import python_files, text_of
 
 PACKAGES = (
     "accounts",
@@ -28,15 +29,24 @@ SHARED = {
 }
 
 
+CLASS = re.compile(r"^[ \t]*class[ \t]+(\w+)", re.MULTILINE)
+
+
 def classes_in(source: str) -> set[str]:
     return {node.name for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ClassDef)}
 
 
 def files_by_class(sources: dict[str, str]) -> dict[str, list[str]]:
+    """Return the files of each name that is in several. A string may hold the words of a class, so
+    that the files of a name are parsed; few are.
+    """
+    words = {path: set(CLASS.findall(source)) - GIVEN for path, source in sources.items()}
+    counts = Counter(name for names in words.values() for name in names)
     found = defaultdict(list)
-    for path, source in sources.items():
-        for name in classes_in(source) - GIVEN:
-            found[name].append(path)
+    for path, names in words.items():
+        if any(counts[name] > 1 for name in names):
+            for name in classes_in(sources[path]) - GIVEN:
+                found[name].append(path)
     return found
 
 
@@ -45,14 +55,12 @@ def shared_names(sources: dict[str, str]) -> dict[str, list[str]]:
 
 
 def sources() -> dict[str, str]:
-    paths = [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
+    paths = [path for package in PACKAGES for path in python_files(package)]
     return {
-        shown(path): path.read_text("utf-8") for path in paths if "migrations" not in path.parts
+        str(path.relative_to(ROOT)): text_of(path)
+        for path in paths
+        if "migrations" not in path.parts
     }
-
-
-def shown(path: Path) -> str:
-    return str(path.relative_to(ROOT))
 
 
 def test_no_two_files_have_a_class_of_the_same_name():
@@ -70,3 +78,8 @@ def test_a_name_in_two_files_is_found_also_inside_of_another_class():
         {"a.py": "class Card: ...", "b.py": "class Page:\n    class Card: ...", "c.py": ""}
     )
     assert found == {"Card": ["a.py", "b.py"]}
+
+
+def test_the_words_of_a_class_in_a_string_are_no_class():
+    found = shared_names({"a.py": "class Card: ...", "b.py": "TEXT = '''\nclass Card: ...\n'''"})
+    assert found == {}

@@ -46,11 +46,12 @@ INSTEAD = {
 SPOKEN = {"CommandError", "add_argument", "write", "print", "AdapterError"}
 # So are the notes of system checks, and the code book of an export.
 SPOKEN |= {"Warning", "Error", "Column"}
+CALLED = re.compile(rf"\b(?:{'|'.join(sorted(SPOKEN))})\(")
 
 
 def spoken(path: Path) -> Iterator[str]:
     """Yield the sentences that a module says on the command line."""
-    if not any(f"{name}(" in text_of(path) for name in SPOKEN):
+    if not CALLED.search(text_of(path)):
         return
     for node in ast.walk(ast.parse(text_of(path))):
         if isinstance(node, ast.Call) and _name(node.func) in SPOKEN:

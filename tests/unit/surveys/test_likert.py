@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from surveys.likert import half_width, likert_table, mean_and_sd, summarise
 from surveys.questionnaires import shipped
+from tests.support.examples import examples
 
 SCALE = (-2, -1, 0, 1, 2)
 RESPONSES = st.lists(
@@ -58,6 +59,7 @@ def test_an_answer_that_the_scale_does_not_have_is_an_error():
         summarise([{"q1": 7}], ["q1"], SCALE, interval="t")
 
 
+@examples(50, thorough=1000)
 @given(RESPONSES)
 def test_percentages_sum_to_100_and_the_mean_lies_within_the_scale(responses):
     row = summarise(responses, ["q1", "q2"], SCALE, interval="t")
@@ -70,6 +72,7 @@ def test_percentages_sum_to_100_and_the_mean_lies_within_the_scale(responses):
         assert 0.0 <= row.ci95 <= row.ci99
 
 
+@examples(50, thorough=1000)
 @given(st.lists(st.integers(-1000, 1000), min_size=2))
 def test_mean_and_deviation_agree_with_the_standard_library(scores):
     mean, sd = mean_and_sd(scores)

@@ -33,29 +33,45 @@ def normals(outline: Floats) -> Floats:
     return across
 
 
-def gap(
-    mine: Floats, mine_normals: Floats, other: Floats, other_normals: Floats
-) -> tuple[float, Floats]:
+class Convex(NamedTuple):
+    """A convex outline (n, 2) with what separates it from others: the normals (n, 2) of its sides
+    and how far along each of them the sides lie (n,).
+    """
+
+    outline: Floats
+    normals: Floats
+    offsets: Floats
+
+    @classmethod
+    def of(cls, outline: Floats, across: Floats) -> "Convex":
+        """Return an outline with the normals of its sides."""
+        return cls(outline, across, (across * outline).sum(axis=1))
+
+
+def gap(mine: Convex, other: Convex) -> tuple[float, Floats]:
     """Return the widest separation of two convex outlines along their normals, and the direction
     that frees `mine`.
 
     Negative means they overlap by so much. When positive it is a lower bound of their distance.
     """
-    from_mine: Floats = (mine_normals @ other.T).min(axis=1) - (mine_normals * mine).sum(axis=1)
-    from_other: Floats = (other_normals @ mine.T).min(axis=1) - (other_normals * other).sum(axis=1)
-    a, b = int(np.argmax(from_mine)), int(np.argmax(from_other))
+    from_mine: Floats = (mine.normals @ other.outline.T).min(axis=1) - mine.offsets
+    from_other: Floats = (other.normals @ mine.outline.T).min(axis=1) - other.offsets
+    a, b = int(from_mine.argmax()), int(from_other.argmax())
     if from_mine[a] > from_other[b]:
-        return float(from_mine[a]), -mine_normals[a]
-    return float(from_other[b]), other_normals[b]
+        return float(from_mine[a]), -mine.normals[a]
+    return float(from_other[b]), other.normals[b]
 
 
 def place(footprint: Floats, pose: Pose2D) -> Floats:
     """Return the footprint (n, 2) in the world."""
     cosine, sine = math.cos(pose.theta), math.sin(pose.theta)
-    placed = np.empty_like(footprint)
-    placed[:, 0] = footprint[:, 0] * cosine - footprint[:, 1] * sine + pose.x
-    placed[:, 1] = footprint[:, 0] * sine + footprint[:, 1] * cosine + pose.y
-    return placed
+    # of so few corners Python is done before NumPy has begun
+    return np.array(
+        [
+            (x * cosine - y * sine + pose.x, x * sine + y * cosine + pose.y)
+            for x, y in footprint.tolist()
+        ]
+    )
 
 
 @dataclass(frozen=True)
@@ -69,37 +85,36 @@ class ContactMove:
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A solid, ready to be asked: normals (n, 2) and sides (n, 4) of its outline,
-    its bounding box.
-    """
+    """A solid, ready to be asked: its outline, the sides (n, 4) of that, its bounding box."""
 
     solid: Solid
-    normals: Floats
+    convex: Convex
     sides: Floats
     low: Floats
     high: Floats
 
     def gap_to(self, outline: Floats) -> tuple[float, Floats]:
         """Return `gap` between an outline and this."""
-        return gap(outline, normals(outline), self.solid.outline, self.normals)
+        return gap(Convex.of(outline, normals(outline)), self.convex)
 
     def moved(self, name: str, x: float, y: float) -> "Shape":
         """Return the same shape under another name, shifted."""
         by = np.array([x, y])
         solid = replace(self.solid, name=name, outline=self.solid.outline + by)
-        return Shape(
-            solid, self.normals, self.sides + np.array([x, y, x, y]), self.low + by, self.high + by
-        )
+        convex = Convex.of(solid.outline, self.convex.normals)
+        sides = self.sides + np.array([x, y, x, y])
+        return Shape(solid, convex, sides, self.low + by, self.high + by)
 
 
 def shape(solid: Solid) -> Shape:
     """Return a solid, ready to be asked."""
+    outline = solid.outline
     return Shape(
         solid,
-        normals(solid.outline),
+        Convex.of(outline, normals(outline)),
         edges((solid,)),
-        solid.outline.min(axis=0),
-        solid.outline.max(axis=0),
+        outline.min(axis=0),
+        outline.max(axis=0),
     )
 
 
@@ -122,6 +137,7 @@ class Obstacles:
         self.segments = edges(solids)
         self._low = np.array([each.low for each in self.shapes]).reshape(-1, 2)
         self._high = np.array([each.high for each in self.shapes]).reshape(-1, 2)
+        self._bounds = np.hstack([self._low, -self._high])
         self._free: dict[tuple[int, int], float] = {}
         self._asked: tuple[Floats, float] | None = None
 
@@ -139,16 +155,17 @@ class Obstacles:
 
     def near(self, outline: Floats) -> list[Shape]:
         """Return the solids whose bounding box meets that of an outline."""
-        low, high = outline.min(axis=0), outline.max(axis=0)
-        meets = (self._low <= high).all(axis=1) & (self._high >= low).all(axis=1)
-        return [self.shapes[index] for index in meets.nonzero()[0].tolist()]
+        x, y = outline.T.tolist()
+        within = self._bounds <= np.array((max(x), max(y), -min(x), -min(y)))
+        return [self.shapes[index] for index in np.flatnonzero(within.all(axis=1)).tolist()]
 
     def hits(self, outline: Floats, others: tuple[Shape, ...] = ()) -> list[Hit]:
         """Return everything that an outline overlaps, the deepest first."""
         near = [*self.near(outline), *others]
         if not near:
             return []
-        found = [(each.solid, *each.gap_to(outline)) for each in near]
+        mine = Convex.of(outline, normals(outline))
+        found = [(each.solid, *gap(mine, each.convex)) for each in near]
         return sorted(
             (Hit(solid, -free, way) for solid, free, way in found if free < 0.0),
             key=lambda hit: -hit.depth,

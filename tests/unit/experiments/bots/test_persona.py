@@ -42,7 +42,7 @@ def test_a_planted_effect_is_found_where_it_was_planted_and_nowhere_else():
 
 def test_a_planted_null_is_significant_as_often_as_chance_makes_it():
     null = Effect("easy", 0.0, "assist", "steer")
-    found, studies = 0, repetitions(200, thorough=400)
+    found, studies = 0, repetitions(120, thorough=400)
     for study in range(studies):
         helped = [Persona(number, study, [null]).opinion("easy", HELPED) for number in range(12)]
         alone = [

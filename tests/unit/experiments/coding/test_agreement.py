@@ -14,6 +14,7 @@ from experiments.coding.agreement import (
     matched,
 )
 from experiments.coding.scheme import CodedEvent
+from tests.support.examples import examples
 
 GAP = np.nan
 
@@ -68,6 +69,7 @@ def test_alpha_is_unknown_without_variation_or_pairs():
     assert krippendorff_alpha(letters("1 2 .", ". . 3")) is None
 
 
+@examples(50, thorough=1000)
 @given(st.lists(st.sampled_from([0.0, 1.0]), min_size=2, max_size=30))
 def test_coders_who_agree_in_everything_have_one_or_no_value(values):
     row = np.array(values)

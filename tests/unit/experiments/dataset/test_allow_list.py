@@ -21,6 +21,7 @@ from sessions import protocol
 from sessions.leases import transitions
 from tests.support.filled import Filler, as_stored, kinds
 from tests.support.paths import ROOT
+from tests.support.sources import python_files, text_of
 from tests.support.traces import Known, traces
 
 DECIDE = (
@@ -80,11 +81,15 @@ def test_every_event_of_a_task_is_listed_with_every_field():
     assert listed == {stored.get(name, name) for name in whole}, DECIDE
 
 
+WRITES = re.compile(r"\b_(?:note|session_event)\(")
+
+
 def written_by(*folders: str) -> set[str]:
     """Return the types of events that the server's code writes down with a word in place."""
     found = set()
-    for path in (path for folder in folders for path in (ROOT / folder).rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text())):
+    sources = (text_of(path) for folder in folders for path in python_files(folder))
+    for source in filter(WRITES.search, sources):
+        for node in ast.walk(ast.parse(source)):
             name = getattr(getattr(node, "func", None), "attr", getattr(node, "func", None))
             called = getattr(name, "id", name)
             at = {"_note": 1, "_session_event": 2}.get(called) if called else None

@@ -9,6 +9,7 @@ from experiments.definition.course import CourseError, CourseStop, Motion, Photo
 from experiments.definition.shipped import shipped
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.world.sites import load_plan
+from tests.support.examples import examples
 from tests.support.studies import cabin, small_study
 from tests.support.task_drives import START, Drive, cues, run, told
 
@@ -52,6 +53,7 @@ def test_a_course_that_does_not_fit_the_plan_is_an_error():
         lay_out(study, study.conditions[0], cabin())
 
 
+@examples(50, thorough=1000)
 @given(start=points, end=points, x=metres, y=metres, theta=st.floats(-3.1, 3.1))
 def test_the_mirror_is_where_ones_reflection_stands(start, end, x, y, theta):
     assume(math.dist(start, end) > 0.5)
@@ -69,6 +71,7 @@ def test_the_mirror_is_where_ones_reflection_stands(start, end, x, y, theta):
     assert not sight.sees or (sight.before and sight.distance > 0.0 and abs(sight.bearing) <= 0.6)
 
 
+@examples(50, thorough=1000)
 @given(line=st.lists(points, min_size=2, max_size=30))
 def test_crossings_of_a_door_alternate_between_its_sides(line):
     door = ((0.0, -50.0), (0.0, 50.0))  # so long that nobody goes round it
@@ -77,6 +80,7 @@ def test_crossings_of_a_door_alternate_between_its_sides(line):
     assert crossings % 2 == changed_side
 
 
+@examples(50, thorough=1000)
 @given(start=points, end=points, x=metres, y=metres)
 def test_the_nearest_point_of_a_motion_is_nearer_than_any_other(start, end, x, y):
     nearest = math.dist(Motion(start, end).nearest(x, y), (x, y))

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments.definition.opening_hours import is_open, opens_at, problems
+from tests.support.examples import examples
 
 MADRID = "Europe/Madrid"
 OFFICE = [{"days": [0, 1, 2, 3, 4], "start": "09:00", "end": "17:00"}]
@@ -62,6 +63,7 @@ def test_nine_o_clock_stays_nine_o_clock_when_the_clocks_change():
     assert is_open(daily, MADRID, datetime.datetime(2026, 3, 28, 8, 30, tzinfo=datetime.UTC))
 
 
+@examples(50, thorough=1000)
 @given(
     st.lists(
         st.builds(

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from experiments.definition.schema import Impairment, Network
 from experiments.definition.slowing import REAL_COMMANDS, longest_video_delay, predicted
+from tests.support.examples import examples
 
 LIMITS = 0.25, 1.0
 
@@ -32,6 +33,7 @@ def test_jitter_makes_some_commands_too_old():
     assert found.is_slowed
 
 
+@examples(50, thorough=1000)
 @given(st.floats(0.0, 0.4), st.floats(0.0, 0.4), st.floats(0.01, 0.2))
 def test_more_delay_never_leaves_more(delay, video, more):
     network = Network(control=Impairment(delay=delay), video=Impairment(delay=video))
@@ -40,6 +42,7 @@ def test_more_delay_never_leaves_more(delay, video, more):
     assert (1.0 - after.refused) * after.share <= (1.0 - before.refused) * before.share
 
 
+@examples(50, thorough=1000)
 @given(st.floats(0.0, 0.5))
 def test_slowing_begins_at_half_of_the_age_and_the_longest_video_delay_is_below(delay):
     assert predicted(held(delay), *LIMITS).is_slowed == (delay + REAL_COMMANDS > 0.125 + 1e-9)

@@ -22,7 +22,7 @@ from experiments.participation.assignment import (
 )
 from tests.support.examples import repetitions
 
-MONTHS, PARTICIPANTS, DROP_OUT = repetitions(20, thorough=50), 200, 0.2
+MONTHS, PARTICIPANTS, DROP_OUT = repetitions(12, thorough=50), 200, 0.2
 MONTH_HOURS = 30 * 24.0
 
 

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.api.docked import APART, DOCKED, DockReading, follow
+from tests.support.examples import examples
 
 PERIOD = 0.02
 
@@ -70,6 +71,7 @@ READING = st.tuples(
 )
 
 
+@examples(50, thorough=1000)
 @given(readings=st.lists(READING, max_size=60), seconds=st.sampled_from([0.5, 1.0, 2.0]))
 def test_no_robot_is_docked_that_has_not_rested_without_a_break(readings, seconds):
     rule, state, at, rested, last = replace(DOCKED, seconds=seconds), APART, 0.0, None, 0.0

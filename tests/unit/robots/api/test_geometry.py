@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.api.geometry import MapTransform, Pose2D, wrap_angle
+from tests.support.examples import examples
 
 metres = st.floats(-500, 500)
 radians = st.floats(-20, 20)
@@ -18,6 +19,7 @@ def near(a: Pose2D, b: Pose2D) -> bool:
     return a.distance(b) < 1e-6 and abs(wrap_angle(a.theta - b.theta)) < 1e-9
 
 
+@examples(50, thorough=1000)
 @given(radians)
 def test_a_wrapped_angle_is_the_same_direction_in_the_half_open_range(angle: float) -> None:
     wrapped = wrap_angle(angle)
@@ -26,17 +28,20 @@ def test_a_wrapped_angle_is_the_same_direction_in_the_half_open_range(angle: flo
     assert math.isclose(math.sin(wrapped), math.sin(angle), abs_tol=1e-9)
 
 
+@examples(50, thorough=1000)
 @given(poses)
 def test_a_pose_times_its_inverse_is_the_identity(pose: Pose2D) -> None:
     assert near(pose.compose(pose.inverse()), Pose2D(0.0, 0.0, 0.0))
     assert near(pose.inverse().compose(pose), Pose2D(0.0, 0.0, 0.0))
 
 
+@examples(50, thorough=1000)
 @given(poses, poses, poses)
 def test_composition_is_associative(a: Pose2D, b: Pose2D, c: Pose2D) -> None:
     assert near(a.compose(b).compose(c), a.compose(b.compose(c)))
 
 
+@examples(50, thorough=1000)
 @given(poses, poses, metres, metres)
 def test_applying_a_composition_is_applying_one_after_the_other(
     a: Pose2D, b: Pose2D, x: float, y: float
@@ -46,11 +51,13 @@ def test_applying_a_composition_is_applying_one_after_the_other(
     assert math.dist(once, twice) < 1e-6
 
 
+@examples(50, thorough=1000)
 @given(transforms, metres, metres)
 def test_a_point_comes_back_from_its_pixel(transform: MapTransform, x: float, y: float) -> None:
     assert math.dist(transform.to_world(*transform.to_pixel(x, y)), (x, y)) < 1e-6
 
 
+@examples(50, thorough=1000)
 @given(transforms, metres, metres)
 def test_a_centimetre_in_the_world_is_a_centimetre_in_the_image(
     transform: MapTransform, x: float, y: float

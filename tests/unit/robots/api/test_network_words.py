@@ -4,6 +4,7 @@ from hypothesis import strategies as st
 
 from robots.api.messages import NetworkLab
 from robots.api.network_words import parse, spell
+from tests.support.examples import examples
 
 
 def test_words_are_milliseconds_percent_and_kbit_a_second():
@@ -12,6 +13,7 @@ def test_words_are_milliseconds_percent_and_kbit_a_second():
     )
 
 
+@examples(50, thorough=1000)
 @given(
     st.integers(0, 10_000),
     st.floats(0.0, 1.0),

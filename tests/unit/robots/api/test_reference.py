@@ -1,4 +1,5 @@
 import re
+from functools import cache
 
 import pytest
 
@@ -7,8 +8,11 @@ from robots.agent.ramp import LONGEST_DEADMAN, LONGEST_WATCHDOG
 from robots.agent.safety import freshness, hold, permissions
 from robots.agent.safety.kernel import KERNEL
 from robots.api import messages, topics
-from robots.api.reference import classes, generated_files, reference
+from robots.api import reference as made
+from robots.api.reference import classes
 from tests.support.paths import ROOT
+
+generated_files, reference = cache(made.generated_files), cache(made.reference)
 
 
 @pytest.mark.parametrize("name", sorted(generated_files()))

@@ -136,7 +136,7 @@ def test_a_picture_that_does_not_say_how_large_it_is_is_never_unpacked(
 
 
 def test_a_file_of_brackets_is_an_error_like_any_other(tmp_path: Path) -> None:
-    (tmp_path / "map.yaml").write_text("[" * 60_000)
+    (tmp_path / "map.yaml").write_text("[" * 500)
     with pytest.raises(MapError):
         load_grid(tmp_path / "map.yaml")
 

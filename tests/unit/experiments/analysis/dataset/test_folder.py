@@ -2,6 +2,7 @@
 
 import json
 import math
+import shutil
 
 import numpy as np
 import pytest
@@ -22,10 +23,16 @@ from tests.support.questionnaires import defined, item
 from tests.support.study_dataset import made_up
 
 
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("written")
+    write(made_up(np.random.default_rng(1), 5), folder)
+    return folder
+
+
 @pytest.fixture
-def folder(tmp_path):
-    write(made_up(np.random.default_rng(1), 5), tmp_path)
-    return tmp_path
+def folder(written, tmp_path):
+    return shutil.copytree(written, tmp_path, dirs_exist_ok=True)
 
 
 def plain(record):

@@ -17,6 +17,7 @@ from experiments.analysis.metrics.path import (
     steps_of,
     turned,
 )
+from tests.support.examples import examples
 
 RATE = 4.0
 
@@ -173,6 +174,7 @@ def test_turning_counts_and_a_heading_that_trembles_does_not():
     assert turned(turns + stands, at, seen) == pytest.approx(truth, rel=0.04)
 
 
+@examples(50, thorough=1000)
 @given(st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=1, max_size=30))
 def test_a_way_is_never_shorter_than_the_straight_line_less_a_dead_band(points):
     found = steps_of(np.array(points), 0.01).sum()

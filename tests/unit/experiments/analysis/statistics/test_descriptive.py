@@ -12,8 +12,10 @@ from scipy import stats
 
 from experiments.analysis.statistics.descriptive import shares, spread, wilson
 from experiments.analysis.tables.table import number
+from tests.support.examples import examples
 
 
+@examples(50, thorough=1000)
 @given(st.lists(st.integers(0, 10_000), min_size=1, max_size=9))
 def test_equal_counts_have_equal_percentages_and_all_have_all_digits(counts):
     found = shares(counts)

@@ -26,7 +26,7 @@ BETWEEN = msgspec.structs.replace(
     shipped()["exploration"], conditions=shipped()["exploration"].conditions[:2]
 )
 WITHIN = shipped()["assistance"]
-RUNS, PARTICIPANTS = repetitions(250, thorough=1000), 40
+RUNS, PARTICIPANTS = repetitions(150, thorough=1000), 40
 SCALE = (-2, -1, 0, 1, 2)
 QUESTIONS = questionnaires("experience")
 ALONE = functools.reduce(without, [f"q{n}" for n in range(1, 9) if n != 2], QUESTIONS[0])

@@ -2,6 +2,7 @@
 studies break nothing.
 """
 
+import functools
 import math
 from dataclasses import replace
 
@@ -49,6 +50,13 @@ def row(table, *labels):
     )
 
 
+@functools.cache
+def thirty():
+    """A study of thirty participants, and the numbers of their sessions."""
+    dataset = made_up(np.random.default_rng(34), 30)
+    return dataset, measure_all(dataset)
+
+
 def cell(table, line, head):
     return line[table.head.index(head)].value
 
@@ -57,7 +65,7 @@ def cell(table, line, head):
 def test_a_condition_that_slows_driving_down_is_found_and_one_that_does_not_is_not(
     slower, is_found
 ):
-    dataset = made_up(np.random.default_rng(31), 40, study=PAIR, slower=slower)
+    dataset = made_up(np.random.default_rng(31), 28, study=PAIR, slower=slower)
     table = compare_conditions(dataset, measure_all(dataset), ("speed", "moving_speed"))
     assert [cell(table, one, "p (Holm)") < 0.05 for one in table.rows] == [is_found, is_found]
 
@@ -90,8 +98,8 @@ def test_within_subjects_only_those_who_had_every_condition_are_compared():
 
 
 def test_outcomes_of_each_condition_sum_to_its_sessions():
-    dataset = made_up(np.random.default_rng(34), 30)
-    table = outcomes_by_condition(dataset, measure_all(dataset))
+    dataset, found = thirty()
+    table = outcomes_by_condition(dataset, found)
     outcomes = table.head[3:-3]
     for one in table.rows:
         assert sum(cell(table, one, name) for name in outcomes) == cell(table, one, "Sessions")
@@ -123,8 +131,7 @@ def test_delay_that_makes_tasks_longer_is_found_among_relations_that_are_none():
 
 
 def test_every_session_with_a_known_delay_falls_into_one_class():
-    dataset = made_up(np.random.default_rng(36), 30)
-    found = measure_all(dataset)
+    _, found = thirty()
     table = by_network(found)
     known = sum(math.isfinite(one.values["round_trip"]) for one in found)
     assert (

@@ -23,6 +23,7 @@ from robots.agent.media.rtp import (
 )
 from robots.agent.media.webrtc.aiortc_hooks import ABS_SEND_TIME, MID
 from robots.api.messages import MediaClock
+from tests.support.examples import examples
 
 NOW = 1_800_000_000.25
 
@@ -33,6 +34,7 @@ def test_a_timestamp_follows_the_capture_stamp() -> None:
     assert clock.timestamp(9_000) == 9_007
 
 
+@examples(50, thorough=1000)
 @given(st.lists(st.floats(min_value=0, max_value=4e9), min_size=2, max_size=50))
 def test_timestamps_grow_whatever_the_wall_clock_does(stamps: list[float]) -> None:
     clock = RtpClock(origin=0)
@@ -57,6 +59,7 @@ def test_the_clock_is_told_once_a_second_and_when_it_does_not_fit_any_more() -> 
     assert teller.tell(99_000, NOW + 3600.0 + 6_000 / 90_000, 1.1) is not None
 
 
+@examples(50, thorough=1000)
 @given(st.binary(min_size=1, max_size=9_000))
 def test_a_picture_cut_into_payloads_is_put_together_again(picture: bytes) -> None:
     parsed = [VpxPayloadDescriptor.parse(payload) for payload in vp8_payloads(picture)]
@@ -65,6 +68,7 @@ def test_a_picture_cut_into_payloads_is_put_together_again(picture: bytes) -> No
     assert {d.picture_id for d, _ in parsed} == {None}
 
 
+@examples(50, thorough=1000)
 @given(
     st.integers(1, 14),
     st.integers(1, 14),

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from robots.agent import framing
 from robots.agent.simulator import wire
+from tests.support.examples import examples
 
 
 @pytest.mark.parametrize(
@@ -37,6 +38,7 @@ def test_what_the_simulator_says_arrives() -> None:
         assert wire.unpack_answer(framing.pack(message)[framing.HEADER :]) == message
 
 
+@examples(50, thorough=1000)
 @given(st.binary(max_size=200))
 def test_bytes_that_are_no_message_are_refused_and_nothing_else(data: bytes) -> None:
     for unpack in (wire.unpack_command, wire.unpack_answer):

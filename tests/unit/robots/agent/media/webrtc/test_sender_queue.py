@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from robots.agent.media.codecs.encoder import Picture
 from robots.agent.media.webrtc.sender_queue import DEPTH, MAX_BACKLOG, ViewerQueue
+from tests.support.examples import examples
 
 
 def _picture(number: int, *, key: bool = False) -> Picture:
@@ -48,6 +49,7 @@ def test_a_waiting_viewer_repeats_its_request_now_and_then() -> None:
     assert [n for n in range(70) if queue.put(_picture(n))] == [29, 59]
 
 
+@examples(50, thorough=1000)
 @given(
     st.lists(
         st.tuples(

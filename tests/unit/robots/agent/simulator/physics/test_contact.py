@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.agent.simulator.physics.contact import Obstacles, gap, normals, place
+from robots.agent.simulator.physics.contact import Convex, Obstacles, gap, normals, place
 from robots.agent.simulator.physics.drive import WheelMotion
 from robots.api.geometry import Pose2D
 from robots.world.robot_models import GIRAFF, RHODON
@@ -25,13 +25,17 @@ def wall(x: float) -> Obstacles:
     return Obstacles((Solid("wall", "wall", rectangle(Pose2D(x + 0.1, 0.0, 0.0), 0.2, 10.0), 2.6),))
 
 
+def convex(outline: np.ndarray) -> Convex:
+    return Convex.of(outline, normals(outline))
+
+
 def test_squares_apart_are_apart_and_squares_on_each_other_say_the_way_out() -> None:
     a, b = rectangle(Pose2D(0.0, 0.0, 0.0), 2.0, 2.0), rectangle(Pose2D(1.9, 0.0, 0.0), 2.0, 2.0)
-    depth, way = gap(a, normals(a), b, normals(b))
+    depth, way = gap(convex(a), convex(b))
     assert depth == pytest.approx(-0.1)
     assert way == pytest.approx((-1.0, 0.0))
     c = rectangle(Pose2D(3.0, 0.0, 0.0), 2.0, 2.0)
-    assert gap(a, normals(a), c, normals(c))[0] == pytest.approx(1.0)
+    assert gap(convex(a), convex(c))[0] == pytest.approx(1.0)
 
 
 def test_driving_straight_into_a_wall_ends_at_the_wall() -> None:

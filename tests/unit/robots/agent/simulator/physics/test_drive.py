@@ -17,12 +17,14 @@ from robots.agent.simulator.physics.drive import (
 )
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.world.robot_models import GIRAFF
+from tests.support.examples import examples
 
 LIMITS = GIRAFF.limits
 speeds = st.floats(-3, 3)
 steps = st.floats(0.001, 0.2)
 
 
+@examples(50, thorough=1000)
 @given(speeds, speeds, steps)
 def test_no_speed_changes_faster_than_accelerating_or_braking_allows(
     now: float, wanted: float, dt: float
@@ -33,12 +35,14 @@ def test_no_speed_changes_faster_than_accelerating_or_braking_allows(
         assert abs(then) - abs(now) <= 0.2 * dt + 1e-12
 
 
+@examples(50, thorough=1000)
 @given(speeds, speeds, steps)
 def test_a_speed_never_overshoots_its_target(now: float, wanted: float, dt: float) -> None:
     then = approach(now, wanted, 0.2, 0.8, dt)
     assert min(now, wanted) - 1e-12 <= then <= max(now, wanted) + 1e-12
 
 
+@examples(50, thorough=1000)
 @given(speeds, speeds)
 def test_every_target_is_reached_in_the_end(now: float, wanted: float) -> None:
     for _ in range(3000):
@@ -46,6 +50,7 @@ def test_every_target_is_reached_in_the_end(now: float, wanted: float) -> None:
     assert math.isclose(now, wanted, abs_tol=1e-9)
 
 
+@examples(50, thorough=1000)
 @given(speeds, speeds, speeds, speeds)
 def test_the_base_never_goes_faster_than_its_profile(
     v: float, w: float, wanted_v: float, wanted_w: float
@@ -65,6 +70,7 @@ def test_braking_from_full_speed_takes_half_its_square_over_the_braking() -> Non
     assert math.isclose(travelled, 0.7**2 / (2.0 * LIMITS.linear_braking), rel_tol=0.01)
 
 
+@examples(50, thorough=1000)
 @given(speeds, st.floats(-2, 2), st.integers(1, 40))
 def test_an_arc_is_the_sum_of_its_parts(v: float, w: float, parts: int) -> None:
     whole = advance(Pose2D(1.0, 2.0, 0.5), WheelMotion(v, w), 1.0)

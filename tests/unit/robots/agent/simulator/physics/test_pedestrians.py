@@ -1,7 +1,7 @@
 """People who walk: where they can, and where they cannot."""
 
 import math
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
@@ -63,13 +63,12 @@ def test_people_get_about_at_their_pace_and_look_where_they_go() -> None:
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_nobody_walks_through_walls_furniture_leaves_or_each_other(seed: int) -> None:
     solids = [*fixed_solids(PLAN), *(leaf_solid(door, "open") for door in PLAN.doors)]
-    for moment in walk(crowd(seed=seed), 60.0)[::2]:
-        x, y = np.array([p.x for p in moment]), np.array([p.y for p in moment])
-        assert not any(inside(each.outline, x, y).any() for each in solids)
-        assert (
-            min(math.dist(a[:2], b[:2]) for a in moment for b in moment if a is not b)
-            > APART - 0.05
-        )
+    moments = walk(crowd(seed=seed), 60.0)
+    x, y = np.array([(person.x, person.y) for moment in moments for person in moment]).T
+    assert not any(inside(each.outline, x, y).any() for each in solids)
+    for moment in moments:
+        apart = min(math.dist(a[:2], b[:2]) for a, b in combinations(moment, 2))
+        assert apart > APART - 0.05
 
 
 @pytest.mark.parametrize("site", ["office", "clinic"])
