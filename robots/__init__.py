@@ -9,6 +9,9 @@ encoder of Intel's (`*_qsv`) may be opened.
 
     https://www.gnutls.org/manual/html_node/System_002dwide-configuration-of-the-library.html
 
+The arrays of site, agent and simulator are small: threads of OpenBLAS that wait for each other cost
+many times what they save. It reads how many to start when NumPy is loaded.
+
 Events are logged by structlog, which would print them to standard output, between what programs
 answer there: so whatever imports `robots` has them handed to the standard library's logging.
 """
@@ -18,4 +21,5 @@ import os
 from robots import logs
 
 os.environ.setdefault("GNUTLS_SYSTEM_PRIORITY_FILE", "/etc/gnutls/config")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 logs.configure()

@@ -5,7 +5,6 @@ The defaults are those of a public server: HTTPS, secure cookies, no debug. `HTT
 `make demo` sets, is the one switch that allows cookies over plain http, for 127.0.0.1.
 """
 
-import os
 from pathlib import Path
 
 import dj_database_url
@@ -13,10 +12,6 @@ from csp.constants import NONCE, NONE, SELF
 
 from telepresence_site import environment as env
 from telepresence_site import mongodb
-
-# The arrays here are small: threads of OpenBLAS that wait for each other cost many times what they
-# save. It reads this when NumPy is imported, which nothing above does.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 BASE_DIR = Path(__file__).resolve().parent.parent
 VAR_DIR = env.private_folder(Path(env.text("VAR_DIR", str(BASE_DIR / "var"))).resolve())
