@@ -247,11 +247,12 @@ class Actions:
         if sender.way == "mqtt":
             return action
         lease = self._kernel.leases.live(self._times.now())
-        drives = role_of(action, sender, lease) == "driver"
+        role = role_of(action, sender, lease)
+        is_known = lease is not None and role in {"driver", "visitor"}
         return msgspec.structs.replace(
             action,
-            role="driver" if drives else "observer",
-            user=lease.who if lease and drives else "",
+            role=role if is_known else "observer",
+            user=lease.who if lease is not None and is_known else "",
         )
 
     # --- stop -------------------------------------------------------------------------------------
