@@ -335,15 +335,15 @@ class State(Message, frozen=True, kw_only=True):
     state, `contacts` how many collisions began, `distance` the metres driven by odometry since the
     boot, or with `distance_by_position` the sum of the steps between positions, of a robot that has
     no odometry. `visitor_silence` is the time in seconds since the last heartbeat of the lease's
-    `peer` on either transport. `refused` counts refusals by reason since the last state. While the assistance
-    changes what the driver requests, `assist_why` gives the reason in one word, and `assist_point`
-    the obstacle, in metres in the robot's frame. `call` is the status of the driver's sound and
-    video at the robot, absent when the driver sends neither; `screens` is the number of pages that
-    show them. `knockable`: somebody may hear a `knock` now, at a display or from the robot's own
-    loudspeaker; `knock` is the newest one of this session, for a minute. `control_network` and
-    `video_network` are present while the robot impairs the driver's network, as `config` requests.
-    `camera_status` is present while the camera is needed but delivers no video, or delivered none
-    when it was last needed; `errors` has the reason, too.
+    `peer` on either transport. `refused` counts refusals by reason since the last state. While the
+    assistance changes what the driver requests, `assist_why` gives the reason in one word, and
+    `assist_point` the obstacle, in metres in the robot's frame. `call` is the status of the
+    visitor's sound and video at the robot, absent when the visitor sends neither; `screens` is the
+    number of pages that show them. `knockable`: somebody may hear a `knock` now, at a display or
+    from the robot's own loudspeaker; `knock` is the newest one of this session, for a minute.
+    `control_network` and `video_network` are present while the robot impairs the driver's network,
+    as `config` requests. `camera_status` is present while the camera is needed but delivers no
+    video, or delivered none when it was last needed; `errors` has the reason, too.
 
     `charger_contact` states whether the charging contacts meet now, or the robot charges. `docked`
     requires more: they have met for 2 s while the robot was at a standstill (at most 0.03 m/s and
@@ -474,6 +474,7 @@ class Words(Message, frozen=True, kw_only=True):
     with `aloud`, it is to be spoken. It is not recorded.
 
     `receipts`: the robot accepts `confirm_words` for these words, and passes it on as `receipt`.
+    `who` is empty for what a hidden operator has the robot say.
     """
 
     stamp: Stamp

@@ -34,6 +34,7 @@ from robots.api.messages import (
     Dock,
     EStop,
     Knock,
+    Lease,
     Mode,
     Photo,
     Receipt,
@@ -453,7 +454,7 @@ class Actions:
             action_id=action.action_id,
             session=lease.session,
             by="screen" if here else "driver",
-            who=action.user if here else lease.who,
+            who=action.user if here else _voice_of(action, lease),
             text=action.text,
             language=action.language,
             aloud=action.aloud and not here,
@@ -536,3 +537,8 @@ def kind_of(action: Action) -> str:
 
 def _mode_of(action: Action) -> Mode:
     return "docking" if isinstance(action, Dock | Undock) else "goto"
+
+
+def _voice_of(action: Say, lease: Lease) -> str:
+    """Return who says a line: the visitor, or the robot itself for a hidden operator."""
+    return "" if lease.kind == "wizard" and action.role == "driver" else lease.who

@@ -45,8 +45,8 @@ class PeerRegistry:
         peer replaces its old one.
 
         When all places are taken the offer of the driver, of a hidden operator, or of a screen,
-        which is the robot's own, sends away the observer who came last; for a driver a screen goes after the observers, and
-        an earlier driver last of all.
+        which is the robot's own, sends away the observer who came last; for a driver a screen goes
+        after the observers, and an earlier driver last of all.
         """
         others = [other for other in self._offered if other != peer]
         leaves = None
