@@ -4,14 +4,12 @@ from typing import Any
 
 from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import render
-from django.utils.translation import get_language
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
 
 from experiments.access import may_operate_as_wizard
 from experiments.models import Study
 from experiments.wizard.operators import robots_of
-from experiments.wizard.script import script_of
 from robots.models import Robot
 from sessions.wizard import protocol
 
@@ -21,18 +19,13 @@ from sessions.wizard import protocol
 def console(request: HttpRequest, slug: str) -> HttpResponse:
     """Show the operator's page of a study, for one of its robots (`?robot=`)."""
     study = _study_for(request, slug)
-    definition = study.as_definition()
-    assert definition.wizard is not None
-    robots = robots_of(definition)
+    robots = robots_of(study.as_definition())
     robot = next((one for one in robots if one.name == request.GET.get("robot")), None)
     robot = robot or (robots[0] if robots else None)
-    language = get_language() or definition.languages[0]
-    script = script_of(definition.wizard, shown_in=language, spoken_in=language)
     context = {
         "study": study,
         "robots": robots,
         "robot": robot,
-        "script": script,
         "config": _config(robot) if robot is not None else None,
     }
     return render(request, "experiments/wizard/console.html", context)

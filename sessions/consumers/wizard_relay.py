@@ -51,6 +51,7 @@ def view_of(state: State) -> protocol.RobotView:
         tilt=state.tilt,
         safety=state.safety,
         epoch=state.epoch,
+        command_age=max(0.0, state.applied[-1].age) if state.applied else None,
     )
 
 

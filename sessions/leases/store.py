@@ -513,7 +513,8 @@ def lease_message(
 
 def _for_wizard(lease: m.Lease, hold: Hold) -> m.Lease:
     """Return the lease of a session in which a hidden operator drives: limits and assistance hold
-    for them too, what else is fixed is the visitor's.
+    for them too, what else is fixed is the visitor's. The operator's commands come by the server
+    alone, which records them as parts of the script or as deviations.
     """
     return msgspec.structs.replace(
         lease,
@@ -521,7 +522,7 @@ def _for_wizard(lease: m.Lease, hold: Hold) -> m.Lease:
         wizard=hold.wizard_peer or None,
         wizard_epoch=hold.wizard_epoch,
         methods=None,
-        ways=None,
+        ways=("mqtt",),
         actions=None,
     )
 

@@ -128,7 +128,9 @@ class StepBegun(Message, frozen=True, kw_only=True):
 
 
 class RobotView(Message, frozen=True, kw_only=True):
-    """`wizard/state`: what the operator is told of a state of the robot."""
+    """`wizard/state`: what the operator is told of a state of the robot. `command_age` is how old
+    the newest velocity was when the wheels had it.
+    """
 
     stamp: Stamp
     pose: Pose
@@ -139,6 +141,7 @@ class RobotView(Message, frozen=True, kw_only=True):
     tilt: float | None = None
     safety: Safety
     epoch: Count = 0
+    command_age: Seconds | None = None
 
 
 class ParticipantView(Message, frozen=True, kw_only=True):

@@ -44,7 +44,7 @@ def test_it_cannot_be_published_before_the_debriefing_tells_of_the_operator():
         assert any("must tell participants that an operator drove" in one for one in found)
     (found,) = problems(small_study(wizard=WIZARD))  # without any debriefing
     assert found.startswith("The debriefing must tell")
-    assert OPERATOR_TEXT == wizard_study().operator_text["en"]
+    assert wizard_study().operator_text["en"] == OPERATOR_TEXT
 
 
 @pytest.mark.parametrize(
