@@ -22,7 +22,7 @@ LONGEST_LINE = 500
 Shortcut = Annotated[str, Meta(pattern=r"^[0-9a-z]?$")]
 
 
-class Place(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag="place"):
+class PlaceMove(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag="place"):
     """The robot goes to a named place of the site by itself."""
 
     name: PlanKey
@@ -58,9 +58,9 @@ class DriveMove(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag="
     seconds: Annotated[float, Meta(gt=0.0, le=MOST_DRIVE_SECONDS)]
 
 
-Move = Place | DockMove | UndockMove | TiltMove | TurnMove | DriveMove
+Move = PlaceMove | DockMove | UndockMove | TiltMove | TurnMove | DriveMove
 NEEDS: Mapping[type, Capability] = {
-    Place: "goto",
+    PlaceMove: "goto",
     DockMove: "dock",
     UndockMove: "undock",
     TiltMove: "tilt",
@@ -159,7 +159,7 @@ def obstacles(
 ) -> Iterator[str]:
     """Yield what a robot and its site cannot do of a script."""
     for step in wizard.steps:
-        if isinstance(step.move, Place) and step.move.name not in places:
+        if isinstance(step.move, PlaceMove) and step.move.name not in places:
             yield f"the wizard's step {step.key} goes to {step.move.name}, which is no place there."
         need: Capability = "say" if step.move is None else NEEDS[type(step.move)]
         if need not in capabilities:

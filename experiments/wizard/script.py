@@ -6,7 +6,7 @@ from experiments.definition.wizard import (
     DockMove,
     DriveMove,
     Move,
-    Place,
+    PlaceMove,
     TiltMove,
     TurnMove,
     UndockMove,
@@ -50,7 +50,7 @@ def _step(step: WizardStep, shown_in: str, spoken_in: str) -> ScriptStep:
 
 def _move(move: Move) -> Mapping[str, object]:
     match move:
-        case Place(name=name):
+        case PlaceMove(name=name):
             return {"action": "goto", "place": name}
         case DockMove():
             return {"action": "dock"}

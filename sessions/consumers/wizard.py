@@ -176,9 +176,9 @@ class WizardConsumer(DirectConsumer):
         match message:
             case protocol.TakeOver():
                 self._launch(self._take(authorization, message))
-            case protocol.Release():
+            case protocol.StopOperating():
                 self._launch(self._let_go(authorization))
-            case protocol.Step():
+            case protocol.BeginStep():
                 self._step(authorization, message)
             case protocol.FreeLine():
                 self._line(authorization, message)
@@ -223,7 +223,7 @@ class WizardConsumer(DirectConsumer):
 
     # --- the script -------------------------------------------------------------------------------
 
-    def _step(self, authorization: WizardAuthorization, ask: protocol.Step) -> None:
+    def _step(self, authorization: WizardAuthorization, ask: protocol.BeginStep) -> None:
         """Begin a step: what the robot does by itself is sent, what the page drives is let pass."""
         progress = self.progress
         known = progress is not None and any(ask.step == one.key for one in progress.script.steps)
@@ -249,7 +249,9 @@ class WizardConsumer(DirectConsumer):
             self._note(self._session(), leases.STEP, **told, skipped=press.skipped, reason=reason)
         )
 
-    def _begin(self, authorization: WizardAuthorization, press: Press, ask: protocol.Step) -> str:
+    def _begin(
+        self, authorization: WizardAuthorization, press: Press, ask: protocol.BeginStep
+    ) -> str:
         """Send what a step asks of the robot; return why that could not be, or nothing."""
         step = press.step
         if step.is_driven_by_page:

@@ -25,7 +25,7 @@ class OperatedSession:
     script: Script
 
 
-class Provider(Protocol):
+class OperatorProvider(Protocol):
     """What an app above this one answers; both are called with the ORM at hand."""
 
     def may_operate(self, user: "User", robot: "Robot") -> bool:
@@ -35,10 +35,10 @@ class Provider(Protocol):
         """Return what an operator is told of a session; None when it is not theirs."""
 
 
-_providers: list[Provider] = []
+_providers: list[OperatorProvider] = []
 
 
-def register(provider: Provider) -> None:
+def register(provider: OperatorProvider) -> None:
     """Have a provider asked from now on; registering twice does nothing."""
     if provider not in _providers:
         _providers.append(provider)

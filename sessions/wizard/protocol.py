@@ -44,11 +44,11 @@ class TakeOver(Message, frozen=True, kw_only=True):
     takeover: bool = False
 
 
-class Release(Message, frozen=True, kw_only=True):
+class StopOperating(Message, frozen=True, kw_only=True):
     """`wizard/release`: I operate it no more."""
 
 
-class Step(Message, frozen=True, kw_only=True):
+class BeginStep(Message, frozen=True, kw_only=True):
     """`wizard/step`: do this step of the script."""
 
     step: Id
@@ -155,8 +155,8 @@ class ParticipantView(Message, frozen=True, kw_only=True):
 
 TO_SERVER: dict[str, type] = {
     "wizard/take": TakeOver,
-    "wizard/release": Release,
-    "wizard/step": Step,
+    "wizard/release": StopOperating,
+    "wizard/step": BeginStep,
     "wizard/line": FreeLine,
     "wizard/reached": Reached,
 }

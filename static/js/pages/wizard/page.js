@@ -100,6 +100,7 @@ const HANDLERS = {
     told.again = granted.session;
     told.notice = "";
     connection.commands.bind(granted);
+    element("wizard").scrollIntoView({ block: "start" });
   },
   "wizard/lost": ({ reason }) => {
     lose();

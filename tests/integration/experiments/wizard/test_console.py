@@ -14,7 +14,8 @@ from django.utils import timezone
 from experiments.dataset.build import release_of
 from experiments.dataset.events import events_of
 from experiments.dataset.selection import Selection
-from experiments.models import Drive, StudyMember
+from experiments.models import Drive, Participant, StudyMember
+from experiments.participation.own_data import gather
 from experiments.research import live
 from robots.api import messages as m
 from robots.bridge import bridge as mqtt_bridge
@@ -23,6 +24,7 @@ from sessions import protocol as pages
 from sessions.leases.store import change_lease
 from sessions.models import Lease, SessionEvent
 from sessions.wizard import protocol
+from sessions.wizard.leases import note
 from tests.support import participants as p
 from tests.support import words
 from tests.support.memory_bridge import MemoryBridge
@@ -149,7 +151,7 @@ async def test_the_operator_drives_and_speaks_and_the_participant_does_not_drive
         await page.say("command/velocity", velocity())
         await page.expect("denied", lambda denied: denied.reason == "not_driver")
         await console.say("command/velocity", velocity())
-        step = protocol.Step(step="hello", action_id="a1", stamp=2.0)
+        step = protocol.BeginStep(step="hello", action_id="a1", stamp=2.0)
         await console.say("wizard/step", step)
         assert (await console.expect("wizard/begun")).reason == ""
         (moved,) = told_to_robot(bridge, m.VelocityCommand)
@@ -171,7 +173,7 @@ async def test_who_operates_is_recorded_with_every_step_deviation_and_latency(
         await console.operate()
         for number, key in enumerate(("hello", "leave", "look")):
             await console.say(
-                "wizard/step", protocol.Step(step=key, action_id=f"a{number}", stamp=2.0)
+                "wizard/step", protocol.BeginStep(step=key, action_id=f"a{number}", stamp=2.0)
             )
         await console.say("wizard/line", protocol.FreeLine(text="Mm", action_id="a4", stamp=2.0))
         await console.say("wizard/reached", protocol.Reached(action_id="a0", latency=0.0421))
@@ -290,6 +292,21 @@ def test_the_debriefing_tells_of_the_operator_and_of_the_way_out(client, partici
     page = client.get("/studies/cabin-study/step/").content.decode()
     assert OPERATOR_TEXT in page
     assert f"/taking-part/{participant.code}/withdraw/" in page
+
+
+def test_ones_own_data_tells_of_the_operator_after_the_debriefing_and_never_who_it_was(
+    robot, participant, operator
+):
+    session = p.drive_of(robot, p.assign(participant, "zeta_all_open")).session
+    note(str(session.pk), "wizard_took", operator, timezone.now(), blind=True)
+
+    def told():
+        return [one["type"] for one in gather(participant.user)["drives"][0]["events"]]
+
+    assert "wizard_took" not in told()
+    Participant.objects.update(completion="done")
+    assert "wizard_took" in told()
+    assert str(operator.pk) not in repr(gather(participant.user))
 
 
 def test_a_lease_that_moves_to_another_session_forgets_its_operator(robot):

@@ -109,7 +109,7 @@ def test_the_participant_speaks_and_takes_photos_as_the_visitor_and_sends_the_ro
 def test_the_page_asks_for_steps_and_not_for_actions_of_its_own():
     refused = say(wizard(), "command/action", action(m.Goto, place="desk"))
     assert refused == DenyFrame("command/action", "not_allowed")
-    step = protocol.Step(step="hello", action_id="a1", stamp=1.0)
+    step = protocol.BeginStep(step="hello", action_id="a1", stamp=1.0)
     assert say(wizard(), "wizard/step", step) == Verb(step)
 
 
