@@ -48,8 +48,13 @@ def test_the_operator_speaks_and_drives_by_script_and_hand_and_stops(site, visit
     expect(page.locator("[data-step=hello]")).to_have_attribute("data-state", "done", timeout=9000)
     page.keyboard.press("3")
     expect(page.locator("#notice")).to_have_text("Recorded as a deviation: out of order.")
-    wait_for(lambda: dict(recorded(site)).get("wizard_reached"), 20, "the latency of a step")
-    wait_for(lambda: has_left(site), 20, "the robot to back out")
+    wait_for(
+        lambda: [kind for kind, _ in recorded(site)].count("wizard_reached") == 2,
+        20,
+        "the robot to have both steps",
+    )
+    olga.hold("ArrowDown", lambda: has_left(site), 30, "the way out of the station")
+    page.keyboard.up("ArrowDown")
     for width, height in ((1366, 768), (820, 1180), (390, 844), (844, 390)):
         page.set_viewport_size({"width": width, "height": height})
         expect(page.get_by_role("button", name="Stop Space")).to_be_in_viewport()
@@ -64,6 +69,7 @@ def test_the_operator_speaks_and_drives_by_script_and_hand_and_stops(site, visit
         20,
         "the loss of the operator",
     )
+    assert ("wizard_by_hand", "keyboard") in [(kind, data.get("method")) for kind, data in told]
     steps = [(data["step"], data["deviation"]) for kind, data in told if kind == "wizard_step"]
     assert steps == [("hello", ""), ("leave", "out_of_order")]
     latencies = sorted(data["latency"] for kind, data in told if kind == "wizard_reached")
