@@ -14,10 +14,11 @@ from django.http import Http404, HttpRequest, HttpResponseBase
 from experiments.models import Drive, Participant, Study, StudyMember
 from sessions.models import Session
 
-Role = Literal["owner", "researcher", "viewer"]
+Role = Literal["owner", "researcher", "viewer", "wizard"]
 Given = ParamSpec("Given")
 View = Callable[Concatenate[HttpRequest, str, Given], HttpResponseBase]
-RANK: dict[str, int] = {"viewer": 1, "researcher": 2, "owner": 3}
+# A hidden operator ranks below everybody who may see a study's data.
+RANK: dict[str, int] = {"wizard": 0, "viewer": 1, "researcher": 2, "owner": 3}
 SEES_SESSIONS = "telepresence_sessions.view_session"
 
 
@@ -38,6 +39,13 @@ def role_of(user: Any, slug: str) -> Role | None:
 def may(user: Any, slug: str, least: Role) -> bool:
     """Tell whether somebody is at least that in a study."""
     return RANK.get(role_of(user, slug) or "", 0) >= RANK[least]
+
+
+def may_operate_as_wizard(user: Any, slug: str) -> bool:
+    """Tell whether somebody may drive and speak for the robot unseen: who was given that role, and
+    whoever runs the study.
+    """
+    return role_of(user, slug) in {"wizard", "researcher", "owner"}
 
 
 def forget_members(instance: Study, **_more: Any) -> None:

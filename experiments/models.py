@@ -151,6 +151,7 @@ class StudyMember(models.Model):
         OWNER = "owner", _("owner: full access")
         RESEARCHER = "researcher", _("researcher: sees data, excludes drives, intervenes")
         VIEWER = "viewer", _("viewer: sees pseudonymous data")
+        WIZARD = "wizard", _("hidden operator: only operates as wizard")
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     slug = models.SlugField(_("study"), max_length=40, db_index=True)

@@ -13,18 +13,22 @@ from experiments.participation.questions import outer_progress
 from experiments.participation.withdrawal.deletion import clear_settled, withdraw_everywhere
 from experiments.research.notices import publish_not_ready, publish_pause
 from experiments.tasks.runner import Runner
+from experiments.wizard.operators import StudyOperators
 from robots.access import register_guest_list, register_guest_rule
 from sessions import interfaces, signals
 from sessions.leases import terms
+from sessions.wizard import operators
 from surveys.outer_progress import register_outer_progress
 
 STUDY_TERMS = StudyTerms()
+STUDY_OPERATORS = StudyOperators()
 RUNNER = Runner()
 
 
 def connect() -> None:
     """Register for the life of this process; a second time changes nothing."""
     terms.register(STUDY_TERMS)
+    operators.register(STUDY_OPERATORS)
     register_outer_progress(outer_progress)
     register_guest_list(invites)
     register_guest_rule(User.Kind.PARTICIPANT, STUDY_TERMS.claims)

@@ -106,6 +106,13 @@ class Lease(models.Model):
         verbose_name=_("session"),
     )
     peer = models.CharField(max_length=64, blank=True)
+    # The page of the hidden operator who drives in a session of such terms; empty while none does.
+    # Its epoch grows with every change of the page and is never set back.
+    wizard_peer = models.CharField(max_length=64, blank=True, default="")
+    wizard_epoch = models.BigIntegerField(default=0)
+    wizard = models.ForeignKey(
+        settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+"
+    )
     renewal = models.BigIntegerField(default=0)
     changed_at = models.DateTimeField(_("changed"))
 

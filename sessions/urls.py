@@ -7,6 +7,8 @@ from sessions.api import views as api_views
 from sessions.consumers.connection_check import CheckConsumer
 from sessions.consumers.drive import RobotConsumer
 from sessions.consumers.robot_screen import ScreenConsumer
+from sessions.consumers.wizard import WizardConsumer
+from sessions.wizard import protocol as wizard_protocol
 
 urlpatterns: list[URLPattern] = [
     path("check/", views.check, name="check"),
@@ -27,5 +29,6 @@ urlpatterns: list[URLPattern] = [
 websocket_urlpatterns: list[URLPattern] = [
     path(protocol.PATH, RobotConsumer.as_asgi()),
     path(protocol.SCREEN_PATH, ScreenConsumer.as_asgi()),
+    path(wizard_protocol.PATH, WizardConsumer.as_asgi()),
     path(protocol.CHECK_PATH, CheckConsumer.as_asgi()),
 ]

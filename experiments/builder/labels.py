@@ -97,6 +97,7 @@ LABELS: dict[str, Words] = {
     "counts": _("Response counted per visitor"),
     "interval": _("Confidence intervals"),
     "statements": _("Questionnaire in the tables"),
+    "operator": _("What it says about the hidden operator"),
 }
 
 HINTS: dict[str, Words] = {
@@ -157,6 +158,7 @@ HINTS: dict[str, Words] = {
         "Leave blank for no limit. Packets that would wait over half a second are dropped."
     ),
     "source": _("Origin of the study; shown with its data."),
+    "operator": _("Required in a study with a hidden operator: a person drove the robot."),
 }
 
 # By the key of the field, then by value.

@@ -24,6 +24,7 @@ from experiments.dataset.forms import (
     kept,
     number,
     page_word,
+    script_step,
     several,
     text,
     time,
@@ -40,6 +41,8 @@ from sessions.devices import SYSTEMS, TABLE_3_BROWSERS
 from sessions.interfaces import INTERFACES
 from sessions.leases.absences import ABSENT, BACK, PAGE_CLOSED
 from sessions.leases.fault_side import MANAGER, WEB
+from sessions.wizard import leases as wizard
+from sessions.wizard.script import Deviation
 
 Fields = Mapping[str, Form]
 
@@ -269,6 +272,21 @@ SERVER: Mapping[str, Fields] = {
     **{key: {"part": words(WEB, MANAGER), "since": time, "until": time} for key in (ABSENT, BACK)},
     PAGE_CLOSED: {"code": number},
     **dict.fromkeys(("connecting", "driving", "reconnecting", "robot_ready"), NONE),
+    # what a hidden operator did, who is a pseudonym
+    wizard.STEP: {
+        "step": script_step,
+        "id": code,
+        "deviation": words("", *get_args(Deviation)),
+        "skipped": number,
+        "reason": words(*ACTION_REASONS, "not_driver", "robot_unreachable"),
+        "by": code,
+    },
+    wizard.LINE: {"id": code, "text": text, "aloud": number, "by": code},
+    wizard.BY_HAND: {"method": words(*get_args(m.InputMethod)), "by": code},
+    wizard.REACHED: {"id": code, "latency": number, "by": code},
+    wizard.TOOK: {"blind": number, "by": code},
+    wizard.LEFT: {"by": code},
+    wizard.LOST: {"by": code},
     **dict.fromkeys(("first_motion", "turn_limited", "turn_unlimited"), NONE),
 }
 PAGE: Mapping[str, Fields] = {

@@ -69,7 +69,9 @@ def release_of(study: Study, choice: Selection) -> Release:
     """Return what the data of a study leaves by."""
     plans = plans_of(study.as_definition()).values()
     doors = frozenset(opening.name for plan in plans for opening in plan.openings)
-    return Release(Pseudonyms(study.secret), choice, doors)
+    wizard = study.as_definition().wizard
+    steps = frozenset(step.key for step in wizard.steps) if wizard is not None else frozenset()
+    return Release(Pseudonyms(study.secret), choice, doors, steps)
 
 
 def places_of(drives: Sequence[Drive], names: Pseudonyms) -> dict[Round, str]:

@@ -24,13 +24,14 @@ LARGEST = 1e8  # of a measure or a count; a Unix time is larger, in whatever uni
 
 @dataclass(frozen=True)
 class Release:
-    """What a dataset is made with: its pseudonyms, what was asked for, and the names of the doors
-    of the study's floor plans, which the dataset has as well.
+    """What a dataset is made with: its pseudonyms, what was asked for, the names of the doors of
+    the study's floor plans, which the dataset has as well, and the keys of the steps of its script.
     """
 
     names: Pseudonyms
     choice: Selection
     doors: frozenset[str] = frozenset()
+    steps: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -118,6 +119,11 @@ def door_state(value: Any, release: Release, origin: Origin) -> Any:
     name, _, state = value.rpartition(" ") if isinstance(value, str) else ("", "", "")
     is_known = state in {"open", "closed"} and door(name, release, origin) is not NOTHING
     return value if is_known else NOTHING
+
+
+def script_step(value: Any, release: Release, _origin: Origin) -> Any:
+    """The key of a step of the study's own script for a hidden operator."""
+    return value if isinstance(value, str) and value in release.steps else NOTHING
 
 
 def page_word(value: Any, _release: Release, _origin: Origin) -> Any:

@@ -7,6 +7,8 @@ differ, and a session with any is flagged.
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+import msgspec
+
 from experiments.definition.feasibility import CAPABILITY
 from experiments.definition.schema import Condition, Impairment
 from robots.api.floorplan import DoorState
@@ -24,6 +26,11 @@ def allowed_actions(condition: Condition) -> frozenset[str]:
     called like the capabilities.
     """
     return ALWAYS | {CAPABILITY[action] for action in condition.actions}
+
+
+def without_driving(condition: Condition) -> Condition:
+    """Return what a participant may do in a condition in which a hidden operator drives."""
+    return msgspec.structs.replace(condition, controllers=(), actions=(), idle_seconds=None)
 
 
 def lease_limits(condition: Condition) -> LeaseLimits:
@@ -107,9 +114,15 @@ class Applied:
         self.video_network = state.video_network or self.video_network
 
 
-def mismatches(condition: Condition, applied: Applied) -> tuple[str, ...]:
+# What is a participant's to do, and in force for nobody while a hidden operator drives.
+OF_THE_DRIVER = frozenset({"control_way", "controllers", "actions"})
+
+
+def mismatches(
+    condition: Condition, applied: Applied, *, by_wizard: bool = False
+) -> tuple[str, ...]:
     """Return the names of what was not as the condition says, in the order of its fields; empty
-    when all was.
+    when all was. `by_wizard` is whether a hidden operator drove.
     """
     network = condition.network
     speed = condition.speed
@@ -128,7 +141,8 @@ def mismatches(condition: Condition, applied: Applied) -> tuple[str, ...]:
             applied.impaired - {(_effective(network.control), _effective(network.video))}
         ),
     }
-    return tuple(name for name, is_wrong in wrong.items() if is_wrong)
+    skipped = OF_THE_DRIVER if by_wizard else frozenset()
+    return tuple(name for name, is_wrong in wrong.items() if is_wrong and name not in skipped)
 
 
 def _impairment(report: LabReport | None) -> Impairment | None:

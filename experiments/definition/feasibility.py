@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from experiments.definition import wizard as wizards
 from experiments.definition.problems import length_of
 from experiments.definition.schema import (
     Condition,
@@ -169,6 +170,10 @@ def _of_condition(
     else:
         yield from _of_robot(study, condition, robot)
     plan, course = known.sites.get(condition.site), study.course_of(condition)
+    wizard = study.wizard_of(condition.key)
+    if wizard is not None and robot is not None and plan is not None:
+        places = frozenset(place.name for place in plan.places)
+        yield from wizards.obstacles(wizard, places, robot.capabilities)
     if plan is not None and course is not None:
         yield from _of_way(condition, course, plan, unreachable)
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 from experiments.definition import factors
+from experiments.definition import wizard as wizards
 from experiments.definition.analyses import EFFECTS, DeclaredAnalysis
 from experiments.definition.schema import Condition, Course, Impairment, StudyDefinition
 from experiments.definition.steps import KINDS
@@ -47,6 +48,13 @@ def problems(study: StudyDefinition) -> Iterator[str]:
             for problem in _of_course(study, course)
         )
     yield from _of_allocation(study)
+    if study.wizard is not None:
+        yield from wizards.problems(
+            study.wizard,
+            [condition.key for condition in study.conditions],
+            study.languages,
+            told=study.tells_of_operator,
+        )
 
 
 def name_problems(slug: str) -> Iterator[str]:
@@ -104,9 +112,8 @@ def _of_repeats(study: StudyDefinition) -> Iterator[str]:
 
 
 def _of_condition(study: StudyDefinition, condition: Condition) -> Iterator[str]:
-    if not condition.controllers and not {"places", "map", "follow"}.intersection(
-        condition.actions
-    ):
+    sends = {"places", "map", "follow"}.intersection(condition.actions)
+    if not condition.controllers and not sends and study.wizard_of(condition.key) is None:
         yield (
             "there is no controller and no action that sends the robot (places, "
             "map or follow): nobody could drive."

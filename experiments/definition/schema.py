@@ -24,7 +24,9 @@ from experiments.definition.design import Design, Factor, Levels
 from experiments.definition.step import AskingStep, DriveStep, Step, Version
 from experiments.definition.steps import KINDS
 from experiments.definition.steps.consent import Consent
+from experiments.definition.steps.debrief import Debrief
 from experiments.definition.steps.task import TaskStep
+from experiments.definition.wizard import Wizard
 from robots.api.floorplan import Key as PlanKey
 from robots.api.floorplan import Length
 from robots.api.messages import AssistLevel, Metres, Point, Positive, Share
@@ -243,6 +245,7 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     quality: Quality = Quality()
     analysis: Analysis = Analysis()
     analyses: Annotated[tuple[DeclaredAnalysis, ...], Meta(max_length=40)] = ()
+    wizard: Wizard | None = None
 
     def condition(self, key: str) -> Condition | None:
         """Return the condition with a key."""
@@ -268,6 +271,22 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     def consent(self) -> Consent | None:
         """The step in which participants agree to take part."""
         return next((step for step in self.steps if isinstance(step, Consent)), None)
+
+    @property
+    def tells_of_operator(self) -> bool:
+        """Whether its debriefing tells of the hidden operator, in every language."""
+        return all(self.operator_text.get(name, "").strip() for name in self.languages)
+
+    @property
+    def operator_text(self) -> Text:
+        """What its debriefing tells of the hidden operator; empty in a study without one."""
+        told = [step.operator for step in self.steps if isinstance(step, Debrief)]
+        return told[-1] if told and self.wizard is not None else {}
+
+    def wizard_of(self, condition: str) -> Wizard | None:
+        """Return the hidden operator's part in a condition; None where the participant drives."""
+        wizard = self.wizard
+        return wizard if wizard is not None and wizard.drives_in(condition) else None
 
     @property
     def drives(self) -> tuple[DriveStep, ...]:

@@ -9,7 +9,7 @@ the task the page hears from the session manager; and where the terms of the ses
 from collections.abc import Sequence
 from typing import Any
 
-from experiments.definition.conditions import allowed_actions
+from experiments.definition.conditions import allowed_actions, without_driving
 from experiments.definition.course import CourseError
 from experiments.definition.feasibility import dock_of
 from experiments.definition.schema import Condition, Course, StudyDefinition
@@ -64,6 +64,8 @@ def guide(
     """
     course = _course(study, conditions)
     task = None if step.is_practice else study.task
+    if not step.is_practice:
+        conditions = [_own_part(study, condition) for condition in conditions]
     return {
         "kind": "practice" if step.is_practice else "task",
         "title": spoken(step.title, language),
@@ -82,6 +84,10 @@ def _conditions(
         condition = study.condition(choice.condition)
         return (condition,) if condition is not None else ()
     return (choice,) if isinstance(choice, Condition) else tuple(choice)
+
+
+def _own_part(study: StudyDefinition, condition: Condition) -> Condition:
+    return without_driving(condition) if study.wizard_of(condition.key) is not None else condition
 
 
 def _course(study: StudyDefinition, conditions: Sequence[Condition]) -> Course:

@@ -375,6 +375,9 @@ def _begin(
 def terms_of(standing: Standing, condition: Condition, robot: Robot, seed: int) -> Terms:
     """Return what a condition fixes for a drive; `seed` is that of its network's chance."""
     participant, step = standing.participant, standing.step
+    wizard = None if step.is_practice else standing.definition.wizard_of(condition.key)
+    if wizard is not None:
+        condition = conditions.without_driving(condition)
     limits, config = (
         conditions.lease_limits(condition),
         conditions.config(condition, _doors(robot), stamp=0.0, seed=seed),
@@ -382,6 +385,7 @@ def terms_of(standing: Standing, condition: Condition, robot: Robot, seed: int) 
     doors: dict[str, DoorState] = dict(config.doors)
     return Terms(
         label=spoken(step.title, participant.language),
+        driver="visitor" if wizard is None else "wizard",
         linear=limits.linear,
         angular=limits.angular,
         assist=condition.assist,

@@ -3,10 +3,12 @@
 import datetime
 from typing import Any
 
-from experiments.models import Participant
+from experiments.models import Drive, Participant
 from experiments.participation import progress
 from sessions.models import Session
 from surveys.models import Response
+
+OF_OPERATORS = "wizard_"  # how the types of a hidden operator's events begin
 
 
 def gather(user: Any) -> dict[str, Any]:
@@ -114,10 +116,23 @@ def _session(row: Session) -> dict[str, Any]:
         "stateSeconds": row.chunks.count(),
         "networkSamples": row.network_samples.count(),
         "events": [
-            {"type": e.type, "source": e.source, "stamp": e.stamp, "data": e.data}
+            {"type": e.type, "source": e.source, "stamp": e.stamp, "data": _own_part(e.data)}
             for e in row.events.order_by("received_at")
+            if not e.type.startswith(OF_OPERATORS) or _is_debriefed(row)
         ],
     }
+
+
+def _own_part(data: dict[str, Any]) -> dict[str, Any]:
+    """Leave out who operated the robot: that is the data of somebody else."""
+    return {name: value for name, value in data.items() if name != "by"}
+
+
+def _is_debriefed(row: Session) -> bool:
+    """Tell whether a participant has been told of the hidden operator, of whom they learn first
+    from the debriefing.
+    """
+    return not Drive.objects.filter(session=row, participant__completion="").exists()
 
 
 def _iso(at: datetime.datetime | None) -> str | None:

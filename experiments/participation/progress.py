@@ -50,8 +50,12 @@ def is_member(user: Any, slug: str) -> bool:
     return bool(
         user.is_authenticated
         and user.is_active
-        and (user.is_superuser or StudyMember.objects.filter(slug=slug, user=user).exists())
+        and (user.is_superuser or _researchers(slug).filter(user=user).exists())
     )
+
+
+def _researchers(slug: str) -> "QuerySet[StudyMember]":
+    return StudyMember.objects.filter(slug=slug).exclude(role=StudyMember.Role.WIZARD)
 
 
 def study_for(user: Any, slug: str) -> Study | None:

@@ -13,6 +13,7 @@ from django.urls import reverse
 from django.utils.functional import Promise
 
 from experiments.definition.opening_hours import opens_on_the_wall
+from experiments.definition.schema import StudyDefinition
 from experiments.definition.step import Step
 from experiments.models import Participant, Study
 from experiments.participation import completion, progress, questions
@@ -26,7 +27,7 @@ from experiments.participation.drive_status import (
 )
 from surveys.conditions import Circumstances
 from surveys.definition import language_for
-from surveys.documents import BadDefinitionError, spoken
+from surveys.documents import BadDefinitionError, Text, spoken
 from surveys.models import Questionnaire
 from surveys.outer_progress import OuterProgress
 from surveys.page_form import Reader, page_form_of
@@ -207,11 +208,18 @@ def show_end(
     language = progress.language_of(definition, request.LANGUAGE_CODE)
     more = {
         "text": spoken(last.end_text, language),
+        "operator": spoken(_told_of_operator(participant, definition), language),
         "may_come_again": not is_walk_through(participant)
         and participant.study.status != Study.Status.CLOSED
         and progress.is_open(participant.study, now),
     }
     return render_in_frame(request, participant, "experiments/debrief.html", more)
+
+
+def _told_of_operator(participant: Participant, definition: StudyDefinition) -> Text:
+    """Return what is told of the hidden operator, to whoever may have met one."""
+    met = not participant.conditions or any(map(definition.wizard_of, participant.conditions))
+    return definition.operator_text if met else {}
 
 
 def is_walk_through(participant: Participant) -> bool:

@@ -13,11 +13,12 @@ from sessions.models import Session
 
 # Not told: it is drawn on the map, or names a row, or is long and of no use to a reader.
 UNTOLD = frozenset(
-    {"pose", "sha256", "actionId", "id", "user", "boot", "ranges", "photo", "lastSeq"}
+    {"pose", "sha256", "actionId", "id", "user", "by", "boot", "ranges", "photo", "lastSeq"}
 )
 LONGEST = 160
 UNITS = {
     "seconds": "s",
+    "latency": "s",
     "remaining": "s",
     "minutes": "min",
     "width": "px",
@@ -35,6 +36,12 @@ PLAIN = frozenset({"name", "detail", "reason", "text", "type", "why", "outcome",
 }
 FIELDS = {
     "number": gettext_lazy("number"),
+    "step": gettext_lazy("step"),
+    "deviation": gettext_lazy("deviation:"),
+    "skipped": gettext_lazy("steps passed over"),
+    "latency": gettext_lazy("from press to robot"),
+    "aloud": gettext_lazy("read aloud"),
+    "blind": gettext_lazy("blind to the condition"),
     "place": gettext_lazy("place in the queue"),
     "count": gettext_lazy("count"),
     "way": gettext_lazy("via"),
@@ -78,6 +85,9 @@ CUES = {
     "ended": gettext_lazy("ended"),
 }
 VALUES = {
+    "out_of_order": gettext_lazy("out of order"),
+    "repeated": gettext_lazy("repeated"),
+    "late": gettext_lazy("late"),
     "keyboard": gettext_lazy("keyboard"),
     "mouse": gettext_lazy("mouse"),
     "touch": gettext_lazy("touch"),

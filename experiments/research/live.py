@@ -23,6 +23,7 @@ from robots.models import Robot
 from robots.readiness_text import in_words
 from sessions.leases import store, terms
 from sessions.models import NetworkSample, Session, SessionEvent
+from sessions.wizard import leases as wizards
 from surveys.documents import spoken
 
 RECENT = datetime.timedelta(hours=1)
@@ -285,6 +286,24 @@ def _drive(
         "network": _network(sample, now),
         "doors": fixed.doors,
         "task": _task(drive, definition, now),
+        "wizard": _wizard(session, now) if fixed.driver == "wizard" else None,
+    }
+
+
+def _wizard(session: Session, now: datetime.datetime) -> dict[str, Any]:
+    """Return whether a hidden operator is there, or was and is `lost`, and the newest step of the
+    script with its age in seconds.
+    """
+    told = SessionEvent.objects.filter(session=session, source=SessionEvent.Source.SERVER)
+    order = told.order_by("-stamp").values_list("type", "stamp", "data")
+    came = order.filter(type__in=(wizards.TOOK, wizards.LEFT, wizards.LOST)).first()
+    step = order.filter(type=wizards.STEP).first()
+    lost = came is not None and came[0] == wizards.LOST
+    return {
+        "status": "there" if wizards.operator_of(session) else "lost" if lost else "absent",
+        "step": step[2].get("step", "") if step is not None else "",
+        "deviation": step[2].get("deviation", "") if step is not None else "",
+        "age": now.timestamp() - step[1] if step is not None else None,
     }
 
 

@@ -170,7 +170,7 @@ def _write(
         clock_offset=offset,
         began_with=began_with,
         ended_with=ended_with,
-        mismatches=list(conditions.mismatches(condition, applied))
+        mismatches=list(conditions.mismatches(condition, applied, by_wizard=_is_by_wizard(drive)))
         if exposed and condition is not None
         else [],
         result=msgspec.to_builtins(engine.result) if engine is not None else {},
@@ -187,6 +187,10 @@ def _write(
         exposed=drive.exposed,
         mismatches=drive.mismatches,
     )
+
+
+def _is_by_wizard(drive: Drive) -> bool:
+    return bool(drive.assigned.get("terms", {}).get("driver") == "wizard")
 
 
 def _condition_of(drive: Drive) -> Condition | None:

@@ -42,7 +42,7 @@ Point = tuple[Metres, Metres]
 Spot = tuple[Share, Share]
 Variance = Annotated[float, Meta(ge=-1e10, le=1e10)]
 
-Role = Literal["driver", "observer", "screen"]
+Role = Literal["driver", "observer", "screen", "wizard"]
 InputMethod = Literal["keyboard", "mouse", "touch", "stick", "gamepad", "map", "script"]
 Way = Literal["datachannel", "mqtt"]
 Mode = Literal["manual", "assisted", "goto", "docking", "stopped"]
@@ -334,16 +334,16 @@ class State(Message, frozen=True, kw_only=True):
     `clearance` is the smallest distance in metres from the footprint to anything since the last
     state, `contacts` how many collisions began, `distance` the metres driven by odometry since the
     boot, or with `distance_by_position` the sum of the steps between positions, of a robot that has
-    no odometry. `visitor_silence` is the time in seconds since the driver's last heartbeat on
-    either transport. `refused` counts refusals by reason since the last state. While the assistance
-    changes what the driver requests, `assist_why` gives the reason in one word, and `assist_point`
-    the obstacle, in metres in the robot's frame. `call` is the status of the driver's sound and
-    video at the robot, absent when the driver sends neither; `screens` is the number of pages that
-    show them. `knockable`: somebody may hear a `knock` now, at a display or from the robot's own
-    loudspeaker; `knock` is the newest one of this session, for a minute. `control_network` and
-    `video_network` are present while the robot impairs the driver's network, as `config` requests.
-    `camera_status` is present while the camera is needed but delivers no video, or delivered none
-    when it was last needed; `errors` has the reason, too.
+    no odometry. `visitor_silence` is the time in seconds since the last heartbeat of the lease's
+    `peer` on either transport. `refused` counts refusals by reason since the last state. While the
+    assistance changes what the driver requests, `assist_why` gives the reason in one word, and
+    `assist_point` the obstacle, in metres in the robot's frame. `call` is the status of the
+    visitor's sound and video at the robot, absent when the visitor sends neither; `screens` is the
+    number of pages that show them. `knockable`: somebody may hear a `knock` now, at a display or
+    from the robot's own loudspeaker; `knock` is the newest one of this session, for a minute.
+    `control_network` and `video_network` are present while the robot impairs the driver's network,
+    as `config` requests. `camera_status` is present while the camera is needed but delivers no
+    video, or delivered none when it was last needed; `errors` has the reason, too.
 
     `charger_contact` states whether the charging contacts meet now, or the robot charges. `docked`
     requires more: they have met for 2 s while the robot was at a standstill (at most 0.03 m/s and
@@ -474,6 +474,7 @@ class Words(Message, frozen=True, kw_only=True):
     with `aloud`, it is to be spoken. It is not recorded.
 
     `receipts`: the robot accepts `confirm_words` for these words, and passes it on as `receipt`.
+    `who` is empty for what a hidden operator has the robot say.
     """
 
     stamp: Stamp
@@ -574,6 +575,10 @@ class Lease(Message, frozen=True, kw_only=True):
     and types of actions that the driver may use (otherwise: `not_allowed`); absent means all.
     `stop`, `estop` and `cancel` are always allowed. Lower limits apply at once, even if the lease
     was not renewed.
+
+    A lease of `kind` `wizard` belongs to a session whose visitor does not drive: only the page
+    `wizard` does, with `wizard_epoch` in its commands, and nobody while `wizard` is absent. The
+    visitor's page, `peer`, sends photos, texts, calls and knocks with the role `visitor`.
     """
 
     session: Id
@@ -589,6 +594,19 @@ class Lease(Message, frozen=True, kw_only=True):
     methods: Annotated[tuple[InputMethod, ...], Meta(max_length=16)] | None = None
     ways: Annotated[tuple[Way, ...], Meta(max_length=4)] | None = None
     actions: Annotated[tuple[Name, ...], Meta(max_length=32)] | None = None
+    kind: Literal["visitor", "wizard"] = "visitor"
+    wizard: Id | None = None
+    wizard_epoch: Count = 0
+
+    @property
+    def driver(self) -> str | None:
+        """The peer of the only page that may drive; None while nobody may."""
+        return self.peer if self.kind == "visitor" else self.wizard
+
+    @property
+    def driver_epoch(self) -> int:
+        """The epoch in the commands of that page."""
+        return self.epoch if self.kind == "visitor" else self.wizard_epoch
 
 
 class VelocityCommand(Message, frozen=True, kw_only=True):
@@ -646,7 +664,7 @@ class Action(Message, frozen=True, kw_only=True):
     stamp: Stamp
     session: Id | None = None
     epoch: Count = 0
-    role: Literal["driver", "observer", "screen", "staff", "owner", "server"] = "driver"
+    role: Literal["driver", "visitor", "observer", "screen", "staff", "owner", "server"] = "driver"
     user: Name = ""
 
 

@@ -19,12 +19,14 @@ from robots.api.errors import Rejection
 from robots.api.messages import (
     Action,
     Bye,
+    Call,
     Cancel,
     Candidate,
     ClearEStop,
     CommandHeartbeat,
     EStop,
     IceServer,
+    Knock,
     Lease,
     Message,
     Photo,
@@ -32,6 +34,7 @@ from robots.api.messages import (
     PointCommand,
     Relocalize,
     ResendStates,
+    Say,
     SdpOffer,
     Stop,
     VelocityCommand,
@@ -43,6 +46,8 @@ Standing = Literal["guest", "waiting", "driver"]
 Operator = Literal["owner", "staff"]
 # What somebody who operates the robot may ask without driving it.
 OPERATORS_OWN: tuple[type[Action], ...] = (ClearEStop, Photo, Relocalize, Cancel)
+# What a visitor may ask whose robot a hidden operator drives.
+OF_A_VISITOR: tuple[type[Action], ...] = (Photo, Say, Call, Knock)
 REPEAT_SECONDS = 1.0
 
 
@@ -172,6 +177,12 @@ class Authorization:
             and (lease.session, lease.epoch, lease.peer) == (self.session, self.epoch, self.peer)
         )
 
+    def drives(self, lease: Lease | None) -> bool:
+        """Tell whether this page may move the robot: it holds the lease, and no hidden operator
+        drives under it.
+        """
+        return lease is not None and lease.kind == "visitor" and self.holds(lease)
+
     def may_see_picture(self, lease: Lease | None) -> bool:
         """Tell whether a picture that the robot sent through the server goes to this page: one for
         each that it asked for.
@@ -188,11 +199,21 @@ class Authorization:
         suffix = ""
         try:
             suffix, payload = _split(frame)
-            return (self._effect(suffix, _decode(suffix, payload), lease, now),)
+            return (self._effect(suffix, self._decode(suffix, payload), lease, now),)
         except Rejection as rejection:
             return self.deny(suffix, rejection.reason, now)
         except FrameRefused as refused:
             return self.deny(suffix, str(refused), now)
+
+    def _decode(self, suffix: str, payload: str) -> Any:
+        """Return the message of one of the suffixes that a page may use; the Robot API has more,
+        for servers and robots.
+        """
+        return (
+            codec.decode(suffix, payload, "to_robot")
+            if suffix in topics.FROM_PAGE
+            else protocol.decode(suffix, payload)
+        )
 
     def deny(self, suffix: str, reason: str, now: float) -> tuple[Effect, ...]:
         """Count a refusal; tell the page of the same one at most once a second, and end the
@@ -213,7 +234,7 @@ class Authorization:
             case VelocityCommand():
                 return self._velocity(message, lease, now)
             case CommandHeartbeat():
-                self._check_driver(lease)
+                self._check_holder(lease)
                 return Publish(
                     suffix, msgspec.structs.replace(message, peer=self.peer), wanted=False
                 )
@@ -250,6 +271,10 @@ class Authorization:
             raise FrameRefused("rate")
 
     def _check_driver(self, lease: Lease | None) -> None:
+        if not self.drives(lease):
+            raise FrameRefused("observer" if self.watches else "not_driver")
+
+    def _check_holder(self, lease: Lease | None) -> None:
         if not self.holds(lease):
             raise FrameRefused("observer" if self.watches else "not_driver")
 
@@ -272,14 +297,14 @@ class Authorization:
         )
 
     def _point(self, suffix: str, command: PointCommand, lease: Lease | None) -> Publish:
-        self._check_driver(lease)
+        self._check_holder(lease)
         stamped = msgspec.structs.replace(
             command, role="driver", peer=self.peer, session=self.session, epoch=self.epoch
         )
         return Publish(suffix, stamped, wanted=False)
 
     def _stamp_stop(self, action: Stop | EStop, lease: Lease | None) -> Stop | EStop:
-        if self.holds(lease):
+        if self.drives(lease):
             return msgspec.structs.replace(
                 action, session=self.session, epoch=self.epoch, role="driver", user=self.who
             )
@@ -301,9 +326,15 @@ class Authorization:
             return msgspec.structs.replace(
                 action, session=None, epoch=0, role=self.operator, user=self.who
             )
-        self._check_driver(lease)
+        is_visitor = lease is not None and lease.kind == "wizard" and self.holds(lease)
+        if not (is_visitor and isinstance(action, OF_A_VISITOR)):
+            self._check_driver(lease)
         return msgspec.structs.replace(
-            action, session=self.session, epoch=self.epoch, role="driver", user=self.who
+            action,
+            session=self.session,
+            epoch=self.epoch,
+            role="visitor" if is_visitor else "driver",
+            user=self.who,
         )
 
     def _stamp_signal(self, signal: SdpOffer | Candidate | Bye, lease: Lease | None) -> Message:
@@ -343,7 +374,7 @@ class Authorization:
         A page whose commands take the data channel is none of the socket's business, nor is one
         that has stopped by itself.
         """
-        if not self.holds(lease) or now - self.velocity_at > REPEAT_SECONDS:
+        if not self.drives(lease) or now - self.velocity_at > REPEAT_SECONDS:
             return None
         return Stop(
             action_id=action_id,
@@ -367,14 +398,3 @@ def _split(frame: str | bytes) -> tuple[str, str]:
     if not newline:
         raise Rejection("malformed", "no suffix in front of the message")
     return suffix, payload
-
-
-def _decode(suffix: str, payload: str) -> Any:
-    """Return the message of one of the suffixes that a page may use; the Robot API has more, for
-    servers and robots.
-    """
-    return (
-        codec.decode(suffix, payload, "to_robot")
-        if suffix in topics.FROM_PAGE
-        else protocol.decode(suffix, payload)
-    )

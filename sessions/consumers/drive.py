@@ -270,7 +270,7 @@ class RobotConsumer(DirectConsumer):
             self._launch(self.page_session.confirm())
 
     def _relay(self, inbound: ReceivedMessage) -> None:
-        if (out := relay.for_driver(inbound)) is not None:
+        if (out := relay.for_driver(inbound, self.known.lease)) is not None:
             # What visitor and people at the robot write to each other, and where they point, is no
             # business of those who watch.
             if self.authorization.holds(self.known.lease) and self.sparing.passes(

@@ -21,7 +21,6 @@ from robots.models import Robot
 from sessions.consumers.authorization import Operator
 from sessions.leases import store as turns
 from sessions.leases import terms
-from sessions.leases.policy import Hold
 from sessions.models import Lease, Session
 
 Answer = Literal["welcome", "signed_out", "not_allowed"]
@@ -97,18 +96,23 @@ def welcome(session_key: str | None, user: User, robot: Robot) -> Welcome:
     """Tell whether a page that is already inside may stay, still signed in and still allowed, and
     what it may do.
     """
-    if session_key is None or not _signed_in(session_key, user):
+    if not is_signed_in(session_key, user):
         return Welcome("signed_out")
-    user.refresh_from_db()
     robot.refresh_from_db()
-    if not user.is_active:
-        return Welcome("signed_out")
     observes = bool(may_observe(user, robot))
     return (
         Welcome("welcome", observes, _operator(user, robot))
         if observes or may_drive(user, robot)
         else Welcome("not_allowed")
     )
+
+
+def is_signed_in(session_key: str | None, user: User) -> bool:
+    """Tell whether a page's user is still signed in, and may be."""
+    if session_key is None or not _signed_in(session_key, user):
+        return False
+    user.refresh_from_db()
+    return bool(user.is_active)
 
 
 def _signed_in(session_key: str, user: User) -> bool:
@@ -178,7 +182,7 @@ def session_status_of(
         return SessionStatus(row.state, seconds=left if left is not None and left > 0.0 else None)
     if (lease.epoch, lease.peer) != (epoch, peer):
         return SessionStatus(row.state, moved=True)
-    hold = Hold(lease.epoch, session, lease.peer)
+    hold = turns.hold_of(lease)
     who, fixed = user.shown_name, terms.of(row)
     message = turns.lease_message(
         robot,

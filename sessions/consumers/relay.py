@@ -8,7 +8,7 @@ import msgspec
 
 from robots.api import topics
 from robots.api.codec import encode_frame
-from robots.api.messages import Heartbeat, Message, Pointer
+from robots.api.messages import Heartbeat, Lease, Message, Pointer, Words
 from robots.bridge.delivery import LINK, ReceivedMessage
 from robots.bridge.known import KnownRobot
 from robots.bridge.server_watch import ROBOT
@@ -78,11 +78,16 @@ def relayed(inbound: ReceivedMessage, peer: str) -> Outgoing | None:
     return None
 
 
-def for_driver(inbound: ReceivedMessage) -> Outgoing | None:
-    """Return what a robot says to whoever drives it alone: words and what became of them, and where
-    somebody at its display points; None for all the rest.
+def for_driver(inbound: ReceivedMessage, lease: Lease | None) -> Outgoing | None:
+    """Return what a robot says to whoever has it alone: words and what became of them, and where
+    somebody at its display points; None for all the rest, and for what the robot says in the voice
+    of its own, which a hidden operator gives it.
     """
     match inbound:
+        case ReceivedMessage(message=Words(by="driver", who="")) if (
+            lease is not None and lease.kind == "wizard"
+        ):
+            return None
         case ReceivedMessage(suffix="words" | "receipt", frame=str() as frame):
             return Outgoing(frame)
         case ReceivedMessage(message=Pointer(by="screen"), frame=str() as frame):

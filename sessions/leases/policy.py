@@ -79,11 +79,15 @@ class ActiveSession:
 
 @dataclass(frozen=True)
 class Hold:
-    """The lease: its epoch, and the session and page that it names."""
+    """The lease: its epoch, and the session and page that it names; the page and epoch of the
+    hidden operator, who drives in a session of such terms.
+    """
 
     epoch: int
     session: str | None = None
     peer: str = ""
+    wizard_peer: str = ""
+    wizard_epoch: int = 0
 
 
 @dataclass(frozen=True)

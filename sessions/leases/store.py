@@ -26,6 +26,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import msgspec
 from django.conf import settings
 from django.db import IntegrityError, transaction
 
@@ -214,9 +215,16 @@ def _grant(grant: Grant, scene: Scene, asker: _Asker) -> TakeGranted | TakeRefus
     session = _join(asker) if grant.session is None else grant.session
     if session is None:
         return None
-    hold = Hold(scene.hold.epoch + 1, session, asker.peer)
+    hold = replace(scene.hold, epoch=scene.hold.epoch + 1, session=session, peer=asker.peer)
+    if not grant.returning:
+        hold = replace(hold, wizard_peer="")
     if not change_lease(
-        asker.robot, scene.hold.epoch, session=session, peer=asker.peer, now=asker.now
+        asker.robot,
+        scene.hold.epoch,
+        session=session,
+        peer=asker.peer,
+        now=asker.now,
+        wizard_stays=grant.returning,
     ):
         return None
     try:
@@ -312,7 +320,7 @@ def set_assist(session: str, level: str, *, peer: str) -> tuple[Hold, int] | Non
     renewal = lease.renewal + 1
     if not Lease.objects.filter(robot=lease.robot_id, epoch=lease.epoch).update(renewal=renewal):
         return None
-    return Hold(lease.epoch, session, lease.peer), renewal
+    return hold_of(lease), renewal
 
 
 def seen(sessions: Collection[str], now: datetime.datetime) -> set[str]:
@@ -417,12 +425,35 @@ def send_home(robot: Robot, now: datetime.datetime) -> bool:
 
 
 def change_lease(
-    robot: Robot, epoch: int, *, session: str | None, peer: str, now: datetime.datetime
+    robot: Robot,
+    epoch: int,
+    *,
+    session: str | None,
+    peer: str,
+    now: datetime.datetime,
+    wizard_stays: bool = False,
 ) -> bool:
-    """Change the lease if its epoch is still this one; the only statement that ever does."""
+    """Change the lease if its epoch is still this one; the only statement that ever does.
+
+    A hidden operator is one of a session: `wizard_stays` when the same session goes on.
+    """
     changed = Lease.objects.filter(robot=robot, epoch=epoch)
+    wizard: dict[str, Any] = {} if wizard_stays else {"wizard_peer": "", "wizard": None}
     return bool(
-        changed.update(epoch=epoch + 1, session_id=session, peer=peer, renewal=0, changed_at=now)
+        changed.update(
+            epoch=epoch + 1, session_id=session, peer=peer, renewal=0, changed_at=now, **wizard
+        )
+    )
+
+
+def hold_of(lease: Lease) -> Hold:
+    """Return what a lease's row says."""
+    return Hold(
+        lease.epoch,
+        str(lease.session_id) if lease.session_id else None,
+        lease.peer,
+        lease.wizard_peer,
+        lease.wizard_epoch,
     )
 
 
@@ -463,7 +494,7 @@ def lease_message(
         linear=_least(robot.max_linear, fixed.linear),
         angular=_least(robot.max_angular, fixed.angular),
     )
-    return m.Lease(
+    lease = m.Lease(
         session=hold.session,
         epoch=hold.epoch,
         peer=hold.peer,
@@ -476,6 +507,23 @@ def lease_message(
         methods=fixed.controllers,
         ways=None if fixed.control_way == "any" else (fixed.control_way,),
         actions=fixed.actions,
+    )
+    return lease if fixed.driver == "visitor" else _for_wizard(lease, hold)
+
+
+def _for_wizard(lease: m.Lease, hold: Hold) -> m.Lease:
+    """Return the lease of a session in which a hidden operator drives: limits and assistance hold
+    for them too, what else is fixed is the visitor's. The operator's commands come by the server
+    alone, which records them as parts of the script or as deviations.
+    """
+    return msgspec.structs.replace(
+        lease,
+        kind="wizard",
+        wizard=hold.wizard_peer or None,
+        wizard_epoch=hold.wizard_epoch,
+        methods=None,
+        ways=("mqtt",),
+        actions=None,
     )
 
 
@@ -557,8 +605,7 @@ def _scene(
     online = robot.is_online(now)
     if lease is None:
         return Scene(Hold(0), active, robot.enabled, online, pause)
-    hold = Hold(lease.epoch, str(lease.session_id) if lease.session_id else None, lease.peer)
-    return Scene(hold, active, robot.enabled, online, pause, lease.changed_at.timestamp())
+    return Scene(hold_of(lease), active, robot.enabled, online, pause, lease.changed_at.timestamp())
 
 
 def _moment(unix: float) -> datetime.datetime:

@@ -26,13 +26,15 @@ class Terms(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """What is fixed; None or empty leaves a thing as the robot and the visitor have it. Metres,
     radians, seconds.
 
-    `actions` are types of Robot API actions, `controllers` input methods. A visitor who drives and
-    then leaves has completed the session only where `leaving_completes`. A turn ends after
+    `driver` is who drives: the visitor, or a hidden operator (sessions/wizard/). `actions` are
+    types of Robot API actions, `controllers` input methods, of the visitor. One who drives and then
+    leaves has completed the session only where `leaving_completes`. A turn ends after
     `turn_seconds` if somebody waits, and with `turn_always` even if nobody does. `study` is what
     the app above wants to find again; it means nothing here.
     """
 
     label: str = ""
+    driver: Literal["visitor", "wizard"] = "visitor"
     linear: float | None = None
     angular: float | None = None
     assist: AssistLevel | None = None

@@ -25,8 +25,15 @@ from sessions import protocol, signals, system_log
 from sessions.disk_full import is_disk_full
 from sessions.leases import expiry, store, terms
 from sessions.leases.absences import WebAbsences
-from sessions.leases.policy import Hold, Scene, minutes_until_turn
-from sessions.leases.store import LIVE, lease_message, load_scene, load_scenes, rules_of
+from sessions.leases.policy import Scene, minutes_until_turn
+from sessions.leases.store import (
+    LIVE,
+    hold_of,
+    lease_message,
+    load_scene,
+    load_scenes,
+    rules_of,
+)
 from sessions.leases.transitions import (
     ANSWER_SECONDS,
     Act,
@@ -302,7 +309,7 @@ class Scheduler:
         if renewal is None:
             return
         self._leases[lease.robot.name] = (lease.epoch, now.timestamp() - early)
-        hold = Hold(lease.epoch, str(lease.session_id), lease.peer)
+        hold = hold_of(lease)
         session = lease.session
         assert session is not None
         fixed, who = terms.of(session), session.visitor.shown_name

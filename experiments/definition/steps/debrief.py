@@ -8,12 +8,16 @@ from surveys.documents import Text
 
 
 class Debrief(Step, frozen=True, kw_only=True, tag="debrief"):
-    """Thanks, and what the study was about."""
+    """Thanks, and what the study was about.
+
+    `operator` tells that a person drove the robot, in a study with a hidden operator.
+    """
 
     may_repeat: ClassVar[bool] = False
     is_end: ClassVar[bool] = True
 
     text: Text
+    operator: Text = {}
 
     @property
     def end_text(self) -> Text:

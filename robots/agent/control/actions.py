@@ -34,6 +34,7 @@ from robots.api.messages import (
     Dock,
     EStop,
     Knock,
+    Lease,
     Mode,
     Photo,
     Receipt,
@@ -247,11 +248,12 @@ class Actions:
         if sender.way == "mqtt":
             return action
         lease = self._kernel.leases.live(self._times.now())
-        drives = role_of(action, sender, lease) == "driver"
+        role = role_of(action, sender, lease)
+        is_known = lease is not None and role in {"driver", "visitor"}
         return msgspec.structs.replace(
             action,
-            role="driver" if drives else "observer",
-            user=lease.who if lease and drives else "",
+            role=role if is_known else "observer",
+            user=lease.who if lease is not None and is_known else "",
         )
 
     # --- stop -------------------------------------------------------------------------------------
@@ -452,7 +454,7 @@ class Actions:
             action_id=action.action_id,
             session=lease.session,
             by="screen" if here else "driver",
-            who=action.user if here else lease.who,
+            who=action.user if here else _voice_of(action, lease),
             text=action.text,
             language=action.language,
             aloud=action.aloud and not here,
@@ -535,3 +537,8 @@ def kind_of(action: Action) -> str:
 
 def _mode_of(action: Action) -> Mode:
     return "docking" if isinstance(action, Dock | Undock) else "goto"
+
+
+def _voice_of(action: Say, lease: Lease) -> str:
+    """Return who says a line: the visitor, or the robot itself for a hidden operator."""
+    return "" if lease.kind == "wizard" and action.role == "driver" else lease.who

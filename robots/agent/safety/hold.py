@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 from robots.api.messages import Way
 
+LeaseGrant = tuple[str | int, ...]  # what tells one driver's lease from the next one's
 QUIET_RELEASES = 1.0  # s without a velocity other than zero
 # s between two heartbeats, which come five times a second, from which something may have been lost
 HEARTBEAT_GAP = 0.5
@@ -17,13 +18,13 @@ HEARTBEAT_GAP = 0.5
 
 @dataclass
 class DriveHold:
-    """One stop that waits. `grant` is the session and epoch of the lease under which it came, `way`
+    """One stop that waits. `grant` is that of the lease under which it came, `way`
     the transport of the driver's velocities.
 
     All times are monotonic, in seconds.
     """
 
-    grant: tuple[str, int] | None
+    grant: LeaseGrant | None
     way: Way | None
     since: float
     last_received_at: float = field(init=False)
@@ -31,7 +32,7 @@ class DriveHold:
     def __post_init__(self) -> None:
         self.last_received_at = self.since
 
-    def is_released_with(self, grant: tuple[str, int]) -> bool:
+    def is_released_with(self, grant: LeaseGrant | None) -> bool:
         """Take a newly granted lease, and tell whether it is that of another driver: then nobody
         holds a key any more.
         """

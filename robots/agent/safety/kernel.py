@@ -42,12 +42,12 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from robots.agent.ramp import ZERO, Caps, assist_speed, caps, check_times, no_faster, ramp
-from robots.agent.safety.clock_sync import PeerClocks
+from robots.agent.safety.clock_sync import PeerClock, PeerClocks
 from robots.agent.safety.contacts import Contacts, Side
 from robots.agent.safety.estop_latch import BUTTON, EStopLatch, stricter
 from robots.agent.safety.estop_latch import refusal as latch_refusal
 from robots.agent.safety.freshness import judge
-from robots.agent.safety.hold import DriveHold
+from robots.agent.safety.hold import DriveHold, LeaseGrant
 from robots.agent.safety.lease import LeaseKeeper, Remembered
 from robots.agent.safety.permissions import (
     MOVING,
@@ -189,6 +189,7 @@ class Kernel:
     stop_seq: int | None = None
     stop_id: str | None = None
     driver_heard: float | None = None
+    visitor_heard: float | None = None
 
     def __post_init__(self) -> None:
         check_times(self.watchdog, self.limits)
@@ -234,11 +235,13 @@ class Kernel:
                 None,
                 None,
             )
+            if before is None or after is None or before.peer != after.peer:
+                self.visitor_heard = None
             self._yields = self._yields or self._restless
             if (
                 self._hold is not None
                 and after is not None
-                and self._hold.is_released_with((after.session, after.epoch))
+                and self._hold.is_released_with(_grant(after))
             ):
                 self._hold = None
             if after is not None and not self._knew_driver:
@@ -256,6 +259,8 @@ class Kernel:
         """
         lease = self.leases.live(now)
         if lease is not None and lease.peer == peer:
+            self.visitor_heard = now
+        if lease is not None and lease.driver == peer:
             self.driver_heard = now
             if self._hold is not None and self._hold.is_released_by(way, now):
                 self._hold = None
@@ -285,7 +290,7 @@ class Kernel:
         grant = command.session, command.epoch
         if command.seq <= self._floors.get(grant, -1):
             return self._refuse("old_seq")
-        fresh = judge(command, lease, self.limits, self.clocks.of(lease.peer), now=now, unix=unix)
+        fresh = judge(command, lease, self.limits, self._clock_of_driver(lease), now=now, unix=unix)
         if fresh.reason:
             return self._refuse(fresh.reason, fresh.age)
         self._raise_floor(grant, command.seq)
@@ -398,10 +403,12 @@ class Kernel:
         return self._hold is not None
 
     def visitor_silence(self, now: float) -> float | None:
-        """Return how many seconds ago the driver was heard, None without a live lease."""
+        """Return how many seconds ago the visitor was heard, who drives unless a wizard does; None
+        without a live lease.
+        """
         return (
-            now - self.driver_heard
-            if self.driver_heard is not None and self.leases.live(now)
+            now - self.visitor_heard
+            if self.visitor_heard is not None and self.leases.live(now)
             else None
         )
 
@@ -557,6 +564,9 @@ class Kernel:
             return "stopped"
         return None if self.leases.live(now) else "no_lease"
 
+    def _clock_of_driver(self, lease: Lease) -> PeerClock | None:
+        return self.clocks.of(lease.driver) if lease.driver is not None else None
+
     def _why_not(
         self, action: Action, sender: CommandSender, *, now: float, unix: float
     ) -> str | None:
@@ -711,5 +721,5 @@ def _moves(measured: Velocity) -> bool:
     )
 
 
-def _grant(lease: Lease | None) -> tuple[str, int] | None:
-    return (lease.session, lease.epoch) if lease else None
+def _grant(lease: Lease | None) -> LeaseGrant | None:
+    return (lease.session, lease.epoch, lease.wizard_epoch) if lease else None

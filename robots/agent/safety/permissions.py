@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from robots.agent.safety.clock_sync import SERVER_PEER, PeerClocks
 from robots.api.messages import (
+    UNCONDITIONAL,
     Action,
     AnswerCall,
     Call,
@@ -18,6 +19,7 @@ from robots.api.messages import (
     Dock,
     Follow,
     Goto,
+    Knock,
     Lease,
     Photo,
     PointCommand,
@@ -51,6 +53,8 @@ NEVER_THE_DRIVER: tuple[type[Action], ...] = (
     AnswerCall,
     ConfirmWords,
 )
+# What a visitor asks for whose robot a hidden operator drives: nothing that moves it.
+OF_A_VISITOR: tuple[type[Action], ...] = (Photo, Say, Call, Knock)
 MOTION: tuple[type[Action], ...] = (Goto, Follow, Dock, Undock)
 MOVING: tuple[type[Action], ...] = (*MOTION, Tilt)
 # What a lease that limits actions never keeps a driver from, beside stop and e-stop.
@@ -90,8 +94,10 @@ def role_of(action: Action | PointCommand, sender: CommandSender, lease: Lease |
     """
     if sender.way == "mqtt":
         return action.role
-    if lease is not None and sender.peer == lease.peer:
+    if lease is not None and sender.peer == lease.driver:
         return "driver"
+    if lease is not None and sender.peer == lease.peer and isinstance(action, Action):
+        return "observer" if isinstance(action, UNCONDITIONAL) else "visitor"
     return "screen" if sender.role == "screen" else "observer"
 
 
@@ -101,11 +107,11 @@ def mismatch(
     """Return why a driver's message does not belong to the live lease, or None when it does."""
     if lease is None:
         return "no_lease"
-    if sender.way == "datachannel" and sender.peer != lease.peer:
+    if lease.driver is None or (sender.way == "datachannel" and sender.peer != lease.driver):
         return "observer"
     if session != lease.session:
         return "wrong_session"
-    return "wrong_epoch" if epoch != lease.epoch else None
+    return "wrong_epoch" if epoch != lease.driver_epoch else None
 
 
 def forbidden(
@@ -148,9 +154,22 @@ def refusal(
             and forbidden(lease, sender, action=action)
         ):
             reason = "not_allowed"
+    elif role == "visitor":
+        reason = _visitors_refusal(action, lease)
     else:
         reason = None if role in WITHOUT_LEASE.get(kind, ()) else "role"
     return reason or ("unsupported" if kind in NEEDS and NEEDS[kind] not in capabilities else None)
+
+
+def _visitors_refusal(action: Action, lease: Lease | None) -> str | None:
+    """Return why whoever has the session, and does not drive, may not have this action."""
+    if lease is None:
+        return "no_lease"
+    if lease.kind == "visitor" or not isinstance(action, OF_A_VISITOR):
+        return "role"
+    if action.session != lease.session:
+        return "wrong_session"
+    return "wrong_epoch" if action.epoch != lease.epoch else None
 
 
 def staleness(
@@ -164,13 +183,15 @@ def staleness(
 ) -> str | None:
     """Return why an action is not of this moment, or None.
 
-    A driver's stamp is judged by the driver's clock; everybody else's by the server's, or ours
-    before the server was heard.
+    The stamp of a driver or visitor is judged by their own clock; everybody else's by the server's,
+    or ours before the server was heard.
     """
     if sender.retained:
         return "retained"
-    if role_of(action, sender, lease) == "driver":
-        clock = clocks.of(lease.peer) if lease else None
+    role = role_of(action, sender, lease)
+    if role in {"driver", "visitor"}:
+        peer = None if lease is None else lease.driver if role == "driver" else lease.peer
+        clock = clocks.of(peer) if peer is not None else None
         if clock is None:
             return "clock_unknown"
         age = clock.age(action.stamp, now)

@@ -62,6 +62,8 @@ class Connections:
         self._count = itertools.count()
         self._viewers: dict[str, Viewer] = {}
         self._screens: set[str] = set()
+        # hidden operators, who are told of the robot by the server alone, and count for nobody
+        self._wizards: set[str] = set()
         self._flooded: dict[str, float] = {}  # pages that were sent away for it: refused until
         self._tasks: set[asyncio.Task[None]] = set()
         self._closing = False
@@ -90,11 +92,11 @@ class Connections:
         return not self._viewers
 
     def connected(self) -> frozenset[str]:
-        """Return the pages that are connected, displays left out."""
+        """Return the pages that are connected, displays and hidden operators left out."""
         return frozenset(
             peer
             for peer, viewer in list(self._viewers.items())
-            if viewer.is_connected and peer not in self._screens
+            if viewer.is_connected and peer not in self._screens | self._wizards
         )
 
     @property
@@ -156,6 +158,7 @@ class Connections:
             self.newest_screen = source
         self._changed()
         (self._screens.add if is_screen else self._screens.discard)(peer)
+        (self._wizards.add if offer.role == "wizard" else self._wizards.discard)(peer)
         self._keep(self._answer(peer, viewer, offer)).add_done_callback(
             lambda task: self._answered(task, peer, viewer)
         )
@@ -219,6 +222,7 @@ class Connections:
         """Close a page's connection and tell it why, or nothing when it said goodbye itself."""
         viewer = self._viewers.pop(peer)
         self._screens.discard(peer)
+        self._wizards.discard(peer)
         self._registry.leave(peer)
         log.info("peer_ended", peer=peer, reason=reason or "bye", **viewer.statistics())
         if reason is not None:
@@ -239,9 +243,12 @@ class Connections:
     # --- what they are sent -----------------------------------------------------------------------
 
     def send(self, suffix: str, frame: str) -> None:
-        """Send a frame to every page that is connected."""
-        for viewer in self._viewers.values():
-            viewer.send(suffix, frame)
+        """Send a frame to every page that is connected, except to hidden operators: a state tells
+        the condition of a study.
+        """
+        for peer, viewer in self._viewers.items():
+            if peer not in self._wizards:
+                viewer.send(suffix, frame)
 
     def send_heartbeat(self, suffix: str, heartbeat: Heartbeat) -> None:
         """Send each page its own echoes alone: a peer id is a secret between its page, the server

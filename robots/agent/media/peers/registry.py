@@ -44,9 +44,9 @@ class PeerRegistry:
         """Decide about an offer of `peer` and note it when it is let in; an offer of a connected
         peer replaces its old one.
 
-        When all places are taken the offer of the driver, or of a screen, which is the robot's own,
-        sends away the observer who came last; for a driver a screen goes after the observers, and
-        an earlier driver last of all.
+        When all places are taken the offer of the driver, of a hidden operator, or of a screen,
+        which is the robot's own, sends away the observer who came last; for a driver a screen goes
+        after the observers, and an earlier driver last of all.
         """
         others = [other for other in self._offered if other != peer]
         leaves = None
@@ -57,7 +57,7 @@ class PeerRegistry:
             makes_room = (
                 role == "driver"
                 or peer == self._driver
-                or (role == "screen" and self.role(leaves) != "driver")
+                or (role in {"screen", "wizard"} and self.role(leaves) in {"screen", "observer"})
             )
             if not makes_room:
                 return PeerAdmission(admitted=False)
@@ -108,7 +108,7 @@ class PeerRegistry:
         self._drove.pop(peer, None)
 
 
-_EXPENDABLE: dict[Role, int] = {"driver": 0, "screen": 1, "observer": 2}
+_EXPENDABLE: dict[Role, int] = {"driver": 0, "wizard": 1, "screen": 2, "observer": 3}
 
 
 class HeldCandidates:

@@ -43,6 +43,17 @@ export const driverOf = (drive, words) => {
 };
 
 /** @param {any} drive or null @param {Words} words @returns {string} */
+export const wizardOf = (drive, words) => {
+  const wizard = drive?.wizard;
+  if (!wizard) {
+    return NONE;
+  }
+  const deviation = wizard.deviation ? words.say(`wizard_${wizard.deviation}`) : "";
+  const step = wizard.step ? words.say("wizard_step", { step: wizard.step, s: lasted(wizard.age) }) : "";
+  return [words.say(`wizard_${wizard.status}`), step, deviation].filter(Boolean).join(" · ");
+};
+
+/** @param {any} drive or null @param {Words} words @returns {string} */
 export const taskOf = (drive, words) => {
   const task = drive?.task;
   if (!task) {

@@ -6,7 +6,7 @@ import { readWords } from "../../lib/words.js";
 import { drawGround, drawStops } from "../../study/course.js";
 import { RobotMap } from "../../view/map/robot_map.js";
 import { courseOf, trailOf } from "./course.js";
-import { batteryOf, doorStates, doorsOf, driverOf, lasted, networkOf, queueOf, stateOf, taskOf, timeOf } from "./labels.js";
+import { batteryOf, doorStates, doorsOf, driverOf, lasted, networkOf, queueOf, stateOf, taskOf, timeOf, wizardOf } from "./labels.js";
 
 const PERIOD_MS = 2000;
 const PATIENCE_MS = 5000;
@@ -81,6 +81,8 @@ const showRobot = (robot, drive, queue) => {
   say(parts.state, stateOf(robot, drive, words));
   say(parts.driver, driverOf(drive, words));
   say(parts.task, taskOf(drive, words));
+  say(parts.wizard, wizardOf(drive, words));
+  parts.wizard.parentElement.hidden = !drive?.wizard;
   say(parts.remaining, lasted(drive?.task?.remaining));
   say(parts.speed, drive?.speed === null || drive?.speed === undefined ? "–" : `${drive.speed.toFixed(2)} m/s`);
   say(parts.network, networkOf(drive?.network, words));

@@ -19,6 +19,7 @@ from experiments.tasks.progress import EventType, ProgressEvent
 from robots.api import messages
 from sessions import protocol
 from sessions.leases import transitions
+from sessions.wizard import leases as wizard_leases
 from tests.support.filled import Filler, as_stored, kinds
 from tests.support.paths import ROOT
 from tests.support.sources import python_files, text_of
@@ -29,7 +30,7 @@ DECIDE = (
     "`withheld` (or KEPT_BACK for a whole kind) keeps it back"
 )
 GRANTED = 1_777_885_200.25
-RELEASE = Release(Pseudonyms("5e" * 32), Selection(), frozenset({"hall"}))
+RELEASE = Release(Pseudonyms("5e" * 32), Selection(), frozenset({"hall"}), frozenset({"hello"}))
 PHOTO = "0b6c1a52-52f0-4d5c-9f3e-1f0f9d0c7a11"
 
 
@@ -38,7 +39,7 @@ def names(kind: type) -> set[str]:
 
 
 def leaves(source: str, kind: str, data: dict, *, offset: float = 0.0, **choice) -> dict | None:
-    release = Release(RELEASE.names, Selection(**choice), RELEASE.doors)
+    release = Release(RELEASE.names, Selection(**choice), RELEASE.doors, RELEASE.steps)
     return released(source, kind, data, release, Origin(GRANTED, offset))
 
 
@@ -272,3 +273,25 @@ def test_an_identified_dataset_has_everything():
 def test_why_a_session_ended_leaves_when_it_is_a_known_word():
     assert allow_list.end_reason("visitor_silent", RELEASE) == "visitor_silent"
     assert allow_list.end_reason("zoe", RELEASE) == ""
+
+
+def test_what_a_hidden_operator_did_leaves_with_a_pseudonym_and_without_what_was_said():
+    told = {"step": "hello", "id": "a1", "deviation": "late", "skipped": 0, "by": "9f2c"}
+    assert set(wizard_kinds()) <= set(EVENTS["server"])
+    left = leaves("server", "wizard_step", told)
+    assert (left["step"], left["deviation"], left["skipped"]) == ("hello", "late", 0)
+    assert left["by"] == RELEASE.names.thing("9f2c")
+    assert leaves("server", "wizard_step", {"step": "Ada Lovelace", "by": "9f2c"}).keys() == {"by"}
+    line = {"text": "I know you, Ada", "by": "9f2c"}
+    assert leaves("server", "wizard_line", line).keys() == {"by"}
+    assert leaves("server", "wizard_line", line, free_text=True)["text"] == line["text"]
+    assert leaves("server", "wizard_reached", {"latency": 0.031})["latency"] == 0.031
+
+
+def wizard_kinds() -> set[str]:
+    """Return the types of events that sessions/wizard/leases.py names."""
+    return {
+        value
+        for name, value in vars(wizard_leases).items()
+        if name.isupper() and isinstance(value, str) and value.startswith("wizard_")
+    }

@@ -75,3 +75,34 @@ def test_a_drive_whose_architecture_is_killed_ends_standing_is_said_and_goes_on_
         rig.act(m.Stop(action_id="stop-1", stamp=time.time()))
         rig.wait(lambda: motion() == 0.0)
     assert not rca.errors
+
+
+@pytest.mark.parametrize(
+    "name", ["rosbridge", *(pytest.param(one, marks=pytest.mark.soak) for one in ("ros1", "ros2"))]
+)
+def test_the_script_of_a_hidden_operator_moves_a_robot_that_runs_ros_and_the_visitor_does_not(
+    name, tmp_path, monkeypatch, patient_adapters
+):
+    monkeypatch.setenv("CYCLONEDDS_URI", LOOPBACK)
+    lease = {"kind": "wizard", "wizard": "w1", "wizard_epoch": 4, "ways": ("mqtt",)}
+    with RIGS[name](tmp_path) as rca, agent(rca, tmp_path) as rig:
+        motion = lambda: rca.world.sim.motion.linear
+        refused = lambda reason: sum(s.refused.get(reason, 0) for s in rig.link.all("state"))
+        rig.lease(**lease)
+        rig.wait(lambda: rig.kernel.leases.live(rig.now()) is not None)
+        for peer in ("p1", "w1"):
+            rig.know_clock(peer)
+        rig.push(0.0, way="mqtt", epoch=4)
+        rig.wait(lambda: not rig.kernel.held)
+        for way in ("datachannel", "mqtt"):
+            rig.push(0.25, way=way, epoch=1)  # the visitor's
+        rig.wait(lambda: refused("observer") and refused("wrong_epoch"))
+        assert motion() == 0.0
+        script = {"method": "script", "epoch": 4, "way": "mqtt"}
+        rig.drive(0.25, until=lambda: motion() > 0.15, within=10.0, **script)
+        rig.lease(renewal=1, **{**lease, "wizard": None, "wizard_epoch": 5})  # the page is gone
+        rig.wait(lambda: motion() == 0.0)
+        rig.push(0.25, **script)
+        rig.wait(lambda: refused("observer") > 1)
+        assert motion() == 0.0
+    assert not rca.errors

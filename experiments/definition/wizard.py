@@ -1,0 +1,166 @@
+"""The hidden operator of a study ("Wizard of Oz", Kelley 1984; Riek 2012): the script by which
+somebody drives and speaks for the robot, while the participant believes that it acts by itself.
+
+Each step of the script either says a line or makes one move. Metres, radians, m/s, rad/s, seconds.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Annotated, Literal
+
+from msgspec import Meta
+
+from robots.api.floorplan import Key as PlanKey
+from robots.api.messages import Capability
+from surveys.documents import DocumentPart, Key, Text, duplicates
+
+MOST_DRIVE_SECONDS = 10.0
+# These drive by hand on the operator's page.
+DRIVING_KEYS = frozenset("wasd")
+# A line is sent to the robot's screen with at most as many characters (robots.api.messages.Say).
+LONGEST_LINE = 500
+
+Shortcut = Annotated[str, Meta(pattern=r"^[0-9a-z]?$")]
+
+
+class PlaceMove(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag="place"):
+    """The robot goes to a named place of the site by itself."""
+
+    name: PlanKey
+
+
+class DockMove(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag="dock"):
+    """The robot returns to its charging station."""
+
+
+class UndockMove(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag="undock"):
+    """The robot leaves its charging station."""
+
+
+class TiltMove(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag="tilt"):
+    """The robot tilts its head; positive looks down."""
+
+    angle: Annotated[float, Meta(ge=-1.6, le=1.6)]
+
+
+class TurnMove(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag="turn"):
+    """The robot turns on the spot; positive is counter-clockwise. Without an angle it turns
+    around.
+    """
+
+    angle: Annotated[float, Meta(ge=-3.15, le=3.15)] = 3.14
+
+
+class DriveMove(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag="drive"):
+    """The robot drives at a velocity for some seconds, within the limits of robot and condition."""
+
+    linear: Annotated[float, Meta(ge=-2.0, le=2.0)] = 0.0
+    angular: Annotated[float, Meta(ge=-3.0, le=3.0)] = 0.0
+    seconds: Annotated[float, Meta(gt=0.0, le=MOST_DRIVE_SECONDS)]
+
+
+Move = PlaceMove | DockMove | UndockMove | TiltMove | TurnMove | DriveMove
+NEEDS: Mapping[type, Capability] = {
+    PlaceMove: "goto",
+    DockMove: "dock",
+    UndockMove: "undock",
+    TiltMove: "tilt",
+    TurnMove: "velocity",
+    DriveMove: "velocity",
+}
+
+
+class WizardStep(DocumentPart, frozen=True, kw_only=True):
+    """One button of the operator's page: a `line` that the robot says, aloud or only on its screen,
+    or a `move`.
+
+    `shortcut` is its key. Pressed more than `within` seconds after the step before it, or after the
+    beginning of the session, it is recorded as late.
+    """
+
+    key: Key
+    title: Text
+    shortcut: Shortcut = ""
+    line: Text = {}
+    aloud: bool = True
+    move: Move | None = None
+    within: Annotated[float, Meta(gt=0.0, le=3600.0)] | None = None
+
+
+class WizardStage(DocumentPart, frozen=True, kw_only=True):
+    """A part of the script, shown under its title."""
+
+    key: Key
+    title: Text
+    steps: Annotated[tuple[WizardStep, ...], Meta(max_length=60)] = ()
+
+
+class Wizard(DocumentPart, frozen=True, kw_only=True):
+    """Who drives is not the participant but a hidden operator.
+
+    `conditions` are those in which it is so; empty: all. With `blind` the operator is never told
+    the condition. `participant_view` shows the operator the cue on the participant's page. With
+    `by_hand` the operator may also drive with the keys. `order` is whether the steps are meant to
+    be done as they are written (`stages`) or as the operator sees fit (`free`).
+    """
+
+    conditions: tuple[Key, ...] = ()
+    blind: bool = False
+    participant_view: bool = False
+    by_hand: bool = True
+    order: Literal["stages", "free"] = "stages"
+    stages: Annotated[tuple[WizardStage, ...], Meta(max_length=20)] = ()
+
+    def drives_in(self, condition: str) -> bool:
+        """Tell whether the operator drives in a condition."""
+        return not self.conditions or condition in self.conditions
+
+    @property
+    def steps(self) -> tuple[WizardStep, ...]:
+        """All steps, in their order."""
+        return tuple(step for stage in self.stages for step in stage.steps)
+
+
+def problems(
+    wizard: Wizard, conditions: Sequence[str], languages: Sequence[str], *, told: bool
+) -> Iterator[str]:
+    """Yield what is wrong with a script; `told` is whether the debriefing tells of the operator."""
+    if not told:
+        yield (
+            "The debriefing must tell participants that an operator drove the robot: add a debrief"
+            " step with an `operator` text."
+        )
+    for key in wizard.conditions:
+        if key not in conditions:
+            yield f"Wizard: there is no condition {key}."
+    if not wizard.steps and not wizard.by_hand:
+        yield "Wizard: the operator has no step and may not drive by hand: add a step."
+    yield from duplicates("stage of the wizard", (stage.key for stage in wizard.stages))
+    yield from duplicates("step of the wizard", (step.key for step in wizard.steps))
+    keys = (step.shortcut for step in wizard.steps if step.shortcut)
+    yield from duplicates("key of the wizard", keys)
+    for step in wizard.steps:
+        for problem in _of_step(step, languages):
+            yield f"Wizard step {step.key}: {problem}"
+
+
+def _of_step(step: WizardStep, languages: Sequence[str]) -> Iterator[str]:
+    if bool(step.line) == (step.move is not None):
+        yield "it needs either a line or a move."
+    if step.shortcut in DRIVING_KEYS:
+        yield f"the key {step.shortcut} drives the robot; choose another one."
+    if step.line and any(len(step.line.get(one, "")) > LONGEST_LINE for one in languages):
+        yield f"the line is longer than {LONGEST_LINE} characters."
+    if isinstance(step.move, DriveMove) and not (step.move.linear or step.move.angular):
+        yield "the robot would drive at no speed."
+
+
+def obstacles(
+    wizard: Wizard, places: frozenset[str], capabilities: frozenset[str]
+) -> Iterator[str]:
+    """Yield what a robot and its site cannot do of a script."""
+    for step in wizard.steps:
+        if isinstance(step.move, PlaceMove) and step.move.name not in places:
+            yield f"the wizard's step {step.key} goes to {step.move.name}, which is no place there."
+        need: Capability = "say" if step.move is None else NEEDS[type(step.move)]
+        if need not in capabilities:
+            yield f"the robot cannot do the wizard's step {step.key} ({need})."

@@ -1,0 +1,1 @@
+"""Hidden operators of studies: who they are, their script, their page."""

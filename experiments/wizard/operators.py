@@ -1,0 +1,83 @@
+"""Who operates which session of a study: the provider of sessions/wizard/operators.py."""
+
+from django.utils.translation import get_language
+
+from accounts.models import User
+from experiments.access import may_operate_as_wizard, role_of
+from experiments.definition.schema import StudyDefinition
+from experiments.models import Drive, Participant, Study, StudyMember
+from experiments.participation.grants import is_for
+from experiments.participation.robot_eligibility import is_shown
+from experiments.wizard.script import script_of
+from robots.models import Robot
+from sessions.models import Session
+from sessions.wizard.operators import OperatedSession
+from surveys.documents import spoken
+
+
+class StudyOperators:
+    """Hidden operators by their role in a study."""
+
+    def may_operate(self, user: User, robot: Robot) -> bool:
+        """Tell whether somebody operates any study that uses a robot."""
+        return any(robot in robots_of(study.as_definition()) for study in _studies_of(user))
+
+    def operated(self, user: User, session: Session) -> OperatedSession | None:
+        """Return what an operator is told of the session of a drive."""
+        drive = (
+            Drive.objects.filter(session=session, participant__status=Participant.Status.ACTIVE)
+            .select_related("participant__study")
+            .first()
+        )
+        if drive is None or not may_operate_as_wizard(user, drive.participant.study.slug):
+            return None
+        definition = drive.participant.study.as_definition()
+        wizard = definition.wizard_of(drive.condition)
+        if wizard is None:
+            return None
+        blind = wizard.blind and is_kept_blind(user, definition.slug)
+        language = get_language() or definition.languages[0]
+        return OperatedSession(
+            participant=drive.participant.code,
+            condition="" if wizard.blind else _condition_title(definition, drive, language),
+            is_blind=blind,
+            script=script_of(wizard, shown_in=language, spoken_in=drive.participant.language),
+        )
+
+
+def is_kept_blind(user: User, slug: str) -> bool:
+    """Tell whether somebody has no other way to the conditions of a study's drives: who runs a
+    study may look them up.
+    """
+    return role_of(user, slug) == "wizard"
+
+
+def _condition_title(definition: StudyDefinition, drive: Drive, language: str) -> str:
+    condition = definition.condition(drive.condition)
+    return spoken(condition.title, language) if condition is not None else ""
+
+
+def _studies_of(user: User) -> list[Study]:
+    """Return the versions with a hidden operator of the studies that somebody may operate."""
+    rows = Study.objects.all()
+    if not user.is_superuser:
+        members = StudyMember.objects.filter(user=user).exclude(role=StudyMember.Role.VIEWER)
+        rows = rows.filter(slug__in=list(members.values_list("slug", flat=True)))
+    return [study for study in rows if study.as_definition().wizard is not None]
+
+
+def robots_of(definition: StudyDefinition) -> list[Robot]:
+    """Return the robots that a study is driven with by a hidden operator."""
+    rows = (
+        Robot.objects.filter(practice=False, enabled=True)
+        .select_related("floor_plan")
+        .defer("floor_plan__image")
+        .order_by("title")
+    )
+    operated = [one for one in definition.conditions if definition.wizard_of(one.key) is not None]
+    return [
+        robot
+        for robot in rows
+        if any(is_for(condition, robot) for condition in operated)
+        and is_shown(robot, definition.slug)
+    ]

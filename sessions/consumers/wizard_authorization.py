@@ -1,0 +1,127 @@
+"""What the page of a hidden operator may say: the rules of that page's connection, without a
+socket, a broker or a database.
+
+The page drives only while the lease names it as the wizard of its session, and only in the way of
+the script: by hand where the study allows it, else with the velocities of a step that was begun. It
+stops the robot at any time, like everybody.
+"""
+
+from typing import Any
+
+import msgspec
+
+from robots.api import codec, topics
+from robots.api.messages import (
+    Bye,
+    Cancel,
+    Candidate,
+    CommandHeartbeat,
+    EStop,
+    IceServer,
+    Lease,
+    SdpOffer,
+    Stop,
+    VelocityCommand,
+)
+from sessions.consumers.authorization import (
+    Authorization,
+    Effect,
+    FrameRefused,
+    Halt,
+    Publish,
+    Verb,
+)
+from sessions.wizard import protocol
+
+SCRIPT = "script"  # the input method of a step
+
+
+class WizardAuthorization(Authorization):
+    """The place of an operator's page in a robot's room.
+
+    Args:
+        peer: the id that the server made for this connection.
+        ice_servers: what the robot is to use for its side of a connection with this page.
+    """
+
+    def __init__(self, peer: str, ice_servers: tuple[IceServer, ...] = ()) -> None:
+        super().__init__(peer, "", None, ice_servers)
+        self.watches = True
+        self.by_hand = False
+        self.script_until = float("-inf")
+
+    def operate(self, session: str, epoch: int, *, by_hand: bool) -> None:
+        """The page was given the wheel of a session."""
+        self.session, self.epoch, self.by_hand = session, epoch, by_hand
+        self.velocity_seq, self.script_until = 0, float("-inf")
+
+    def let_go(self) -> None:
+        """The page operates nothing any more."""
+        self.session, self.epoch, self.by_hand = None, 0, False
+
+    def holds(self, _lease: Lease | None) -> bool:
+        """The lease's session is never the operator's."""
+        return False
+
+    def drives(self, lease: Lease | None) -> bool:
+        """Tell whether the lease names this page as the one that drives."""
+        return (
+            lease is not None
+            and lease.kind == "wizard"
+            and (lease.session, lease.wizard, lease.wizard_epoch)
+            == (self.session, self.peer, self.epoch)
+        )
+
+    def _decode(self, suffix: str, payload: str) -> Any:
+        return (
+            codec.decode(suffix, payload, "to_robot")
+            if suffix in topics.FROM_PAGE
+            else protocol.decode(suffix, payload)
+        )
+
+    def _effect(self, suffix: str, message: Any, lease: Lease | None, now: float) -> Effect:
+        self._check_rate(message, now)
+        match message:
+            case VelocityCommand():
+                self._check_method(message, now)
+                return self._velocity(message, lease, now)
+            case CommandHeartbeat():
+                self._check_driver(lease)
+                beat = msgspec.structs.replace(message, peer=self.peer)
+                return Publish(suffix, beat, wanted=False)
+            case Stop() | EStop():
+                return Halt(self._stamp_stop(message, lease))
+            case Cancel():
+                return Publish(suffix, self._stamp_action(message, lease))
+            case SdpOffer():
+                offer = SdpOffer(sdp=message.sdp, role="wizard", ice_servers=self.ice_servers)
+                return Publish(f"signal/{self.peer}", offer)
+            case Candidate() | Bye():
+                return Publish(f"signal/{self.peer}", message)
+        if type(message) in protocol.TO_SERVER.values():
+            return Verb(message)
+        raise FrameRefused("not_allowed")
+
+    def _check_method(self, command: VelocityCommand, now: float) -> None:
+        """A velocity that moves the robot is of a step that was begun, or of a hand."""
+        moves = command.linear != 0.0 or command.angular != 0.0
+        is_script = command.method == SCRIPT
+        if moves and not (now < self.script_until if is_script else self.by_hand):
+            raise FrameRefused("not_allowed")
+
+    def last_stop(self, action_id: str, stamp: float, lease: Lease | None) -> Stop | None:
+        """Return the stop to send when the page is gone; None when it does not drive."""
+        if not self.drives(lease):
+            return None
+        stop = Stop(action_id=action_id, stamp=stamp, seq=self.velocity_seq)
+        stamped = self._stamp_stop(stop, lease)
+        assert isinstance(stamped, Stop)
+        return stamped
+
+    def stamped(self, action: Any, lease: Lease | None) -> Any:
+        """Return an action of the script as the robot takes it.
+
+        Raises:
+            FrameRefused: this page does not drive.
+        """
+        return self._stamp_action(action, lease)

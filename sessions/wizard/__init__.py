@@ -1,0 +1,1 @@
+"""The hidden operator of a session: script, lease, record."""

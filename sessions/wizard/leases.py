@@ -1,0 +1,141 @@
+"""The operator's part of a lease, carried out in the database: taken, released, and recorded.
+
+The visitor holds the lease; these change who drives under it. As there (sessions/leases/store.py),
+correctness rests on comparing and setting: the operator changes only where lease and operator are
+still those that were read, and every change has a new epoch, so that commands of the page before
+are void.
+"""
+
+import datetime
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from django.db.models import F
+
+from accounts.models import User
+from robots.api import messages as m
+from robots.models import Robot
+from sessions.leases import terms
+from sessions.leases.store import LIVE, hold_of, lease_message
+from sessions.models import Lease, Session, SessionEvent
+
+Refusal = Literal["occupied", "ended", "refused"]
+ATTEMPTS = 20
+STEP, LINE, BY_HAND, REACHED = "wizard_step", "wizard_line", "wizard_by_hand", "wizard_reached"
+TOOK, LEFT, LOST = "wizard_took", "wizard_left", "wizard_lost"
+
+
+@dataclass(frozen=True)
+class Operation:
+    """A session that a page operates: the lease that says so."""
+
+    lease: m.Lease
+
+    @property
+    def epoch(self) -> int:
+        """The epoch of the page's commands."""
+        return self.lease.wizard_epoch
+
+
+def session_at(robot: Robot) -> Session | None:
+    """Return the session that holds a robot, if a hidden operator is to drive in it."""
+    lease = (
+        Lease.objects.filter(robot=robot, session__state__in=LIVE)
+        .exclude(session__state=Session.State.WAITING)
+        .select_related("session__visitor")
+        .first()
+    )
+    session = lease.session if lease is not None else None
+    return session if session is not None and terms.of(session).driver == "wizard" else None
+
+
+def operator_of(session: Session) -> str:
+    """Return the peer of the page that operates a session; empty while none does."""
+    peer = Lease.objects.filter(session=session).values_list("wizard_peer", flat=True).first()
+    return peer or ""
+
+
+def take(
+    session: str, user: User, peer: str, now: datetime.datetime, *, takeover: bool = False
+) -> Operation | Refusal:
+    """Let a page drive in a session, from whoever may operate it (sessions/wizard/operators.py).
+
+    Another user who operates it is sent away by a `takeover` alone; of one user the newest page
+    operates.
+    """
+    for _ in range(ATTEMPTS):
+        lease = _lease_of(session)
+        if lease is None or lease.session is None:
+            return "ended"
+        if terms.of(lease.session).driver != "wizard":
+            return "refused"
+        if lease.wizard_peer and lease.wizard_id != user.pk and not takeover:
+            return "occupied"
+        if _change(lease, peer, user):
+            return Operation(_message(session, now))
+    return "ended"
+
+
+def release(session: str, peer: str, now: datetime.datetime) -> m.Lease | None:
+    """Let nobody drive in a session that this page operates; None when it does not."""
+    lease = _lease_of(session)
+    if lease is None or lease.wizard_peer != peer or not _change(lease, "", None):
+        return None
+    return _message(session, now)
+
+
+def _lease_of(session: str) -> Lease | None:
+    living = Lease.objects.filter(session_id=session, session__state__in=LIVE)
+    return living.select_related("robot", "session__visitor").first()
+
+
+def _change(lease: Lease, peer: str, user: User | None) -> bool:
+    """Change the operator if lease and operator are still those; the only statement that does."""
+    unchanged = Lease.objects.filter(
+        robot=lease.robot_id, epoch=lease.epoch, wizard_epoch=lease.wizard_epoch
+    )
+    changed = unchanged.update(
+        wizard_peer=peer,
+        wizard=user,
+        wizard_epoch=lease.wizard_epoch + 1,
+        renewal=F("renewal") + 1,
+    )
+    return bool(changed)
+
+
+def _message(session: str, now: datetime.datetime) -> m.Lease:
+    lease = Lease.objects.select_related("robot", "session__visitor").get(session_id=session)
+    row = lease.session
+    assert row is not None
+    return lease_message(
+        lease.robot,
+        row.visitor.shown_name,
+        hold_of(lease),
+        renewal=lease.renewal,
+        stamp=now.timestamp(),
+        assist=row.assist,
+        fixed=terms.of(row),
+    )
+
+
+def note(session: str, kind: str, user: User, now: datetime.datetime, **data: Any) -> None:
+    """Write into the record of a session what its operator did; `by` is the operator's key, which
+    datasets have as a pseudonym.
+    """
+    stamp = now.timestamp()
+    SessionEvent.objects.create(
+        session_id=session,
+        source=SessionEvent.Source.SERVER,
+        type=kind,
+        stamp=stamp,
+        received_at=stamp,
+        data={**data, "by": str(user.pk)},
+    )
+
+
+def steps_done(session: str) -> list[tuple[float, str]]:
+    """Return (Unix seconds, key) of the steps that were begun in a session, in their order."""
+    rows = SessionEvent.objects.filter(
+        session=session, source=SessionEvent.Source.SERVER, type=STEP
+    ).order_by("stamp")
+    return [(stamp, str(data.get("step", ""))) for stamp, data in rows.values_list("stamp", "data")]

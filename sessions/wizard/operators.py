@@ -1,0 +1,57 @@
+"""Who may operate which session unseen, and by which script: what an app above this one answers.
+
+This app knows no studies; one that does registers a provider, as for terms
+(sessions/leases/terms.py).
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from sessions.wizard.script import Script
+
+if TYPE_CHECKING:
+    from accounts.models import User
+    from robots.models import Robot
+    from sessions.models import Session
+
+
+@dataclass(frozen=True)
+class OperatedSession:
+    """What an operator is told of a session. `condition` is empty for one who is blind to it."""
+
+    participant: str
+    condition: str
+    is_blind: bool
+    script: Script
+
+
+class OperatorProvider(Protocol):
+    """What an app above this one answers; both are called with the ORM at hand."""
+
+    def may_operate(self, user: "User", robot: "Robot") -> bool:
+        """Tell whether a user is an operator of any study that uses this robot."""
+
+    def operated(self, user: "User", session: "Session") -> OperatedSession | None:
+        """Return what an operator is told of a session; None when it is not theirs."""
+
+
+_providers: list[OperatorProvider] = []
+
+
+def register(provider: OperatorProvider) -> None:
+    """Have a provider asked from now on; registering twice does nothing."""
+    if provider not in _providers:
+        _providers.append(provider)
+
+
+def may_operate(user: "User", robot: "Robot") -> bool:
+    """Tell whether a user may open the operator's page of a robot."""
+    return bool(user.is_active) and any(
+        provider.may_operate(user, robot) for provider in _providers
+    )
+
+
+def operated(user: "User", session: "Session") -> OperatedSession | None:
+    """Return what an operator is told of a session; None when it is not theirs."""
+    found = (provider.operated(user, session) for provider in _providers)
+    return next((one for one in found if one is not None), None)

@@ -1,0 +1,91 @@
+/**
+ * The connections of a hidden operator's page: the WebSocket, over which all commands go, and the robot's video and sound. A change of
+ * either stops what the hand does; the server and the robot stop the robot by themselves.
+ */
+
+import { unixNow } from "../../lib/clock.js";
+import { freshId } from "../../lib/ids.js";
+import { ClockSync } from "../../protocol/clock_sync.js";
+import { CommandStream } from "../../protocol/command_stream.js";
+import { Link, isSupported } from "../../protocol/link.js";
+import { Peer } from "../../protocol/peer.js";
+import { Rejection, encodePacket } from "../../protocol/robot_api.js";
+import { Socket } from "../../protocol/socket.js";
+import { TransportRouter } from "../../protocol/transport_router.js";
+import { readPacket } from "./packets.js";
+
+/**
+ * @param {object} options
+ * @param {string} options.url
+ * @param {import("../../view/video/viewport.js").Viewport} options.viewport
+ * @param {import("../../view/video/capture_stamp.js").ShownFrame} options.shown
+ * @param {(suffix: string, message: any) => void} options.onMessage
+ * @param {(open: boolean, code: number) => void} options.onSocket
+ */
+export const createConnection = ({ url, viewport, shown, onMessage, onSocket }) => {
+  const clockSync = new ClockSync();
+  const commands = new CommandStream({ freshId: () => freshId("stop-") });
+  const told = { peer: /** @type {string | null} */ (null), iceServers: [], attempt: 0 };
+
+  /** @param {unknown} packet @param {import("../../protocol/clock_sync.js").Transport} transport */
+  const receive = (packet, transport) => {
+    try {
+      const { suffix, message } = readPacket(packet);
+      take(suffix, message, transport);
+    } catch (error) {
+      if (!(error instanceof Rejection)) {
+        throw error;
+      }
+    }
+  };
+
+  /** @param {string} suffix @param {any} message @param {import("../../protocol/clock_sync.js").Transport} transport */
+  const take = (suffix, message, transport) => {
+    const now = unixNow();
+    if (transport === "datachannel") {
+      link.heard(now);
+    }
+    if (suffix === "heartbeat") {
+      clockSync.heard(transport, message, told.peer, now);
+    } else if (suffix === "media") {
+      shown.told(message);
+    } else if (suffix === "signal/reply") {
+      void link.signal(message);
+    } else if (transport === "mqtt") {
+      if (suffix === "wizard/hello") {
+        Object.assign(told, { peer: message.peer, iceServers: message.iceServers, attempt: 0 });
+        openVideo();
+      }
+      onMessage(suffix, message);
+    }
+  };
+
+  const socket = new Socket({
+    url: new URL(url, location.href.replace(/^http/, "ws")).href,
+    onPacket: (packet) => receive(packet, "mqtt"),
+    onOpen: () => onSocket(true, 0),
+    onLost: (code) => onSocket(false, code),
+  });
+  const link = new Link({
+    makePeer: (role) =>
+      new Peer({ role, onSignal: (message) => socket.send(encodePacket("signal", message)), onPacket: (packet) => receive(packet, "datachannel") }),
+    onDropping: () => viewport.freeze(),
+    onOpening: (peer) => {
+      shown.reset();
+      clockSync.reset("datachannel");
+      viewport.attach(peer.video, peer.audio);
+    },
+    onLive: () => (told.attempt = 0),
+    onLost: () => openVideo(),
+  });
+  const router = new TransportRouter({ socket, link, clockSync, commands });
+  router.only = "mqtt";
+
+  const openVideo = () => {
+    if (isSupported()) {
+      link.open("observer", told.iceServers, told.attempt++);
+    }
+  };
+
+  return { socket, link, router, commands, clockSync, send: (/** @type {string} */ suffix, /** @type {object} */ message) => socket.send(encodePacket(suffix, message)) };
+};

@@ -1,0 +1,60 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { Hand } from "../../../static/js/pages/wizard/hand.js";
+import { begin, turned, velocityOf } from "../../../static/js/pages/wizard/moves.js";
+import { readPacket } from "../../../static/js/pages/wizard/packets.js";
+import { Rejection } from "../../../static/js/protocol/robot_api.js";
+
+const LIMITS = { linear: 0.5, reverse: 0.25, angular: 1 };
+
+test("a drive lasts as long as the step says and no longer", () => {
+  const move = begin({ drive: { linear: 0.2, angular: -0.1, seconds: 2 }, turn: null }, 10);
+  assert.deepEqual(velocityOf(move, 11.99, LIMITS), { linear: 0.2, angular: -0.1 });
+  assert.equal(velocityOf(move, 12, LIMITS), null);
+});
+
+test("a turn around goes by the robot's own heading, also across the back, and ends", () => {
+  const dt = 0.05;
+  for (const angle of [3.14, -3.14, 1, -0.4]) {
+    let move = begin({ drive: null, turn: angle }, 0);
+    let heading = 2;
+    let now = 0;
+    move = turned(move, heading);
+    for (let velocity = velocityOf(move, now, LIMITS); velocity; velocity = velocityOf(move, now, LIMITS)) {
+      assert.ok(Math.abs(velocity.angular) <= LIMITS.angular);
+      heading += velocity.angular * dt;
+      now += dt;
+      move = turned(move, Math.atan2(Math.sin(heading), Math.cos(heading)));
+    }
+    assert.ok(Math.abs(heading - 2 - angle) < 0.1, `${angle}: ${heading - 2}`);
+  }
+});
+
+test("a turn of which the robot tells nothing ends by its time", () => {
+  const move = begin({ drive: null, turn: 1 }, 0);
+  assert.ok(velocityOf(move, 24, LIMITS));
+  assert.equal(velocityOf(move, 26, LIMITS), null);
+});
+
+test("what is held is a velocity, and letting go is none", () => {
+  let changes = 0;
+  const hand = new Hand({ onChange: () => (changes += 1) });
+  hand.press("back", "keyboard");
+  hand.press("left", "touch");
+  assert.deepEqual(hand.velocity(LIMITS), { linear: -0.15, angular: 0.6, method: "touch" });
+  hand.letGo();
+  hand.letGo();
+  assert.equal(hand.velocity(LIMITS).angular, 0);
+  assert.equal(changes, 3);
+  assert.equal(Hand.directionOf("KeyW"), "forward");
+  assert.equal(Hand.directionOf("Digit1"), null);
+});
+
+test("a packet of the server has its defaults, and one of nobody is refused", () => {
+  const { message } = readPacket('wizard/session\n{"session": "s", "script": {"stages": [{"key": "a", "title": "A", "steps": [{"key": "b", "title": "B", "drive": {"seconds": 2}}]}]}}');
+  assert.deepEqual(message.script.stages[0].steps[0].drive, { linear: 0, angular: 0, seconds: 2 });
+  assert.equal(message.script.byHand, true);
+  assert.equal(message.operator, "");
+  assert.throws(() => readPacket("wizard/other\n{}"), Rejection);
+});
