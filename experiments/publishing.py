@@ -7,7 +7,7 @@ questionnaires at hand, and never changes again.
 """
 
 import datetime
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import msgspec
@@ -27,6 +27,7 @@ from robots.api import floorplan
 from robots.models import FloorPlan, Robot
 from sessions.interfaces import INTERFACES
 from surveys import questionnaires
+from surveys.definition import Definition as QuestionnaireDefinition
 from surveys.documents import BadDefinitionError
 from surveys.models import Questionnaire as QuestionnaireRow
 
@@ -214,6 +215,7 @@ def obstacles_here(definition: StudyDefinition) -> list[str]:
         *obstacles(definition, known_here(), unreachable),
         *_elsewhere(definition),
         *_unknown_metrics(definition),
+        *_attention_checks(definition),
     ]
 
 
@@ -228,6 +230,33 @@ def _unknown_metrics(definition: StudyDefinition) -> Iterator[str]:
         for measure in one.measures:
             if "." not in measure and measure not in known:
                 yield f"Analysis {one.key}: there is no metric {measure}."
+
+
+def _attention_checks(definition: StudyDefinition) -> Iterator[str]:
+    """Yield the attention checks that nobody could pass, or that an export would not have."""
+    asked = {(step.questionnaire, step.version) for step in definition.asking}
+    for check in definition.plan.attention_checks if definition.plan is not None else ():
+        where = f"Plan: attention check {check.questionnaire}.{check.item}"
+        for one in _questionnaires(
+            version for version in asked if version[0] == check.questionnaire
+        ):
+            item = next((it.item for it in one.questions() if it.key == check.item), None)
+            options = {str(value) for value, _ in item.labelled_values} if item is not None else ()
+            if item is None:
+                yield f"{where}: the questionnaire has no such item."
+            elif item.is_free_text:
+                yield f"{where}: a free text has no right answer."
+            elif options and check.answer not in options:
+                yield f"{where}: its answers are {', '.join(sorted(options))}."
+
+
+def _questionnaires(versions: Iterable[tuple[str, int]]) -> Iterator[QuestionnaireDefinition]:
+    shipped = {(one.slug, one.version): one for one in questionnaires.shipped().values()}
+    for slug, version in sorted(versions):
+        row = QuestionnaireRow.objects.filter(slug=slug, version=version).first()
+        found = row.as_definition() if row is not None else shipped.get((slug, version))
+        if found is not None:
+            yield found
 
 
 def known_here() -> Known:

@@ -21,6 +21,7 @@ from msgspec import Meta
 
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.design import Design, Factor, Levels
+from experiments.definition.plan import StudyPlan
 from experiments.definition.step import AskingStep, DriveStep, Step, Version
 from experiments.definition.steps import KINDS
 from experiments.definition.steps.consent import Consent
@@ -223,7 +224,9 @@ class Analysis(DocumentPart, frozen=True, kw_only=True):
 
 
 class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
-    """A whole study."""
+    """A whole study. `recruitment` says how participants are found, `compensation` what they get;
+    researchers write and read both.
+    """
 
     format: Literal[1]
     slug: Slug
@@ -232,6 +235,8 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     intro: Text = {}
     source: str = ""
     licence: str = ""
+    recruitment: str = ""
+    compensation: str = ""
     languages: tuple[Language, ...]
     steps: Annotated[tuple[AnyStep, ...], Meta(max_length=60)]
     factors: Annotated[tuple[Factor, ...], Meta(max_length=4)] = ()
@@ -243,6 +248,7 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     quality: Quality = Quality()
     analysis: Analysis = Analysis()
     analyses: Annotated[tuple[DeclaredAnalysis, ...], Meta(max_length=40)] = ()
+    plan: StudyPlan | None = None
 
     def condition(self, key: str) -> Condition | None:
         """Return the condition with a key."""
