@@ -77,11 +77,11 @@ def _profiles(sums: _BatchSums, ratios: Floats) -> tuple[Floats, Floats, Floats,
     xx = sums.xx - (weights @ outer).reshape(-1, size, size)
     xy = sums.xy - (weights * sums.outcomes) @ sums.columns
     yy = sums.yy - (weights * sums.outcomes**2).sum(axis=1)
-    estimates = np.linalg.solve(xx, xy[:, :, None])[:, :, 0]
+    estimates = np.asarray(np.linalg.solve(xx, xy[:, :, None])[:, :, 0], dtype=np.float64)
     freedom = sums.observations - size
     residual = np.maximum(yy - (estimates * xy).sum(axis=1), 0.0) / freedom
     spread = np.log1p(ratios[:, None] * sums.counts).sum(axis=1)
-    deviance = spread + np.linalg.slogdet(xx)[1] + freedom * np.log(residual)
+    deviance: Floats = spread + np.linalg.slogdet(xx)[1] + freedom * np.log(residual)
     return deviance, estimates, xx, residual
 
 
