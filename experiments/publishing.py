@@ -17,6 +17,7 @@ from django.db.models import Max, Model
 
 from accounts import audit
 from experiments.definition.feasibility import Known, RobotFacts, obstacles
+from experiments.definition.plan import AttentionCheck
 from experiments.definition.problems import name_problems, problems
 from experiments.definition.reachability import unreachable
 from experiments.definition.schema import StudyDefinition, digest
@@ -234,20 +235,28 @@ def _unknown_metrics(definition: StudyDefinition) -> Iterator[str]:
 
 def _attention_checks(definition: StudyDefinition) -> Iterator[str]:
     """Yield the attention checks that nobody could pass, or that an export would not have."""
-    asked = {(step.questionnaire, step.version) for step in definition.asking}
     for check in definition.plan.attention_checks if definition.plan is not None else ():
-        where = f"Plan: attention check {check.questionnaire}.{check.item}"
-        for one in _questionnaires(
-            version for version in asked if version[0] == check.questionnaire
-        ):
-            item = next((it.item for it in one.questions() if it.key == check.item), None)
-            options = {str(value) for value, _ in item.labelled_values} if item is not None else ()
-            if item is None:
-                yield f"{where}: the questionnaire has no such item."
-            elif item.is_free_text:
-                yield f"{where}: a free text has no right answer."
-            elif options and check.answer not in options:
-                yield f"{where}: its answers are {', '.join(sorted(options))}."
+        asked = {
+            (step.questionnaire, step.version)
+            for step in definition.asking
+            if step.questionnaire == check.questionnaire
+        }
+        for one in _questionnaires(asked):
+            told = _of_check(one, check)
+            if told:
+                yield f"Plan: attention check {check.questionnaire}.{check.item}: {told}"
+
+
+def _of_check(asked: QuestionnaireDefinition, check: AttentionCheck) -> str:
+    question = next((one for one in asked.questions() if one.key == check.item), None)
+    if question is None:
+        return "the questionnaire has no such item."
+    if question.item.is_free_text:
+        return "a free text has no right answer."
+    options = {str(value) for value, _ in question.labelled_values}
+    if options and check.answer not in options and not question.item.takes_several:
+        return f"its answers are {', '.join(sorted(options))}."
+    return ""
 
 
 def _questionnaires(versions: Iterable[tuple[str, int]]) -> Iterator[QuestionnaireDefinition]:

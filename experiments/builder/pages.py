@@ -96,7 +96,8 @@ class BuilderPlace:
     def put(self, whole: Document, part: Document) -> Document:
         """Return a study with this part of it replaced."""
         if self.section == PLAN:
-            return {**whole, PLAN: part or None}
+            said = {key: value for key, value in part.items() if value not in ([], "", None)}
+            return {**whole, PLAN: said or None}
         if self.index is None:
             kept = {key: value for key, value in whole.items() if key not in self.only}
             changed = {**kept, **part}

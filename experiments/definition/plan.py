@@ -117,6 +117,11 @@ def own_texts(plan: StudyPlan) -> Iterator[str]:
     yield from (one.answer for one in plan.attention_checks)
 
 
+def is_confirmatory(study: "StudyDefinition") -> bool:
+    """Tell whether a study has hypotheses, so that some of its tests are confirmatory."""
+    return study.plan is not None and bool(study.plan.hypotheses)
+
+
 def measures_of(hypothesis: Hypothesis, analysis: DeclaredAnalysis) -> tuple[Measure, ...]:
     """Return the measures of an analysis that a hypothesis is about."""
     return hypothesis.measures or analysis.measures

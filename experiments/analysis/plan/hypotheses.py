@@ -12,10 +12,11 @@ from experiments.analysis.statistics.comparisons import holm
 from experiments.analysis.tables.declared import PLANNED, name_of
 from experiments.analysis.tables.table import Table, TableCell, number, probability, words
 from experiments.definition.analyses import DeclaredAnalysis
-from experiments.definition.plan import Hypothesis, StudyPlan, measures_of
+from experiments.definition.plan import Hypothesis, StudyPlan, is_confirmatory, measures_of
 from experiments.definition.schema import StudyDefinition
 
 NO_PLAN = "No plan was declared: everything here is exploratory."
+NO_HYPOTHESIS = "The plan has no hypothesis: everything here is exploratory."
 NOT_PLANNED = "Exploratory: the plan of the study does not have this."
 PRECISION = (
     "p (family): corrected by Holm's method for the tests of the family; without a family, for"
@@ -48,8 +49,9 @@ def hypotheses_table(dataset: Dataset, tables: Sequence[Table]) -> Table:
     """Return each hypothesis with its tests, from the tables of the declared analyses."""
     plan = dataset.study.plan
     title = "Hypotheses of the plan."
-    if plan is None:
-        return Table("hypotheses", title, (PLANNED,), ((words(NO_PLAN),),))
+    if plan is None or not plan.hypotheses:
+        said = NO_PLAN if plan is None else NO_HYPOTHESIS
+        return Table("hypotheses", title, (PLANNED,), ((words(said),),))
     tests = list(_tests(dataset.study, plan, {table.name: table for table in tables}))
     corrected = family_corrected(plan, tests)
     rows = tuple(_row(plan, one, p) for one, p in zip(tests, corrected, strict=True))
@@ -156,10 +158,10 @@ def _value(cell: TableCell) -> float:
 
 def status_of(study: StudyDefinition, measures: Sequence[str]) -> str:
     """Return what is said of results on some measures: the hypotheses about them, or that they are
-    exploratory; nothing in a study without a plan, which says so once.
+    exploratory; nothing in a study without hypotheses, which says so once.
     """
     plan = study.plan
-    if plan is None:
+    if plan is None or not plan.hypotheses:
         return ""
     analyses = {one.key: one for one in study.analyses}
     keys = [
@@ -175,7 +177,7 @@ def marked_table(study: StudyDefinition, table: Table) -> Table:
     """Return a table with tests that the plan does not have marked as exploratory; the declared
     ones say it row by row.
     """
-    if study.plan is None or PLANNED in table.head or "p" not in table.head:
+    if not is_confirmatory(study) or PLANNED in table.head or "p" not in table.head:
         return table
     if table.name.startswith("analysis-") or table.name == "hypotheses":
         return table
@@ -185,7 +187,7 @@ def marked_table(study: StudyDefinition, table: Table) -> Table:
 def marked_figure(study: StudyDefinition, figure: Drawing) -> Drawing:
     """Return a figure of answers with the hypotheses that it belongs to, or as exploratory."""
     questionnaire = _questionnaire_of(study, figure.name)
-    if study.plan is None or not questionnaire:
+    if not is_confirmatory(study) or not questionnaire:
         return figure
     declared = {measure for one in study.analyses for measure in one.measures}
     shown = [one for one in declared if one.partition(".")[0] == questionnaire and "." in one]

@@ -41,11 +41,16 @@ from experiments.analysis.tables.scored_responses import coded, mean_scores
 from experiments.analysis.tables.table import Table, TableCell, count, number, probability, words
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.factors import conditions_together
-from experiments.definition.plan import EXPLORATORY, Hypothesis, deciding_hypotheses
+from experiments.definition.plan import (
+    EXPLORATORY,
+    Hypothesis,
+    deciding_hypotheses,
+    is_confirmatory,
+)
 from surveys.scoring import ScoredScale, measured_scale
 
 Row = tuple[TableCell, ...]
-PLANNED = "Plan"  # the column that names the hypotheses of a row; only in a study with a plan
+PLANNED = "Plan"  # the column that names the hypotheses of a row; only in a study with hypotheses
 SIDES = ("first", "second")
 FITTED = (
     "Linear mixed model with an intercept for each participant, by REML; Wald F and t tests with"
@@ -117,9 +122,9 @@ def planned(
     contrast: int | None = None,
     effect: str = "",
 ) -> Row:
-    """Return the cell that names the hypotheses of a test; none in a study without a plan."""
+    """Return the cell that names the hypotheses of a test; none in a study without hypotheses."""
     study = data.dataset.study
-    if study.plan is None:
+    if not is_confirmatory(study):
         return ()
     found = deciding_hypotheses(study, one, measure, contrast=contrast, effect=effect)
     return (words(_named(found, is_post_hoc=contrast is not None and not one.contrasts)),)
@@ -133,7 +138,7 @@ def _named(found: Sequence[Hypothesis], *, is_post_hoc: bool) -> str:
 
 
 def _plan_head(data: Data) -> tuple[str, ...]:
-    return () if data.dataset.study.plan is None else (PLANNED,)
+    return (PLANNED,) if is_confirmatory(data.dataset.study) else ()
 
 
 # --- contrasts, and several conditions ------------------------------------------------------------

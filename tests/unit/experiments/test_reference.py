@@ -4,7 +4,7 @@ from typing import get_args
 
 import msgspec
 
-from experiments.definition import analyses, design, schema
+from experiments.definition import analyses, design, plan, schema
 from experiments.definition.cues import CueKey
 from experiments.definition.steps import KINDS
 from experiments.tasks.progress import EventType
@@ -20,6 +20,7 @@ PARTS = [
         schema,
         analyses,
         design,
+        plan,
         *(sys.modules[kind.__module__] for kind in KINDS.values()),
     )
     for part in vars(module).values()
