@@ -119,7 +119,7 @@ LABELS: dict[str, Words] = {
     "power": _("Wanted power (0-1)"),
     "expected": _("Expected effects"),
     "measure": _("Measure"),
-    "condition": pgettext_lazy("of a study", "Condition"),
+    "condition": _("Condition"),
     "difference": _("Difference from the first condition"),
     "sd": _("Standard deviation"),
     "correlation": _("Correlation within participants (0-1)"),
