@@ -9,16 +9,13 @@ All texts are the researchers' own, in one language: participants never see them
 """
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from msgspec import Meta
 
 from experiments.definition.analyses import DeclaredAnalysis, Measure
 from robots.api.messages import Positive
 from surveys.documents import DocumentPart, Key, Slug
-
-if TYPE_CHECKING:
-    from experiments.definition.schema import StudyDefinition
 
 Direction = Literal["different", "greater", "less"]
 Proportion = Annotated[float, Meta(gt=0.0, lt=1.0)]
@@ -117,9 +114,9 @@ def own_texts(plan: StudyPlan) -> Iterator[str]:
     yield from (one.answer for one in plan.attention_checks)
 
 
-def is_confirmatory(study: "StudyDefinition") -> bool:
-    """Tell whether a study has hypotheses, so that some of its tests are confirmatory."""
-    return study.plan is not None and bool(study.plan.hypotheses)
+def is_confirmatory(plan: StudyPlan | None) -> bool:
+    """Tell whether a plan has hypotheses, so that some tests of its study are confirmatory."""
+    return plan is not None and bool(plan.hypotheses)
 
 
 def measures_of(hypothesis: Hypothesis, analysis: DeclaredAnalysis) -> tuple[Measure, ...]:
@@ -127,15 +124,14 @@ def measures_of(hypothesis: Hypothesis, analysis: DeclaredAnalysis) -> tuple[Mea
     return hypothesis.measures or analysis.measures
 
 
-def hypotheses_of(study: "StudyDefinition", analysis: DeclaredAnalysis) -> tuple[Hypothesis, ...]:
-    """Return the hypotheses that an analysis tests."""
-    plan = study.plan
+def hypotheses_of(plan: StudyPlan | None, analysis: DeclaredAnalysis) -> tuple[Hypothesis, ...]:
+    """Return the hypotheses of a plan that an analysis tests."""
     known = plan.hypotheses if plan is not None else ()
     return tuple(one for one in known if one.analysis == analysis.key)
 
 
 def deciding_hypotheses(
-    study: "StudyDefinition",
+    plan: StudyPlan | None,
     analysis: DeclaredAnalysis,
     measure: str,
     *,
@@ -145,15 +141,15 @@ def deciding_hypotheses(
     """Return the hypotheses that one test of an analysis decides on.
 
     Args:
-        study: the study.
-        analysis: one of its declared analyses.
+        plan: of the study, if there is one.
+        analysis: one of the study's declared analyses.
         measure: what is tested.
         contrast: the number of the contrast, from 1; None for a test of all conditions at once.
         effect: of a mixed model.
     """
     return tuple(
         one
-        for one in hypotheses_of(study, analysis)
+        for one in hypotheses_of(plan, analysis)
         if measure in measures_of(one, analysis)
         and one.contrast in {None, contrast}
         and one.effect in {"", effect}

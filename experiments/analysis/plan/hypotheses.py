@@ -177,7 +177,7 @@ def marked_table(study: StudyDefinition, table: Table) -> Table:
     """Return a table with tests that the plan does not have marked as exploratory; the declared
     ones say it row by row.
     """
-    if not is_confirmatory(study) or PLANNED in table.head or "p" not in table.head:
+    if not is_confirmatory(study.plan) or PLANNED in table.head or "p" not in table.head:
         return table
     if table.name.startswith("analysis-") or table.name == "hypotheses":
         return table
@@ -187,7 +187,7 @@ def marked_table(study: StudyDefinition, table: Table) -> Table:
 def marked_figure(study: StudyDefinition, figure: Drawing) -> Drawing:
     """Return a figure of answers with the hypotheses that it belongs to, or as exploratory."""
     questionnaire = _questionnaire_of(study, figure.name)
-    if not is_confirmatory(study) or not questionnaire:
+    if not is_confirmatory(study.plan) or not questionnaire:
         return figure
     declared = {measure for one in study.analyses for measure in one.measures}
     shown = [one for one in declared if one.partition(".")[0] == questionnaire and "." in one]

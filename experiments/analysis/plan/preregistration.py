@@ -289,7 +289,7 @@ def rule_in_words(rule: AttentionCheck | Speeder) -> str:
 
 
 def _exploratory(study: StudyDefinition) -> Iterator[str]:
-    others = [one.key for one in study.analyses if not hypotheses_of(study, one)]
+    others = [one.key for one in study.analyses if not hypotheses_of(study.plan, one)]
     yield "Every test that no hypothesis names is exploratory, and is marked so in the report."
     if others:
         yield f"Declared without a hypothesis: {', '.join(f'`{key}`' for key in others)}."

@@ -203,7 +203,7 @@ def _deviations(dataset: Dataset, found: Sequence[PlanExclusion]) -> Iterator[Li
         yield section, "plan frozen before data", before_data(freeze)
         yield from _planned_number(dataset, found)
         others = [
-            one.key for one in dataset.study.analyses if not hypotheses_of(dataset.study, one)
+            one.key for one in dataset.study.analyses if not hypotheses_of(dataset.study.plan, one)
         ]
         if others:
             yield section, "analyses without a hypothesis (exploratory)", ", ".join(others)

@@ -186,7 +186,7 @@ def _named(
     contrast: int | None = None,
     effect: str = "",
 ) -> SimulatedTest:
-    found = deciding_hypotheses(study, analysis, measure, contrast=contrast, effect=effect)
+    found = deciding_hypotheses(study.plan, analysis, measure, contrast=contrast, effect=effect)
     keys = tuple(one.key for one in found)
     families = study.plan.families if study.plan is not None else ()
     own = next((one.key for one in families if set(one.hypotheses) & set(keys)), None)

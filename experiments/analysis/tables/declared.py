@@ -124,9 +124,9 @@ def planned(
 ) -> Row:
     """Return the cell that names the hypotheses of a test; none in a study without hypotheses."""
     study = data.dataset.study
-    if not is_confirmatory(study):
+    if not is_confirmatory(study.plan):
         return ()
-    found = deciding_hypotheses(study, one, measure, contrast=contrast, effect=effect)
+    found = deciding_hypotheses(study.plan, one, measure, contrast=contrast, effect=effect)
     return (words(_named(found, is_post_hoc=contrast is not None and not one.contrasts)),)
 
 
@@ -138,7 +138,7 @@ def _named(found: Sequence[Hypothesis], *, is_post_hoc: bool) -> str:
 
 
 def _plan_head(data: Data) -> tuple[str, ...]:
-    return (PLANNED,) if is_confirmatory(data.dataset.study) else ()
+    return (PLANNED,) if is_confirmatory(data.dataset.study.plan) else ()
 
 
 # --- contrasts, and several conditions ------------------------------------------------------------

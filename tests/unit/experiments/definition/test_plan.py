@@ -104,10 +104,10 @@ def test_a_test_decides_on_the_hypotheses_that_name_it():
         with_hypotheses(hypothesis(), hypothesis(key="h2", measures=[], contrast=1))
     )
     keys = lambda measure: [
-        one.key for one in deciding_hypotheses(study, study.analyses[0], measure, contrast=1)
+        one.key for one in deciding_hypotheses(study.plan, study.analyses[0], measure, contrast=1)
     ]
     assert (keys("task_time"), keys("stops")) == (["h1", "h2"], ["h2"])
-    assert deciding_hypotheses(study, study.analyses[1], "experience.q1", contrast=1) == ()
+    assert deciding_hypotheses(study.plan, study.analyses[1], "experience.q1", contrast=1) == ()
 
 
 def test_everything_in_a_plan_may_be_left_out():
