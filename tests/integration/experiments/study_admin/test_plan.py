@@ -3,6 +3,7 @@
 import datetime
 
 import pytest
+from django.core.management import CommandError, call_command
 from django.urls import reverse
 
 from accounts.models import AuditEntry
@@ -97,3 +98,14 @@ def test_the_power_is_simulated_on_the_page(client, study, monkeypatch):
     start = cells.index("20")
     assert cells[start : start + 5] == ["20", "driving", "task_time", "shut - open", "h1"]
     assert "participants give every test of a hypothesis a power of" in shown.text
+
+
+def test_the_command_prints_the_power_and_says_what_it_cannot_do(study, tmp_path, capsys):
+    call_command("power", study.slug, participants=[20], studies=20)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split()[:4] == ["Participants", "Analysis", "Measure", "Test"]
+    assert lines[1].startswith("20            driving   task_time")
+    with pytest.raises(CommandError, match="cannot be read"):
+        call_command("power", study.slug, from_bots=tmp_path)
+    with pytest.raises(CommandError, match="There is no study"):
+        call_command("power", "nowhere")
