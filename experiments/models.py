@@ -99,6 +99,12 @@ class Study(models.Model):
     )
     # Why it was published without a rehearsal that passed.
     unrehearsed_reason = models.TextField(_("reason for publishing without rehearsal"), blank=True)
+    # What researchers say of deviations from the plan, which is frozen: so it is no part of it.
+    deviations = models.TextField(
+        _("deviations from the plan"),
+        blank=True,
+        help_text=_("What was done differently, when and why. It is exported with the data."),
+    )
     # Keys the hash of networks, so that distinct ones can be counted within this study and nowhere
     # else.
     secret = models.CharField(max_length=64, default=secrets.token_hex, editable=False)

@@ -7,7 +7,7 @@ questionnaires at hand, and never changes again.
 """
 
 import datetime
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import msgspec
@@ -17,6 +17,7 @@ from django.db.models import Max, Model
 
 from accounts import audit
 from experiments.definition.feasibility import Known, RobotFacts, obstacles
+from experiments.definition.plan import AttentionCheck
 from experiments.definition.problems import name_problems, problems
 from experiments.definition.reachability import unreachable
 from experiments.definition.schema import StudyDefinition, digest
@@ -27,6 +28,7 @@ from robots.api import floorplan
 from robots.models import FloorPlan, Robot
 from sessions.interfaces import INTERFACES
 from surveys import questionnaires
+from surveys.definition import Definition as QuestionnaireDefinition
 from surveys.documents import BadDefinitionError
 from surveys.models import Questionnaire as QuestionnaireRow
 
@@ -214,6 +216,7 @@ def obstacles_here(definition: StudyDefinition) -> list[str]:
         *obstacles(definition, known_here(), unreachable),
         *_elsewhere(definition),
         *_unknown_metrics(definition),
+        *_attention_checks(definition),
     ]
 
 
@@ -228,6 +231,41 @@ def _unknown_metrics(definition: StudyDefinition) -> Iterator[str]:
         for measure in one.measures:
             if "." not in measure and measure not in known:
                 yield f"Analysis {one.key}: there is no metric {measure}."
+
+
+def _attention_checks(definition: StudyDefinition) -> Iterator[str]:
+    """Yield the attention checks that nobody could pass, or that an export would not have."""
+    for check in definition.plan.attention_checks if definition.plan is not None else ():
+        asked = {
+            (step.questionnaire, step.version)
+            for step in definition.asking
+            if step.questionnaire == check.questionnaire
+        }
+        for one in _questionnaires(asked):
+            told = _of_check(one, check)
+            if told:
+                yield f"Plan: attention check {check.questionnaire}.{check.item}: {told}"
+
+
+def _of_check(asked: QuestionnaireDefinition, check: AttentionCheck) -> str:
+    question = next((one for one in asked.questions() if one.key == check.item), None)
+    if question is None:
+        return "the questionnaire has no such item."
+    if question.item.is_free_text:
+        return "a free text has no right answer."
+    options = {str(value) for value, _ in question.labelled_values}
+    if options and check.answer not in options and not question.item.takes_several:
+        return f"its answers are {', '.join(sorted(options))}."
+    return ""
+
+
+def _questionnaires(versions: Iterable[tuple[str, int]]) -> Iterator[QuestionnaireDefinition]:
+    shipped = {(one.slug, one.version): one for one in questionnaires.shipped().values()}
+    for slug, version in sorted(versions):
+        row = QuestionnaireRow.objects.filter(slug=slug, version=version).first()
+        found = row.as_definition() if row is not None else shipped.get((slug, version))
+        if found is not None:
+            yield found
 
 
 def known_here() -> Known:

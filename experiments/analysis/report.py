@@ -23,6 +23,14 @@ from experiments.analysis.figures.scores import score_figures
 from experiments.analysis.figures.trajectories import figure_6, figure_7
 from experiments.analysis.metrics.definitions import VERSION
 from experiments.analysis.metrics.sessions import Measured, measure_all
+from experiments.analysis.plan.exclusions import (
+    excluded_participants,
+    exclusions,
+    exclusions_table,
+)
+from experiments.analysis.plan.hypotheses import hypotheses_table, marked_figure, marked_table
+from experiments.analysis.plan.reporting_sheet import reporting_sheet
+from experiments.analysis.plan.sensitivity import ALPHA, exclusion_effects
 from experiments.analysis.tables.ages import ages
 from experiments.analysis.tables.answers import compare_answers
 from experiments.analysis.tables.declared import declared
@@ -74,14 +82,20 @@ def reports(dataset: Dataset, kinds: Sequence[Kind] = ("participant",)) -> Itera
     every = dataset.chosen(kinds)
     measured = measure_all(every)
     ruled_out = measure_all(replace(dataset, sessions=every.ruled_out))
-    yield report(EVERY, every, measured, ruled_out)
-    if any(session.excluded for session in every.sessions):
-        yield report(
-            WITHOUT,
-            dataset.chosen(kinds, with_excluded=False),
-            [one for one in measured if not one.session.excluded],
-            ruled_out,
-        )
+    found = exclusions(every)
+    left_out = excluded_participants(found)
+    about = (exclusions_table(found), reporting_sheet(every, measured, found))
+    if not left_out and not any(session.excluded for session in every.sessions):
+        yield report(EVERY, every, measured, ruled_out, also=about)
+        return
+    without = dataset.chosen(kinds, with_excluded=False).without(left_out)
+    kept_ids = {one.id for one in without.sessions}
+    kept = [one for one in measured if one.session.id in kept_ids]
+    plan = dataset.study.plan
+    alpha = ALPHA if plan is None else plan.alpha
+    effects = exclusion_effects(declared(every, measured), declared(without, kept), alpha)
+    yield report(EVERY, every, measured, ruled_out, also=(effects, *about))
+    yield report(WITHOUT, without, kept, ruled_out, also=(effects, *about))
 
 
 def report(
@@ -89,12 +103,16 @@ def report(
     dataset: Dataset,
     measured: Sequence[Measured],
     ruled_out: Sequence[Measured] = (),
+    also: Sequence[Table] = (),
 ) -> Report:
-    """Return the tables and figures of a dataset whose sessions were measured."""
+    """Return the tables and figures of a dataset whose sessions were measured, with the tables of
+    `also`, which are about all of them.
+    """
     verdicts = {
         one.session.id: judge(one, dataset.study.quality) for one in (*measured, *ruled_out)
     }
     conditions = [one.key for one in dataset.study.conditions]
+    tested = declared(dataset, measured)
     tables = (
         *(table_1(dataset), table_2(dataset), table_3(dataset), table_4(dataset), table_5(dataset)),
         *(table_5(dataset, key) for key in conditions if len(conditions) > 1),
@@ -121,9 +139,12 @@ def report(
             safety_limits(dataset, measured),
             learning(measured),
             learnt(measured),
-            *declared(dataset, measured),
+            *tested,
+            hypotheses_table(dataset, tested),
+            *also,
         ),
     )
+    tables = tuple(marked_table(dataset.study, table) for table in tables)
     sites = dict.fromkeys(course.site for course in dataset.study.courses)
     figures = (
         *(figure_6(dataset, site) for site in sites),
@@ -132,6 +153,7 @@ def report(
         figure_8b(dataset),
         *score_figures(dataset),
     )
+    figures = tuple(marked_figure(dataset.study, figure) for figure in figures)
     titles = {one.key: dataset.say(one.title) or one.key for one in dataset.study.conditions}
     return Report(name, tables, figures, tuple(measured), tuple(ruled_out), verdicts, titles)
 

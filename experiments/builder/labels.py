@@ -98,6 +98,35 @@ LABELS: dict[str, Words] = {
     "interval": _("Confidence intervals"),
     "statements": _("Questionnaire in the tables"),
     "operator": _("What it says about the hidden operator"),
+    "recruitment": _("How participants are recruited"),
+    "compensation": _("How participants are paid"),
+    "question": _("Research question"),
+    "hypotheses": _("Hypotheses"),
+    "direction": _("Expected direction"),
+    "contrast": _("Number of the contrast"),
+    "effect": _("Effect of the model"),
+    "families": _("Families of hypotheses"),
+    "alpha": _("Level of significance (0-1)"),
+    "attention_checks": _("Attention checks"),
+    "item": _("Item"),
+    "answer": _("Right answer"),
+    "speeders": _("Fast answers"),
+    "seconds": _("Faster than (s)"),
+    "median_share": _("Faster than this share of the median (0-1)"),
+    "incomplete": _("Incomplete cases"),
+    "participants": _("Planned participants"),
+    "rationale": _("Reason for the number of participants"),
+    "stopping": _("Stopping rule"),
+    "power": _("Wanted power (0-1)"),
+    "expected": _("Expected effects"),
+    "measure": _("Measure"),
+    "condition": _("Condition"),
+    "difference": _("Difference from the first condition"),
+    "sd": _("Standard deviation"),
+    "correlation": _("Correlation within participants (0-1)"),
+    "blinding": _("Blinding"),
+    "missing_data": _("Missing data"),
+    "notes": _("Anything else"),
 }
 
 HINTS: dict[str, Words] = {
@@ -131,6 +160,20 @@ HINTS: dict[str, Words] = {
     "contrasts": _("All contrasts of all measures are one family for Holm's correction."),
     "conditions": _("The conditions to compare if there are no contrasts. Leave blank for all."),
     "post_hoc": _("Applies only if there are no contrasts."),
+    "recruitment": _("For the reporting sheet. Participants do not see it."),
+    "compensation": _("For the reporting sheet. Participants do not see it."),
+    "hypotheses": _(
+        "Each names the declared analysis that tests it. All other tests are exploratory."
+    ),
+    "contrast": _("Counted from 1. Leave blank for all contrasts of the analysis."),
+    "effect": _("Only for a mixed model, such as delay or delay:help. Leave blank for all."),
+    "families": _(
+        "All tests of a family are corrected together. Without a family, those of one analysis are."
+    ),
+    "attention_checks": _("Participants who give another answer are excluded."),
+    "speeders": _("Participants who answer a questionnaire this fast are excluded."),
+    "participants": _("Complete cases. Leave blank if it is not decided."),
+    "expected": _("In the unit of the measure. The power of the study is simulated from them."),
     "effects": _(
         "For a mixed model: factors, interactions such as delay:help, condition, period, order; "
         "with commas between."
@@ -210,6 +253,16 @@ CHOICES: dict[str, dict[str, Words]] = {
         "ranks": _("ranks: Wilcoxon, Mann-Whitney, Friedman, Kruskal-Wallis"),
         "mixed": _("linear mixed model"),
     },
+    "direction": {
+        "different": _("a difference"),
+        "greater": _("first side greater"),
+        "less": _("first side less"),
+    },
+    "incomplete": {
+        "keep": _("kept"),
+        "drives": _("excluded without all drives"),
+        "answers": _("excluded without all drives and answers"),
+    },
     "coding": {
         "treatment": _("against the first level"),
         "sum": _("against the mean of all levels"),
@@ -233,6 +286,11 @@ ITEMS: dict[str, Words] = {
     "zones": _("Zone"),
     "levels": _("Level"),
     "contrasts": _("Contrast"),
+    "hypotheses": _("Hypothesis"),
+    "families": _("Family"),
+    "attention_checks": _("Attention check"),
+    "speeders": _("Rule on fast answers"),
+    "expected": _("Expected effect"),
 }
 
 NOTHING = _("none")

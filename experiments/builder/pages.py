@@ -13,6 +13,7 @@ import msgspec
 from experiments.builder.parts import Document, in_languages, renumber
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.design import Factor
+from experiments.definition.plan import StudyPlan
 from experiments.definition.schema import Condition, Course, StudyDefinition
 from experiments.definition.steps import KINDS
 from robots.api.floorplan import FloorPlan
@@ -20,9 +21,13 @@ from robots.api.messages import Point
 
 # What of the study itself is on which page, and the classes of what stands in lists.
 PAGES: Mapping[str, Collection[str]] = {
-    "about": ("title", "intro", "source", "licence", "languages"),
+    "about": (
+        *("title", "intro", "source", "licence", "recruitment", "compensation"),
+        "languages",
+    ),
     "rules": ("allocation", "start", "refill", "quality", "analysis"),
 }
+PLAN = "plan"  # the page of an optional part of the study: one without content is none
 LISTS = ("steps", "factors", "conditions", "courses", "analyses")
 CLASSES: Mapping[str, type[Any]] = {
     "factors": Factor,
@@ -46,6 +51,7 @@ BEGINNINGS = {
     "conditions": ("There is no condition", "The condition", "No condition has"),
     "courses": ("The course",),
     "analyses": ("The analysis",),
+    PLAN: ("Plan: ", "The plan"),
     "rules": ("The refill", "The statements", "The assignment"),
 }
 _OF_A_PART = re.compile(
@@ -67,6 +73,8 @@ class BuilderPlace:
 
     def part(self, whole: Document) -> Document | None:
         """Return the document that the page edits; None when there is none."""
+        if self.section == PLAN:
+            return (whole.get(PLAN) or {}) if self.index is None else None
         if self.index is None:
             return whole if self.section in PAGES else None
         parts = whole[self.section] if self.section in LISTS else ()
@@ -74,6 +82,8 @@ class BuilderPlace:
 
     def cls(self, part: Document) -> type[Any]:
         """Return the class of what is edited."""
+        if self.section == PLAN:
+            return StudyPlan
         if self.index is None:
             return StudyDefinition
         return KINDS[part["kind"]] if self.section == "steps" else CLASSES[self.section]
@@ -85,6 +95,9 @@ class BuilderPlace:
 
     def put(self, whole: Document, part: Document) -> Document:
         """Return a study with this part of it replaced."""
+        if self.section == PLAN:
+            said = {key: value for key, value in part.items() if value not in ([], "", None)}
+            return {**whole, PLAN: said or None}
         if self.index is None:
             kept = {key: value for key, value in whole.items() if key not in self.only}
             changed = {**kept, **part}
@@ -234,6 +247,11 @@ def new_part(key: str, n: int, at: Point) -> Document | None:
         "leaves": {"text": {}},
         "contrasts": {"title": {}, "first": [], "second": []},
         "levels": {"key": f"level_{n + 1}", "title": {}},
+        "hypotheses": {"key": f"h{n + 1}"},
+        "families": {"key": f"family_{n + 1}"},
+        "attention_checks": {"questionnaire": "questionnaire", "item": "item"},
+        "speeders": {"questionnaire": "questionnaire", "seconds": 30.0},
+        "expected": {"measure": "task_time"},
         "checkpoints": {"number": n, "x": round(x, 2), "y": round(y, 2)},
         "zones": {
             "name": f"zone_{n + 1}",

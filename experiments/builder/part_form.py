@@ -39,7 +39,13 @@ from experiments.builder.parts import (
 from experiments.definition.design import Levels
 from surveys.documents import Text
 
-LONG = frozenset({"text", "intro", "source"})  # what is written on several lines
+# what is written on several lines
+LONG = frozenset(
+    {
+        *("text", "intro", "source", "recruitment", "compensation", "question", "rationale"),
+        *("stopping", "blinding", "missing_data", "notes"),
+    }
+)
 MOST_LISTED = 500  # of anything that is sent; the classes have their own, smaller limits
 NOT_POINTS = "Write one point a line: x and y in metres."
 Offered = Mapping[str, Sequence[str]]

@@ -31,6 +31,7 @@ from experiments.builder import labels
 from experiments.builder.pages import (
     LISTS,
     PAGES,
+    PLAN,
     AtHand,
     BuilderPlace,
     copied,
@@ -64,6 +65,7 @@ TITLES = {
     "conditions": gettext_lazy("Conditions"),
     "courses": gettext_lazy("Courses"),
     "analyses": gettext_lazy("Analyses"),
+    PLAN: gettext_lazy("Plan"),
     "rules": gettext_lazy("Rules"),
 }
 MEANWHILE = gettext_lazy(
@@ -167,6 +169,9 @@ def offered(whole: Document, part: Document) -> dict[str, Sequence[str]]:
             )
         ),
         "interface": INTERFACES,
+        "analysis": tuple(one["key"] for one in whole["analyses"]),
+        "condition": tuple(one["key"] for one in whole["conditions"]),
+        "hypotheses": tuple(one["key"] for one in part.get("hypotheses", ())),
         **dict.fromkeys(
             ("first", "second", "conditions"), tuple(one["key"] for one in whole["conditions"])
         ),
@@ -202,7 +207,7 @@ class BuilderPages:
     def section_view(self, request: HttpRequest, pk: Any, section: str) -> HttpResponse:
         """Show a page of the study's own fields, or a list of its parts; a POST changes them."""
         row = study_for(request, pk, "viewer")
-        if section in PAGES:
+        if section in PAGES or section == PLAN:
             return self._form(request, row, BuilderPlace(section))
         if section not in LISTS:
             raise Http404

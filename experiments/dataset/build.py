@@ -14,6 +14,7 @@ from experiments.analysis.dataset.records import Columns, Dataset, columns_of
 from experiments.dataset.answers import questionnaires_of, responses_of
 from experiments.dataset.events import events_of, page_offset
 from experiments.dataset.forms import Release
+from experiments.dataset.freeze import freeze_of
 from experiments.dataset.people import Round, pages_of, participants_of
 from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.dataset.robots import plans_of, robots_of
@@ -61,6 +62,7 @@ def dataset_of(
             lambda drive: states_of(drive.session_id, granted(drive)),
             columns_of(STATES),
         ),
+        freeze=freeze_of(study),
         network=_reader(drives, names, _network, columns_of(NETWORK)),
     )
 

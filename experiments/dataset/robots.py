@@ -9,6 +9,7 @@ from experiments.analysis.dataset.records import RobotRecord
 from experiments.definition.schema import StudyDefinition
 from robots.api import floorplan
 from robots.api.floorplan import FloorPlan
+from robots.api.messages import Point
 from robots.models import FloorPlan as PlanRow
 from robots.models import Robot as Row
 
@@ -52,6 +53,7 @@ def facts(sheet: Mapping[str, Any], study: StudyDefinition) -> dict[str, str]:
     return {
         "Base": series or UNKNOWN,
         "Robot control architecture": sheet.get("rca") or UNKNOWN,
+        "Size (m)": _size(sheet.get("footprint")),
         "Greatest speed (m/s)": _limit(sheet, "linear"),
         "Greatest turn rate (rad/s)": _limit(sheet, "angular"),
         "Camera": _camera(sheet.get("camera")),
@@ -60,6 +62,7 @@ def facts(sheet: Mapping[str, Any], study: StudyDefinition) -> dict[str, str]:
         "Self-localization": YES if "localization" in can else NO,
         "Docks by itself": YES if "dock" in can else NO,
         "Mirror task": YES if any(course.photo for course in courses) else NO,
+        "Agent": sheet.get("agent_version") or UNKNOWN,
         "Participants": ", ".join(
             sorted({"open": "everybody", "invitation": "by invitation"}[one] for one in entries)
         )
@@ -70,6 +73,14 @@ def facts(sheet: Mapping[str, Any], study: StudyDefinition) -> dict[str, str]:
 def _limit(sheet: Mapping[str, Any], name: str) -> str:
     value = sheet.get("limits", {}).get(name)
     return UNKNOWN if value is None else f"{value:g}"
+
+
+def _size(footprint: Iterable[Point] | None) -> str:
+    """Return length and width of what a robot covers of the floor; x is forward."""
+    if footprint is None:
+        return UNKNOWN
+    x, y = zip(*footprint, strict=True)
+    return f"{max(x) - min(x):.2f} × {max(y) - min(y):.2f}"
 
 
 def _camera(camera: Mapping[str, Any] | None) -> str:

@@ -28,6 +28,20 @@ def groups(study: StudyDefinition, access: str) -> tuple[tuple[Condition, ...], 
     return tuple(tuple(one) for one in found.values())
 
 
+def conditions_together(study: StudyDefinition) -> list[tuple[str, ...]]:
+    """Return the keys of the conditions that one participant may have, a tuple for each kind of
+    participant: one condition between participants, several within them.
+    """
+    found = [
+        tuple(one.key for one in group)
+        for access in ("open", "invitation")
+        for group in groups(study, access)
+    ]
+    if study.allocation.design == "within":
+        return found
+    return [(key,) for group in found for key in group]
+
+
 def problems(study: StudyDefinition) -> Iterator[str]:
     """Yield what is wrong with the factors of a study and their cells."""
     yield from duplicates("factor", (factor.key for factor in study.factors))

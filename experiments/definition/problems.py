@@ -5,7 +5,7 @@ study itself.
 import math
 from collections.abc import Iterator
 
-from experiments.definition import factors
+from experiments.definition import factors, plan_problems
 from experiments.definition import wizard as wizards
 from experiments.definition.analyses import EFFECTS, DeclaredAnalysis
 from experiments.definition.schema import Condition, Course, Impairment, StudyDefinition
@@ -55,6 +55,7 @@ def problems(study: StudyDefinition) -> Iterator[str]:
             study.languages,
             told=study.tells_of_operator,
         )
+    yield from (f"Plan: {problem}" for problem in plan_problems.problems(study))
 
 
 def name_problems(slug: str) -> Iterator[str]:
@@ -72,8 +73,8 @@ def _of_the_whole(study: StudyDefinition) -> Iterator[str]:
         yield "There is no language; add at least one."
     yield from duplicates("language", study.languages)
     yield from text_problems(study, "study", study.languages)
-    if "\x00" in study.source + study.licence:
-        yield "The source or licence contains a null character; remove it."
+    if "\x00" in study.source + study.licence + study.recruitment + study.compensation:
+        yield "A text of the study contains a null character; remove it."
     yield from duplicates("condition", (condition.key for condition in study.conditions))
     yield from duplicates(
         "course", (f"of {course.robot} at {course.site}" for course in study.courses)

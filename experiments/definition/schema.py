@@ -21,6 +21,7 @@ from msgspec import Meta
 
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.design import Design, Factor, Levels
+from experiments.definition.plan import StudyPlan
 from experiments.definition.step import AskingStep, DriveStep, Step, Version
 from experiments.definition.steps import KINDS
 from experiments.definition.steps.consent import Consent
@@ -225,7 +226,9 @@ class Analysis(DocumentPart, frozen=True, kw_only=True):
 
 
 class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
-    """A whole study."""
+    """A whole study. `recruitment` says how participants are found, `compensation` what they get;
+    researchers write and read both.
+    """
 
     format: Literal[1]
     slug: Slug
@@ -234,6 +237,8 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     intro: Text = {}
     source: str = ""
     licence: str = ""
+    recruitment: str = ""
+    compensation: str = ""
     languages: tuple[Language, ...]
     steps: Annotated[tuple[AnyStep, ...], Meta(max_length=60)]
     factors: Annotated[tuple[Factor, ...], Meta(max_length=4)] = ()
@@ -246,6 +251,7 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     analysis: Analysis = Analysis()
     analyses: Annotated[tuple[DeclaredAnalysis, ...], Meta(max_length=40)] = ()
     wizard: Wizard | None = None
+    plan: StudyPlan | None = None
 
     def condition(self, key: str) -> Condition | None:
         """Return the condition with a key."""

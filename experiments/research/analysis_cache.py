@@ -97,7 +97,7 @@ def key_of(study: Study, kinds: Sequence[Kind]) -> str:
             .items()
         ),
         list(Questionnaire.objects.order_by("pk").values_list("pk", "sha256")),
-        (study.sha256, VERSION, LAYOUT, sorted(kinds)),
+        (study.sha256, study.published_at, study.deviations, VERSION, LAYOUT, sorted(kinds)),
     )
     return hashlib.sha256(repr(about).encode()).hexdigest()[:24]
 

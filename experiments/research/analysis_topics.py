@@ -47,7 +47,9 @@ TOPICS = (
         (
             "outcomes",
             "fault-sides",
+            "hypotheses",
             "analysis-",
+            "exclusions-effect",
             "conditions",
             "learning",
             "learning-tests",
@@ -78,6 +80,7 @@ TOPICS = (
     AnalysisTopic(
         "network", _("Network"), ("ages", "safety-limits", "network-effects", "network-classes")
     ),
+    AnalysisTopic("reporting", _("Reporting sheet"), ("reporting-sheet", "exclusions")),
     AnalysisTopic("data-quality", _("Data quality"), ("quality", "sessions")),
 )
 

@@ -25,6 +25,7 @@ from surveys.models import Questionnaire as QuestionnaireRow
 
 BEGUN = datetime.datetime(2026, 5, 4, 9, 0, tzinfo=datetime.UTC)
 MINUTE = datetime.timedelta(minutes=1)
+WEEK = datetime.timedelta(weeks=1)  # from publishing to the first participant
 AGENT = "Mozilla/5.0 (secret agent of nobody)"
 
 
@@ -47,7 +48,7 @@ def put(dataset: Dataset, *, now: datetime.datetime = BEGUN) -> Stored:
         sha256=digest(dataset.study),
         status=Study.Status.PUBLISHED,
         created_at=now,
-        published_at=now,
+        published_at=now - WEEK,
         secret="5e" * 32,
     )
     stored = Stored(study)

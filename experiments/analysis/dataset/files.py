@@ -106,6 +106,9 @@ def about(dataset: Dataset, more: Mapping[str, tuple[Column, ...]]) -> Iterator[
         [json.dumps(_description(dataset, more), indent=2, ensure_ascii=False) + "\n"],
     )
     yield "study.json", [study_json(dataset.study).decode()]
+    if dataset.freeze is not None:
+        freeze = msgspec.json.format(msgspec.json.encode(dataset.freeze), indent=2)
+        yield "freeze.json", [freeze.decode() + "\n"]
     yield (
         "robots.json",
         [msgspec.json.format(msgspec.json.encode(dataset.robots), indent=2).decode() + "\n"],

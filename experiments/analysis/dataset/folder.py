@@ -3,6 +3,7 @@ read back without a difference.
 
     dataset_description.json            what it is, and every column of every file
     study.json                          the study as it was published
+    freeze.json                         when it was published, and whether before the data
     robots.json                         its robots
     plans/<site>.json                   floor plans
     questionnaires/<name>-<n>.json      definitions, a file a version
@@ -39,6 +40,7 @@ from experiments.analysis.dataset.records import (
     Columns,
     Dataset,
     EventRecord,
+    FreezeRecord,
     PageRecord,
     ParticipantRecord,
     ResponseRecord,
@@ -97,7 +99,13 @@ def read(folder: Path) -> Dataset:
         plans={path.stem: _plan(path) for path in sorted((folder / "plans").glob("*.json"))},
         states=lambda session: read_numbers(folder, "states", session, columns.STATES),
         network=lambda session: read_numbers(folder, "network", session, columns.NETWORK),
+        freeze=_freeze(folder / "freeze.json"),
     )
+
+
+def _freeze(path: Path) -> FreezeRecord | None:
+    """Return when the study was frozen; None where an earlier release wrote the folder."""
+    return _decoded(path, FreezeRecord) if path.exists() else None
 
 
 def read_numbers(folder: Path, name: str, session: str, layout: tuple[Column, ...]) -> Columns:

@@ -5,7 +5,7 @@ States and network samples are numbers in columns, read a session at a time, bec
 thousand sessions do not fit beside each other.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -36,6 +36,24 @@ class RobotRecord(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     title: str
     series: str
     facts: dict[str, str] = {}
+
+
+class FreezeRecord(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """When the definition of a study was frozen, and what its site knew then.
+
+    `sha256` is that of the definition; `frozen_at` is in UTC, to the minute, and empty for a draft.
+    `before_data` tells whether the first participant of this version came later (None for a draft);
+    when that was is not told, because it would be a date of a person. `earlier` counts the
+    participants of earlier versions who had come before. `deviations` is what researchers wrote
+    about deviations from the plan, `software` the version of the server's software that wrote this.
+    """
+
+    sha256: str
+    frozen_at: str = ""
+    before_data: bool | None = None
+    earlier: int = 0
+    deviations: str = ""
+    software: str = ""
 
 
 @dataclass(frozen=True)
@@ -186,7 +204,7 @@ NO_NETWORK = columns_of(NETWORK)
 class Dataset:
     """A study and all that was recorded of it. `states` and `network` read those of a session,
     which may have none. `ruled_out` are sessions that count nowhere, by rule, in a dataset of those
-    that count (`chosen`).
+    that count (`chosen`). Datasets of earlier releases have no `freeze`.
     """
 
     study: StudyDefinition
@@ -201,6 +219,7 @@ class Dataset:
     states: Callable[[str], Columns] = lambda _: NO_STATES
     network: Callable[[str], Columns] = lambda _: NO_NETWORK
     ruled_out: tuple[SessionRecord, ...] = ()
+    freeze: FreezeRecord | None = None
 
     @property
     def language(self) -> str:
@@ -244,6 +263,21 @@ class Dataset:
             (one for one in self.questionnaires if one.slug == name),
             key=lambda one: one.version,
             default=None,
+        )
+
+    def without(self, participants: Collection[str]) -> "Dataset":
+        """Return the dataset without some participants."""
+        sessions = tuple(one for one in self.sessions if one.participant not in participants)
+        ruled_out = tuple(one for one in self.ruled_out if one.participant not in participants)
+        kept = {one.id for one in sessions}
+        return replace(
+            self,
+            participants=tuple(one for one in self.participants if one.id not in participants),
+            sessions=sessions,
+            ruled_out=ruled_out,
+            events=tuple(one for one in self.events if one.session in kept),
+            pages=tuple(one for one in self.pages if one.participant not in participants),
+            responses=tuple(one for one in self.responses if one.participant not in participants),
         )
 
     def chosen(

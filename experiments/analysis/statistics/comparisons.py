@@ -14,8 +14,8 @@ session, is the unit.
 All intervals are of 95 %. A sample without variance is said in words: a difference of its size in
 rounding would otherwise be divided by, and give a t of 1e16.
 
-`welch` and `paired` take arrays with any leading axes, so that a thousand simulated studies are one
-call.
+`welch`, `paired`, `welch_f` and `friedman` take arrays with any leading axes, so that a thousand
+simulated studies are one call; so do `holm_rows`, and the p values of rank_tests.py.
 """
 
 import math
@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
-from scipy.special import fdtrc, ncfdtrinc, nctdtrinc, ndtri, stdtr, stdtrit
+from scipy.special import chdtrc, fdtrc, ncfdtrinc, nctdtrinc, ndtri, stdtr, stdtrit
 
 from experiments.analysis.dataset.records import Floats
 
@@ -207,27 +207,33 @@ def several_between(groups: Sequence[Floats]) -> Test:
         return Test("Welch F", total, remark=TOO_FEW)
     if any(is_constant(group) for group in groups):
         return Test("Welch F", total, remark=NO_VARIANCE)
-    k = len(groups)
-    means = np.array([group.mean() for group in groups])
-    sizes = np.array([len(group) for group in groups], dtype=np.float64)
-    weights = sizes / np.array([group.var(ddof=1) for group in groups])
-    centre = (weights * means).sum() / weights.sum()
-    slack = float(((1.0 - weights / weights.sum()) ** 2 / (sizes - 1)).sum())
-    f = float(
-        (weights * (means - centre) ** 2).sum()
-        / (k - 1)
-        / (1.0 + 2.0 * (k - 2) / (k * k - 1) * slack)
-    )
-    freedom = (k - 1.0, (k * k - 1) / (3.0 * slack))
+    f, inner, p = (float(one) for one in welch_f(groups))
     return Test(
         "Welch F",
         total,
         f,
-        freedom,
-        float(fdtrc(*freedom, f)),
+        (len(groups) - 1.0, inner),
+        p,
         effect_name="η²p",
         effect=_eta_squared(groups),
     )
+
+
+def welch_f(groups: Sequence[Floats]) -> tuple[Floats, Floats, Floats]:
+    """Return Welch's F of groups, (…, n) each, along the last axis, with the degrees of freedom of
+    its denominator and its p value.
+    """
+    k = len(groups)
+    means = np.stack([group.mean(axis=-1) for group in groups], axis=-1)
+    sizes = np.array([group.shape[-1] for group in groups], dtype=np.float64)
+    weights = sizes / np.stack([group.var(axis=-1, ddof=1) for group in groups], axis=-1)
+    total = weights.sum(axis=-1, keepdims=True)
+    centre = (weights * means).sum(axis=-1, keepdims=True) / total
+    slack = ((1.0 - weights / total) ** 2 / (sizes - 1)).sum(axis=-1)
+    spread = (weights * (means - centre) ** 2).sum(axis=-1) / (k - 1)
+    f = spread / (1.0 + 2.0 * (k - 2) / (k * k - 1) * slack)
+    inner = (k * k - 1) / (3.0 * slack)
+    return f, inner, np.asarray(fdtrc(k - 1.0, inner, f))
 
 
 def _eta_squared(groups: Sequence[Floats]) -> IntervalEstimate:
@@ -253,17 +259,30 @@ def several_within(table: Floats) -> Test:
     values = tied(table)
     if (values == values[:, :1]).all():
         return Test(name, n, remark=NO_VARIANCE)
-    found = stats.friedmanchisquare(*values.T)
-    chi2 = float(found.statistic)
+    chi2, p = (float(one) for one in friedman(values))
     return Test(
         name,
         n,
         chi2,
         (k - 1.0,),
-        float(found.pvalue),
+        p,
         effect_name="W (Kendall)",
         effect=_concordance(chi2 / (n * (k - 1)), values),
     )
+
+
+def friedman(table: Floats) -> tuple[Floats, Floats]:
+    """Return Friedman's χ² and its p value of conditions that the same participants had, (…, n, k);
+    NaN where no participant has two different values.
+    """
+    n, k = table.shape[-2:]
+    ranks = stats.rankdata(table, axis=-1)
+    sums = ranks.sum(axis=-2)
+    # the ranks' variance is less with ties: Conover, Practical Nonparametric Statistics, 5.8
+    spread = (ranks**2).sum(axis=(-1, -2)) - n * k * (k + 1.0) ** 2 / 4.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        chi2 = (k - 1.0) * ((sums - n * (k + 1.0) / 2.0) ** 2).sum(axis=-1) / spread
+    return chi2, np.asarray(chdtrc(k - 1.0, chi2))
 
 
 def _concordance(size: float, table: Floats) -> IntervalEstimate:
@@ -337,3 +356,14 @@ def holm(values: Sequence[float], members: Sequence[Hashable] | None = None) -> 
         greatest = max(greatest, min(1.0, p * (len(distinct) - rank)))
         corrected[member] = greatest
     return tuple(corrected.get(member, math.nan) for member in named)
+
+
+def holm_rows(values: Floats) -> Floats:
+    """Return p values, (…, tests), corrected by Holm's method along the last axis."""
+    count = values.shape[-1]
+    order = np.argsort(values, axis=-1)
+    ordered = np.take_along_axis(values, order, axis=-1) * np.arange(count, 0, -1)
+    corrected = np.minimum(np.maximum.accumulate(ordered, axis=-1), 1.0)
+    found = np.empty_like(values)
+    np.put_along_axis(found, order, corrected, axis=-1)
+    return found

@@ -138,13 +138,13 @@ def fit(outcome: Floats, design: Design, terms: Sequence[str], who: Sequence[str
     """
     _, groups = np.unique(np.asarray(who), return_inverse=True)
     people = int(groups.max(initial=-1)) + 1
-    _check(outcome, design.columns, people)
+    check_data(outcome, design.columns, people)
     sums = _Sums.of(outcome, design.columns, groups, people)
     ratio = _best_ratio(sums)
     found = _profile(sums, ratio)
     estimates = found.estimates
     covariance = np.asarray(np.linalg.inv(found.information), dtype=np.float64) * found.residual
-    df = _freedom(design, groups, people)
+    df = freedom_of(design, groups, people)
     return MixedModel(
         people,
         len(outcome),
@@ -163,7 +163,12 @@ def fit(outcome: Floats, design: Design, terms: Sequence[str], who: Sequence[str
     )
 
 
-def _check(outcome: Floats, columns: Floats, people: int) -> None:
+def check_data(outcome: Floats, columns: Floats, people: int) -> None:
+    """Refuse data to which no model can be fitted.
+
+    Raises:
+        CannotFitError: as `fit` does.
+    """
     n, k = columns.shape
     if people < 3:
         raise CannotFitError("fewer than three participants")
@@ -269,7 +274,7 @@ def _best_ratio(sums: _Sums) -> float:
     return ratio if _profile(sums, ratio).deviance < _profile(sums, 0.0).deviance else 0.0
 
 
-def _freedom(design: Design, groups: Any, people: int) -> list[float]:
+def freedom_of(design: Design, groups: Any, people: int) -> list[float]:
     """Return the denominator's degrees of freedom of each coefficient."""
     changes = [
         any(np.ptp(column[groups == group]) > 0.0 for group in range(people))

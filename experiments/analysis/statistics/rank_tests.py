@@ -19,7 +19,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy import stats
-from scipy.special import ndtri
+from scipy.special import chdtrc, ndtri
 
 from experiments.analysis.dataset.records import Floats
 from experiments.analysis.statistics.comparisons import (
@@ -78,7 +78,7 @@ def _signed_rank_p(moved: Floats, ranks: Floats) -> float:
     """Return the p of differences (n,), none of them 0, with ranks (n,) of their sizes."""
     n = len(ranks)
     if n > EXACT_WITH_TIES or len(np.unique(ranks)) == n:
-        return float(stats.wilcoxon(moved, correction=False, method="auto").pvalue)
+        return float(signed_rank_p(moved))
     # each difference might as well have had the other sign: all 2ⁿ sums of positive ranks
     signs = np.arange(2**n)[:, None] >> np.arange(n) & 1
     sums = signs @ ranks
@@ -94,8 +94,7 @@ def rank_sums(first: Floats, second: Floats) -> Test:
     x, y = np.split(tied(np.concatenate((first, second))), [n])
     if (np.concatenate((x, y)) == x[0]).all():
         return Test(RANK_SUM, n + m, difference=IntervalEstimate(0.0), remark=NO_VARIANCE)
-    found = stats.mannwhitneyu(x, y, alternative="two-sided", use_continuity=False)
-    u = float(found.statistic)
+    u, p = (float(one) for one in rank_sum_u(x, y))
     error = math.sqrt((n + m + 1.0) / (3.0 * n * m))
     slack = Z * math.sqrt(n * m * (n + m + 1.0) / 12.0)
     return Test(
@@ -103,7 +102,7 @@ def rank_sums(first: Floats, second: Floats) -> Test:
         n + m,
         u,
         (),
-        float(found.pvalue),
+        p,
         _median((x[:, None] - y[None, :]).ravel(), n * m / 2.0 - slack),
         "r",
         _biserial(2.0 * u / (n * m) - 1.0, error),
@@ -120,8 +119,7 @@ def several_ranked(groups: Sequence[Floats]) -> Test:
     if (values == values[0]).all():
         return Test(KRUSKAL, n, remark=NO_VARIANCE)
     parts = np.split(values, np.cumsum(sizes)[:-1])
-    found = stats.kruskal(*parts)
-    h = float(found.statistic)
+    h, p = (float(one) for one in kruskal(parts))
     rng = np.random.default_rng(SEED)
     drawn = np.concatenate([rng.choice(one, (RESAMPLES, len(one))) for one in parts], axis=1)
     resampled = _h(stats.rankdata(drawn, axis=1), sizes) / (n - 1.0)
@@ -131,10 +129,31 @@ def several_ranked(groups: Sequence[Floats]) -> Test:
         n,
         h,
         (len(groups) - 1.0,),
-        float(found.pvalue),
+        p,
         effect_name="ε²",
         effect=IntervalEstimate(h / (n - 1.0), low, high),
     )
+
+
+def signed_rank_p(differences: Floats) -> Floats:
+    """Return the p values of Wilcoxon's test of differences, (…, n), none of which is 0."""
+    return np.asarray(stats.wilcoxon(differences, correction=False, method="auto", axis=-1).pvalue)
+
+
+def rank_sum_u(first: Floats, second: Floats) -> tuple[Floats, Floats]:
+    """Return Mann and Whitney's U of the first group and its p value, along the last axis."""
+    found = stats.mannwhitneyu(
+        first, second, alternative="two-sided", use_continuity=False, axis=-1
+    )
+    return np.asarray(found.statistic), np.asarray(found.pvalue)
+
+
+def kruskal(groups: Sequence[Floats]) -> tuple[Floats, Floats]:
+    """Return Kruskal and Wallis's H of groups and its p value, along the last axis."""
+    sizes = [group.shape[-1] for group in groups]
+    ranks = stats.rankdata(np.concatenate(groups, axis=-1), axis=-1)
+    h = _h(np.atleast_2d(ranks), sizes).reshape(ranks.shape[:-1])
+    return h, np.asarray(chdtrc(len(groups) - 1.0, h))
 
 
 def _h(ranks: Floats, sizes: Sequence[int]) -> Floats:

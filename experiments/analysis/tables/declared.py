@@ -40,10 +40,17 @@ from experiments.analysis.tables.response_selection import RULES, counted
 from experiments.analysis.tables.scored_responses import coded, mean_scores
 from experiments.analysis.tables.table import Table, TableCell, count, number, probability, words
 from experiments.definition.analyses import DeclaredAnalysis
-from experiments.definition.factors import groups
+from experiments.definition.factors import conditions_together
+from experiments.definition.plan import (
+    EXPLORATORY,
+    Hypothesis,
+    deciding_hypotheses,
+    is_confirmatory,
+)
 from surveys.scoring import ScoredScale, measured_scale
 
 Row = tuple[TableCell, ...]
+PLANNED = "Plan"  # the column that names the hypotheses of a row; only in a study with hypotheses
 SIDES = ("first", "second")
 FITTED = (
     "Linear mixed model with an intercept for each participant, by REML; Wald F and t tests with"
@@ -94,15 +101,7 @@ class Data:
 
     def conditions_together(self) -> list[set[str]]:
         """Return the sets of conditions that one participant may have."""
-        study = self.dataset.study
-        found = [
-            {one.key for one in group}
-            for access in ("open", "invitation")
-            for group in groups(study, access)
-        ]
-        if study.allocation.design == "within":
-            return found
-        return [{key} for group in found for key in group]
+        return [set(keys) for keys in conditions_together(self.dataset.study)]
 
 
 def declared(dataset: Dataset, measured: Sequence[Measured]) -> tuple[Table, ...]:
@@ -115,6 +114,33 @@ def declared(dataset: Dataset, measured: Sequence[Measured]) -> tuple[Table, ...
     )
 
 
+def planned(
+    one: DeclaredAnalysis,
+    data: Data,
+    measure: str,
+    *,
+    contrast: int | None = None,
+    effect: str = "",
+) -> Row:
+    """Return the cell that names the hypotheses of a test; none in a study without hypotheses."""
+    study = data.dataset.study
+    if not is_confirmatory(study.plan):
+        return ()
+    found = deciding_hypotheses(study.plan, one, measure, contrast=contrast, effect=effect)
+    return (words(_named(found, is_post_hoc=contrast is not None and not one.contrasts)),)
+
+
+def _named(found: Sequence[Hypothesis], *, is_post_hoc: bool) -> str:
+    if not found:
+        return EXPLORATORY
+    keys = ", ".join(one.key for one in found)
+    return f"post hoc of {keys}" if is_post_hoc else keys
+
+
+def _plan_head(data: Data) -> tuple[str, ...]:
+    return (PLANNED,) if is_confirmatory(data.dataset.study.plan) else ()
+
+
 # --- contrasts, and several conditions ------------------------------------------------------------
 
 
@@ -122,13 +148,12 @@ def _compared(one: DeclaredAnalysis, data: Data) -> Table:
     pairs = _pairs(one, data)
     sides = [
         (
-            measure,
-            title,
+            (measure, title, number_),
             [_side(data, measure, keys) for keys in (first, second)],
             _is_paired(data, first, second),
         )
         for measure in one.measures
-        for title, first, second in pairs
+        for number_, (title, first, second) in enumerate(pairs, start=1)
     ]
     tests = [
         compare(
@@ -136,17 +161,23 @@ def _compared(one: DeclaredAnalysis, data: Data) -> Table:
             is_paired=is_paired,
             by_ranks=one.test == "ranks",
         )
-        for _, _, groups_, is_paired in sides
+        for _, groups_, is_paired in sides
     ]
-    corrected, members = corrected_for(tests, [groups_ for _, _, groups_, _ in sides])
+    corrected, members = corrected_for(tests, [groups_ for _, groups_, _ in sides])
     cells = [
-        (words(measure), *compared(title, groups_, _told(test, measure, data), p, is_ordinal=True))
-        for (measure, title, groups_, _), test, p in zip(sides, tests, corrected, strict=True)
+        (
+            words(measure),
+            *compared(title, groups_, _told(test, measure, data), p, is_ordinal=True),
+            *planned(one, data, measure, contrast=number_),
+        )
+        for ((measure, title, number_), groups_, _), test, p in zip(
+            sides, tests, corrected, strict=True
+        )
     ]
-    head = ("Measure", "Contrast", *head_of(SIDES, is_ordinal=True))
+    head = ("Measure", "Contrast", *head_of(SIDES, is_ordinal=True), *_plan_head(data))
     rows = [*([] if one.contrasts else _omnibus(one, data)), *cells]
     notes = (
-        "Declared before the data."
+        "Declared in the study's definition, which is frozen when the study is published."
         + ("" if one.contrasts else " all: every condition at once, corrected among themselves."),
         f"p (Holm): {members} different tests of contrasts are one family.",
         RULES[data.dataset.study.analysis.counts],
@@ -171,7 +202,7 @@ def _omnibus(one: DeclaredAnalysis, data: Data) -> Iterator[Row]:
     blank = tuple(words("") for _ in head_of(SIDES, is_ordinal=True)[: -len(TESTED)])
     for measure, test, p in zip(one.measures, tests, corrected, strict=True):
         told = tested(_told(test, measure, data), p)
-        yield words(measure), words("all"), *blank, *told
+        yield words(measure), words("all"), *blank, *told, *planned(one, data, measure)
 
 
 def _told(test: Test, measure: str, data: Data) -> Test:
@@ -226,7 +257,8 @@ def _mixed(one: DeclaredAnalysis, data: Data) -> tuple[Table, Table]:
     for measure, model in fits.items():
         if isinstance(model, str):
             blank = tuple(words("") for _ in range(9))
-            rows.append((words(measure), *blank, words(model)))
+            own = planned(one, data, measure)
+            rows.append((words(measure), *blank, words(model), *own))
             continue
         remark = "participants do not differ (variance 0)" if model.is_singular else ""
         rows += [
@@ -235,6 +267,7 @@ def _mixed(one: DeclaredAnalysis, data: Data) -> tuple[Table, Table]:
                 *(count(model.observations), words("Wald F"), number(test.f, 2)),
                 *(number(test.df[0], 0), number(test.df[1], 0), probability(test.p)),
                 *(probability(next(corrected)), words(remark)),
+                *planned(one, data, measure, effect=test.name),
             )
             for test in model.terms
         ]
@@ -245,7 +278,7 @@ def _mixed(one: DeclaredAnalysis, data: Data) -> tuple[Table, Table]:
         Table(
             name_of(one),
             title,
-            (*head, "df", "df 2", "p", "p (Holm)", REMARK),
+            (*head, "df", "df 2", "p", "p (Holm)", REMARK, *_plan_head(data)),
             tuple(rows),
             (FITTED, family(len(ps))),
         ),

@@ -4,7 +4,7 @@ from typing import get_args
 
 import msgspec
 
-from experiments.definition import analyses, design, schema, wizard
+from experiments.definition import analyses, design, plan, schema, wizard
 from experiments.definition.cues import CueKey
 from experiments.definition.steps import KINDS
 from experiments.tasks.progress import EventType
@@ -21,6 +21,7 @@ PARTS = [
         analyses,
         design,
         wizard,
+        plan,
         *(sys.modules[kind.__module__] for kind in KINDS.values()),
     )
     for part in vars(module).values()

@@ -16,7 +16,7 @@ from tests.support.study_pages import form_of
 from tests.support.study_site import cabin_with_giraff
 
 pytestmark = pytest.mark.django_db
-SECTIONS = ("about", "steps", "factors", "conditions", "courses", "analyses", "rules")
+SECTIONS = ("about", "steps", "factors", "conditions", "courses", "analyses", "plan", "rules")
 
 
 @pytest.fixture
@@ -128,6 +128,31 @@ def test_an_analysis_is_declared_without_json(client, study):
     assert publishing.problems_of(Study.objects.get()) == [
         "Analysis doors: there is no metric task_tim."
     ]
+
+
+def test_a_plan_is_declared_without_json(client, study):
+    client.post(section(study, "analyses"), {"do": "add:", "sha256": study.sha256})
+    send(client, section(study, "analyses", 0), key="doors", title__en="Doors", measures="stops")
+    page = section(study, "plan")
+    send(client, page)
+    assert stored().plan is None
+    send(client, page, "add:hypotheses")
+    assert "Plan: hypothesis h1: it has no text." in publishing.problems_of(Study.objects.get())
+    send(client, page, hypotheses__0__text="More stops.", hypotheses__0__analysis="doors")
+    send(client, page, "add:attention_checks")
+    check = {"questionnaire": "experience", "item": "q9", "answer": "7"}
+    send(client, page, **{f"attention_checks__0__{key}": value for key, value in check.items()})
+    assert publishing.problems_of(Study.objects.get()) == [
+        "Plan: attention check experience.q9: the questionnaire has no such item."
+    ]
+    send(client, page, attention_checks__0__item="q1")
+    assert publishing.problems_of(Study.objects.get()) == [
+        "Plan: attention check experience.q1: its answers are -1, -2, 0, 1, 2."
+    ]
+    send(client, page, attention_checks__0__answer="2", participants="40")
+    plan = stored().plan
+    assert (plan.hypotheses[0].analysis, plan.participants) == ("doors", 40)
+    assert publishing.problems_of(Study.objects.get()) == []
 
 
 @pytest.mark.parametrize("slug", ["exploration", "assistance"])

@@ -1,0 +1,175 @@
+"""The power of a study by numbers of participants, and the least number that is enough."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from experiments.analysis.power.assumptions import REASONS, Assumption, assumed
+from experiments.analysis.power.simulation import Orders, SimulatedTest, Simulation, simulate
+from experiments.analysis.statistics.descriptive import wilson
+from experiments.analysis.tables.table import Table, TableCell, count, number, words
+from experiments.definition.factors import conditions_together
+from experiments.definition.plan import StudyPlan
+from experiments.definition.schema import StudyDefinition
+
+STUDIES = 2000  # that are simulated for each number of participants
+MOST = 2000  # participants up to whom a number is looked for
+LEAST = 4  # participants of a kind, below whom nothing is tried
+HEAD = (
+    *("Participants", "Analysis", "Measure", "Test", "Hypothesis", "Power"),
+    *("Power: from", "Power: to"),
+)
+METHOD = (
+    (
+        "Power: the share of simulated studies in which p, corrected within the family of the test,"
+        " is below {alpha:g}; from, to: its 95 % Monte-Carlo interval (Wilson), {studies} studies"
+        " each."
+    ),
+    (
+        "Values are normal; answers are simulated as if continuous, measures as independent of each"
+        " other, and nobody is lost. Participants: in all, spread evenly over the cells."
+    ),
+)
+
+
+@dataclass(frozen=True)
+class PowerOptions:
+    """How a study is simulated: the seed of chance, the number of studies, what data have shown of
+    measures, and the orders of conditions.
+    """
+
+    seed: int = 1
+    studies: int = STUDIES
+    observed: Mapping[str, Assumption] = field(default_factory=dict)
+    orders: Orders = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class PowerReport:
+    """The power for some numbers of participants, and the least number that is enough for every
+    test that decides on a hypothesis (None: more than can be tried; `is_searched` tells whether
+    there was anything to look for).
+    """
+
+    simulations: tuple[Simulation, ...]
+    needed: int | None
+    is_searched: bool
+    assumptions: Mapping[str, Assumption]
+
+
+def power_report(
+    study: StudyDefinition, participants: Sequence[int], options: PowerOptions
+) -> PowerReport:
+    """Return the power of a study for numbers of participants, and the least number for the power
+    that its plan wants.
+    """
+
+    def at(people: int) -> Simulation:
+        return simulate(
+            study,
+            people,
+            options.studies,
+            options.seed,
+            observed=options.observed,
+            orders=options.orders,
+        )
+
+    plan = study.plan or StudyPlan()
+    kinds = len(conditions_together(study))
+    measures = dict.fromkeys(one for it in study.analyses for one in it.measures)
+    simulated = tuple(at(max(one, 2 * kinds)) for one in dict.fromkeys(participants))
+    first = simulated[0] if simulated else at(LEAST * kinds)
+    deciding = _deciding(first.tests)
+    needed = (
+        least_participants(
+            lambda people: _least_power(at(people), deciding, plan), kinds, plan.power
+        )
+        if deciding
+        else None
+    )
+    if needed is not None and all(one.participants != needed for one in simulated):
+        simulated = (*simulated, at(needed))
+    about = {one: assumed(study, one, options.observed) for one in measures}
+    return PowerReport(simulated, needed, bool(deciding), about)
+
+
+def _deciding(tests: Sequence[SimulatedTest]) -> list[int]:
+    """Return the places of the tests that decide on hypotheses; all where there are none."""
+    own = [n for n, one in enumerate(tests) if one.hypotheses]
+    return own or list(range(len(tests)))
+
+
+def _least_power(found: Simulation, places: Sequence[int], plan: StudyPlan) -> float:
+    power = found.power(plan.alpha)
+    return min(power[n][0] / power[n][1] for n in places)
+
+
+def least_participants(
+    power: Callable[[int], float], kinds: int, target: float, most: int = MOST
+) -> int | None:
+    """Return the least number of participants, a multiple of the kinds of participants, whose power
+    is at least `target`; None where not even `most` have it. Power is taken to grow with them.
+    """
+    low, high = LEAST - 1, LEAST
+    while power(high * kinds) < target:
+        low, high = high, high * 2
+        if low * kinds >= most:
+            return None
+        high = min(high, max(most // kinds, low + 1))
+    while high - low > 1:
+        middle = (low + high) // 2
+        is_enough = power(middle * kinds) >= target
+        low, high = (low, middle) if is_enough else (middle, high)
+    return high * kinds
+
+
+# --- in words -------------------------------------------------------------------------------------
+
+
+def power_table(study: StudyDefinition, found: PowerReport, studies: int) -> Table:
+    """Return a row for each test and number of participants, with what was assumed below."""
+    plan = study.plan or StudyPlan()
+    rows = [row for one in found.simulations for row in _rows(one, plan.alpha)]
+    method = [text.format(alpha=plan.alpha, studies=studies) for text in METHOD]
+    notes = (needed_in_words(found, plan), *_assumed_in_words(study, found), *method, *REASONS)
+    return Table("power", "Power by simulation.", HEAD, tuple(rows), notes)
+
+
+def _rows(found: Simulation, alpha: float) -> list[tuple[TableCell, ...]]:
+    rows = []
+    for one, (hits, studies) in zip(found.tests, found.power(alpha), strict=True):
+        low, high = wilson(hits, studies) or (None, None)
+        names = (one.analysis, one.measure, one.label, ", ".join(one.hypotheses))
+        share = hits / studies
+        rows.append(
+            (
+                count(found.participants),
+                *(words(name) for name in names),
+                *(number(share, 3), number(low, 3), number(high, 3)),
+            )
+        )
+    return rows
+
+
+def needed_in_words(found: PowerReport, plan: StudyPlan) -> str:
+    """Return how many participants are enough, as a sentence."""
+    if not found.is_searched:
+        return "No difference is expected by any declared test, so no number is enough."
+    which = "every test of a hypothesis" if plan.hypotheses else "every declared test"
+    if found.needed is None:
+        return f"Not even {MOST} participants give {which} a power of {plan.power:g}."
+    return f"{found.needed} participants give {which} a power of at least {plan.power:g}."
+
+
+def _assumed_in_words(study: StudyDefinition, found: PowerReport) -> list[str]:
+    return [
+        f"{measure} ({one.source}): {_means(study, one)}; correlation {one.correlation:.2f}."
+        for measure, one in found.assumptions.items()
+    ]
+
+
+def _means(study: StudyDefinition, one: Assumption) -> str:
+    if not one.means:
+        return "0.5 SD between the sides of each test"
+    return ", ".join(
+        f"{it.key} {one.mean(it.key):.4g} (SD {one.sd(it.key):.4g})" for it in study.conditions
+    )

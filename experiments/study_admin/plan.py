@@ -1,0 +1,179 @@
+"""The plan of a study in the administration: its preregistration to read and download, what was
+done differently, and the power by simulation. Mixed into the studies' administration.
+"""
+
+import json
+import subprocess
+from typing import Any
+
+from django import forms
+from django.contrib import messages
+from django.core.validators import MaxLengthValidator
+from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
+from django.urls import URLPattern, path, reverse
+from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_POST, require_safe
+
+from accounts import audit
+from experiments import publishing
+from experiments.access import may
+from experiments.analysis.plan.preregistration import before_data, preregistration
+from experiments.dataset.freeze import freeze_of
+from experiments.models import Study
+from experiments.research.analysis_cache import command, environment
+from experiments.research.study_access import study_for
+
+STUDIES = 500  # simulated for each number: a page does not wait long
+SECONDS = 120.0
+SIZES = "16, 24, 32, 48, 64"
+MOST_SIZES, MOST_PARTICIPANTS, MOST_TEXT = 8, 1000, 20_000
+
+
+class PowerForm(forms.Form):
+    """For how many participants the power is simulated."""
+
+    participants = forms.CharField(
+        label=gettext_lazy("Numbers of participants"), initial=SIZES, max_length=80
+    )
+
+    def clean_participants(self) -> str:
+        """Return the numbers with commas between."""
+        words = self.cleaned_data["participants"].replace(",", " ").split()
+        is_fine = all(
+            word.isascii() and word.isdigit() and 1 <= int(word) <= MOST_PARTICIPANTS
+            for word in words
+        )
+        if not is_fine or not 1 <= len(words) <= MOST_SIZES:
+            raise forms.ValidationError(
+                _("Write up to %(most)d numbers from 1 to %(greatest)d, with commas between.")
+                % {"most": MOST_SIZES, "greatest": MOST_PARTICIPANTS}
+            )
+        return ",".join(words)
+
+
+class DeviationsForm(forms.Form):
+    """What was done differently than planned."""
+
+    deviations = forms.CharField(
+        label=gettext_lazy("Deviations from the plan"),
+        required=False,
+        widget=forms.Textarea({"rows": 6, "cols": 90}),
+        validators=[MaxLengthValidator(MOST_TEXT)],
+        help_text=gettext_lazy(
+            "What was done differently, when and why. It is exported with the data."
+        ),
+    )
+
+
+class PlanPages:
+    """The page of a plan, and what it leads to."""
+
+    def plan_urls(self) -> list[URLPattern]:
+        """Return their addresses."""
+        guard = self.admin_site.admin_view  # type: ignore[attr-defined]
+        return [
+            path(
+                "<uuid:pk>/plan/",
+                guard(never_cache(require_safe(self.plan_view))),
+                name="experiments_study_plan",
+            ),
+            path(
+                "<uuid:pk>/plan/preregistration.md",
+                guard(require_safe(self.preregistration_view)),
+                name="experiments_study_preregistration",
+            ),
+            path(
+                "<uuid:pk>/plan/power/",
+                guard(never_cache(require_POST(self.power_view))),
+                name="experiments_study_power",
+            ),
+            path(
+                "<uuid:pk>/plan/deviations/",
+                guard(require_POST(self.deviations_view)),
+                name="experiments_study_deviations",
+            ),
+        ]
+
+    def plan_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
+        """Show the plan of a study."""
+        return self._plan(request, study_for(request, pk, "viewer"), PowerForm())
+
+    def preregistration_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
+        """Return the text of the preregistration as a file."""
+        row = study_for(request, pk, "viewer")
+        name = f"{row.slug}-{row.version}-preregistration.md"
+        return HttpResponse(
+            preregistration(row.as_definition(), freeze_of(row)),
+            content_type="text/markdown; charset=utf-8",
+            headers={"Content-Disposition": f'attachment; filename="{name}"'},
+        )
+
+    def power_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
+        """Show the power for some numbers of participants."""
+        row, form = study_for(request, pk, "researcher"), PowerForm(request.POST)
+        if not form.is_valid():
+            return self._plan(request, row, form, status=422)
+        found, why = _simulated(row, form.cleaned_data["participants"])
+        return self._plan(
+            request, row, form, power=found, failure=why, status=200 if found else 503
+        )
+
+    def deviations_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
+        """Keep what the owners say of deviations from the plan."""
+        row, form = study_for(request, pk, "owner"), DeviationsForm(request.POST)
+        if not form.is_valid():
+            return self._plan(request, row, PowerForm(), deviations=form, status=422)
+        Study.objects.filter(pk=row.pk).update(deviations=form.cleaned_data["deviations"])
+        publishing.log(row, request.user, "Changed: deviations from the plan.")
+        audit.note("study_changed", actor=request.user, study=row.slug, detail="deviations")
+        messages.success(request, _("Saved."))
+        return HttpResponseRedirect(reverse("admin:experiments_study_plan", args=[row.pk]))
+
+    def _plan(
+        self, request: HttpRequest, row: Study, form: PowerForm, status: int = 200, **more: Any
+    ) -> HttpResponse:
+        definition, freeze = row.as_definition(), freeze_of(row)
+        context = {
+            "study_tab": "overview",
+            "sharing_tab": "",
+            "plan": definition.plan,
+            "analyses": definition.analyses,
+            "text": preregistration(definition, freeze),
+            "freeze": freeze,
+            "before_data": before_data(freeze),
+            "form": form,
+            "may_research": may(request.user, row.slug, "researcher"),
+            "is_owner": may(request.user, row.slug, "owner"),
+            "deviations": DeviationsForm({"deviations": row.deviations}),
+        }
+        response: HttpResponse = self._page(  # type: ignore[attr-defined]
+            request, row, "plan", _("Plan and power"), **(context | more)
+        )
+        response.status_code = status
+        return response
+
+
+def _simulated(row: Study, sizes: str) -> tuple[dict[str, Any] | None, str]:
+    """Return the table of a simulation, made by a process of its own, or why there is none."""
+    words = command(
+        "power",
+        f"{row.slug}:{row.version}",
+        *("--participants", sizes, "--studies", str(STUDIES), "--json"),
+    )
+    try:
+        done = subprocess.run(
+            words,
+            env=environment(),
+            check=True,
+            capture_output=True,
+            timeout=SECONDS,
+            text=True,
+        )
+    except subprocess.TimeoutExpired:
+        return None, _("The simulation took too long. Try fewer or smaller numbers.")
+    except subprocess.CalledProcessError as error:
+        return None, (error.stderr or "").strip().rpartition("\n")[2]
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found, ""

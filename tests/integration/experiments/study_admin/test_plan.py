@@ -1,0 +1,111 @@
+"""A plan in the administration: read, downloaded, simulated, and departed from."""
+
+import datetime
+
+import pytest
+from django.core.management import CommandError, call_command
+from django.urls import reverse
+
+from accounts.models import AuditEntry
+from experiments import publishing
+from experiments.dataset.freeze import freeze_of
+from experiments.models import Participant, Study, StudyMember
+from tests.integration.experiments.test_publishing import NOW
+from tests.support.html_page import read
+from tests.support.people import person
+from tests.support.planned import PLAN, planned_study
+
+pytestmark = pytest.mark.django_db
+DAY = datetime.timedelta(days=1)
+
+
+def page(study, name="plan"):
+    return reverse(f"admin:experiments_study_{name}", args=[study.pk])
+
+
+@pytest.fixture
+def study():
+    return publishing.store(planned_study(PLAN), NOW)
+
+
+def researcher(client, study, role="researcher"):
+    user = person("rosa", is_staff=True)
+    StudyMember.objects.create(slug=study.slug, user=user, role=role)
+    client.force_login(user)
+    return user
+
+
+def published(study, at=NOW):
+    Study.objects.filter(pk=study.pk).update(status="published", published_at=at)
+    return Study.objects.get(pk=study.pk)
+
+
+def joined(study, at):
+    return Participant.objects.create(study=study, slot=str(at), created_at=at, seen_at=at)
+
+
+def test_the_preregistration_is_read_and_downloaded(client, study):
+    researcher(client, study, "viewer")
+    shown = read(client.get(page(study)))
+    assert "A closed door takes time." in shown.text
+    actions = {form.attributes.get("action") for form in shown.all("form")}
+    assert not actions & {page(study, "power"), page(study, "deviations")}
+    answer = client.get(page(study, "preregistration"))
+    assert answer.headers["Content-Disposition"].endswith('cabin-study-1-preregistration.md"')
+    assert f"SHA-256 of the definition: `{study.sha256}`." in answer.content.decode()
+    assert "This is a draft" in answer.content.decode()
+
+
+def test_a_version_knows_whether_it_was_frozen_before_its_data(study):
+    assert freeze_of(study).before_data is None
+    frozen = published(study)
+    assert (freeze_of(frozen).frozen_at, freeze_of(frozen).before_data) == (
+        f"{NOW:%Y-%m-%d %H:%M} UTC",
+        True,
+    )
+    joined(frozen, NOW + DAY)
+    assert freeze_of(frozen).before_data
+    second = published(publishing.new_version(frozen, NOW), NOW + 2 * DAY)
+    assert (freeze_of(second).before_data, freeze_of(second).earlier) == (True, 1)
+    joined(second, NOW)
+    assert not freeze_of(second).before_data
+
+
+def test_owners_state_deviations_after_publishing_and_others_do_not(client, study):
+    researcher(client, study, "owner")
+    frozen = published(study)
+    told = {"deviations": "We stopped a week early."}
+    assert client.post(page(study, "deviations"), told).status_code == 302
+    assert freeze_of(Study.objects.get()).deviations == told["deviations"]
+    assert Study.objects.get().sha256 == frozen.sha256
+    assert AuditEntry.objects.filter(act="study_changed", detail="deviations").exists()
+    StudyMember.objects.update(role="researcher")
+    assert client.post(page(study, "deviations"), told).status_code == 404
+
+
+def test_numbers_of_participants_are_checked(client, study):
+    researcher(client, study)
+    for numbers in ("", "many", "0", "1001", "1 2 3 4 5 6 7 8 9"):
+        assert client.post(page(study, "power"), {"participants": numbers}).status_code == 422
+
+
+@pytest.mark.django_db(transaction=True)
+def test_the_power_is_simulated_on_the_page(client, study, monkeypatch):
+    monkeypatch.setattr("experiments.study_admin.plan.STUDIES", 40)
+    researcher(client, study)
+    shown = read(client.post(page(study, "power"), {"participants": "20, 40"}))
+    cells = [cell.text for cell in shown.all("td")]
+    start = cells.index("20")
+    assert cells[start : start + 5] == ["20", "driving", "task_time", "shut - open", "h1"]
+    assert "participants give every test of a hypothesis a power of" in shown.text
+
+
+def test_the_command_prints_the_power_and_says_what_it_cannot_do(study, tmp_path, capsys):
+    call_command("power", study.slug, participants=[20], studies=20)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split()[:4] == ["Participants", "Analysis", "Measure", "Test"]
+    assert lines[1].startswith("20            driving   task_time")
+    with pytest.raises(CommandError, match="cannot be read"):
+        call_command("power", study.slug, from_bots=tmp_path)
+    with pytest.raises(CommandError, match="There is no study"):
+        call_command("power", "nowhere")

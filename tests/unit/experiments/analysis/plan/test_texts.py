@@ -1,0 +1,138 @@
+"""The preregistration and the reporting sheet say what the study says, and where it is silent."""
+
+from dataclasses import replace
+
+import msgspec
+import pytest
+
+from experiments.analysis.dataset.records import FreezeRecord, RobotRecord
+from experiments.analysis.plan.exclusions import exclusions
+from experiments.analysis.plan.preregistration import NO_PLAN, UNANSWERED, preregistration
+from experiments.analysis.plan.reporting_sheet import UNKNOWN, as_markdown, reporting_sheet
+from experiments.definition.shipped import shipped
+from tests.support.planned import PLAN, plan_with, planned_study
+from tests.support.planned_data import planned_data
+
+FROZEN = FreezeRecord(sha256="ab" * 32, frozen_at="2026-05-01 09:00 UTC", before_data=True)
+TIMES = {"shut": [100.0, 110.0, 130.0], "all_open": [90.0, 95.0, 99.0]}
+
+
+def answers(text):
+    """What is said below each question."""
+    parts = text.split("\n### ")[1:]
+    return {
+        question: rest.split("\n## ")[0].strip()
+        for question, _, rest in (part.partition("\n") for part in parts)
+    }
+
+
+def test_a_preregistration_asks_in_the_order_of_the_osf():
+    text = preregistration(planned_study(PLAN), FROZEN)
+    assert [line[3:] for line in text.splitlines() if line.startswith("## ")] == [
+        "Study information",
+        "Design plan",
+        "Sampling plan",
+        "Variables",
+        "Analysis plan",
+        "Other",
+    ]
+
+
+def test_what_is_declared_is_answered_and_what_is_not_is_said_to_be_unanswered():
+    plan = plan_with(
+        attention_checks=[{"questionnaire": "experience", "item": "q1", "answer": "2"}],
+        speeders=[{"questionnaire": "experience", "seconds": 10}],
+    )
+    said = answers(preregistration(planned_study(plan), FROZEN))
+    assert said["Research question"] == "Does a closed door matter?"
+    assert "**h1**: A closed door takes time." in said["Hypotheses"]
+    assert "analysis `driving`; `task_time`" in said["Hypotheses"]
+    assert said["Sample size"] == "20 complete cases."
+    assert "`experience.q1` is not “2”" in said["Data exclusion"]
+    assert "`experience` in less than 10 s" in said["Data exclusion"]
+    assert said["Blinding"] == said["Stopping rule"] == said["Transformations"] == UNANSWERED
+
+
+@pytest.mark.parametrize(
+    ("freeze", "said"),
+    [
+        (FROZEN, "Before data: yes, no participant of this version had joined."),
+        (
+            msgspec.structs.replace(FROZEN, before_data=False),
+            "Before data: no, a participant of this version had already joined.",
+        ),
+        (
+            msgspec.structs.replace(FROZEN, earlier=3),
+            "but 3 had joined earlier versions, whose data were known.",
+        ),
+        (FreezeRecord(sha256="ab" * 32), "This is a draft: the definition is not frozen"),
+        (None, "When the definition was frozen is unknown."),
+    ],
+)
+def test_it_says_honestly_whether_there_were_data(freeze, said):
+    assert said in preregistration(planned_study(PLAN), freeze)
+
+
+@pytest.mark.parametrize("study", shipped().values(), ids=list(shipped()))
+def test_shipped_studies_have_a_text(study):
+    text = preregistration(study, None)
+    assert (NO_PLAN in text) == (study.plan is None)
+    assert "None" not in text
+
+
+def sheet(plan=PLAN, **more):
+    dataset, measured = planned_data(plan, TIMES, **more)
+    table = reporting_sheet(dataset, measured, exclusions(dataset))
+    topics, found = "", {}
+    for topic, item, value in table.rows:
+        topics = topic.text or topics
+        found[topics, item.text] = value.text
+    return found, table
+
+
+def test_a_sheet_counts_who_took_part_and_what_failed():
+    found, _ = sheet()
+    assert found["Participants", "drove a robot"] == "6"
+    assert found["Participants", "age"] == "M = 21.0, SD = 0.9, 20 to 22"
+    assert found["Failures", "completed"] == "6 drives"
+    assert found["Autonomy by condition", "Open"] == "none: the participant drives"
+    assert found["Deviations from the plan", "planned participants"] == "20"
+    assert found["Deviations from the plan", "participants who drove and are not excluded"] == "6"
+
+
+def test_what_a_sheet_does_not_know_is_unknown():
+    found, _ = sheet(robots=(RobotRecord(name="giraff", title="Giraff", series="giraff"),))
+    assert found["Participants", "recruitment"] == UNKNOWN
+    assert found["Participants", "sex or gender"] == "unknown: not asked"
+    assert found["Robot Giraff", "make"] == found["Robot Giraff", "footprint (m)"] == UNKNOWN
+    assert found["Robot Giraff", "Age of commands at the wheels"] == "unknown: not measured"
+    assert found["Deviations from the plan", "plan frozen before data"] == UNKNOWN
+    assert found["Versions", "definition frozen"] == UNKNOWN
+
+
+def test_a_sheet_tells_what_the_researchers_state_and_what_is_known_of_the_robot():
+    robot = RobotRecord(
+        name="giraff", title="Giraff", series="giraff", facts={"Size (m)": "0.58 × 0.52"}
+    )
+    freeze = msgspec.structs.replace(FROZEN, deviations="Two more\nparticipants.", software="1.2")
+    found, table = sheet(robots=(robot,), freeze=freeze)
+    assert found["Robot Giraff", "footprint (m)"] == "0.58 × 0.52"
+    assert "- stated by the researchers: Two more participants." in as_markdown(table)
+    assert found["Versions", "software of the server"] == "1.2"
+
+
+def test_a_sheet_measures_latency():
+    dataset, measured = planned_data(PLAN, TIMES)
+    robot = RobotRecord(name="giraff", title="Giraff", series="giraff")
+    aged = [
+        replace(one, values={**one.values, "command_age_median": 0.05, "command_age_p95": 0.12})
+        for one in measured
+    ]
+    table = reporting_sheet(replace(dataset, robots=(robot,)), aged, ())
+    values = [row[2].text for row in table.rows]
+    assert "median 50 ms, 95th percentile 120 ms (medians over 6 drives)" in values
+
+
+def test_without_a_plan_a_sheet_says_so():
+    found, _ = sheet(None)
+    assert found["Deviations from the plan", "plan"].startswith("none was declared")
