@@ -31,6 +31,7 @@ from experiments.research.study_access import OfStudies, study_for
 from experiments.study_admin import opening_hours
 from experiments.study_admin.participants import DriveAdmin, ParticipantAdmin, RehearsalAdmin
 from experiments.study_admin.people import PeoplePages, made
+from experiments.study_admin.publication import PublicationPages
 from experiments.study_admin.walk_through import WalkThroughPages
 from robots.admin import NOTHING
 from robots.admin_pages.overview import register_section
@@ -40,7 +41,7 @@ register_section("mail", mail_to_owner)
 
 
 @admin.register(Study)
-class StudyAdmin(BuilderPages, PeoplePages, WalkThroughPages, OfStudies):
+class StudyAdmin(BuilderPages, PeoplePages, PublicationPages, WalkThroughPages, OfStudies):
     """Studies by version. A published version stays as it is."""
 
     form = StudyForm
@@ -274,6 +275,7 @@ class StudyAdmin(BuilderPages, PeoplePages, WalkThroughPages, OfStudies):
             *own,
             *self.builder_urls(),
             *self.people_urls(),
+            *self.publication_urls(),
             *self.walk_through_urls(),
             *super().get_urls(),
         ]

@@ -21,9 +21,11 @@ from django.views.decorators.http import require_safe
 
 from accounts import audit
 from experiments.access import Role, for_role, may
+from experiments.definition.publication import from_stored
 from experiments.export.formats import ON_REQUEST
 from experiments.research.analysis_cache import command, environment
 from experiments.research.analysis_query import asked_of, versions_of
+from experiments.research.publication_labels import details_page, labels_of
 from sessions.system_log import log as keep
 
 logger = structlog.stdlib.get_logger(__name__)
@@ -52,6 +54,8 @@ def page(request: HttpRequest, slug: str) -> HttpResponse:
             for name, one in ON_REQUEST.items()
             if may(request.user, slug, one.least)
         ],
+        "missing": labels_of(from_stored(asked.study.publication).missing),
+        "details": details_page(request.user, asked.study),
         "may_see_text": may(request.user, slug, LEAST["free_text"]),
         "may_identify": may(request.user, slug, LEAST["identified"]),
     }
