@@ -78,7 +78,7 @@ TOPICS = (
     AnalysisTopic(
         "network", _("Network"), ("ages", "safety-limits", "network-effects", "network-classes")
     ),
-    AnalysisTopic("data-quality", _("Data quality"), ("quality", "sessions")),
+    AnalysisTopic("data-quality", _("Data quality"), ("quality", "sessions", "software")),
 )
 
 
