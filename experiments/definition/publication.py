@@ -78,11 +78,11 @@ def is_orcid(text: str) -> bool:
     """Tell whether it is an ORCID iD whose last character is right (ISO 7064, MOD 11-2)."""
     if not _ORCID.fullmatch(text):
         return False
-    *digits, last = text.replace("-", "")
+    characters = text.replace("-", "")
     total = 0
-    for digit in digits:
+    for digit in characters[:-1]:
         total = (total + int(digit)) * 2
-    return "0123456789X"[(12 - total % 11) % 11] == last
+    return "0123456789X"[(12 - total % 11) % 11] == characters[-1]
 
 
 def is_doi(text: str) -> bool:

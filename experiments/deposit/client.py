@@ -34,7 +34,7 @@ class _NoRedirects(HTTPRedirectHandler):
         """Follow none."""
 
 
-class _Counted:
+class _ReportedFile:
     """A file that tells how much of it was read."""
 
     def __init__(self, file: IO[bytes], progress: Progress) -> None:
@@ -49,7 +49,7 @@ class _Counted:
         return part
 
 
-class Client:
+class RepositoryClient:
     """Requests to one repository.
 
     Args:
@@ -88,7 +88,7 @@ class Client:
             "Content-Length": str(path.stat().st_size),
         }
         with path.open("rb") as file:
-            counted: Any = _Counted(file, progress)
+            counted: Any = _ReportedFile(file, progress)
             request = Request(address, counted, headers, method="PUT")  # noqa: S310 -- checked
             return self._send(request)
 

@@ -7,7 +7,7 @@ from typing import Any
 from urllib.parse import quote, urlencode
 
 from experiments.deposit.client import DepositError, Progress
-from experiments.deposit.repository import Draft, Record, Repository, StoredFile
+from experiments.deposit.repository import DepositDraft, Record, Repository, StoredFile
 
 JSON_API = "application/vnd.api+json"
 STORAGE = "osfstorage"
@@ -23,14 +23,14 @@ class Osf(Repository):
     scopes = "the scope osf.full_write"
     domain = "osf.io"
 
-    def create(self, record: Record) -> Draft:
+    def create(self, record: Record) -> DepositDraft:
         """Make a private project."""
         attributes = _attributes(record) | {"category": "project", "public": False}
         body = {"data": {"type": "nodes", "attributes": attributes}}
         found = self.client.ask("POST", f"{self.client.address}/nodes/", body, JSON_API)["data"]
-        return Draft(found["id"], found["links"]["html"])
+        return DepositDraft(found["id"], found["links"]["html"])
 
-    def update(self, draft: Draft, record: Record) -> None:
+    def update(self, draft: DepositDraft, record: Record) -> None:
         """Describe a project that is private."""
         address = f"{self.client.address}/nodes/{quote(draft.id)}/"
         if self.client.ask("GET", address)["data"]["attributes"]["public"]:
@@ -40,7 +40,7 @@ class Osf(Repository):
         data = {"type": "nodes", "id": draft.id, "attributes": _attributes(record)}
         self.client.ask("PATCH", address, {"data": data}, JSON_API)
 
-    def files(self, draft: Draft) -> dict[str, StoredFile]:
+    def files(self, draft: DepositDraft) -> dict[str, StoredFile]:
         """Return the files at the top of its storage."""
         found = self.client.ask("GET", f"{self._storage(draft)}?meta=")
         return {
@@ -50,7 +50,7 @@ class Osf(Repository):
             for stored in (_stored(one),)
         }
 
-    def upload(self, draft: Draft, name: str, path: Path, progress: Progress) -> StoredFile:
+    def upload(self, draft: DepositDraft, name: str, path: Path, progress: Progress) -> StoredFile:
         """Add a file, or a version of the one that has this name."""
         known = self.files(draft).get(name)
         address = (
@@ -60,7 +60,7 @@ class Osf(Repository):
         )
         return _stored(self.client.upload(address, path, progress)["data"])
 
-    def _storage(self, draft: Draft) -> str:
+    def _storage(self, draft: DepositDraft) -> str:
         """Return where files go: which server that is, the project says."""
         address = f"{self.client.address}/nodes/{quote(draft.id)}/files/"
         for one in self.client.ask("GET", address)["data"]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from experiments.definition.publication import PublicationDetails
-from experiments.deposit.client import Client, Progress
+from experiments.deposit.client import Progress, RepositoryClient
 
 MOST_NAME = 255  # characters of the name of a file, in both repositories
 
@@ -22,7 +22,7 @@ class Record:
 
 
 @dataclass(frozen=True)
-class Draft:
+class DepositDraft:
     """A draft: its id, and the page on which its owner completes and publishes it."""
 
     id: str
@@ -50,18 +50,18 @@ class Repository(ABC):
     domain: ClassVar[str] = ""
 
     def __init__(self, address: str, token: str) -> None:
-        self.client = Client(address, token, scopes=self.scopes, domain=self.domain)
+        self.client = RepositoryClient(address, token, scopes=self.scopes, domain=self.domain)
 
     def problems(self, record: Record) -> Iterator[str]:
         """Yield what the repository would refuse."""
         yield from ()
 
     @abstractmethod
-    def create(self, record: Record) -> Draft:
+    def create(self, record: Record) -> DepositDraft:
         """Make a draft, which nobody else sees."""
 
     @abstractmethod
-    def update(self, draft: Draft, record: Record) -> None:
+    def update(self, draft: DepositDraft, record: Record) -> None:
         """Let a draft say what is known now.
 
         Raises:
@@ -70,9 +70,9 @@ class Repository(ABC):
         """
 
     @abstractmethod
-    def files(self, draft: Draft) -> dict[str, StoredFile]:
+    def files(self, draft: DepositDraft) -> dict[str, StoredFile]:
         """Return the files that a draft has, by name."""
 
     @abstractmethod
-    def upload(self, draft: Draft, name: str, path: Path, progress: Progress) -> StoredFile:
+    def upload(self, draft: DepositDraft, name: str, path: Path, progress: Progress) -> StoredFile:
         """Add a file, or replace the one of that name; return what the repository has then."""

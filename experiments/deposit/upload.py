@@ -9,7 +9,7 @@ from pathlib import Path
 from experiments.definition.publication import is_address
 from experiments.deposit.client import DepositError, NotThereError, Progress
 from experiments.deposit.osf import Osf
-from experiments.deposit.repository import MOST_NAME, Draft, Record, Repository, StoredFile
+from experiments.deposit.repository import MOST_NAME, DepositDraft, Record, Repository, StoredFile
 from experiments.deposit.zenodo import Zenodo
 
 REPOSITORIES: Mapping[str, type[Repository]] = {"osf": Osf, "zenodo": Zenodo}
@@ -18,7 +18,9 @@ STEPS = 10  # how often progress is told for a file
 Tell = Callable[[str], None]
 
 
-def draft_of(repository: Repository, record: Record, known: Draft | None, tell: Tell) -> Draft:
+def draft_of(
+    repository: Repository, record: Record, known: DepositDraft | None, tell: Tell
+) -> DepositDraft:
     """Return the draft of an earlier run, or a new one.
 
     Raises:
@@ -42,7 +44,9 @@ def draft_of(repository: Repository, record: Record, known: Draft | None, tell: 
     return draft
 
 
-def upload_all(repository: Repository, draft: Draft, files: Mapping[str, Path], tell: Tell) -> None:
+def upload_all(
+    repository: Repository, draft: DepositDraft, files: Mapping[str, Path], tell: Tell
+) -> None:
     """Send files by the names that they have there.
 
     Raises:

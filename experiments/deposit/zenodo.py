@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 from experiments.definition.publication import Author
 from experiments.deposit.client import DepositError, Progress
-from experiments.deposit.repository import Draft, Record, Repository, StoredFile
+from experiments.deposit.repository import DepositDraft, Record, Repository, StoredFile
 
 OWN_DOI = "10.5281/"  # Zenodo's own, which it gives itself
 
@@ -31,14 +31,14 @@ class Zenodo(Repository):
         if not record.details.license:
             yield "Zenodo needs a licence for data that are open."
 
-    def create(self, record: Record) -> Draft:
+    def create(self, record: Record) -> DepositDraft:
         """Make an empty deposition, and describe it."""
         found = self.client.ask("POST", self._address(), {})
-        draft = Draft(str(found["id"]), found["links"]["html"])
+        draft = DepositDraft(str(found["id"]), found["links"]["html"])
         self.update(draft, record)
         return draft
 
-    def update(self, draft: Draft, record: Record) -> None:
+    def update(self, draft: DepositDraft, record: Record) -> None:
         """Describe a deposition that was not published."""
         if self._found(draft).get("submitted"):
             raise DepositError(
@@ -46,7 +46,7 @@ class Zenodo(Repository):
             )
         self.client.ask("PUT", self._address(draft), {"metadata": metadata(record)})
 
-    def files(self, draft: Draft) -> dict[str, StoredFile]:
+    def files(self, draft: DepositDraft) -> dict[str, StoredFile]:
         """Return its files."""
         found = self._found(draft)
         bucket = found["links"]["bucket"]
@@ -60,18 +60,18 @@ class Zenodo(Repository):
             for one in found.get("files", ())
         }
 
-    def upload(self, draft: Draft, name: str, path: Path, progress: Progress) -> StoredFile:
+    def upload(self, draft: DepositDraft, name: str, path: Path, progress: Progress) -> StoredFile:
         """Put a file into the bucket; one of the same name is replaced."""
         address = f"{self._found(draft)['links']['bucket']}/{quote(name)}"
         found = self.client.upload(address, path, progress)
         md5 = found["checksum"].removeprefix("md5:")
         return StoredFile(found["key"], int(found["size"]), md5, address)
 
-    def _found(self, draft: Draft) -> dict[str, Any]:
+    def _found(self, draft: DepositDraft) -> dict[str, Any]:
         found: dict[str, Any] = self.client.ask("GET", self._address(draft))
         return found
 
-    def _address(self, draft: Draft | None = None) -> str:
+    def _address(self, draft: DepositDraft | None = None) -> str:
         base = f"{self.client.address}/deposit/depositions"
         return f"{base}/{quote(draft.id)}" if draft else base
 

@@ -134,14 +134,14 @@ def deposit(request: HttpRequest, slug: str) -> HttpResponseBase:
     )
 
 
-async def _told(words: list[str], surroundings: dict[str, str]) -> AsyncIterator[bytes]:
+async def _told(words: list[str], variables: dict[str, str]) -> AsyncIterator[bytes]:
     """Yield what a command says, its errors as well; it ends with whoever reads."""
     process = await asyncio.create_subprocess_exec(
         *words,
         stdin=asyncio.subprocess.DEVNULL,
         stdout=asyncio.subprocess.PIPE,
         stderr=asyncio.subprocess.STDOUT,
-        env=surroundings,
+        env=variables,
     )
     assert process.stdout is not None
     try:

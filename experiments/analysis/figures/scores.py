@@ -69,7 +69,7 @@ def score_figure(dataset: Dataset, found: ScoredQuestionnaire) -> Drawing:
             _frame(panel, scale, found.groups)
             for place, (group, cells) in enumerate(zip(found.groups, own, strict=True)):
                 behind |= _draw_group(panel, place, scale, group, cells, looks[group.robot])
-        _share_limits(axes, found.scales)
+        _share_limits(list(axes), found.scales)
         handles = [
             Line2D(
                 [],

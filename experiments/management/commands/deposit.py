@@ -18,7 +18,7 @@ from accounts import audit
 from experiments.dataset.selection import Selection
 from experiments.definition.publication import from_stored
 from experiments.deposit.client import DepositError
-from experiments.deposit.repository import Draft, Record, Repository
+from experiments.deposit.repository import DepositDraft, Record, Repository
 from experiments.deposit.upload import REPOSITORIES, draft_of, upload_all
 from experiments.export.archive import zipped
 from experiments.export.files import SUMS, export_files
@@ -64,7 +64,7 @@ class Command(BaseCommand):
             raise CommandError(str(error)) from error
         self.stdout.write(f"Not published. Check the draft and publish it there: {draft.url}")
 
-    def _deposit(self, study: Study, repository: Repository, *, is_new: bool) -> Draft:
+    def _deposit(self, study: Study, repository: Repository, *, is_new: bool) -> DepositDraft:
         host = urlsplit(repository.client.address).netloc
         known = None if is_new else _known(study.deposits, host)
         draft = draft_of(repository, record_of(study), known, self.stdout.write)
@@ -87,9 +87,9 @@ def _token(kind: type[Repository]) -> str:
     return token
 
 
-def _known(deposits: Mapping[str, Any], host: str) -> Draft | None:
+def _known(deposits: Mapping[str, Any], host: str) -> DepositDraft | None:
     found = deposits.get(host)
-    return Draft(found["id"], found["url"]) if found else None
+    return DepositDraft(found["id"], found["url"]) if found else None
 
 
 def record_of(study: Study) -> Record:

@@ -9,7 +9,9 @@ from hashlib import md5
 
 import msgspec
 import pytest
+from asgiref.sync import sync_to_async
 from django.core.management import CommandError, call_command
+from django.test import AsyncClient
 from django.urls import reverse
 
 from accounts.models import AuditEntry
@@ -160,6 +162,19 @@ def test_metadata_that_zenodo_would_refuse_are_told_before_anything_is_sent(stud
     stored = msgspec.to_builtins(msgspec.structs.replace(DETAILS, license="ODC-By-1.0"))
     Study.objects.filter(pk=study.pk).update(publication=stored)
     assert "metadata.license: Invalid license provided" in refusal(study, place)
+
+
+@pytest.mark.django_db(transaction=True)
+async def test_the_page_shows_what_the_upload_says(study):
+    owner = await sync_to_async(person)("olga")
+    await StudyMember.objects.acreate(slug=study.slug, user=owner, role="owner")
+    client = AsyncClient()
+    await client.aforce_login(owner)
+    action = reverse("analysis_deposit", args=[study.slug])
+    answer = await client.post(action, {"to": "zenodo", "token": "  "})
+    assert answer["Content-Type"].startswith("text/plain")
+    told = b"".join([part async for part in answer.streaming_content]).decode()
+    assert "Set ZENODO_TOKEN to a token of Zenodo" in told
 
 
 def test_the_export_page_offers_it_to_owners_alone(client, study):
