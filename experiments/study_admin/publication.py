@@ -91,7 +91,7 @@ class PublicationForm(forms.Form):
         required=False,
         max_length=300,
         widget=forms.TextInput(attrs=WIDE),
-        help_text=_("Who paid for the study, with the number of the grant."),
+        help_text=_("The body that paid for the study, with the number of its grant."),
     )
     preregistration = forms.CharField(
         label=LABELS["preregistration"],
