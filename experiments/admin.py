@@ -32,6 +32,7 @@ from experiments.study_admin import opening_hours
 from experiments.study_admin.participants import DriveAdmin, ParticipantAdmin, RehearsalAdmin
 from experiments.study_admin.people import PeoplePages, made
 from experiments.study_admin.plan import PlanPages
+from experiments.study_admin.publication import PublicationPages
 from experiments.study_admin.walk_through import WalkThroughPages
 from robots.admin import NOTHING
 from robots.admin_pages.overview import register_section
@@ -41,7 +42,9 @@ register_section("mail", mail_to_owner)
 
 
 @admin.register(Study)
-class StudyAdmin(BuilderPages, PeoplePages, PlanPages, WalkThroughPages, OfStudies):
+class StudyAdmin(
+    BuilderPages, PeoplePages, PlanPages, PublicationPages, WalkThroughPages, OfStudies
+):
     """Studies by version. A published version stays as it is."""
 
     form = StudyForm
@@ -276,6 +279,7 @@ class StudyAdmin(BuilderPages, PeoplePages, PlanPages, WalkThroughPages, OfStudi
             *self.builder_urls(),
             *self.people_urls(),
             *self.plan_urls(),
+            *self.publication_urls(),
             *self.walk_through_urls(),
             *super().get_urls(),
         ]

@@ -105,6 +105,12 @@ class Study(models.Model):
         blank=True,
         help_text=_("What was done differently, when and why. It is exported with the data."),
     )
+    # What its dataset says about itself in a repository, and
+    # the drafts that were made there, by the repository's name (experiments/deposit/).
+    publication = models.JSONField(
+        _("publication details"), default=dict, blank=True, editable=False
+    )
+    deposits = models.JSONField(default=dict, blank=True, editable=False)
     # Keys the hash of networks, so that distinct ones can be counted within this study and nowhere
     # else.
     secret = models.CharField(max_length=64, default=secrets.token_hex, editable=False)

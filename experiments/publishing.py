@@ -182,7 +182,7 @@ def new_version(row: Row, now: datetime.datetime) -> Row:
     """
     newest = Row.objects.filter(slug=row.slug).aggregate(newest=Max("version"))["newest"]
     made = _put(msgspec.structs.replace(row.as_definition(), version=newest + 1), now)
-    kept = ("entry", "opening_hours", "time_zone", "exclusive")
+    kept = ("entry", "opening_hours", "time_zone", "exclusive", "publication")
     Row.objects.filter(pk=made.pk).update(**{name: getattr(row, name) for name in kept})
     return Row.objects.get(pk=made.pk)
 

@@ -1,10 +1,12 @@
 """Everything at once: a folder of tables and figures from a dataset, and nothing else, so that the
 same dataset gives the same bytes.
 
-    <selection>/tables/<name>.csv, .tex          every number and what it is made of
-    <selection>/figures/<name>.svg, .pdf, .csv   every figure and its numbers
-    <selection>/sources.json                     which sessions are behind every cell, bar and
-    trajectory SHA256SUMS                                   of all of these
+    <selection>/tables/<name>.csv, .tex, .docx         every number and what it is made of
+    <selection>/figures/<name>.svg, .pdf, .png, .csv   every figure and its numbers
+    <selection>/results.txt, .tex, .docx               every test as a sentence
+    <selection>/sources.json                           which sessions are behind every cell, bar and
+                                                       trajectory
+    SHA256SUMS                                         of all of these
 
 A selection is `all`, or `without-excluded` where a researcher has excluded sessions.
 """
@@ -17,7 +19,11 @@ from pathlib import Path
 from typing import Any
 
 from experiments.analysis.dataset.records import EVERY, WITHOUT, Dataset, Kind
-from experiments.analysis.figures.drawing import Drawing, as_pdf, as_svg
+from experiments.analysis.documents.latex import as_latex, latex, runs_as_latex
+from experiments.analysis.documents.runs import Run
+from experiments.analysis.documents.sentences import sentences_of
+from experiments.analysis.documents.word import table_document, text_document
+from experiments.analysis.figures.drawing import Drawing, as_pdf, as_png, as_svg
 from experiments.analysis.figures.opinions import figure_8a, figure_8b
 from experiments.analysis.figures.scores import score_figures
 from experiments.analysis.figures.trajectories import figure_6, figure_7
@@ -49,6 +55,7 @@ from experiments.analysis.tables.reliability import QualityVerdict, judge
 from experiments.analysis.tables.safety_limits import safety_limits
 from experiments.analysis.tables.scale_reliability import reliability_table
 from experiments.analysis.tables.scores import score_tables
+from experiments.analysis.tables.software import software_table
 from experiments.analysis.tables.summaries import (
     metrics_table,
     segment_spreads,
@@ -56,7 +63,7 @@ from experiments.analysis.tables.summaries import (
     sessions_table,
     verdicts_table,
 )
-from experiments.analysis.tables.table import Table, as_csv, as_latex
+from experiments.analysis.tables.table import Table, as_csv
 
 
 @dataclass(frozen=True)
@@ -142,6 +149,7 @@ def report(
             *tested,
             hypotheses_table(dataset, tested),
             *also,
+            software_table(),
         ),
     )
     tables = tuple(marked_table(dataset.study, table) for table in tables)
@@ -191,11 +199,32 @@ def write(found: Report, folder: Path) -> Iterator[Path]:
     for table in found.tables:
         yield _file(folder / "tables" / f"{table.name}.csv", as_csv(table).encode())
         yield _file(folder / "tables" / f"{table.name}.tex", as_latex(table).encode())
+        yield _file(folder / "tables" / f"{table.name}.docx", table_document(table))
     for drawing in found.figures:
         yield _file(folder / "figures" / f"{drawing.name}.svg", as_svg(drawing))
         yield _file(folder / "figures" / f"{drawing.name}.pdf", as_pdf(drawing))
+        yield _file(folder / "figures" / f"{drawing.name}.png", as_png(drawing))
         yield _file(folder / "figures" / f"{drawing.name}.csv", as_csv(drawing.numbers).encode())
+    for kind, content in _results(found.tables).items():
+        yield _file(folder / f"results.{kind}", content)
     yield _file(folder / "sources.json", json.dumps(sources(found), indent=1).encode() + b"\n")
+
+
+def _results(tables: Sequence[Table]) -> dict[str, bytes]:
+    """Return the sentences on all tests below the titles of their tables, by kind of file."""
+    text, tex, paragraphs = list[str](), list[str](), list[tuple[Run, ...]]()
+    for table in tables:
+        sentences = list(sentences_of(table))
+        if sentences:
+            text += [table.title, *(one.text for one in sentences), ""]
+            bold = rf"\paragraph{{{latex(table.title)}}}"
+            tex += [bold, *(f"{runs_as_latex(one.runs)}\n" for one in sentences)]
+            paragraphs += [(Run(table.title, italic=True),), *(one.runs for one in sentences)]
+    return {
+        "txt": "".join(f"{line}\n" for line in text).encode(),
+        "tex": "".join(f"{line}\n" for line in tex).encode(),
+        "docx": text_document(paragraphs),
+    }
 
 
 def _file(path: Path, content: bytes) -> Path:

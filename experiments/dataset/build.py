@@ -21,6 +21,7 @@ from experiments.dataset.robots import plans_of, robots_of
 from experiments.dataset.selection import Selection
 from experiments.dataset.sessions import drives_of, granted, sessions_of
 from experiments.dataset.states import network_of, states_of
+from experiments.definition.publication import from_stored
 from experiments.models import Drive, Study
 
 ANALYSED = Selection(sources=("task",))  # tables and figures ask for no other events
@@ -64,6 +65,7 @@ def dataset_of(
         ),
         freeze=freeze_of(study),
         network=_reader(drives, names, _network, columns_of(NETWORK)),
+        publication=from_stored(study.publication),
     )
 
 

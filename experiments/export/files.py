@@ -8,6 +8,7 @@ files: an export without sums was broken off.
 from collections.abc import Iterable, Iterator
 from hashlib import sha256
 
+from experiments.analysis.dataset.records import Dataset
 from experiments.dataset.build import dataset_of, release_of
 from experiments.dataset.selection import Selection
 from experiments.dataset.sessions import drives_of
@@ -21,7 +22,7 @@ READ_ME = """# {title}
 Records of the study {slug}, version {version}. `dataset_description.json` explains each
 column of each file. Times are seconds since the robot was granted, by the clock that the column
 names. An empty cell or `nan` is a missing value.
-
+{missing}
 The dataset contains all sessions, including failed, empty, practice and excluded ones, and those of
 pilots and bots: the columns `kind`, `practice`, `outcome` and `excluded` distinguish them.
 
@@ -43,6 +44,17 @@ def export_files(study: Study, choice: Selection) -> Iterator[File]:
     yield SUMS, ["".join(sorted(sums, key=lambda line: line.split("  ", 1)[1])).encode()]
 
 
+def read_me(dataset: Dataset) -> str:
+    """Return what an export says to whoever unpacks it."""
+    definition, missing = dataset.study, ", ".join(dataset.publication.missing)
+    return READ_ME.format(
+        title=definition.title.get("en") or definition.slug,
+        slug=definition.slug,
+        version=definition.version,
+        missing=f"\nNot filled in by its owners: {missing}.\n" if missing else "",
+    )
+
+
 def _summed(name: str, parts: Iterable[bytes], sums: list[str]) -> Iterator[bytes]:
     found = sha256()
     for part in parts:
@@ -55,11 +67,9 @@ def _files(study: Study, choice: Selection) -> Iterator[File]:
     classes = chosen(choice)
     drives = list(drives_of(study))
     dataset = dataset_of(study, choice=choice, drives=drives)
-    definition = dataset.study
-    title = definition.title.get("en") or definition.slug
     yield (
         "README.md",
-        [READ_ME.format(title=title, slug=definition.slug, version=definition.version).encode()],
+        [read_me(dataset).encode()],
     )
     more = {name: columns for one in classes for name, columns in one.tables.items()}
     source = ExportSource(dataset, drives, release_of(study, choice), more)

@@ -17,13 +17,17 @@ from django.http import (
 from django.shortcuts import render
 from django.urls import reverse
 from django.views.decorators.cache import never_cache
-from django.views.decorators.http import require_safe
+from django.views.decorators.debug import sensitive_post_parameters
+from django.views.decorators.http import require_POST, require_safe
 
 from accounts import audit
 from experiments.access import Role, for_role, may
+from experiments.definition.publication import from_stored
+from experiments.deposit.upload import REPOSITORIES
 from experiments.export.formats import ON_REQUEST
 from experiments.research.analysis_cache import command, environment
 from experiments.research.analysis_query import asked_of, versions_of
+from experiments.research.publication_labels import details_page, labels_of
 from sessions.system_log import log as keep
 
 logger = structlog.stdlib.get_logger(__name__)
@@ -52,6 +56,13 @@ def page(request: HttpRequest, slug: str) -> HttpResponse:
             for name, one in ON_REQUEST.items()
             if may(request.user, slug, one.least)
         ],
+        "repositories": {name: one.title for name, one in REPOSITORIES.items()}
+        if may(request.user, slug, "owner")
+        else {},
+        "deposit": reverse("analysis_deposit", args=[slug]),
+        "drafts": sorted(asked.study.deposits.items()),
+        "missing": labels_of(from_stored(asked.study.publication).missing),
+        "details": details_page(request.user, asked.study),
         "may_see_text": may(request.user, slug, LEAST["free_text"]),
         "may_identify": may(request.user, slug, LEAST["identified"]),
     }
@@ -96,6 +107,51 @@ def dataset(request: HttpRequest, slug: str) -> HttpResponseBase:
     return StreamingHttpResponse(
         _output(command(*words), environment()), content_type="application/zip", headers=headers
     )
+
+
+@sensitive_post_parameters("token")
+@never_cache
+@require_POST
+@for_role("owner")
+def deposit(request: HttpRequest, slug: str) -> HttpResponseBase:
+    """Upload the pseudonymous dataset to a repository as a draft, and show how far that is. The
+    token goes to the command alone, in its environment.
+    """
+    asked = asked_of(request, slug)
+    repository = REPOSITORIES.get(request.POST.get("to", ""))
+    if repository is None:
+        raise Http404
+    sandbox = ["--sandbox"] if request.POST.get("sandbox") else []
+    words = command(
+        "deposit", f"{slug}:{asked.study.version}", "--to", request.POST["to"], *sandbox
+    )
+    told = {repository.token: request.POST.get("token", ""), "PYTHONUNBUFFERED": "1"}
+    headers = {"Cache-Control": "private, no-store"}
+    return StreamingHttpResponse(
+        _told(words, environment() | told),
+        content_type="text/plain; charset=utf-8",
+        headers=headers,
+    )
+
+
+async def _told(words: list[str], variables: dict[str, str]) -> AsyncIterator[bytes]:
+    """Yield what a command says, its errors as well; it ends with whoever reads."""
+    process = await asyncio.create_subprocess_exec(
+        *words,
+        stdin=asyncio.subprocess.DEVNULL,
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.STDOUT,
+        env=variables,
+    )
+    assert process.stdout is not None
+    try:
+        async for line in process.stdout:
+            yield line
+        await process.wait()
+    finally:
+        if process.returncode is None:
+            process.kill()
+            await process.wait()
 
 
 async def _output(words: list[str], obstacle_map: dict[str, str]) -> AsyncIterator[bytes]:

@@ -81,7 +81,7 @@ TOPICS = (
         "network", _("Network"), ("ages", "safety-limits", "network-effects", "network-classes")
     ),
     AnalysisTopic("reporting", _("Reporting sheet"), ("reporting-sheet", "exclusions")),
-    AnalysisTopic("data-quality", _("Data quality"), ("quality", "sessions")),
+    AnalysisTopic("data-quality", _("Data quality"), ("quality", "sessions", "software")),
 )
 
 

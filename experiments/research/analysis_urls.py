@@ -25,6 +25,9 @@ urlpatterns: list[URLPattern | URLResolver] = [
     ),
     path("studies/<slug:slug>/export/", analysis_downloads.page, name="analysis_export"),
     path(
+        "studies/<slug:slug>/export/deposit/", analysis_downloads.deposit, name="analysis_deposit"
+    ),
+    path(
         "studies/<slug:slug>/analysis/dataset.zip",
         analysis_downloads.dataset,
         name="analysis_dataset",

@@ -40,6 +40,8 @@ TYPES = {
     "pdf": "application/pdf",
     "csv": "text/csv; charset=utf-8",
     "tex": "application/x-tex; charset=utf-8",
+    "docx": "application/vnd.openxmlformats-officedocument.wordprocessingml.document",
+    "png": "image/png",
 }
 
 
@@ -118,7 +120,7 @@ def _table(asked: AnalysisQuery, stored: Stored, head: dict[str, Any]) -> dict[s
     return head | {
         "shown": rows,
         "whole": asked.address("analysis_table", name),
-        "files": _files(asked, stored, "tables", name, ("csv", "tex")),
+        "files": _files(asked, stored, "tables", name, ("csv", "tex", "docx")),
     }
 
 
@@ -155,7 +157,7 @@ def _figure(asked: AnalysisQuery, stored: Stored, about: dict[str, Any]) -> dict
     )
     return about | {
         "svg": _safe(drawn),
-        "files": _files(asked, stored, "figures", name, ("svg", "pdf", "csv")),
+        "files": _files(asked, stored, "figures", name, ("svg", "pdf", "png", "csv")),
     }
 
 

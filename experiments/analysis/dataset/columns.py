@@ -5,7 +5,9 @@ A time is in seconds since the session's robot was granted, by the clock that is
 cell or `nan` is a missing value.
 """
 
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 MODES = ("manual", "assisted", "goto", "docking", "stopped")
 METHODS = ("keyboard", "mouse", "touch", "stick", "gamepad", "map", "script")
@@ -24,39 +26,70 @@ class Column:
     and what it says.
 
     One that is `late` was added when datasets had been written already: those lack it, and are read
-    all the same.
+    all the same. `least` and `greatest` bound its numbers, None where nothing does; `levels` are
+    all texts that its cells may have, each with what it means, and empty where they are not listed.
     """
 
     name: str
     unit: str
     meaning: str
     late: bool = False
+    least: float | None = None
+    greatest: float | None = None
+    levels: Mapping[str, str] = field(default_factory=dict)
+
+    def within(self, least: float | None, greatest: float | None) -> "Column":
+        """Return it with the range of its values, in its unit."""
+        return replace(self, least=least, greatest=greatest)
+
+    def one_of(self, *levels: str, **meanings: str) -> "Column":
+        """Return it with all that its cells may say, and what each means."""
+        return replace(self, levels={**dict.fromkeys(levels, ""), **meanings})
+
+
+def flag(name: str, meaning: str, *, late: bool = False) -> Column:
+    """Return a column of 0 and 1."""
+    return Column(name, "", meaning, late, levels={"0": "no", "1": "yes"})
+
+
+def share(name: str, meaning: str, *, late: bool = False) -> Column:
+    """Return a column of numbers from 0 to 1."""
+    return Column(name, "", meaning, late, 0.0, 1.0)
+
+
+def amount_of(name: str, unit: str, meaning: str, *, late: bool = False) -> Column:
+    """Return a column of counts, times, distances and the like, which are never below 0."""
+    return Column(name, unit, meaning, late, 0.0)
 
 
 STATES = (
     Column("stamp", "s", "time of the state by the robot's clock"),
     Column("received", "s", "time at which the server had it, by the server's clock"),
     Column("clock_offset", "s", "robot's clock minus the server's, as estimated then"),
-    Column("boot", "", "run of the robot's agent: 0 for the session's first"),
-    Column("seq", "", "number of the state within the run, from the session's first"),
+    amount_of("boot", "", "run of the robot's agent: 0 for the session's first"),
+    amount_of("seq", "", "number of the state within the run, from the session's first"),
     Column("x", "m", "position on the map"),
     Column("y", "m", "position on the map"),
-    Column("theta", "rad", "heading on the map, counter-clockwise from x"),
-    Column("localized", "", "1 when the robot trusts its position"),
-    Column("score", "", "how far it trusts it: 1 is certain"),
+    Column("theta", "rad", "heading on the map, counter-clockwise from x").within(
+        -math.pi, math.pi
+    ),
+    flag("localized", "1 when the robot trusts its position"),
+    share("score", "how far it trusts it: 1 is certain"),
     Column("linear", "m/s", "measured speed, forward positive"),
     Column("angular", "rad/s", "measured turn rate, counter-clockwise positive"),
-    Column("charge", "", "share of the battery's charge"),
-    Column("charging", "", "1 while charging"),
-    Column("docked", "", "1 while docked"),
+    share("charge", "share of the battery's charge"),
+    flag("charging", "1 while charging"),
+    flag("docked", "1 while docked"),
     Column("tilt", "rad", "tilt of the head, positive looks down"),
-    Column("mode", "", "0 manual, 1 assisted, 2 goto, 3 docking, 4 stopped"),
-    Column("clearance", "m", "smallest distance to anything since the previous state"),
-    Column("contacts", "", "collisions that began since the previous state"),
-    Column("distance", "m", "odometer since the run began"),
-    Column("silence", "s", "time since the driver's last sign of life"),
-    Column("commands", "", "commands applied since the previous state"),
-    Column("refused", "", "commands refused since the previous state"),
+    Column("mode", "", "0 manual, 1 assisted, 2 goto, 3 docking, 4 stopped").one_of(
+        **{str(number): name for number, name in enumerate(MODES)}
+    ),
+    amount_of("clearance", "m", "smallest distance to anything since the previous state"),
+    amount_of("contacts", "", "collisions that began since the previous state"),
+    amount_of("distance", "m", "odometer since the run began"),
+    amount_of("silence", "s", "time since the driver's last sign of life"),
+    amount_of("commands", "", "commands applied since the previous state"),
+    amount_of("refused", "", "commands refused since the previous state"),
     Column("age_sum", "s", "sum of the ages of the commands applied since the previous state"),
     Column("age_max", "s", "greatest age among them"),
     Column(
@@ -64,22 +97,21 @@ STATES = (
         "s",
         "mean age, when they were applied, of the video frames that they answered",
     ),
-    *(Column(f"by_{method}", "", f"how many of them came from: {method}") for method in METHODS),
-    *(Column(f"on_{way}", "", f"how many of them came on: {way}") for way in WAYS),
-    Column(
+    *(amount_of(f"by_{method}", "", f"how many of them came from: {method}") for method in METHODS),
+    *(amount_of(f"on_{way}", "", f"how many of them came on: {way}") for way in WAYS),
+    flag(
         "by_position",
-        "",
         "1 when the odometer only adds up positions, as the robot has no odometry",
         late=True,
     ),
-    Column(
+    amount_of(
         "too_old",
         "",
         "commands refused since the previous state because they, or the video frames that they "
         "answered, were too old",
         late=True,
     ),
-    Column(
+    amount_of(
         "slowed",
         "",
         "commands applied since the previous state that the robot slowed down because of such an "
@@ -95,20 +127,20 @@ STATES = (
 
 NETWORK = (
     Column("stamp", "s", "time of the sample by the page's clock, corrected to the server's"),
-    Column("round_trip", "s", "round trip on the path of the commands"),
-    Column("loss", "", "share of the video packets that were lost in this second"),
-    Column("fps", "1/s", "video frames shown in this second"),
-    Column("bitrate", "bit/s", "bit rate of the video"),
-    Column("freezes", "", "freezes of the video in this second"),
-    Column("jitter", "s", "jitter of the video packets"),
+    amount_of("round_trip", "s", "round trip on the path of the commands"),
+    share("loss", "share of the video packets that were lost in this second"),
+    amount_of("fps", "1/s", "video frames shown in this second"),
+    amount_of("bitrate", "bit/s", "bit rate of the video"),
+    amount_of("freezes", "", "freezes of the video in this second"),
+    amount_of("jitter", "s", "jitter of the video packets"),
     Column("frame_age", "s", "age of the video frame that was shown"),
-    Column("on_datachannel", "", "1 when commands went over the data channel, 0 over the server"),
+    flag("on_datachannel", "1 when commands went over the data channel, 0 over the server"),
 )
 
 PARTICIPANTS = (
     Column("id", "", "code of the participant"),
-    Column("kind", "", "participant, pilot or bot"),
-    Column("age", "years", "age at registration: the year then minus the year of birth"),
+    Column("kind", "", "participant, pilot or bot").one_of("participant", "pilot", "bot"),
+    amount_of("age", "years", "age at registration: the year then minus the year of birth"),
     Column("cell", "", "assigned condition, or conditions in order, divided by |"),
     Column("reached", "", "last step of the study that was begun"),
     Column(
@@ -116,18 +148,18 @@ PARTICIPANTS = (
         "",
         "why the participant left there; empty if they finished or are still taking part",
     ),
-    Column("finished", "", "1 when the last step was finished"),
-    Column("withdrawn", "", "1 when the participant withdrew: step and day remain"),
+    flag("finished", "1 when the last step was finished"),
+    flag("withdrawn", "1 when the participant withdrew: step and day remain"),
 )
 
 SESSIONS = (
     Column("id", "", "code of the session"),
     Column("participant", "", "whose it is"),
-    Column("kind", "", "participant, pilot or bot"),
-    Column(
+    Column("kind", "", "participant, pilot or bot").one_of("participant", "pilot", "bot"),
+    amount_of(
         "number", "", "first, second … session of the participant in this study; 0 for practice"
     ),
-    Column("practice", "", "1 for practice, which counts nowhere"),
+    flag("practice", "1 for practice, which counts nowhere"),
     Column("robot", "", "name of the robot"),
     Column("site", "", "name of the floor plan"),
     Column("condition", "", "assigned condition"),
@@ -188,22 +220,22 @@ SESSIONS = (
             ),
         )
     ),
-    Column(
+    amount_of(
         "docked_seconds",
         "s",
         "how long the robot had to rest on its charging contacts to be docked; empty where one"
         " state in the station was enough",
         late=True,
     ),
-    Column(
+    amount_of(
         "dock_contacts",
         "",
         "how often the charging contacts met after the last checkpoint; 1 is a docking that held at"
         " once; empty without that rule",
         late=True,
     ),
-    Column("operator", "", "1 when an operator intervened"),
-    Column("missing", "", "states that are known to be lost"),
+    flag("operator", "1 when an operator intervened"),
+    amount_of("missing", "", "states that are known to be lost"),
     Column("excluded", "", "why a researcher excluded it; empty when not"),
     Column(
         "fault_side",
@@ -211,19 +243,19 @@ SESSIONS = (
         "whose fault the end was: visitor, network, platform, robot or operator; empty when"
         " nobody's. A session that the platform ended counts nowhere",
         late=True,
-    ),
+    ).one_of("visitor", "network", "platform", "robot", "operator"),
     Column(
         "fault_part",
         "",
         "part of the platform that was unavailable then: web_process or session_manager",
         late=True,
-    ),
+    ).one_of("web_process", "session_manager"),
 )
 
 EVENTS = (
     Column("session", "", "code of the session"),
     Column("stamp", "s", "when it happened, by the server's clock"),
-    Column("source", "", "robot, page, server or task"),
+    Column("source", "", "robot, page, server or task").one_of("robot", "page", "server", "task"),
     Column("type", "", "what happened"),
     Column("data", "", "JSON: the rest"),
 )
@@ -232,17 +264,17 @@ PAGES = (
     Column("participant", "", "who saw the page"),
     Column("session", "", "session that it belongs to, if any"),
     Column("step", "", "step of the study"),
-    Column("seconds", "s", "how long it was open; empty when it was not finished"),
-    Column("finished", "", "1 when the participant continued from it"),
+    amount_of("seconds", "s", "how long it was open; empty when it was not finished"),
+    flag("finished", "1 when the participant continued from it"),
 )
 
 ANSWERS = (
     Column("response", "", "code of the filled-in questionnaire"),
     Column("questionnaire", "", "its name"),
-    Column("version", "", "its version"),
+    amount_of("version", "", "its version"),
     Column("participant", "", "who answered"),
     Column("session", "", "session that it was asked about, if any"),
-    Column("finished", "", "1 when it was submitted"),
+    flag("finished", "1 when it was submitted"),
     Column("item", "", "question"),
     Column("value", "", "JSON: what was answered; empty when nothing was"),
     Column(
@@ -251,6 +283,15 @@ ANSWERS = (
         "why there is no value: skipped, preferred_not, not_applicable (“Does not apply” was"
         " chosen), not_asked or not_reached; withheld where a value exists but would reveal too "
         "much",
-    ),
-    Column("seconds", "s", "how long it took"),
+    ).one_of("skipped", "preferred_not", "not_applicable", "not_asked", "not_reached", "withheld"),
+    amount_of("seconds", "s", "how long it took"),
 )
+
+# Those that are written as tables, by the names of their files.
+TABLES = {
+    "participants": PARTICIPANTS,
+    "sessions": SESSIONS,
+    "events": EVENTS,
+    "pages": PAGES,
+    "answers": ANSWERS,
+}

@@ -1,4 +1,4 @@
-"""A dataset as a folder of CSV and JSON files, named and described as Psych-DS 1.0 asks for, and
+"""A dataset as a folder of CSV and JSON files, named and described as Psych-DS asks for, and
 read back without a difference.
 
     dataset_description.json            what it is, and every column of every file
@@ -28,14 +28,8 @@ import numpy as np
 
 from experiments.analysis.dataset import columns
 from experiments.analysis.dataset.columns import Column
-from experiments.analysis.dataset.files import (
-    TABLES,
-    DatasetError,
-    File,
-    contents,
-    numbers_path,
-    table_path,
-)
+from experiments.analysis.dataset.files import File, contents
+from experiments.analysis.dataset.names import DatasetError, numbers_path, table_path
 from experiments.analysis.dataset.records import (
     Columns,
     Dataset,
@@ -48,6 +42,7 @@ from experiments.analysis.dataset.records import (
     SessionRecord,
     columns_of,
 )
+from experiments.definition.publication import PublicationDetails, from_json_ld
 from experiments.definition.schema import StudyDefinition
 from robots.api import floorplan
 from surveys.definition import Definition
@@ -100,12 +95,22 @@ def read(folder: Path) -> Dataset:
         states=lambda session: read_numbers(folder, "states", session, columns.STATES),
         network=lambda session: read_numbers(folder, "network", session, columns.NETWORK),
         freeze=_freeze(folder / "freeze.json"),
+        publication=_publication(folder / "dataset_description.json"),
     )
 
 
 def _freeze(path: Path) -> FreezeRecord | None:
     """Return when the study was frozen; None where an earlier release wrote the folder."""
     return _decoded(path, FreezeRecord) if path.exists() else None
+
+
+def _publication(path: Path) -> PublicationDetails:
+    try:
+        return from_json_ld(msgspec.json.decode(path.read_bytes(), type=dict[str, Any]))
+    except (OSError, msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise DatasetError(f"{path.name} cannot be read: {error}") from error
+    except (AttributeError, KeyError, TypeError) as error:
+        raise DatasetError(f"{path.name} has publication details of another form") from error
 
 
 def read_numbers(folder: Path, name: str, session: str, layout: tuple[Column, ...]) -> Columns:
@@ -141,7 +146,7 @@ def _rows(folder: Path, name: str) -> Iterator[dict[str, str]]:
     except (OSError, UnicodeDecodeError) as error:
         raise DatasetError(f"{path.name} cannot be read: {error}") from error
     reader = csv.DictReader(io.StringIO(text, newline=""), strict=True)
-    lacking = {column.name for column in TABLES[name] if not column.late} - set(
+    lacking = {column.name for column in columns.TABLES[name] if not column.late} - set(
         reader.fieldnames or ()
     )
     if lacking:

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from experiments.analysis.dataset.columns import NETWORK, STATES, Column
+from experiments.definition.publication import PublicationDetails
 from experiments.definition.schema import Course, StudyDefinition
 from robots.api.floorplan import FloorPlan
 from surveys.definition import Definition
@@ -198,6 +199,7 @@ def columns_of(layout: tuple[Column, ...], **given: npt.ArrayLike) -> Columns:
 
 NO_STATES = columns_of(STATES)
 NO_NETWORK = columns_of(NETWORK)
+NO_PUBLICATION = PublicationDetails()
 
 
 @dataclass(frozen=True)
@@ -220,6 +222,7 @@ class Dataset:
     network: Callable[[str], Columns] = lambda _: NO_NETWORK
     ruled_out: tuple[SessionRecord, ...] = ()
     freeze: FreezeRecord | None = None
+    publication: PublicationDetails = NO_PUBLICATION
 
     @property
     def language(self) -> str:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from matplotlib import rc_context, rcParamsDefault
+from matplotlib.colors import LinearSegmentedColormap, to_hex
 from matplotlib.figure import Figure
 
 from experiments.analysis.tables.table import Table
@@ -22,14 +23,23 @@ WIDTH = 7.0  # inches: a page's two columns
 # Colours that those who cannot tell red from green tell apart (after ColorBrewer's RdBu, Brewer et
 # al., 2003).
 SCALE = {
-    5: ("#b2182b", "#ef8a62", "#c8c8c8", "#67a9cf", "#2166ac"),
-    7: ("#b2182b", "#ef8a62", "#fddbc7", "#c8c8c8", "#d1e5f0", "#67a9cf", "#2166ac"),
+    5: ("#b2182b", "#ef8a62", "#f0f0f0", "#67a9cf", "#2166ac"),
+    7: ("#8c1020", "#d6604d", "#f4a582", "#f0f0f0", "#92c5de", "#4393c3", "#1c5796"),
 }
-ROBOTS = ("#1b9e4b", "#d62728", "#1f77b4", "#9467bd", "#8c564b", "#e377c2")
+# Both ends of a scale are dark in a grey print: what is below the middle is hatched there.
+HATCH = "////"
+# Six of the eight colours of Okabe and Ito (2008), in the order in which neighbours differ most in
+# lightness, and a marker and a line for each, for prints without colours.
+ROBOTS = ("#D55E00", "#56B4E9", "#000000", "#E69F00", "#0072B2", "#CC79A7")
+MARKERS = ("D", "o", "s", "^", "v", "P")
+DASHES = ("-", "--", ":", "-.", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 4)))
+NEGATIVE, POSITIVE = "#E69F00", "#0072B2"
+PRINT_DPI = 600  # what journals ask for of drawings in dots
 INK, WALL, FLOOR, FAINT = "#222222", "#4d4d4d", "#f7f5f0", "#b9b9b9"
+_FONT = b"font-family: 'DejaVu Sans'"
 _STYLE = {
     "svg.hashsalt": "telepresence",
-    "svg.fonttype": "path",
+    "svg.fonttype": "none",  # text that an editor can change; DejaVu Sans, or what is there
     "pdf.fonttype": 42,
     "font.family": ["DejaVu Sans"],
     "font.size": 8.0,
@@ -50,6 +60,7 @@ _STYLE = {
     "axes.spines.right": False,
     "figure.dpi": 100.0,
     "savefig.dpi": 200.0,
+    "hatch.linewidth": 0.5,
     "axes.unicode_minus": True,
     "text.usetex": False,
     "mathtext.fontset": "dejavusans",
@@ -87,8 +98,9 @@ def house_style() -> Iterator[None]:
 
 
 def as_svg(drawing: Drawing) -> bytes:
-    """Return a figure as SVG."""
-    return _saved(drawing, "svg", {"Date": None, "Creator": None, "Title": drawing.title})
+    """Return a figure as SVG. Its text is text, in fonts as wide as the one that was drawn with."""
+    svg = _saved(drawing, "svg", {"Date": None, "Creator": None, "Title": drawing.title})
+    return svg.replace(_FONT, _FONT + b", Verdana, sans-serif")
 
 
 def as_pdf(drawing: Drawing) -> bytes:
@@ -100,8 +112,23 @@ def as_pdf(drawing: Drawing) -> bytes:
     )
 
 
-def _saved(drawing: Drawing, kind: str, metadata: dict[str, str | None]) -> bytes:
+def as_png(drawing: Drawing, dpi: int = PRINT_DPI) -> bytes:
+    """Return a figure as PNG, for print unless fewer dots an inch are asked for."""
+    return _saved(drawing, "png", {"Software": None, "Title": drawing.title}, dpi)
+
+
+def colours_of(values: int) -> tuple[str, ...]:
+    """Return the colours of a scale of so many values, from the least to the greatest."""
+    if values in SCALE:
+        return SCALE[values]
+    blend = LinearSegmentedColormap.from_list("scale", SCALE[7])
+    return tuple(to_hex(blend(place / max(1, values - 1))) for place in range(values))
+
+
+def _saved(
+    drawing: Drawing, kind: str, metadata: dict[str, str | None], dpi: int | str = "figure"
+) -> bytes:
     buffer = io.BytesIO()
     with house_style():
-        drawing.figure.savefig(buffer, format=kind, metadata=metadata)
+        drawing.figure.savefig(buffer, format=kind, metadata=metadata, dpi=dpi)
     return buffer.getvalue()

@@ -13,6 +13,8 @@ from experiments.definition.schema import StudyCheckpoint
 from robots.api.floorplan import ChargingDock, Door, FloorPlan, Mirror
 from robots.world.solids import bar
 
+BELOW = 0.8  # m of room below a plan, for the scale bar
+BARS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)  # lengths of a scale bar, in metres
 LONGEST_STEP = 1.0  # m: a line is not drawn between places that are farther apart
 
 
@@ -61,9 +63,21 @@ def draw_plan(axes: Axes, plan: FloorPlan, *, furniture: bool = True) -> None:
     corners = np.array([point for room in plan.rooms for point in room.polygon])
     low, high = corners.min(axis=0) - 0.35, corners.max(axis=0) + 0.35
     axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
+    axes.set_ylim(low[1] - BELOW, high[1])
     axes.set_aspect("equal")
     axes.axis("off")
+    _scale_bar(axes, (float(low[0]) + 0.35, float(low[1]) - 0.15), float(high[0] - low[0]))
+
+
+def _scale_bar(axes: Axes, start: tuple[float, float], width: float) -> None:
+    """Draw the longest bar of a round length that is no longer than a fifth of the map."""
+    length = max((one for one in BARS if one <= width / 5.0), default=BARS[0])
+    x, y = start
+    for at in (x, x + length):
+        axes.plot([at, at], [y - 0.08, y + 0.08], color=INK, linewidth=0.9, zorder=8)
+    axes.plot([x, x + length], [y, y], color=INK, linewidth=0.9, zorder=8, gid="scale-bar")
+    middle = (x + length / 2.0, y - 0.12)
+    axes.annotate(f"{length:g} m", middle, ha="center", va="top", fontsize=7, zorder=8)
 
 
 def _thing(
@@ -103,7 +117,7 @@ def _door(axes: Axes, door: Door) -> None:
 
 def _mirror(axes: Axes, mirror: Mirror) -> None:
     (x, y), (u, v) = mirror.start, mirror.end
-    axes.plot([x, u], [y, v], color="#5dade2", linewidth=2.5, solid_capstyle="butt", zorder=4)
+    axes.plot([x, u], [y, v], color=FAINT, linewidth=2.5, solid_capstyle="butt", zorder=4)
 
 
 def draw_dock(axes: Axes, dock: ChargingDock, label: str, colour: str) -> None:

@@ -3,13 +3,25 @@ are shares; (b) all are 100 %.
 """
 
 from collections.abc import Sequence
+from textwrap import fill
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from experiments.analysis.dataset.records import Dataset, ResponseRecord
-from experiments.analysis.figures.drawing import FAINT, INK, SCALE, WIDTH, Drawing, house_style
+from experiments.analysis.figures.drawing import (
+    FAINT,
+    HATCH,
+    INK,
+    NEGATIVE,
+    POSITIVE,
+    WIDTH,
+    Drawing,
+    colours_of,
+    house_style,
+)
 from experiments.analysis.statistics.descriptive import ROUNDED, shares
 from experiments.analysis.tables.paper_tables import (
     behind,
@@ -26,7 +38,8 @@ from surveys.likert import LikertRow
 BAR = 0.72
 ROW = 0.27  # inches
 LEAST_LABELLED = 6.0  # per cent, below which no number fits into a bar
-NEGATIVE, POSITIVE = "#d98b5f", "#3f7fb5"
+LABEL = 52  # characters of a line beside the bars
+LINE = 0.115  # inches
 Behind = dict[str, tuple[str, ...]]
 
 
@@ -42,7 +55,7 @@ def figure_8a(dataset: Dataset) -> Drawing:
     )
     found: Behind = {}
     with house_style():
-        figure, axes = _canvas(lines)
+        figure, axes = _canvas(dataset, lines)
         for at, line in enumerate(lines):
             found |= _stack(axes, at, line, responses, scale)
         if lines:
@@ -57,8 +70,8 @@ def figure_8a(dataset: Dataset) -> Drawing:
                 f"mean of participants' answers ({signed(scale[0])} to {signed(scale[-1])})"
             )
             handles = [
-                Patch(color=colour, label=_legend(dataset, value))
-                for value, colour in zip(scale, _colours(scale), strict=True)
+                Patch(**_look(value, colour), label=_legend(dataset, value))
+                for value, colour in zip(scale, colours_of(len(scale)), strict=True)
             ]
             figure.legend(
                 handles=handles, loc="outside lower center", ncols=len(scale), handlelength=1.0
@@ -82,7 +95,7 @@ def figure_8b(dataset: Dataset) -> Drawing:
     found: Behind = {}
     rows: list[tuple[TableCell, ...]] = []
     with house_style():
-        figure, axes = _canvas(lines)
+        figure, axes = _canvas(dataset, lines)
         for at, line in enumerate(lines):
             parts = _balance(line)
             groups = (
@@ -104,8 +117,8 @@ def figure_8b(dataset: Dataset) -> Drawing:
             axes.set_xlim(0.0, 100.0)
             axes.set_xlabel("% of the answers")
             handles = [
-                Patch(color=NEGATIVE, label="non-positive"),
-                Patch(color=POSITIVE, label="positive"),
+                Patch(**_look(-1, NEGATIVE), label="non-positive"),
+                Patch(**_look(1, POSITIVE), label="positive"),
             ]
             figure.legend(handles=handles, loc="outside lower center", ncols=2, handlelength=1.0)
     head = ("", "n", "non-positive (%)", "positive (%)")
@@ -122,7 +135,8 @@ def _half(axes: Axes, at: int, line: LikertRow, parts: Sequence[float], side: in
     """Draw one side of a balance, and return its gid."""
     key = f"{('nonpositive', 'positive')[side]}-{line.kind}-{line.key}"
     left, share = (0.0, parts[0])[side], parts[side]
-    axes.barh(at, share, BAR, left=left, color=(NEGATIVE, POSITIVE)[side])[0].set_gid(key)
+    look = (_look(-1, NEGATIVE), _look(1, POSITIVE))[side]
+    axes.barh(at, share, BAR, left=left, **look)[0].set_gid(key)
     if share >= LEAST_LABELLED:
         axes.text(
             left + share / 2.0,
@@ -131,13 +145,32 @@ def _half(axes: Axes, at: int, line: LikertRow, parts: Sequence[float], side: in
             ha="center",
             va="center",
             fontsize=7,
-            color="white",
+            color=(INK, "white")[side],
+            bbox=None if side else {"boxstyle": "round,pad=0.15", "fc": NEGATIVE, "ec": "none"},
         )
     return key
 
 
-def _canvas(lines: Sequence[LikertRow]) -> tuple[Figure, Axes]:
-    figure = Figure(figsize=(WIDTH, 1.1 + ROW * max(3, len(lines))), layout="constrained")
+def _look(value: int, colour: str) -> dict[str, Any]:
+    """Return how a part of a bar looks: what is below the middle is hatched, for grey prints."""
+    hatch = HATCH if value < 0 else ""
+    return {"facecolor": colour, "edgecolor": INK, "linewidth": 0.3, "hatch": hatch}
+
+
+def _label(dataset: Dataset, line: LikertRow) -> str:
+    """Return what a row is called at the axis: a statement by its text, with its key in Table 4."""
+    if line.kind != "statement":
+        return fill(label_of(line), LABEL)
+    definition = dataset.questionnaire(dataset.study.analysis.statements)
+    question = definition.question(line.key) if definition else None
+    text = dataset.say(question.text) if question else ""
+    return fill(f"{text} ({label_of(line)})", LABEL) if text else label_of(line)
+
+
+def _canvas(dataset: Dataset, lines: Sequence[LikertRow]) -> tuple[Figure, Axes]:
+    labels = [_label(dataset, line) for line in lines]
+    row = max(ROW, 0.06 + LINE * max((label.count("\n") + 1 for label in labels), default=1))
+    figure = Figure(figsize=(WIDTH, 1.1 + row * max(3, len(lines))), layout="constrained")
     axes: Axes = figure.subplots()
     if not lines:
         axes.axis("off")
@@ -150,7 +183,7 @@ def _canvas(lines: Sequence[LikertRow]) -> tuple[Figure, Axes]:
             transform=axes.transAxes,
         )
         return figure, axes
-    axes.set_yticks(range(len(lines)), [label_of(line) for line in lines])
+    axes.set_yticks(range(len(lines)), labels, fontsize=7)
     axes.set_ylim(len(lines) - 0.4, -0.6)
     axes.tick_params(axis="y", length=0)
     for label, line in zip(axes.get_yticklabels(), lines, strict=True):
@@ -170,9 +203,9 @@ def _stack(
         return {}
     found: Behind = {}
     left = 0.0
-    for value, part, colour in zip(scale, parts, _colours(scale), strict=True):
+    for value, part, colour in zip(scale, parts, colours_of(len(scale)), strict=True):
         key = f"value{value}-{line.kind}-{line.key}"
-        axes.barh(at, mean * part / 100.0, BAR, left=left, color=colour)[0].set_gid(key)
+        axes.barh(at, mean * part / 100.0, BAR, left=left, **_look(value, colour))[0].set_gid(key)
         found[key] = said(line, responses, (value,))
         left += mean * part / 100.0
     side = 1 if mean >= 0.0 else -1
@@ -210,12 +243,6 @@ def _numbers(
         count(line.summary.respondents, about),
         number(line.summary.mean, 2, about),
         *(number(part, 1, about) for part in parts),
-    )
-
-
-def _colours(scale: Sequence[int]) -> tuple[str, ...]:
-    return SCALE.get(len(scale)) or tuple(
-        SCALE[5][round(index * 4 / max(1, len(scale) - 1))] for index in range(len(scale))
     )
 
 

@@ -4,6 +4,7 @@ each participant, the mean and its 95 % confidence interval.
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,7 +12,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from experiments.analysis.dataset.records import Dataset
-from experiments.analysis.figures.drawing import FAINT, INK, ROBOTS, WIDTH, Drawing, house_style
+from experiments.analysis.figures.drawing import (
+    FAINT,
+    INK,
+    MARKERS,
+    ROBOTS,
+    WIDTH,
+    Drawing,
+    house_style,
+)
 from experiments.analysis.tables.scored_responses import (
     ScoredQuestionnaire,
     ScoreGroup,
@@ -21,8 +30,14 @@ from experiments.analysis.tables.scores import HEAD, label_of_scale, scores_tabl
 from experiments.analysis.tables.table import Table, TableCell
 from surveys.scoring import ScoredScale
 
-ROW, AROUND = 0.24, 0.62  # inches: of a condition, and of a panel beside its rows
-DEPTH = 0.3  # of a row that equal scores fill, in rows
+ROW, AROUND = 0.3, 0.62  # inches: of a condition, and of a panel beside its rows
+DEPTH = 0.12  # of a row that equal scores fill, in rows
+BELOW = 0.3  # of a row, from the mean to the dots of the participants
+DRAWN = (
+    "Large markers are means, bars their 95 % confidence intervals by Student's t distribution, and"
+    " each small dot below is a participant."
+)
+LABEL, NO_CONDITION = 40, "all"  # characters of a line of a condition's name
 Behind = dict[str, tuple[str, ...]]
 
 
@@ -38,7 +53,10 @@ def score_figure(dataset: Dataset, found: ScoredQuestionnaire) -> Drawing:
     name = f"figure-scores-{found.definition.slug}"
     title = f"{table.title.removesuffix('.')}: participants, mean and 95 % confidence interval."
     robots = sorted({group.robot for group in found.groups})
-    colours = {robot: ROBOTS[at % len(ROBOTS)] for at, robot in enumerate(robots)}
+    looks = {
+        robot: (ROBOTS[at % len(ROBOTS)], MARKERS[at % len(MARKERS)])
+        for at, robot in enumerate(robots)
+    }
     panels, rows = len(found.scales), len(found.groups)
     behind: Behind = {}
     with house_style():
@@ -50,21 +68,43 @@ def score_figure(dataset: Dataset, found: ScoredQuestionnaire) -> Drawing:
             panel.set_title(label_of_scale(dataset, found.definition, scale), loc="left", wrap=True)
             _frame(panel, scale, found.groups)
             for place, (group, cells) in enumerate(zip(found.groups, own, strict=True)):
-                behind |= _draw_group(panel, place, scale, group, cells, colours[group.robot])
+                behind |= _draw_group(panel, place, scale, group, cells, looks[group.robot])
+        _share_limits(list(axes), found.scales)
         handles = [
-            Line2D([], [], color=colours[robot], marker="D", label=dataset.robot(robot).title)
+            Line2D(
+                [],
+                [],
+                color=looks[robot][0],
+                marker=looks[robot][1],
+                label=dataset.robot(robot).title,
+            )
             for robot in robots
         ]
         figure.legend(handles=handles, loc="outside lower center", ncols=len(robots))
-    return Drawing(name, title, figure, Table(name, title, HEAD, table.rows, table.notes), behind)
+    return Drawing(
+        name, title, figure, Table(name, title, HEAD, table.rows, (DRAWN, *table.notes)), behind
+    )
+
+
+def _share_limits(axes: Sequence[Axes], scales: Sequence[ScoredScale]) -> None:
+    """Let panels whose scales have the same ends show the same range, with all intervals."""
+    for bounds in {scale.bounds for scale in scales}:
+        own = [panel for panel, scale in zip(axes, scales, strict=True) if scale.bounds == bounds]
+        low = min(panel.get_xlim()[0] for panel in own)
+        high = max(panel.get_xlim()[1] for panel in own)
+        margin = 0.01 * (high - low)
+        for panel in own:
+            panel.set_xlim(low - margin, high + margin)
 
 
 def _frame(axes: Axes, scale: ScoredScale, groups: Sequence[ScoreGroup]) -> None:
     least, greatest = scale.bounds
     margin = 0.02 * (greatest - least)
     axes.set_xlim(least - margin, greatest + margin)
-    axes.set_yticks(range(len(groups)), [group.condition for group in groups])
-    axes.set_ylim(len(groups) - 0.4, -0.6)
+    axes.set_yticks(
+        range(len(groups)), [fill(group.title or NO_CONDITION, LABEL) for group in groups]
+    )
+    axes.set_ylim(len(groups) - 0.4, -0.5)
     axes.tick_params(axis="y", length=0)
     axes.grid(axis="x", color=FAINT, linewidth=0.4)
     axes.set_axisbelow(True)
@@ -76,19 +116,22 @@ def _draw_group(
     scale: ScoredScale,
     group: ScoreGroup,
     cells: Sequence[TableCell],
-    colour: str,
+    look: tuple[str, str],
 ) -> Behind:
     """Draw a row of the table, and return what is behind its mean."""
     mean, low, high = (cells[HEAD.index(name)].value for name in ("Mean", "CI95: from", "CI95: to"))
     if mean is None:
         axes.text(scale.bounds[0], at, "no scores", va="center", fontsize=7, color=INK)
         return {}
-    x = sorted(group.scores(scale).values())
-    axes.scatter(x, at + _offsets(x), s=7, color=colour, alpha=0.35, linewidths=0, zorder=2)
+    x, (colour, shape) = sorted(group.scores(scale).values()), look
+    axes.scatter(x, at + BELOW + _offsets(x), s=8, color=colour, alpha=0.6, linewidths=0, zorder=2)
     if low is not None and high is not None:
         axes.plot((low, high), (at, at), color=INK, linewidth=1.4, zorder=3)
+        left, right = axes.get_xlim()
+        axes.set_xlim(min(left, low), max(right, high))
+        axes.plot((low, high), (at, at), "|", color=INK, markersize=6, zorder=3)
     gid = f"mean-{scale.key}-{group.condition}-{group.robot}"
-    (marker,) = axes.plot((mean,), (at,), "D", color=colour, zorder=4, markersize=5, gid=gid)
+    (marker,) = axes.plot((mean,), (at,), shape, color=colour, zorder=4, markersize=5, gid=gid)
     marker.set_markeredgecolor(INK)
     marker.set_markeredgewidth(0.6)
     return {gid: group.behind(scale)}

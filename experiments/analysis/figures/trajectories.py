@@ -9,14 +9,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.analysis.dataset.records import Dataset, Floats
-from experiments.analysis.figures.drawing import INK, ROBOTS, WIDTH, Drawing, house_style
-from experiments.analysis.figures.floor import draw_checkpoint, draw_dock, draw_plan, thinned
+from experiments.analysis.figures.drawing import DASHES, INK, ROBOTS, WIDTH, Drawing, house_style
+from experiments.analysis.figures.floor import BELOW, draw_checkpoint, draw_dock, draw_plan, thinned
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.tables.table import Table, amount, count, number, words
 from experiments.definition.feasibility import dock_of
 from experiments.definition.schema import Course
 
-DASHES = (":", "--", "-.", "-")
 PANELS = "abcdefghijklmnop"
 
 
@@ -184,5 +183,5 @@ def _height(dataset: Dataset, site: str, panels: int) -> float:
     if plan is None:
         return 3.0 * panels
     corners = np.array([point for room in plan.rooms for point in room.polygon])
-    width, height = (corners.max(axis=0) - corners.min(axis=0) + 0.7).tolist()
+    width, height = (corners.max(axis=0) - corners.min(axis=0) + (0.7, 0.7 + BELOW)).tolist()
     return float(np.clip(WIDTH * height / width, 2.0, 8.0)) * panels + 0.35

@@ -3,84 +3,79 @@
 VERSION changes with any definition, so that numbers of two releases are not mixed.
 """
 
-from experiments.analysis.dataset.columns import METHODS, WAYS, Column
+from experiments.analysis.dataset.columns import METHODS, WAYS, Column, amount_of, flag, share
 
 VERSION = 3
 
 DRIVING = (
-    Column(
+    amount_of(
         "path",
         "m",
         "distance driven in the time that has states: by the wheels, or by the position on the "
         "map without its measurement noise",
     ),
-    Column("path_by_odometry", "", "1 when the path is by the wheels, 0 when by the position"),
-    Column(
+    flag("path_by_odometry", "1 when the path is by the wheels, 0 when by the position"),
+    amount_of(
         "path_unseen",
         "m",
         "minimum distance driven in gaps: by the wheels, or in a straight line; not part of the "
         "path",
     ),
-    Column(
+    amount_of(
         "slipped",
         "m",
         "distance that only the wheels turned, while the position did not follow; not part of "
         "the path",
     ),
-    Column("odometer", "m", "distance driven by the wheels, including gaps and slipping"),
-    Column(
-        "seen", "", "share of the time that has states; path, speed and times cover only this time"
-    ),
-    Column(
+    amount_of("odometer", "m", "distance driven by the wheels, including gaps and slipping"),
+    share("seen", "share of the time that has states; path, speed and times cover only this time"),
+    amount_of(
         "shortest",
         "m",
         "by how much the shortest paths to the checkpoints became shorter, with the doors as "
         "they were",
     ),
-    Column(
+    share(
         "efficiency",
-        "",
         "that, divided by the distance driven in the completed segments, including gaps: 1 is "
         "the shortest path, and the maximum",
     ),
-    Column(
+    amount_of(
         "efficiency_bounded",
         "",
         "segments whose shortest path was longer than the path driven, which is measurement "
         "noise; their efficiency counts as 1",
     ),
-    Column("speed", "m/s", "mean speed over all the time that has states"),
+    amount_of("speed", "m/s", "mean speed over all the time that has states"),
     Column("moving_speed", "m/s", "mean speed while the robot moved"),
-    Column("rotation", "rad", "how far the robot turned, left and right added"),
-    Column(
+    amount_of("rotation", "rad", "how far the robot turned, left and right added"),
+    amount_of(
         "stops",
         "",
         "number of standstills of 1 s (below 0.02 m/s) after it went faster than 0.05 m/s",
     ),
-    Column("idle", "s", "time without moving or turning"),
-    Column("collisions", "", "collisions that began"),
-    Column(
+    amount_of("idle", "s", "time without moving or turning"),
+    amount_of("collisions", "", "collisions that began"),
+    amount_of(
         "near_collisions",
         "",
         "number of times that something came nearer than 0.20 m; each ends at 0.25 m",
     ),
-    Column("near_seconds", "s", "time that something was so near"),
-    Column("least_clearance", "m", "smallest distance to anything"),
-    Column("jumps", "", "number of jumps of the position without driving"),
+    amount_of("near_seconds", "s", "time that something was so near"),
+    amount_of("least_clearance", "m", "smallest distance to anything"),
+    amount_of("jumps", "", "number of jumps of the position without driving"),
 )
 COMMANDS = (
-    Column("commands", "", "velocity commands that were applied"),
-    Column("refused", "", "velocity commands that were refused"),
-    Column("share_refused", "", "share of all velocity commands that were refused"),
-    Column(
+    amount_of("commands", "", "velocity commands that were applied"),
+    amount_of("refused", "", "velocity commands that were refused"),
+    share("share_refused", "share of all velocity commands that were refused"),
+    share(
         "share_too_old",
-        "",
         "share of all velocity commands that were refused because they, or their video frames, "
         "were too old",
     ),
-    Column(
+    share(
         "share_slowed",
-        "",
         "share of the commands that were applied that the robot slowed down because of such an age",
     ),
     *(
@@ -91,8 +86,8 @@ COMMANDS = (
             ("applied", "the wheels were then given"),
         )
     ),
-    *(Column(f"share_{method}", "", f"share of the commands from: {method}") for method in METHODS),
-    *(Column(f"share_{way}", "", f"share of the commands on: {way}") for way in WAYS),
+    *(share(f"share_{method}", f"share of the commands from: {method}") for method in METHODS),
+    *(share(f"share_{way}", f"share of the commands on: {way}") for way in WAYS),
     Column("command_age", "s", "mean age of a command when it was applied"),
     Column("command_age_p95", "s", "95th percentile of the greatest age in a quarter of a second"),
     Column(
@@ -108,19 +103,19 @@ COMMANDS = (
     Column("answer_age_p95", "s", "95th percentile of that"),
 )
 LINK = (
-    Column("round_trip", "s", "median round trip"),
-    Column("round_trip_p95", "s", "95th percentile of the round trip"),
-    Column("loss", "", "mean share of the video packets that were lost"),
-    Column("fps", "1/s", "mean rate of video frames"),
-    Column("freezes", "", "freezes of the video"),
+    amount_of("round_trip", "s", "median round trip"),
+    amount_of("round_trip_p95", "s", "95th percentile of the round trip"),
+    share("loss", "mean share of the video packets that were lost"),
+    amount_of("fps", "1/s", "mean rate of video frames"),
+    amount_of("freezes", "", "freezes of the video"),
     Column("frame_age", "s", "median age of the video"),
     Column("frame_age_p95", "s", "95th percentile of the age of the video"),
 )
 RECORD = (
-    Column("rate", "Hz", "states a second"),
-    Column("gaps", "", "times without a state for longer than 1 s"),
-    Column("longest_gap", "s", "longest time without a state"),
-    Column(
+    amount_of("rate", "Hz", "states a second"),
+    amount_of("gaps", "", "times without a state for longer than 1 s"),
+    amount_of("longest_gap", "s", "longest time without a state"),
+    amount_of(
         "missing_states",
         "",
         "missing states: gaps in their numbers, or states known to be lost, whichever is greater",
@@ -136,7 +131,7 @@ METRICS = (
         "from the first video frame to the dock, of sessions that completed the task",
     ),
     Column("docking_time", "s", "from the last checkpoint to the dock"),
-    Column(
+    amount_of(
         "docking_attempts",
         "",
         "times the robot came within 0.8 m of its station after the last checkpoint",

@@ -1,47 +1,13 @@
 """A table: rows of cells that know what they say, what they are worth, and which sessions they come
-from. As CSV and as LaTeX.
+from. As CSV; for papers, see experiments/analysis/documents/.
 """
 
 import csv
 import io
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
-_LATEX = str.maketrans(
-    {
-        "\\": r"\textbackslash{}",
-        "&": r"\&",
-        "%": r"\%",
-        "$": r"\$",
-        "#": r"\#",
-        "_": r"\_",
-        "{": r"\{",
-        "}": r"\}",
-        "~": r"\textasciitilde{}",
-        "^": r"\textasciicircum{}",
-        "−": "$-$",
-        "±": r"$\pm$",
-        "≤": r"$\leq$",
-        "≥": r"$\geq$",
-        "<": r"$<$",
-        ">": r"$>$",
-        "²": r"$^2$",
-        "×": r"$\times$",
-        "–": "--",
-        "—": "---",
-        "…": r"\ldots{}",
-        "χ": r"$\chi$",
-        "η": r"$\eta$",
-        "ρ": r"$\rho$",
-        "ε": r"$\epsilon$",
-        "α": r"$\alpha$",
-        "ω": r"$\omega$",
-        "|": r"\textbar{}",
-        "\n": " ",
-        "\r": " ",
-    }
-)
 NOTHING = "–"
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
@@ -115,43 +81,6 @@ def as_csv(table: Table) -> str:
     writer.writerow([_safe(name) for name in table.head])
     writer.writerows([_exact(cell) for cell in row] for row in table.rows)
     return text.getvalue()
-
-
-def as_latex(table: Table) -> str:
-    """Return a table as LaTeX that needs no package."""
-    columns = (
-        "l" + "r" * (len(table.head) - 1) if _is_numeric(table.rows) else "l" * len(table.head)
-    )
-    lines = [
-        r"\begin{table}",
-        r"\centering",
-        rf"\caption{{{latex(table.title)}}}",
-        rf"\label{{tab:{table.name}}}",
-    ]
-    lines += [
-        rf"\begin{{tabular}}{{{columns}}}",
-        r"\hline",
-        _line(table.head),
-        r"\hline",
-        *(_line([cell.text for cell in row]) for row in table.rows),
-        r"\hline",
-        r"\end{tabular}",
-    ]
-    lines += [rf"\par\smallskip {{\footnotesize {latex(note)}}}" for note in table.notes]
-    return "\n".join((*lines, r"\end{table}")) + "\n"
-
-
-def latex(text: str) -> str:
-    """Return text that LaTeX prints as it stands."""
-    return text.translate(_LATEX)
-
-
-def _line(cells: Sequence[str]) -> str:
-    return " & ".join(latex(cell) for cell in cells) + r" \\"
-
-
-def _is_numeric(rows: Iterable[tuple[TableCell, ...]]) -> bool:
-    return any(cell.value is not None for row in rows for cell in row[1:])
 
 
 def _exact(cell: TableCell) -> str:

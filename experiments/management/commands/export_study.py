@@ -11,6 +11,7 @@ from django.core.management import BaseCommand, CommandError
 
 from accounts import audit
 from experiments.dataset.selection import Selection
+from experiments.definition.publication import from_stored
 from experiments.export.archive import unpacked, zipped
 from experiments.export.files import export_files
 from experiments.export.formats import ON_REQUEST
@@ -62,6 +63,7 @@ class Command(BaseCommand):
             raise CommandError(f"{out} already exists: choose another --out.")
         if not options["noted"]:
             _note(study, options)
+            self._tell_missing(study)
         files = export_files(study, choice)
         if to_stdout:
             sys.stdout.buffer.writelines(zipped(files))
@@ -74,6 +76,11 @@ class Command(BaseCommand):
             return
         count = sum(1 for _ in unpacked(files, out))
         self.stdout.write(f"{out}: {count} files")
+
+    def _tell_missing(self, study: Study) -> None:
+        missing = from_stored(study.publication).missing
+        if missing:
+            self.stderr.write(f"Publication details not filled in: {', '.join(missing)}.")
 
 
 def _note(study: Study, options: dict[str, Any]) -> None:

@@ -206,6 +206,7 @@ def research_pages() -> list[tuple]:
         ("analysis_table", ["study.slug", "table5"], VIEWERS, None),
         ("analysis_sessions", ["study.slug", 0], VIEWERS, None),
         ("analysis_file", ["study.slug", "tables", "t.csv"], VIEWERS, None),
+        ("analysis_deposit", ["study.slug"], STUDY_OWNER, {"to": "zenodo", "token": ""}),
         ("analysis_dataset", ["study.slug"], VIEWERS, None),
         ("analysis_dataset?free_text=1", ["study.slug"], RESEARCHERS, None),
         ("analysis_dataset?snapshots=1", ["study.slug"], RESEARCHERS, None),
@@ -221,6 +222,7 @@ def study_pages() -> list[tuple]:
         ("check", ["courses", 0], VIEWERS, {}),
         ("members", [], VIEWERS, None),
         ("hours", [], VIEWERS, None),
+        ("publication", [], VIEWERS, None),
         ("links", [], RESEARCHERS, None),
         ("walk_through", [], VIEWERS, None),
         ("walked_step", ["en", 1], VIEWERS, None),
@@ -234,6 +236,12 @@ def study_pages() -> list[tuple]:
         ("publish", [], STUDY_OWNER, None),
         ("members", [], STUDY_OWNER, {"add": "1", "person": "staff", "role": "owner"}),
         ("hours", [], STUDY_OWNER, {"time_zone": "UTC"}),
+        (
+            "publication",
+            [],
+            STUDY_OWNER,
+            {"form-TOTAL_FORMS": "0", "form-INITIAL_FORMS": "0", "doi": "10.1000/182"},
+        ),
         ("links", [], RESEARCHERS, {"make": "1", "count": "1", "access": "open"}),
     ]
     draft = [

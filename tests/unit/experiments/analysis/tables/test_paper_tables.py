@@ -15,6 +15,7 @@ from experiments.analysis.dataset.records import (
     ResponseRecord,
     SessionRecord,
 )
+from experiments.analysis.documents.latex import as_latex
 from experiments.analysis.tables.paper_tables import lines_of, table_1, table_3, table_4, table_5
 from experiments.analysis.tables.people import participants_table, table_2
 from experiments.analysis.tables.response_selection import counted
@@ -22,7 +23,6 @@ from experiments.analysis.tables.table import (
     NOTHING,
     Table,
     as_csv,
-    as_latex,
     number,
     probability,
     words,

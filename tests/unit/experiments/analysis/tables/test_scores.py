@@ -15,6 +15,7 @@ from experiments.analysis.dataset.records import (
     RobotRecord,
     SessionRecord,
 )
+from experiments.analysis.documents.latex import as_latex
 from experiments.analysis.figures.drawing import as_svg
 from experiments.analysis.report import report
 from experiments.analysis.statistics.internal_consistency import cronbach, mcdonald
@@ -22,7 +23,6 @@ from experiments.analysis.tables.declared import Data
 from experiments.analysis.tables.paper_tables import table_4, table_5
 from experiments.analysis.tables.scale_reliability import reliability_table
 from experiments.analysis.tables.scores import score_tables
-from experiments.analysis.tables.table import as_latex
 from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped
 from experiments.research.analysis_topics import topic_of

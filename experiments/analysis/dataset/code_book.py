@@ -1,0 +1,112 @@
+"""What a dataset says about itself (`dataset_description.json`): what it is, who made it, and every
+column of every file with unit, range and levels, from the same columns by which the files are
+written.
+
+It is a Dataset of schema.org as JSON-LD, as Psych-DS asks for, and uses no word that schema.org has
+not: a range is `minValue` and `maxValue`, and each level is a PropertyValue in `valueReference`.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from experiments.analysis.dataset import columns
+from experiments.analysis.dataset.columns import Column
+from experiments.analysis.dataset.records import WITHHELD, Dataset
+from experiments.analysis.dataset.wide import WIDE, wide_head
+from experiments.definition.publication import json_ld
+from surveys.answers import Missing
+from surveys.definition import Definition
+from surveys.documents import spoken
+from surveys.item import Question
+from surveys.scoring import scales_of
+
+REASONS = {**dict.fromkeys((reason.value for reason in Missing), ""), WITHHELD: ""}
+
+
+def description(
+    dataset: Dataset, more: Mapping[str, tuple[Column, ...]] | None = None
+) -> dict[str, Any]:
+    """Return the description; `more` are columns of tables that somebody else writes beside."""
+    study = dataset.study
+    return {
+        "@context": "https://schema.org/",
+        "@type": "Dataset",
+        "name": study.title.get("en") or next(iter(study.title.values()), study.slug),
+        "description": f"Records of the study {study.slug}, version {study.version}.",
+        "version": str(study.version),
+        "schemaVersion": "Psych-DS 0.4.0",
+        **json_ld(dataset.publication),
+        "variableMeasured": [
+            variable(file, column)
+            for file, layout in layouts(dataset, more or {})
+            for column in layout
+        ],
+    }
+
+
+def variable(file: str, column: Column) -> dict[str, Any]:
+    """Return a column of a file as schema.org says it."""
+    found: dict[str, Any] = {
+        "@type": "PropertyValue",
+        "name": column.name,
+        "unitText": column.unit,
+        "description": f"{file}: {column.meaning}",
+    }
+    bounds = {"minValue": column.least, "maxValue": column.greatest}
+    found |= {name: value for name, value in bounds.items() if value is not None}
+    if column.levels:
+        found["valueReference"] = [_level(*one) for one in column.levels.items()]
+    return found
+
+
+def _level(value: str, meaning: str) -> dict[str, str]:
+    found = {"@type": "PropertyValue", "value": value}
+    return found | ({"description": meaning} if meaning else {})
+
+
+def layouts(
+    dataset: Dataset, more: Mapping[str, tuple[Column, ...]]
+) -> Iterator[tuple[str, Sequence[Column]]]:
+    """Yield every table by name, with its columns."""
+    yield from columns.TABLES.items()
+    yield from (("states", columns.STATES), ("network", columns.NETWORK))
+    yield from more.items()
+    for slug in sorted({one.slug for one in dataset.questionnaires}):
+        versions = [one for one in dataset.questionnaires if one.slug == slug]
+        yield slug, list(_wide(versions, dataset.language))
+
+
+def _wide(versions: Sequence[Definition], language: str) -> Iterator[Column]:
+    """Yield the columns of a table with a line a response that no other table has."""
+    known: dict[str, Column] = {}
+    for one in versions:
+        for question in one.questions():
+            known |= {column.name: column for column in _asked(one, question, language)}
+        for scale in scales_of(one):
+            known[scale.name] = Column(scale.name, "", "score").within(*scale.bounds)
+    for name in wide_head(versions)[len(WIDE) :]:
+        yield known.get(name, Column(name, "", "score"))
+
+
+def _asked(definition: Definition, question: Question, language: str) -> Iterator[Column]:
+    """Yield each column of a question, and what it says."""
+    text, item = spoken(question.text, language), question.item
+    if question.key in definition.reversed:
+        text += " (reverse-coded: stored as answered, scores count it from the other end)"
+    names = item.columns(question.key)
+    for name, label in zip(names, item.column_labels(), strict=True):
+        about = spoken(label, language)
+        column = Column(name, "", f"{text} – {about}" if about else text)
+        yield _bounded(column, question, language) if len(names) == 1 else column
+    why = f"why there is no answer to: {text}"
+    yield replace(Column(f"{question.key}_missing", "", why), levels=REASONS)
+
+
+def _bounded(column: Column, question: Question, language: str) -> Column:
+    """Return a column with the values that an answer can have, and their labels."""
+    labelled = question.item.labelled_values(question.points)
+    levels = {str(value): spoken(label, language) for value, label in labelled}
+    values = question.score_values
+    bounds = (values[0], values[-1]) if values else (None, None)
+    return replace(column, levels=levels, least=bounds[0], greatest=bounds[1])

@@ -1,0 +1,124 @@
+"""Tables and sentences as LaTeX. A table needs the package booktabs and no other."""
+
+import re
+from collections.abc import Iterable, Sequence
+
+from experiments.analysis.documents.parts import parts_of
+from experiments.analysis.documents.runs import Run, head_runs
+from experiments.analysis.tables.table import Table, TableCell
+
+# Two hyphens would become a dash, and two quotation marks one.
+_BETWEEN = "\0"
+_LIGATURE = re.compile(r"([-'`])(?=\1)")
+_SPECIAL = {
+    "\\": r"\textbackslash{}",
+    "&": r"\&",
+    "%": r"\%",
+    "$": r"\$",
+    "#": r"\#",
+    "_": r"\_",
+    "{": r"\{",
+    "}": r"\}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "|": r"\textbar{}",
+    _BETWEEN: "{}",
+    "\n": " ",
+    "\r": " ",
+    "\t": " ",
+}
+_PRINTED = {
+    "−": "$-$",
+    "±": r"$\pm$",
+    "≤": r"$\leq$",
+    "≥": r"$\geq$",
+    "<": r"$<$",
+    ">": r"$>$",
+    "²": r"$^2$",
+    "×": r"$\times$",
+    "·": r"$\cdot$",
+    "√": r"$\surd$",
+    "→": r"$\rightarrow$",
+    "–": "--",
+    "—": "---",
+    "…": r"\ldots{}",
+    "“": "``",
+    "”": "''",
+    "‘": "`",
+    "’": "'",
+    "\u00a0": "~",
+    "χ": r"$\chi$",
+    "η": r"$\eta$",
+    "ρ": r"$\rho$",
+    "ε": r"$\epsilon$",
+    "α": r"$\alpha$",
+    "β": r"$\beta$",
+    "ω": r"$\omega$",
+    "μ": r"$\mu$",
+    "σ": r"$\sigma$",
+}
+_LATEX = str.maketrans({**_SPECIAL, **_PRINTED})
+_POSITIONS = {"sub": r"\textsubscript", "super": r"\textsuperscript"}
+PREAMBLE = "% Needs \\usepackage{booktabs} in the preamble.\n"
+
+
+def latex(text: str) -> str:
+    """Return text that LaTeX prints as it stands. Letters of other languages stay as they are: they
+    are part of UTF-8, which LaTeX reads since 2018.
+    """
+    return _LIGATURE.sub(lambda found: found[0] + _BETWEEN, text).translate(_LATEX)
+
+
+def runs_as_latex(runs: Iterable[Run]) -> str:
+    """Return text with its italics, subscripts and superscripts."""
+    return "".join(_run(run) for run in runs)
+
+
+def _run(run: Run) -> str:
+    text = latex(run.text)
+    if run.italic:
+        text = rf"\textit{{{text}}}"
+    return f"{_POSITIONS[run.position]}{{{text}}}" if run.position else text
+
+
+def as_latex(table: Table) -> str:
+    """Return a table, in parts where it is wide, to be put into a paper."""
+    return PREAMBLE + "\n".join(_part(part) for part in parts_of(table))
+
+
+def _part(table: Table) -> str:
+    head = " & ".join(runs_as_latex(head_runs(name)) for name in table.head) + r" \\"
+    lines = [
+        r"\begin{table}",
+        r"\centering",
+        rf"\caption{{{latex(table.title)}}}",
+        rf"\label{{tab:{table.name}}}",
+        rf"\begin{{tabular}}{{{_columns(table)}}}",
+        r"\toprule",
+        head,
+        r"\midrule",
+        *(_line([cell.text for cell in row]) for row in table.rows),
+        r"\bottomrule",
+        r"\end{tabular}",
+        *(rf"\par\smallskip {{\footnotesize {latex(note)}}}" for note in table.notes),
+        r"\end{table}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _columns(table: Table) -> str:
+    """Numbers stand at the right, words at the left."""
+    return "".join(
+        "r" if _is_numeric(row[place] for row in table.rows) else "l"
+        for place in range(len(table.head))
+    )
+
+
+def _is_numeric(cells: Iterable[TableCell]) -> bool:
+    return any(cell.value is not None for cell in cells)
+
+
+def _line(cells: Sequence[str]) -> str:
+    line = " & ".join(latex(cell) for cell in cells) + r" \\"
+    # After a line break, these would be its argument.
+    return f"{{}}{line}" if line.startswith(("[", "*")) else line

@@ -1,0 +1,36 @@
+"""With which programs a report was computed: what a paper has to say of them."""
+
+import platform
+import tomllib
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+from experiments.analysis.metrics.definitions import VERSION
+from experiments.analysis.tables.table import Table, words
+
+# Those that compute numbers or draw them. Mixed models and all other tests are computed with SciPy
+# and NumPy alone.
+LIBRARIES = {"NumPy": "numpy", "SciPy": "scipy", "Matplotlib": "matplotlib"}
+PROGRAM = "telepresence"
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Return the versions of this program and of all that it computed with, by name."""
+    project = Path(__file__).parents[3] / "pyproject.toml"
+    own = tomllib.loads(project.read_text(encoding="utf-8"))["project"]["version"]
+    libraries = {title: version(name) for title, name in LIBRARIES.items()}
+    return {
+        PROGRAM: own,
+        f"{PROGRAM}, definitions of the metrics": str(VERSION),
+        "Python": platform.python_version(),
+        **libraries,
+    }
+
+
+def software_table() -> Table:
+    """Return what computed a report."""
+    rows = tuple((words(name), words(number)) for name, number in versions().items())
+    title = "Software that computed the tables and figures."
+    return Table("software", title, ("Software", "Version"), rows)

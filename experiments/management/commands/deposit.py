@@ -1,0 +1,126 @@
+"""`manage.py deposit`: the dataset of a study as a draft in a repository, which its owner completes
+and publishes there.
+"""
+
+import getpass
+import os
+import sys
+from argparse import ArgumentParser
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+from urllib.parse import urlsplit
+
+from django.core.management import BaseCommand, CommandError
+
+from accounts import audit
+from experiments.dataset.selection import Selection
+from experiments.definition.publication import from_stored
+from experiments.deposit.client import DepositError
+from experiments.deposit.repository import DepositDraft, Record, Repository
+from experiments.deposit.upload import REPOSITORIES, draft_of, upload_all
+from experiments.export.archive import zipped
+from experiments.export.files import SUMS, export_files
+from experiments.management.study_lookup import study_named
+from experiments.models import Study
+
+# Beside the archive, so that they can be read without unpacking it.
+LOOSE = ("README.md", "dataset_description.json", SUMS)
+MOST_TITLE = 200
+
+
+class Command(BaseCommand):
+    """Uploads the pseudonymous dataset of one version of a study; it never publishes."""
+
+    help = (
+        "Upload the pseudonymous dataset of a study to a repository as a draft. The token is read "
+        "from ZENODO_TOKEN or OSF_TOKEN, or asked for."
+    )
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        parser.add_argument("study", help="name of the study, or name:version")
+        parser.add_argument(
+            "--to", choices=sorted(REPOSITORIES), required=True, help="the repository"
+        )
+        parser.add_argument(
+            "--sandbox", action="store_true", help="the repository's server for tests"
+        )
+        parser.add_argument(
+            "--url", default="", help="API of another server with the same software"
+        )
+        parser.add_argument(
+            "--new", action="store_true", help="a new draft, also if an earlier run has made one"
+        )
+
+    def handle(self, *_args: Any, **options: Any) -> None:
+        study = study_named(options["study"])
+        kind = REPOSITORIES[options["to"]]
+        address = options["url"] or (kind.sandbox if options["sandbox"] else kind.home)
+        try:
+            repository = kind(address.rstrip("/"), _token(kind))
+            draft = self._deposit(study, repository, is_new=options["new"])
+        except DepositError as error:
+            raise CommandError(str(error)) from error
+        self.stdout.write(f"Not published. Check the draft and publish it there: {draft.url}")
+
+    def _deposit(self, study: Study, repository: Repository, *, is_new: bool) -> DepositDraft:
+        host = urlsplit(repository.client.address).netloc
+        known = None if is_new else _known(study.deposits, host)
+        draft = draft_of(repository, record_of(study), known, self.stdout.write)
+        deposits = study.deposits | {host: {"id": draft.id, "url": draft.url}}
+        Study.objects.filter(pk=study.pk).update(deposits=deposits)
+        version = f"version {study.version}"
+        audit.note("study_deposited", study=study.slug, thing=version, detail=draft.url)
+        with TemporaryDirectory() as folder:
+            files = written(study, Path(folder))
+            upload_all(repository, draft, files, self.stdout.write)
+        return draft
+
+
+def _token(kind: type[Repository]) -> str:
+    token = os.environ.get(kind.token, "").strip()
+    if not token and sys.stdin.isatty():
+        token = getpass.getpass(f"Token for {kind.title}: ").strip()
+    if not token or not token.isascii() or not token.isprintable():
+        raise CommandError(f"Set {kind.token} to a token of {kind.title} with {kind.scopes}.")
+    return token
+
+
+def _known(deposits: Mapping[str, Any], host: str) -> DepositDraft | None:
+    found = deposits.get(host)
+    return DepositDraft(found["id"], found["url"]) if found else None
+
+
+def record_of(study: Study) -> Record:
+    """Return what a draft says of a study."""
+    definition = study.as_definition()
+    title = definition.title.get("en") or study.title
+    return Record(
+        f"{title} (dataset, version {study.version})"[:MOST_TITLE],
+        f"Pseudonymous dataset of the study {study.slug}, version {study.version}, in the "
+        "Psych-DS format: driving, events, questionnaires and a code book.",
+        from_stored(study.publication),
+    )
+
+
+def written(study: Study, folder: Path) -> dict[str, Path]:
+    """Write a study's export as an archive, and what should be readable without unpacking it;
+    return the files by the names that they get.
+    """
+    loose: dict[str, Path] = {}
+
+    def kept() -> Any:
+        for name, parts in export_files(study, Selection()):
+            if name not in LOOSE:
+                yield name, parts
+                continue
+            content = b"".join(parts)
+            (folder / name).write_bytes(content)
+            loose[name] = folder / name
+            yield name, [content]
+
+    archive = folder / f"{study.slug}-{study.version}.zip"
+    with archive.open("wb") as out:
+        out.writelines(zipped(kept()))
+    return {**loose, archive.name: archive}

@@ -1,0 +1,20 @@
+from django.db import migrations, models
+
+
+class Migration(migrations.Migration):
+    dependencies = [("experiments", "0009_entry_without_account")]
+
+    operations = [
+        migrations.AddField(
+            model_name="study",
+            name="publication",
+            field=models.JSONField(
+                blank=True, default=dict, editable=False, verbose_name="publication details"
+            ),
+        ),
+        migrations.AddField(
+            model_name="study",
+            name="deposits",
+            field=models.JSONField(blank=True, default=dict, editable=False),
+        ),
+    ]

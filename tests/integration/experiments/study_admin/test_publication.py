@@ -1,0 +1,106 @@
+"""The publication details of a study: written by owners, also after it was published, and told by
+every export.
+"""
+
+import io
+import json
+
+import pytest
+from django.core.management import call_command
+from django.urls import reverse
+
+from experiments import publishing
+from experiments.definition.publication import from_stored
+from experiments.models import Study, StudyMember
+from tests.integration.experiments.test_publishing import NOW
+from tests.support.html_page import read
+from tests.support.people import person
+from tests.support.studies import small_study
+
+pytestmark = pytest.mark.django_db
+FILLED = {
+    "form-TOTAL_FORMS": "2",
+    "form-INITIAL_FORMS": "0",
+    "form-0-name": "Carberry, Josiah",
+    "form-0-orcid": "https://orcid.org/0000-0002-1825-0097",
+    "form-0-affiliation": "Brown University",
+    "form-1-name": "",
+    "form-1-orcid": "",
+    "form-1-affiliation": "",
+    "license": "CC-BY-4.0",
+    "funder": "NSF 1",
+    "preregistration": "https://osf.io/abcde",
+    "doi": "https://doi.org/10.5281/zenodo.1234567",
+    "keywords": "robots, telepresence, robots",
+    "ethics": "CEUMA 1",
+}
+
+
+@pytest.fixture
+def study():
+    row = publishing.store(small_study(), NOW)
+    Study.objects.filter(pk=row.pk).update(status=Study.Status.PUBLISHED)
+    return row
+
+
+@pytest.fixture
+def page(client, study):
+    user = person("olga", is_staff=True)
+    StudyMember.objects.create(slug=study.slug, user=user, role="owner")
+    client.force_login(user)
+    return reverse("admin:experiments_study_publication", args=[study.pk])
+
+
+def kept(study):
+    return from_stored(Study.objects.get(pk=study.pk).publication)
+
+
+def test_an_owner_writes_them_and_an_export_says_them(client, study, page, tmp_path):
+    assert client.post(page, FILLED).status_code == 302
+    assert kept(study).keywords == ("robots", "telepresence")
+    assert kept(study).doi == "10.5281/zenodo.1234567"
+    assert 'value="Carberry, Josiah"' in client.get(page).content.decode()
+    told = io.StringIO()
+    call_command("export_study", study.slug, out=tmp_path / "e", stdout=io.StringIO(), stderr=told)
+    assert told.getvalue() == ""
+    book = json.loads((tmp_path / "e" / "dataset_description.json").read_text())
+    assert book["author"][0]["identifier"] == "https://orcid.org/0000-0002-1825-0097"
+    assert publishing.new_version(Study.objects.get(pk=study.pk), NOW).publication["license"]
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "problem"),
+    [
+        ("form-0-orcid", "0000-0002-1825-0098", "check digit"),
+        ("form-0-name", "", "Enter the name of this author."),
+        ("doi", "zenodo.12", "is not a DOI"),
+        ("preregistration", "osf.io/abcde", "Enter an address"),
+        ("license", "WTFPL", "valid choice"),
+    ],
+)
+def test_a_problem_is_told_at_its_field_and_nothing_is_kept(
+    client, study, page, field, value, problem
+):
+    told = read(client.post(page, FILLED | {field: value}))
+    assert problem in told.text
+    assert kept(study).authors == ()
+
+
+def test_an_export_says_what_is_not_filled_in(client, study, page, tmp_path):
+    told = io.StringIO()
+    call_command("export_study", study.slug, out=tmp_path / "e", stdout=io.StringIO(), stderr=told)
+    assert "authors, license, funder" in told.getvalue()
+    assert "Not filled in by its owners: authors" in (tmp_path / "e" / "README.md").read_text()
+    shown = client.get(reverse("analysis_export", args=[study.slug])).content.decode()
+    assert "Licence" in shown
+    assert page in shown
+
+
+def test_viewers_see_them_and_change_nothing(client, study, page):
+    viewer = person("vera", is_staff=True)
+    StudyMember.objects.create(slug=study.slug, user=viewer, role="viewer")
+    client.force_login(viewer)
+    assert client.get(page).status_code == 200
+    assert client.post(page, FILLED).status_code == 404
+    client.force_login(person("otto", is_staff=True))
+    assert client.get(page).status_code == 404
