@@ -30,6 +30,7 @@ urlpatterns = [
     path("", include("experiments.research.analysis_urls")),
     path("", include("experiments.urls")),
     path("", include("experiments.research.urls")),
+    path("", include("experiments.research.coding_urls")),
 ]
 
 if settings.DEMO_TOKEN:

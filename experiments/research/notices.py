@@ -75,7 +75,7 @@ def addresses_of(study: Study) -> list[str]:
     it cannot help.
     """
     members = StudyMember.objects.filter(slug=study.slug, user__is_active=True).exclude(
-        role=StudyMember.Role.VIEWER
+        role__in=(StudyMember.Role.VIEWER, StudyMember.Role.CODER)
     )
     return sorted({address for address in members.values_list("user__email", flat=True) if address})
 

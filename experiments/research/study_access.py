@@ -16,8 +16,11 @@ from experiments.models import Study, StudyMember
 
 
 def slugs_of(user: Any) -> "QuerySet[StudyMember, str]":
-    """Return the names of the studies that somebody has a part in."""
-    return StudyMember.objects.filter(user=user).values_list("slug", flat=True)
+    """Return the names of the studies that somebody has a part in; coders have pages of their own
+    alone.
+    """
+    members = StudyMember.objects.filter(user=user).exclude(role=StudyMember.Role.CODER)
+    return members.values_list("slug", flat=True)
 
 
 def study_for(request: HttpRequest, pk: Any, least: Role) -> Study:

@@ -13,7 +13,7 @@ from django import template
 from django.urls import reverse
 from django.utils.translation import gettext as _
 
-from experiments.access import RANK, role_of
+from experiments.access import RANK, may_code, role_of
 from experiments.models import Study
 
 register = template.Library()
@@ -45,7 +45,9 @@ def sharing_tabs(context: template.Context, study: Study, current: str) -> dict[
 def tabs_of(user: Any, study: Study) -> list[Tab]:
     """Return the tabs of a study that somebody may open, in their order."""
     rank = _rank(user, study)
-    return list(_tabs(study, rank, is_staff=user.is_staff)) if rank else []
+    if rank:
+        return list(_tabs(study, rank, is_staff=user.is_staff))
+    return [_coding(study)] if may_code(user, study.slug) else []
 
 
 def _rank(user: Any, study: Study) -> int:
@@ -63,10 +65,16 @@ def _tabs(study: Study, rank: int, *, is_staff: bool) -> Iterator[Tab]:
     if is_staff:
         drives = reverse("admin:experiments_drive_changelist")
         yield Tab("drives", _("Drives and replay"), drives + rows)
+    yield _coding(study)
     yield Tab("analysis", _("Analysis"), reverse("analysis", args=[study.slug]) + version)
     yield Tab("export", _("Export"), reverse("analysis_export", args=[study.slug]) + version)
     if is_staff:
         yield Tab("sharing", _("Sharing"), next(_sharing(study, rank)).url)
+
+
+def _coding(study: Study) -> Tab:
+    version = f"?version={study.version}"
+    return Tab("coding", _("Coding"), reverse("study_coding", args=[study.slug]) + version)
 
 
 def _sharing(study: Study, rank: int) -> Iterator[Tab]:

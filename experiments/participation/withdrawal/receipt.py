@@ -44,6 +44,7 @@ BY: dict[str, str | Promise] = {
     "owner": _("an owner of the study"),
     "researcher": _("a researcher of the study"),
     "viewer": _("a viewer of the study"),
+    "coder": _("a coder of the study"),
     "administrator": _("an administrator of the site"),
     "operator": _("the operators of the site"),
     "former": _("somebody who no longer has a role here"),
