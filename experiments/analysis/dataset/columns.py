@@ -223,7 +223,7 @@ SESSIONS = (
 EVENTS = (
     Column("session", "", "code of the session"),
     Column("stamp", "s", "when it happened, by the server's clock"),
-    Column("source", "", "robot, page, server or task"),
+    Column("source", "", "robot, page, server, task or lab (streams of a laboratory)"),
     Column("type", "", "what happened"),
     Column("data", "", "JSON: the rest"),
 )

@@ -17,7 +17,7 @@ const element = (/** @type {string} */ id) => /** @type {any} */ (document.getEl
 const config = JSON.parse(element("config").textContent);
 const words = readWords(element("words"), document.documentElement.lang);
 const [stage, strips, now, slider, playing, speed, clock] = ["replay", "strips", "strips-now", "slider", "play", "speed", "clock"].map(element);
-const sources = new Set(["task", "server", "robot", "page"]);
+const sources = new Set(["task", "server", "robot", "page", "lab"]);
 
 class ReplayPage {
   /** @param {import("./record.js").Record} record */
