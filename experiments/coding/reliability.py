@@ -39,7 +39,7 @@ LEVEL = 0.95
 
 
 @dataclass(frozen=True)
-class Estimate:
+class ReliabilityEstimate:
     """A value and its 95 % confidence interval; None where it is not defined."""
 
     value: float | None
@@ -47,7 +47,7 @@ class Estimate:
     high: float | None = None
 
 
-UNKNOWN = Estimate(None)
+UNKNOWN = ReliabilityEstimate(None)
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,8 @@ class PairReliability:
     """Two coders, by their places. `agreement` is the share of bins in which they say the same."""
 
     coders: tuple[int, int]
-    agreement: Estimate
-    kappa: Estimate
+    agreement: ReliabilityEstimate
+    kappa: ReliabilityEstimate
     matches: Matches
 
 
@@ -66,7 +66,7 @@ class CodeReliability:
 
     code: str
     bins: int
-    alpha: Estimate
+    alpha: ReliabilityEstimate
     pairs: tuple[PairReliability, ...]
 
 
@@ -79,7 +79,7 @@ class EventReliability:
     coders: tuple[int, int]
     labels: tuple[str, ...]
     table: Floats
-    kappa: Estimate
+    kappa: ReliabilityEstimate
 
 
 @dataclass(frozen=True)
@@ -203,23 +203,25 @@ def _weights(blocks: int, generator: np.random.Generator) -> Floats:
     return np.concatenate([np.ones((1, blocks)), drawn]).astype(np.float64)
 
 
-def _estimate(figure: Callable[[Sums], Floats], blocks: Sums, weights: Floats) -> Estimate:
+def _estimate(
+    figure: Callable[[Sums], Floats], blocks: Sums, weights: Floats
+) -> ReliabilityEstimate:
     if not blocks.rows.size:
         return UNKNOWN
     drawn = Sums(weights @ blocks.agreed, weights @ blocks.rows, weights @ blocks.columns)
     return _interval(figure(drawn), units=len(blocks.rows))
 
 
-def _interval(found: Floats, units: int) -> Estimate:
+def _interval(found: Floats, units: int) -> ReliabilityEstimate:
     """Return the first figure with the percentiles of the others; one unit has no interval."""
     if np.isnan(found[0]):
         return UNKNOWN
     drawn = found[1:][~np.isnan(found[1:])]
     if units < 2 or drawn.size < DRAWS / 2:
-        return Estimate(float(found[0]))
+        return ReliabilityEstimate(float(found[0]))
     tail = 100.0 * (1.0 - LEVEL) / 2.0
     low, high = np.percentile(drawn, [tail, 100.0 - tail])
-    return Estimate(float(found[0]), float(low), float(high))
+    return ReliabilityEstimate(float(found[0]), float(low), float(high))
 
 
 # --- by events ------------------------------------------------------------------------------------
@@ -241,7 +243,7 @@ def _of_events(
     return EventReliability(pair, tuple(codes), table, event_kappa(table))
 
 
-def event_kappa(table: Floats) -> Estimate:
+def event_kappa(table: Floats) -> ReliabilityEstimate:
     """Return kappa of a table whose last cell cannot be counted, its interval by a bootstrap over
     the aligned events.
     """

@@ -7,7 +7,7 @@ from django.utils.formats import number_format
 from django.utils.translation import gettext as _
 
 from experiments.coding import store
-from experiments.coding.reliability import Estimate, EventReliability
+from experiments.coding.reliability import EventReliability, ReliabilityEstimate
 from experiments.coding.study_agreement import StudyAgreement
 from experiments.models import CodingSchemeVersion
 
@@ -56,7 +56,7 @@ def _shown_events(
     }
 
 
-def _estimate(one: Estimate, *, percent: bool = False) -> str:
+def _estimate(one: ReliabilityEstimate, *, percent: bool = False) -> str:
     """Return a figure with its interval, "–" where it is not defined."""
     if one.value is None:
         return "–"

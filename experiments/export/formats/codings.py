@@ -14,7 +14,7 @@ from experiments.analysis.dataset.files import table
 from experiments.coding import store
 from experiments.coding.boris import to_boris
 from experiments.coding.eaf import to_eaf
-from experiments.coding.reliability import Estimate
+from experiments.coding.reliability import ReliabilityEstimate
 from experiments.coding.scheme import CodedEvent
 from experiments.coding.study_agreement import StudyAgreement, agreement_of
 from experiments.dataset.allow_list import coded
@@ -162,7 +162,7 @@ def _figures(version: int, agreement: StudyAgreement) -> Iterator[tuple[Any, ...
         yield version, "all", "event_kappa", who, *_cells(events.kappa)
 
 
-def _cells(one: Estimate) -> tuple[str, str, str]:
+def _cells(one: ReliabilityEstimate) -> tuple[str, str, str]:
     value, low, high = (
         "" if number is None else repr(number) for number in (one.value, one.low, one.high)
     )

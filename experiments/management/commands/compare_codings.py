@@ -8,7 +8,12 @@ import msgspec
 from django.core.management.base import BaseCommand, CommandError
 
 from experiments.coding.reading import read_coding
-from experiments.coding.reliability import CodeReliability, Estimate, EventReliability, reliability
+from experiments.coding.reliability import (
+    CodeReliability,
+    EventReliability,
+    ReliabilityEstimate,
+    reliability,
+)
 from experiments.coding.scheme import BadCodingError, CodedEvent, events_from, scheme_in
 from experiments.definition.coding import Code
 
@@ -120,7 +125,7 @@ def _checked(
         raise CommandError(f"{path}: {error}") from error
 
 
-def _number(one: Estimate) -> str:
+def _number(one: ReliabilityEstimate) -> str:
     if one.value is None:
         return "unknown"
     has_interval = one.low is not None and one.high is not None
