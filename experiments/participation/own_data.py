@@ -3,7 +3,8 @@
 import datetime
 from typing import Any
 
-from experiments.models import Participant
+from experiments.coding import store
+from experiments.models import Coding, Participant
 from experiments.participation import progress
 from sessions.models import Session
 from surveys.models import Response
@@ -116,6 +117,25 @@ def _session(row: Session) -> dict[str, Any]:
         "events": [
             {"type": e.type, "source": e.source, "stamp": e.stamp, "data": e.data}
             for e in row.events.order_by("received_at")
+        ],
+        "codings": [_coding(coding) for coding in row.codings.order_by("number")],
+    }
+
+
+def _coding(coding: Coding) -> dict[str, Any]:
+    """Return what a coder noted on a drive; the coder has a number."""
+    return {
+        "coder": f"C{coding.number}",
+        "finished": _iso(coding.done_at),
+        "events": [
+            {
+                "code": event.code,
+                "begin": event.begin,
+                "end": event.end,
+                "modifiers": event.modifiers,
+                "comment": event.comment,
+            }
+            for event in store.events_of(coding)
         ],
     }
 

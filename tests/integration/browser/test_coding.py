@@ -103,7 +103,7 @@ def test_keys_code_what_happens_and_it_is_saved(context, visit):
     page.get_by_label("whom").select_option("a visitor")
     page.get_by_label("Comment").fill("waves")
     page.get_by_label("Comment").press("Enter")
-    page.get_by_role("button", name="Start + 0.1 s").click()
+    page.get_by_role("button", name="Starts + 0.1 s").click()
     expect(rows(page).filter(has_text="a visitor · waves")).to_contain_text("0:11.1")
     page.get_by_role("button", name="I am done").click()
     expect(page.locator("#coding-message")).to_contain_text("must end after it begins")

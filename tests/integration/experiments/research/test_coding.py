@@ -11,6 +11,8 @@ from django.utils import timezone
 
 from experiments.coding import store
 from experiments.models import Coding, CodingEdit, CodingSchemeVersion, Participant, StudyMember
+from experiments.participation.own_data import gather
+from experiments.participation.withdrawal import receipt
 from experiments.participation.withdrawal.deletion import withdraw
 from tests.support import replays
 from tests.support.people import person
@@ -291,7 +293,12 @@ def test_codings_go_with_the_withdrawal_of_the_participant(client, drive):
     now = timezone.now()
     type(drive.session).objects.update(closed_at=now)
     type(drive).objects.update(settled_at=now)
-    withdraw(Participant.objects.get(pk=drive.participant_id), now)
+    (own,) = gather(drive.session.visitor)["drives"]
+    (noted,) = own["codings"]
+    assert (noted["coder"], noted["events"][0]["begin"]) == ("C1", 20.0)
+    participant = Participant.objects.get(pk=drive.participant_id)
+    assert receipt.of(participant, "en", now).deleted["notes"] == 1
+    withdraw(participant, now)
     assert (Coding.objects.count(), CodingEdit.objects.count()) == (0, 0)
     assert client.get(reverse("code_session", args=[drive.session_id])).status_code == 404
 
