@@ -41,6 +41,7 @@ from robots.floorplans import plan_content
 
 SAVES, FILES = Attempts("coding-save", limit=240), Attempts("coding-file", limit=30)
 ROWS_A_PAGE = 100
+MAX_DIGITS = 9  # of a version
 MAX_FILE = 5 * 1024 * 1024
 
 # --- a study's sessions ---------------------------------------------------------------------------
@@ -79,7 +80,7 @@ def _study(request: HttpRequest, slug: str) -> tuple[Study, bool]:
     is_coder = may_code(request.user, slug)
     versions = Study.objects.filter(slug=slug).order_by("-version")
     wanted = request.GET.get("version", "") or request.POST.get("version", "")
-    if wanted.isdecimal() and len(wanted) < 9:
+    if wanted.isdecimal() and len(wanted) < MAX_DIGITS:
         versions = versions.filter(version=wanted)
     study = versions.exclude(status=Study.Status.DRAFT).first() or versions.first()
     if study is None or not (is_coder or may(request.user, slug, "viewer")):
@@ -156,13 +157,18 @@ def _study_address(study: Study) -> str:
 
 
 def _asked(request: HttpRequest, session: uuid.UUID) -> tuple[Drive, CodingSchemeVersion]:
-    """Return the drive of a session and the scheme by which it is coded.
+    """Return the drive of a session and the scheme by which it is coded: the newest, or the one
+    that `scheme` names, with which a page was opened before there was a newer one.
 
     Raises:
         Http404: there is none, or it is not for this user.
     """
     drive = drive_to_code(request.user, session)
-    scheme = store.scheme_of(drive.participant.study, timezone.now())
+    study, wanted = drive.participant.study, request.GET.get("scheme", "")
+    if wanted.isdecimal() and len(wanted) < MAX_DIGITS:
+        scheme = CodingSchemeVersion.objects.filter(study=study, version=wanted).first()
+    else:
+        scheme = store.scheme_of(study, timezone.now())
     if scheme is None:
         raise Http404
     return drive, scheme
@@ -210,9 +216,10 @@ def _config(
                 msgspec.structs.asdict(code) | {"modifiers": _modifiers(code)}
                 for code in scheme.codes
             ],
-            "events": reverse("coding_events", args=[session]),
-            "save": reverse("coding_save", args=[session]),
-            "done": reverse("coding_done", args=[session]),
+            **{
+                name: f"{reverse(f'coding_{name}', args=[session])}?scheme={row.version}"
+                for name in ("events", "save", "done")
+            },
             # what a browser keeps of changes that were not saved yet
             "kept": f"coding:{request.user.pk}:{row.pk}:{session}",
             **_answer(store.coding_of(session, row, request.user)),

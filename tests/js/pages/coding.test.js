@@ -139,6 +139,16 @@ test("a page that is loaded again sends what the one before it could not", async
   assert.deepEqual(Object.keys(first.storage), ["coding:2:x", "coding:1:broken"]);
 });
 
+test("it is told when all is saved, or that it is not", async () => {
+  const { queue } = queueWith([200, 200, 0]);
+  assert.equal(await queue.settled(), true);
+  queue.add([edit("a")]);
+  queue.add([edit("b")]); // while the first one is on its way
+  assert.equal(await queue.settled(), true);
+  queue.add([edit("c")]);
+  assert.equal(await queue.settled(), false);
+});
+
 test("what the server does not take is kept, and the page says why", async () => {
   for (const [status, state] of [[409, "refused"], [403, "signed_out"], [302, "signed_out"]]) {
     const { queue, told } = queueWith([status]);

@@ -277,6 +277,12 @@ def test_a_new_scheme_is_a_new_version_and_finished_codings_stay(client, drive):
     )
     assert events(client, drive) == []
     assert CodingEdit.objects.count() == 1
+    # what a page still sends that was opened before
+    client.force_login(Coding.objects.get().coder)
+    body = json.dumps({"edits": [edit("lost", 30.0)]})
+    address = reverse("coding_save", args=[drive.session_id]) + "?scheme=1"
+    assert len(client.post(address, body, content_type="application/json").json()["saved"]) == 2
+    assert Coding.objects.count() == 1
 
 
 def test_the_scheme_of_a_definition_is_used_without_an_upload(drive):

@@ -196,8 +196,7 @@ export class CodingPanel {
   }
 
   async #finish() {
-    await this.queue.flush();
-    if (this.queue.pending.length) {
+    if (!(await this.queue.settled())) {
       this.#say(this.words.say("coding.unsaved"));
       return;
     }

@@ -28,6 +28,8 @@ export class SaveQueue {
     this.wait = SHORTEST_S;
     this.isSending = false;
     this.isWaiting = false;
+    /** @type {((isSaved: boolean) => void)[]} */
+    this.asking = [];
     /** @type {{name: string, edit: Edit}[]} */
     this.entries = this.#kept();
   }
@@ -46,6 +48,16 @@ export class SaveQueue {
       attempt(() => this.storage?.setItem(name, JSON.stringify(edit)));
     }
     this.flush();
+  }
+
+  /** Send what there is, and tell whether the server has all of it. @returns {Promise<boolean>} */
+  settled() {
+    if (!this.entries.length) {
+      return Promise.resolve(true);
+    }
+    const answer = new Promise((resolve) => this.asking.push(resolve));
+    this.flush();
+    return answer;
   }
 
   /** Send what there is; call it again whenever that may help. */
@@ -76,6 +88,9 @@ export class SaveQueue {
       this.onState("signed_out");
     } else {
       this.#again();
+    }
+    if (status !== 200 || !this.entries.length) {
+      this.asking.splice(0).forEach((resolve) => resolve(status === 200));
     }
   }
 
