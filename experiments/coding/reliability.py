@@ -35,6 +35,7 @@ from experiments.coding.scheme import CodedEvent
 BLOCK_S = 30.0
 DRAWS, SEED = 1000, 20_110_125
 MAX_BLOCKS = 400
+LEAST_UNITS = 10  # blocks or events; draws of fewer make intervals that are far too narrow
 LEVEL = 0.95
 
 
@@ -213,11 +214,11 @@ def _estimate(
 
 
 def _interval(found: Floats, units: int) -> ReliabilityEstimate:
-    """Return the first figure with the percentiles of the others; one unit has no interval."""
+    """Return the first figure with the percentiles of the others; few units have no interval."""
     if np.isnan(found[0]):
         return UNKNOWN
     drawn = found[1:][~np.isnan(found[1:])]
-    if units < 2 or drawn.size < DRAWS / 2:
+    if units < LEAST_UNITS or drawn.size < DRAWS / 2:
         return ReliabilityEstimate(float(found[0]))
     tail = 100.0 * (1.0 - LEVEL) / 2.0
     low, high = np.percentile(drawn, [tail, 100.0 - tail])

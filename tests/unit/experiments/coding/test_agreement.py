@@ -220,11 +220,11 @@ def test_intervals_hold_the_value_and_shrink_with_more_blocks():
     assert long.high - long.low < (short.high - short.low) / 2
 
 
-def test_a_single_block_has_no_interval():
+def test_few_blocks_have_no_interval():
     one = event_kappa(np.array([[1.0, 0.0], [0.0, 0.0]]))
     assert (one.value, one.low) == (None, None)
     (found,) = reliability(
-        [(20.0, [[interval(0, 5)], [interval(0, 9)]])], ["b"], width=1.0, tolerance=1.0
+        [(270.0, [[interval(0, 50)], [interval(0, 90)]])], ["b"], width=1.0, tolerance=1.0
     ).codes
     assert found.pairs[0].kappa.value is not None
     assert found.pairs[0].kappa.low is None
