@@ -30,6 +30,7 @@ BENCHMARKS = (
     "replay",
     "analysis",
     "export",
+    "markers",
 )
 
 

@@ -14,11 +14,12 @@ from django.http import Http404, HttpRequest, HttpResponseBase
 from experiments.models import Drive, Participant, Study, StudyMember
 from sessions.models import Session
 
-Role = Literal["owner", "researcher", "viewer", "wizard"]
+Role = Literal["owner", "researcher", "viewer", "coder", "wizard"]
 Given = ParamSpec("Given")
 View = Callable[Concatenate[HttpRequest, str, Given], HttpResponseBase]
-# A hidden operator ranks below everybody who may see a study's data.
-RANK: dict[str, int] = {"wizard": 0, "viewer": 1, "researcher": 2, "owner": 3}
+# Coders and hidden operators have no rank: they see their own pages, and nothing of the study.
+RANK: dict[str, int] = {"viewer": 1, "researcher": 2, "owner": 3}
+CODING = frozenset({"coder", "researcher", "owner"})
 SEES_SESSIONS = "telepresence_sessions.view_session"
 
 
@@ -48,6 +49,11 @@ def may_operate_as_wizard(user: Any, slug: str) -> bool:
     return role_of(user, slug) in {"wizard", "researcher", "owner"}
 
 
+def may_code(user: Any, slug: str) -> bool:
+    """Tell whether somebody may code replays of a study."""
+    return role_of(user, slug) in CODING
+
+
 def forget_members(instance: Study, **_more: Any) -> None:
     """Take everybody's part in a study away with its last version: the name is free, and belongs to
     whoever takes it next.
@@ -75,6 +81,24 @@ def for_role(least: Role) -> Callable[[View[Given]], View[Given]]:
         return kept
 
     return keep
+
+
+def drive_to_code(user: Any, session: uuid.UUID) -> Drive:
+    """Return the drive of a study's session that has ended, for its coding.
+
+    Raises:
+        Http404: there is none, its participant has withdrawn, or it is not for this user.
+    """
+    drive = (
+        Drive.objects.filter(session=session, session__ended_at__isnull=False)
+        .exclude(participant__status=Participant.Status.WITHDRAWN)
+        .select_related("participant__study", "session__robot__floor_plan")
+        .defer("session__robot__floor_plan__image")
+        .first()
+    )
+    if drive is None or not may_code(user, drive.participant.study.slug):
+        raise Http404
+    return drive
 
 
 def session_for(user: Any, session: uuid.UUID) -> tuple[Session, Drive | None, bool]:

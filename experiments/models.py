@@ -164,6 +164,7 @@ class StudyMember(models.Model):
         RESEARCHER = "researcher", _("researcher: sees data, excludes drives, intervenes")
         VIEWER = "viewer", _("viewer: sees pseudonymous data")
         WIZARD = "wizard", _("hidden operator: only operates as wizard")
+        CODER = "coder", _("coder: codes replays, sees nothing else")
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     slug = models.SlugField(_("study"), max_length=40, db_index=True)
@@ -507,3 +508,98 @@ class Rehearsal(models.Model):
 
     def __str__(self) -> str:
         return f"{self.study_id} · {self.began_at:%Y-%m-%d %H:%M}"
+
+
+class CodingSchemeVersion(models.Model):
+    """A scheme of codes (experiments/definition/coding.py) by which replays of a study are coded:
+    the first is that of its definition or the first that was uploaded, a changed one is the next.
+    """
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    study = models.ForeignKey(
+        Study, models.CASCADE, related_name="coding_schemes", verbose_name=_("study")
+    )
+    version = models.PositiveIntegerField(_("version"))
+    document = models.JSONField(_("definition"))
+    created_at = models.DateTimeField(_("created"))
+
+    class Meta:
+        verbose_name = _("coding scheme")
+        verbose_name_plural = _("coding schemes")
+        ordering = ("study", "version")
+        constraints = [
+            models.UniqueConstraint(fields=["study", "version"], name="coding_scheme_once")
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.study} · {self.version}"
+
+
+class Coding(models.Model):
+    """A session as one coder codes it by one scheme. `number` is what the coder is called in a
+    study, in all of its versions (C1, C2 …). Once it is done it does not change.
+    """
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    session = models.ForeignKey(
+        Session, models.CASCADE, related_name="codings", verbose_name=_("session")
+    )
+    scheme = models.ForeignKey(
+        CodingSchemeVersion, models.CASCADE, related_name="codings", verbose_name=_("coding scheme")
+    )
+    coder = models.ForeignKey(
+        settings.AUTH_USER_MODEL,
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="+",
+        verbose_name=_("coder"),
+    )
+    number = models.PositiveIntegerField(_("coder's number"))
+    began_at = models.DateTimeField(_("started at"))
+    done_at = models.DateTimeField(_("finished"), null=True, blank=True)
+
+    class Meta:
+        verbose_name = _("coding")
+        verbose_name_plural = _("codings")
+        ordering = ("session", "number")
+        constraints = [
+            models.UniqueConstraint(fields=["session", "scheme", "number"], name="coding_once")
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.session_id} · C{self.number}"
+
+
+class CodingEdit(models.Model):
+    """A version of an event that a coder noted: what it was set to, and when. The newest version
+    counts; older ones stay, and a deleted event is a version that says so. The page makes both ids,
+    so that what is sent twice is stored once. Seconds since the grant.
+    """
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    coding = models.ForeignKey(
+        Coding, models.CASCADE, related_name="edits", verbose_name=_("coding")
+    )
+    event = models.UUIDField(_("event"))
+    version = models.PositiveIntegerField(_("version"))
+    code = models.CharField(_("code"), max_length=40)
+    begin = models.FloatField(_("beginning (s)"))
+    end = models.FloatField(_("end (s)"), null=True, blank=True)
+    modifiers = models.JSONField(_("modifiers"), default=dict, blank=True)
+    comment = models.TextField(_("comment"), blank=True)
+    is_deleted = models.BooleanField(_("deleted"), default=False)
+    at = models.DateTimeField(_("changed"))
+
+    class Meta:
+        verbose_name = _("version of a coded event")
+        verbose_name_plural = _("versions of coded events")
+        ordering = ("at",)
+        constraints = [
+            models.UniqueConstraint(
+                fields=["coding", "event", "version"], name="coding_edit_version_once"
+            )
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.code} · {self.begin:.1f} · {self.version}"

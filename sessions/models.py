@@ -163,8 +163,8 @@ class StateChunk(models.Model):
 
 
 class SessionEvent(models.Model):
-    """Something that happened once: told by the robot, by the page, or decided by the session
-    manager.
+    """Something that happened once: told by the robot, by the page, by a laboratory's streams, or
+    decided by the session manager.
     """
 
     class Source(models.TextChoices):
@@ -173,6 +173,7 @@ class SessionEvent(models.Model):
         ROBOT = "robot", _("robot")
         PAGE = "page", _("page")
         SERVER = "server", _("server")
+        LAB = "lab", _("laboratory")
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     session = models.ForeignKey(

@@ -31,6 +31,7 @@ urlpatterns = [
     path("", include("experiments.urls")),
     path("", include("experiments.research.urls")),
     path("", include("experiments.wizard.urls")),
+    path("", include("experiments.research.coding_urls")),
 ]
 
 if settings.DEMO_TOKEN:

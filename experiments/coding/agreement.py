@@ -11,11 +11,20 @@ units, coders the judges, and each code is a variable of its own with two values
   coincidences.
 - Beside them, how many events of two coders lie within a tolerance of each other (their beginnings
   do), each matched once, in order of time.
+
+Events of two coders are aligned: first those of one code that match, then the nearest of what is
+left, which the coders took for different codes; the rest only one of them has. Nobody can count the
+events that both left out, so the cell (none, none) is a structural zero, and kappa takes its
+expected shares from quasi-independence (Bakeman, Quera and Gnisci, 2009, "Observer agreement for
+timed-event sequential data", Behavior Research Methods 41, 137-147). Without such a cell this is
+Cohen's kappa.
 """
 
-from collections.abc import Sequence
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +32,14 @@ from numpy.typing import NDArray
 from experiments.coding.scheme import CodedEvent
 
 MAX_BINS = 200_000
+FITTING_ROUNDS = 200
+TINY = 1e-12
+
+Floats = NDArray[np.float64]
+Units = NDArray[np.int64]
+# Duration in seconds, and the events of each coder in the same order of coders; None for one who
+# did not code the session.
+SessionCodings = tuple[float, Sequence[Sequence[CodedEvent] | None]]
 
 
 @dataclass(frozen=True)
@@ -34,65 +51,104 @@ class Matches:
     second: int
 
 
-@dataclass(frozen=True)
-class PairAgreement:
-    """Two coders, by their places, on one code. `kappa` is None when chance alone explains all."""
-
-    coders: tuple[int, int]
-    kappa: float | None
-    matches: Matches
+# --- figures --------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class CodeAgreement:
-    """All coders on one code."""
-
-    code: str
-    alpha: float | None
-    pairs: tuple[PairAgreement, ...]
-
-
-def cohen_kappa(table: NDArray[np.float64]) -> float | None:
-    """Return kappa of a square table of counts, one judge's categories as rows and the other's as
-    columns; None without counts, or when chance agreement is complete.
+class Sums(NamedTuple):
+    """What kappa and alpha need of n tables (or matrices of coincidences) of k categories:
+    `agreed` is (n,), the diagonal's sum; `rows` and `columns` are (n, k), the marginal sums.
     """
-    total = float(table.sum())
-    if total == 0:
-        return None
-    shares = table / total
-    observed = float(np.trace(shares))
-    expected = float(shares.sum(axis=1) @ shares.sum(axis=0))
-    return None if np.isclose(expected, 1.0) else (observed - expected) / (1.0 - expected)
+
+    agreed: Floats
+    rows: Floats
+    columns: Floats
 
 
-def krippendorff_alpha(values: NDArray[np.float64]) -> float | None:
-    """Return alpha for nominal data.
+def sums_of(tables: Floats) -> Sums:
+    """Return the sums of square tables, one judge's categories as rows and the other's as columns:
+    (n, k, k).
+    """
+    return Sums(np.trace(tables, axis1=1, axis2=2), tables.sum(axis=2), tables.sum(axis=1))
+
+
+def agreements(sums: Sums) -> Floats:
+    """Return the share of units on which two judges agree: (n,), nan without units."""
+    return ratio(sums.agreed, sums.rows.sum(axis=1))
+
+
+def kappas(sums: Sums) -> Floats:
+    """Return Cohen's kappa: (n,), nan without units, or when chance agreement is complete."""
+    expected = ratio((sums.rows * sums.columns).sum(axis=1), sums.rows.sum(axis=1) ** 2)
+    return ratio(agreements(sums) - expected, 1.0 - expected)
+
+
+def alphas(sums: Sums) -> Floats:
+    """Return Krippendorff's alpha of matrices of coincidences: (n,), nan without pairs, or when all
+    values are the same.
+    """
+    total = sums.rows.sum(axis=1)
+    expected = ratio(total**2 - (sums.rows**2).sum(axis=1), total - 1.0)
+    return 1.0 - ratio(total - sums.agreed, expected)
+
+
+def event_kappas(tables: Floats) -> Floats:
+    """Return kappa of tables whose last cell is a structural zero: the expected shares are those of
+    quasi-independence, by iterative proportional fitting.
+    """
+    fitted = np.ones_like(tables)
+    fitted[:, -1, -1] = 0.0
+    rows, columns = tables.sum(axis=2), tables.sum(axis=1)
+    for _ in range(FITTING_ROUNDS):
+        fitted *= np.nan_to_num(ratio(rows, fitted.sum(axis=2)))[:, :, None]
+        fitted *= np.nan_to_num(ratio(columns, fitted.sum(axis=1)))[:, None, :]
+    expected = agreements(sums_of(fitted))
+    return ratio(agreements(sums_of(tables)) - expected, 1.0 - expected)
+
+
+def ratio(above: Floats, below: Floats) -> Floats:
+    """Return quotients, nan where the divisor is nothing."""
+    fit = np.abs(below) > TINY
+    quotient: Floats = np.where(fit, above / np.where(fit, below, 1.0), np.nan)
+    return quotient
+
+
+def block_sums(values: Units, block: Units, shape: tuple[int, int]) -> Sums:
+    """Return the sums of the table of two coders in each block.
 
     Args:
-        values: (coders, units), each category a number; nan is a missing value.
-
-    Returns:
-        None when no unit has two values, or all values are the same.
+        values: (2, units) the categories from 0; -1 is a missing value.
+        block: (units,) the number of each unit's block, from 0.
+        shape: how many blocks and categories there are.
     """
-    paired = values[:, (~np.isnan(values)).sum(axis=0) >= 2]
-    categories = np.unique(paired[~np.isnan(paired)])
-    if len(categories) < 2:
-        return None
-    # counts[c, u]: how many coders gave unit u the category c.
-    counts = np.stack([(paired == category).sum(axis=0) for category in categories]).astype(float)
-    pairable = counts.sum(axis=0)
-    # o_ck = sum over units of n_uc (n_uk - [c = k]) / (m_u - 1)
-    coincidences = (counts / (pairable - 1)) @ counts.T - np.diag(
-        (counts / (pairable - 1)).sum(axis=1)
-    )
-    of_category = coincidences.sum(axis=1)
-    total = of_category.sum()
-    different_observed = total - np.trace(coincidences)
-    different_expected = (total**2 - (of_category**2).sum()) / (total - 1)
-    return float(1.0 - different_observed / different_expected)
+    known = (values >= 0).all(axis=0)
+    one, two, at = values[0][known], values[1][known], block[known]
+    sums = Sums(np.zeros(shape[0]), np.zeros(shape), np.zeros(shape))
+    np.add.at(sums.agreed, at, one == two)
+    np.add.at(sums.rows, (at, one), 1.0)
+    np.add.at(sums.columns, (at, two), 1.0)
+    return sums
 
 
-def in_bins(
+def block_coincidences(values: Units, block: Units, shape: tuple[int, int]) -> Sums:
+    """Return the sums of the matrix of coincidences of each block, as `block_sums` of all coders:
+    two values of a unit that has m of them count 1 / (m - 1), in either order.
+    """
+    valued = (values >= 0).sum(axis=0)
+    sums = Sums(np.zeros(shape[0]), np.zeros(shape), np.zeros(shape))
+    for one, two in combinations(values, 2):
+        known = (one >= 0) & (two >= 0)
+        share, at = 1.0 / (valued[known] - 1), block[known]
+        np.add.at(sums.agreed, at, 2.0 * share * (one[known] == two[known]))
+        for value in (one[known], two[known]):
+            np.add.at(sums.rows, (at, value), share)
+            np.add.at(sums.columns, (at, value), share)
+    return sums
+
+
+# --- bins -----------------------------------------------------------------------------------------
+
+
+def coded_bins(
     events: Sequence[CodedEvent], code: str, duration: float, width: float
 ) -> NDArray[np.float64]:
     """Return 1 for each bin in which the code was coded, else 0; (bins,).
@@ -123,6 +179,9 @@ def in_bins(
     return found
 
 
+# --- events ---------------------------------------------------------------------------------------
+
+
 def matched(
     first: Sequence[CodedEvent], second: Sequence[CodedEvent], code: str, tolerance: float
 ) -> Matches:
@@ -143,68 +202,73 @@ def matched(
     return Matches(both, len(one) - both, len(two) - both)
 
 
-Session = tuple[float, Sequence[Sequence[CodedEvent] | None]]
-
-
-def agreement(
-    sessions: Sequence[Session], codes: Sequence[str], *, width: float, tolerance: float
-) -> list[CodeAgreement]:
-    """Return how coders agree on each code over several sessions.
-
-    Args:
-        sessions: duration in seconds, and the events of each coder in the same order of coders;
-            None for one who did not code the session.
-        codes: which codes.
-        width: of a bin, s.
-        tolerance: between beginnings, s.
+def aligned(
+    first: Sequence[CodedEvent], second: Sequence[CodedEvent], tolerance: float
+) -> list[tuple[str, str]]:
+    """Return the events of two coders as pairs of codes, "" where one of them has none: first those
+    of one code as in `matched`, then the nearest of the others, within the tolerance.
     """
-    coders = len(sessions[0][1]) if sessions else 0
-    found = []
-    for code in codes:
-        values = _values(sessions, code, coders, width)
-        pairs = tuple(
-            PairAgreement(
-                (a, b), _kappa_of(values[a], values[b]), _matches(sessions, a, b, code, tolerance)
-            )
-            for a, b in combinations(range(coders), 2)
-            if _have_both(sessions, a, b)
+    pairs: list[tuple[str, str]] = []
+    left: list[CodedEvent] = []
+    right: list[CodedEvent] = []
+    for code in sorted({event.code for event in (*first, *second)}):
+        one, two = (
+            sorted((event for event in events if event.code == code), key=lambda e: e.begin)
+            for events in (first, second)
         )
-        found.append(CodeAgreement(code, krippendorff_alpha(values), pairs))
-    return found
+        i = j = 0
+        while i < len(one) and j < len(two):
+            if abs(one[i].begin - two[j].begin) <= tolerance + 1e-9:
+                pairs.append((code, code))
+                i, j = i + 1, j + 1
+            elif one[i].begin < two[j].begin:
+                left.append(one[i])
+                i += 1
+            else:
+                right.append(two[j])
+                j += 1
+        left += one[i:]
+        right += two[j:]
+    return [*pairs, *_confused(left, right, tolerance)]
 
 
-def _values(
-    sessions: Sequence[Session], code: str, coders: int, width: float
-) -> NDArray[np.float64]:
-    """Return (coders, bins of all sessions): 1, 0, or nan where a coder did not code a session."""
-    parts = [np.zeros((coders, 0))]
-    for duration, codings in sessions:
-        empty = np.full(len(in_bins((), code, duration, width)), np.nan)
-        rows = [
-            empty if events is None else in_bins(events, code, duration, width)
-            for events in codings
+def _confused(
+    left: Sequence[CodedEvent], right: Sequence[CodedEvent], tolerance: float
+) -> Iterator[tuple[str, str]]:
+    """Yield events of different codes that lie near each other, and those that nobody else has."""
+    right = sorted(right, key=lambda event: event.begin)
+    begins = [event.begin for event in right]
+    near = []
+    for i, one in enumerate(left):
+        first = bisect_left(begins, one.begin - tolerance - 1e-9)
+        last = bisect_right(begins, one.begin + tolerance + 1e-9)
+        near += [
+            (abs(one.begin - begins[j]), i, j)
+            for j in range(first, last)
+            if one.code != right[j].code
         ]
-        parts.append(np.stack(rows))
-    return np.concatenate(parts, axis=1)
+    ones, twos = set(range(len(left))), set(range(len(right)))
+    for _distance, i, j in sorted(near):
+        if i in ones and j in twos:
+            ones.discard(i)
+            twos.discard(j)
+            yield left[i].code, right[j].code
+    yield from ((left[i].code, "") for i in ones)
+    yield from (("", right[j].code) for j in twos)
 
 
-def _kappa_of(one: NDArray[np.float64], two: NDArray[np.float64]) -> float | None:
-    known = ~(np.isnan(one) | np.isnan(two))
-    table = np.array(
-        [[((one == a) & (two == b) & known).sum() for b in (0, 1)] for a in (0, 1)], dtype=float
-    )
-    return cohen_kappa(table)
-
-
-def _have_both(sessions: Sequence[Session], a: int, b: int) -> bool:
-    return any(codings[a] is not None and codings[b] is not None for _d, codings in sessions)
-
-
-def _matches(sessions: Sequence[Session], a: int, b: int, code: str, tolerance: float) -> Matches:
+def matched_in(
+    sessions: Sequence[SessionCodings],
+    pair: tuple[int, int],
+    codes: Sequence[str],
+    tolerance: float,
+) -> Matches:
+    """Return the matches of two coders on some codes in several sessions."""
     parts = [
         matched(one, two, code, tolerance)
         for _duration, codings in sessions
-        if (one := codings[a]) is not None and (two := codings[b]) is not None
+        if (one := codings[pair[0]]) is not None and (two := codings[pair[1]]) is not None
+        for code in codes
     ]
     return Matches(
         sum(part.both for part in parts),

@@ -3,8 +3,9 @@
 Read in BORIS's source (boris/config.py: EMPTY_PROJECT, behavioursFields, PJ_EVENTS_FIELDS;
 boris/project_functions.py: open_project_json) and its test projects (tests/files/*.boris). A code
 is a behavior of the ethogram, a point a "Point event", an interval a "State event", which BORIS
-stores as two rows, its start and its stop. A session and coder is an observation of the type LIVE:
-there is no video of it.
+stores as two rows, its start and its stop, each with the modifiers' values in their order, divided
+by |, "None" for one that was not chosen (boris/select_modifiers.py). The other codes of a group are
+`excluded`. A session and coder is an observation of the type LIVE: there is no video of it.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,9 +14,11 @@ from typing import Any
 import msgspec
 from django.utils.translation import gettext as _
 
-from experiments.coding.scheme import BadCodingError, Code, CodedEvent
+from experiments.coding.scheme import BadCodingError, CodedEvent, clean
+from experiments.definition.coding import Code
 
 FORMAT = "7.0"
+UNCHOSEN = "None"
 KINDS = {"point": "Point event", "interval": "State event"}
 
 
@@ -40,8 +43,10 @@ def to_boris(
         "project_description": "",
         "project_format_version": FORMAT,
         "subjects_conf": {},
-        "behaviors_conf": {str(n): _behavior(code) for n, code in enumerate(codes)},
-        "observations": {key: _observation(events, date) for key, events in observations.items()},
+        "behaviors_conf": {str(n): _behavior(code, codes) for n, code in enumerate(codes)},
+        "observations": {
+            key: _observation(events, codes, date) for key, events in observations.items()
+        },
         "behavioral_categories": [],
         "behavioral_categories_config": {},
         "independent_variables": {},
@@ -52,24 +57,47 @@ def to_boris(
     return msgspec.json.format(msgspec.json.encode(project), indent=1)
 
 
-def _behavior(code: Code) -> dict[str, str]:
+def _behavior(code: Code, codes: Sequence[Code]) -> dict[str, Any]:
+    others = [one.code for one in codes if code.group and one.group == code.group and one != code]
     return {
         "type": KINDS[code.kind],
         "key": code.key,
         "code": code.code,
-        "description": code.name,
+        "description": f"{code.name}: {code.description}" if code.description else code.name,
         "color": "",
         "category": "",
-        "modifiers": "",
-        "excluded": "",
+        "modifiers": _modifier_sets(code) or "",
+        "excluded": ",".join(others),
         "coding map": "",
     }
 
 
-def _observation(events: Sequence[CodedEvent], date: str) -> dict[str, Any]:
+def _modifier_sets(code: Code) -> dict[str, Any]:
+    """As boris/add_modifier.py writes them; the type 0 is the choice of one value."""
+    return {
+        str(n): {
+            "name": modifier.name,
+            "description": "",
+            "type": 0,
+            "ask at stop": False,
+            "values": list(modifier.values),
+        }
+        for n, modifier in enumerate(code.modifiers)
+    }
+
+
+def _chosen(event: CodedEvent, codes: Mapping[str, Code]) -> str:
+    modifiers = codes[event.code].modifiers if event.code in codes else ()
+    return "|".join(event.modifiers.get(modifier.name, UNCHOSEN) for modifier in modifiers)
+
+
+def _observation(events: Sequence[CodedEvent], codes: Sequence[Code], date: str) -> dict[str, Any]:
     # A stop comes before a start at the same moment, so that the rows of a code alternate.
-    starts = [(event.begin, 1, event.code, event.comment) for event in events]
-    stops = [(event.end, 0, event.code, "") for event in events if event.end is not None]
+    known = {code.code: code for code in codes}
+    starts = [(one.begin, 1, one.code, _chosen(one, known), one.comment) for one in events]
+    stops = [
+        (one.end, 0, one.code, _chosen(one, known), "") for one in events if one.end is not None
+    ]
     rows = sorted([*starts, *stops], key=lambda row: row[:2])
     return {
         "file": {},
@@ -77,7 +105,7 @@ def _observation(events: Sequence[CodedEvent], date: str) -> dict[str, Any]:
         "date": date,
         "description": "",
         "time offset": 0.0,
-        "events": [[at, "", code, "", comment] for at, _order, code, comment in rows],
+        "events": [[at, "", code, chosen, comment] for at, _order, code, chosen, comment in rows],
         "observation time interval": [0, 0],
         "independent_variables": {},
         "visualize_spectrogram": False,
@@ -123,7 +151,24 @@ def from_boris(
     known = {name: code for code in codes for name in (code.name, code.code)}
     problems: list[str] = []
     events = list(_events_of(rows if isinstance(rows, list) else [], known, problems))
+    problems += _left_out(observation, rows)
     return events, list(dict.fromkeys(problems))
+
+
+def _left_out(observation: Any, rows: Any) -> Iterator[str]:
+    """Yield what an observation has, and a coding has not."""
+    if not isinstance(observation, dict) or not isinstance(rows, list):
+        yield _("The observation has no list of events.")
+        return
+    offset = observation.get("time offset")
+    if isinstance(offset, int | float) and offset:
+        yield _("The observation's time offset of %(n)g s is not applied.") % {"n": offset}
+    if observation.get("description"):
+        yield _("The observation's description is not imported.")
+    if observation.get("file"):
+        yield _("The observation's media files are not imported.")
+    if observation.get("independent_variables"):
+        yield _("The observation's independent variables are not imported.")
 
 
 def _events_of(
@@ -139,21 +184,42 @@ def _events_of(
             continue
         time, subject, name = float(row[0]), str(row[1]), str(row[2])
         modifier = str(row[3]) if len(row) > 3 and row[3] else ""
-        comment = str(row[4]) if len(row) > 4 and row[4] else ""
+        comment = clean(str(row[4])) if len(row) > 4 and row[4] else ""
         code = known.get(name)
         if code is None:
             problems.append(_("Behavior “%(name)s” is not a code of the scheme.") % {"name": name})
             continue
-        if subject or modifier:
-            problems.append(_("Subjects and modifiers are not imported."))
+        if subject:
+            problems.append(_("Subjects are not imported."))
         if code.kind == "point":
-            yield CodedEvent(code.code, time, None, comment)
+            chosen = _modifiers_of(modifier, code, problems)
+            yield CodedEvent(code.code, time, None, comment, chosen)
             continue
         key = (subject, name, modifier)
         if key not in begun:
             begun[key] = (time, comment)
             continue
         start, first = begun.pop(key)
-        yield CodedEvent(code.code, start, time, first or comment)
+        chosen = _modifiers_of(modifier, code, problems)
+        both = " ".join(filter(None, (first, comment)))
+        yield CodedEvent(code.code, start, time, both, chosen)
     for _subject, name, _modifier in begun:
         problems.append(_("Behavior “%(name)s” starts but never stops.") % {"name": name})
+
+
+def _modifiers_of(modifier: str, code: Code, problems: list[str]) -> dict[str, str]:
+    """Return the values that a row has, by the names of the code's modifiers in their order."""
+    values = modifier.split("|") if modifier else []
+    chosen = {}
+    for place, value in enumerate(values):
+        if value in {"", UNCHOSEN}:
+            continue
+        of = code.modifiers[place] if place < len(code.modifiers) else None
+        if of is not None and value in of.values:
+            chosen[of.name] = value
+        else:
+            problems.append(
+                _("“%(value)s” is not a value of a modifier of “%(name)s”.")
+                % {"value": value, "name": code.name}
+            )
+    return chosen

@@ -2,20 +2,27 @@
 
 The schema is http://www.mpi.nl/tools/elan/EAFv3.0.xsd. A code is a tier, named as the code, with
 the coder as its annotator. ELAN knows no points: a point is an annotation of a millisecond on a
-tier of the type "point", and is read back as its beginning. The annotation's text is the comment.
+tier of the type "point", and is read back as its beginning. The annotation's text is the comment. A
+modifier is a tier below that of its code, named `code@modifier`, with its value for each event. No
+video is linked, because the site stores none.
 """
 
 from collections.abc import Iterator, Sequence
+from itertools import count
 from xml.etree import ElementTree as ET
 
 from django.utils.translation import gettext as _
+from msgspec import structs
 
-from experiments.coding.scheme import BadCodingError, Code, CodedEvent
+from experiments.coding.scheme import BadCodingError, CodedEvent, clean
+from experiments.definition.coding import Code, Modifier
 from surveys.documents import BadDefinitionError
 from surveys.importing import safe_xml
 
 SCHEMA = "http://www.mpi.nl/tools/elan/EAFv3.0.xsd"
 POINT_MS = 1
+MAX_DIGITS = 12  # of a time in milliseconds
+MODIFIER, ASSOCIATION = "modifier", "Symbolic_Association"
 
 
 def to_eaf(codes: Sequence[Code], events: Sequence[CodedEvent], coder: str, date: str) -> bytes:
@@ -40,25 +47,19 @@ def to_eaf(codes: Sequence[Code], events: Sequence[CodedEvent], coder: str, date
     )
     header = ET.SubElement(root, "HEADER", {"MEDIA_FILE": "", "TIME_UNITS": "milliseconds"})
     last = ET.SubElement(header, "PROPERTY", {"NAME": "lastUsedAnnotationId"})
-    last.text = str(len(events))
     slots = _time_order(root, events)
-    number = 0
+    numbers = count(1)
     for code in codes:
-        tier = ET.SubElement(
-            root,
-            "TIER",
-            {"ANNOTATOR": coder, "LINGUISTIC_TYPE_REF": code.kind, "TIER_ID": code.code},
-        )
-        for place, event in enumerate(events):
-            if event.code == code.code:
-                number += 1
-                _annotation(tier, number, slots[place], event.comment)
+        own = [
+            (event, slots[place]) for place, event in enumerate(events) if event.code == code.code
+        ]
+        _tiers(root, code, own, coder, numbers)
+    last.text = str(next(numbers) - 1)
     for kind in ("point", "interval"):
-        ET.SubElement(
-            root,
-            "LINGUISTIC_TYPE",
-            {"GRAPHIC_REFERENCES": "false", "LINGUISTIC_TYPE_ID": kind, "TIME_ALIGNABLE": "true"},
-        )
+        _linguistic_type(root, kind, {"TIME_ALIGNABLE": "true"})
+    _linguistic_type(root, MODIFIER, {"CONSTRAINTS": ASSOCIATION, "TIME_ALIGNABLE": "false"})
+    about = "1-1 association with a parent annotation"
+    ET.SubElement(root, "CONSTRAINT", {"DESCRIPTION": about, "STEREOTYPE": ASSOCIATION})
     ET.indent(root)
     text: str = ET.tostring(root, "unicode")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
@@ -79,19 +80,42 @@ def _time_order(root: ET.Element, events: Sequence[CodedEvent]) -> list[tuple[st
     return [(names[place, 0], names[place, 1]) for place in range(len(events))]
 
 
-def _annotation(tier: ET.Element, number: int, slots: tuple[str, str], comment: str) -> None:
-    outer = ET.SubElement(tier, "ANNOTATION")
-    inner = ET.SubElement(
-        outer,
-        "ALIGNABLE_ANNOTATION",
-        {
-            "ANNOTATION_ID": f"a{number}",
-            "TIME_SLOT_REF1": slots[0],
-            "TIME_SLOT_REF2": slots[1],
-        },
-    )
+def _linguistic_type(root: ET.Element, name: str, more: dict[str, str]) -> None:
+    named = {"GRAPHIC_REFERENCES": "false", "LINGUISTIC_TYPE_ID": name}
+    ET.SubElement(root, "LINGUISTIC_TYPE", named | more)
+
+
+def _tiers(
+    root: ET.Element,
+    code: Code,
+    events: Sequence[tuple[CodedEvent, tuple[str, str]]],
+    coder: str,
+    numbers: Iterator[int],
+) -> None:
+    """Write the tier of a code and those of its modifiers; `events` come with their time slots."""
+    tier = _tier(root, code.code, coder, {"LINGUISTIC_TYPE_REF": code.kind})
+    names = [f"a{next(numbers)}" for _event in events]
+    for name, (event, slots) in zip(names, events, strict=True):
+        where = {"TIME_SLOT_REF1": slots[0], "TIME_SLOT_REF2": slots[1]}
+        _annotation(tier, "ALIGNABLE_ANNOTATION", {"ANNOTATION_ID": name} | where, event.comment)
+    for modifier in code.modifiers:
+        below = {"LINGUISTIC_TYPE_REF": MODIFIER, "PARENT_REF": code.code}
+        tier = _tier(root, f"{code.code}@{modifier.name}", coder, below)
+        for name, (event, _slots) in zip(names, events, strict=True):
+            if value := event.modifiers.get(modifier.name):
+                own = {"ANNOTATION_ID": f"a{next(numbers)}", "ANNOTATION_REF": name}
+                _annotation(tier, "REF_ANNOTATION", own, value)
+
+
+def _tier(root: ET.Element, name: str, coder: str, more: dict[str, str]) -> ET.Element:
+    return ET.SubElement(root, "TIER", {"ANNOTATOR": coder, "TIER_ID": name} | more)
+
+
+def _annotation(tier: ET.Element, kind: str, attributes: dict[str, str], text: str) -> None:
+    inner = ET.SubElement(ET.SubElement(tier, "ANNOTATION"), kind, attributes)
+    # XML 1.0 has no control characters; a checked coding has none either
     ET.SubElement(inner, "ANNOTATION_VALUE").text = "".join(
-        sign for sign in comment if sign.isprintable() or sign == "\n"
+        sign for sign in text if sign.isprintable()
     )
 
 
@@ -109,38 +133,90 @@ def from_eaf(document: bytes, codes: Sequence[Code]) -> tuple[list[CodedEvent], 
         raise BadCodingError(error.problems) from error
     if root.tag != "ANNOTATION_DOCUMENT":
         raise BadCodingError([_("This is not an ELAN annotation file.")])
-    times = {slot.get("TIME_SLOT_ID"): slot.get("TIME_VALUE") for slot in root.iter("TIME_SLOT")}
-    known = {name: code for code in codes for name in (code.name, code.code)}
-    events: list[CodedEvent] = []
-    problems: list[str] = []
+    reading = _Reading(root, codes)
     for tier in root.iter("TIER"):
+        reading.take(tier)
+    for tier in root.iter("TIER"):
+        reading.take_modifier(tier)
+    for media in root.iter("MEDIA_DESCRIPTOR"):
+        name = media.get("MEDIA_URL", "").rpartition("/")[2]
+        reading.problems.append(_("The linked media “%(name)s” is not imported.") % {"name": name})
+    return list(reading.events.values()), reading.problems
+
+
+class _Reading:
+    """What was read so far: events by their annotations' ids, and what is not imported."""
+
+    def __init__(self, root: ET.Element, codes: Sequence[Code]) -> None:
+        self.events: dict[str, CodedEvent] = {}
+        self.problems: list[str] = []
+        self._codes = {name: code for code in codes for name in (code.name, code.code)}
+        self._times = {
+            slot.get("TIME_SLOT_ID"): slot.get("TIME_VALUE") for slot in root.iter("TIME_SLOT")
+        }
+
+    def take(self, tier: ET.Element) -> None:
+        """Read a tier of a code."""
         name = tier.get("TIER_ID", "")
-        code = known.get(name)
+        code = self._codes.get(name)
         if code is None:
-            problems.append(_("Tier “%(name)s” is not a code of the scheme.") % {"name": name})
-            continue
-        found = list(_events_of(tier, code, times))
-        lost = sum(1 for event in found if event is None)
+            if self._modifier_of(tier) is None:
+                self.problems.append(
+                    _("Tier “%(name)s” is not a code of the scheme.") % {"name": name}
+                )
+            return
+        lost = 0
+        for annotation in tier.findall("ANNOTATION/*"):
+            event = self._event_of(annotation, code)
+            if event is None:
+                lost += 1
+            else:
+                key = annotation.get("ANNOTATION_ID") or f"{name} {len(self.events)}"
+                self.events[key] = event
         if lost:
-            problems.append(
+            self.problems.append(
                 _("Tier “%(name)s”: %(n)d annotations without times were left out.")
                 % {"name": name, "n": lost}
             )
-        events += [event for event in found if event is not None]
-    return events, problems
 
+    def take_modifier(self, tier: ET.Element) -> None:
+        """Read a tier of a modifier, after those of codes."""
+        found = self._modifier_of(tier)
+        if found is None:
+            return
+        code, modifier = found
+        for annotation in tier.findall("ANNOTATION/REF_ANNOTATION"):
+            event = self.events.get(annotation.get("ANNOTATION_REF", ""))
+            value = clean(annotation.findtext("ANNOTATION_VALUE") or "")
+            if event is None or event.code != code.code or not value:
+                continue
+            if value not in modifier.values:
+                self.problems.append(
+                    _("“%(value)s” is not a value of the modifier “%(name)s”.")
+                    % {"value": value, "name": modifier.name}
+                )
+                continue
+            chosen = event.modifiers | {modifier.name: value}
+            key = annotation.get("ANNOTATION_REF", "")
+            self.events[key] = structs.replace(event, modifiers=chosen)
 
-def _events_of(
-    tier: ET.Element, code: Code, times: dict[str | None, str | None]
-) -> Iterator[CodedEvent | None]:
-    """Yield the events of a tier; None for an annotation that has no times of its own."""
-    for annotation in tier.findall("ANNOTATION/*"):
-        slots = [times.get(annotation.get(f"TIME_SLOT_REF{n}")) for n in (1, 2)]
+    def _modifier_of(self, tier: ET.Element) -> tuple[Code, Modifier] | None:
+        """Return whose modifier a tier is: it is below a code's tier, and named after both."""
+        parent, name = tier.get("PARENT_REF", ""), tier.get("TIER_ID", "")
+        code = self._codes.get(parent)
+        if code is None or not name.startswith(f"{parent}@"):
+            return None
+        wanted = name.removeprefix(f"{parent}@")
+        found = next((one for one in code.modifiers if one.name == wanted), None)
+        return None if found is None else (code, found)
+
+    def _event_of(self, annotation: ET.Element, code: Code) -> CodedEvent | None:
+        """Return the event of an annotation; None for one that has no times of its own."""
+        slots = [self._times.get(annotation.get(f"TIME_SLOT_REF{n}")) for n in (1, 2)]
         if annotation.tag != "ALIGNABLE_ANNOTATION" or not all(
-            slot is not None and slot.isdigit() and len(slot) < 12 for slot in slots
+            slot is not None and slot.isdecimal() and len(slot) < MAX_DIGITS for slot in slots
         ):
-            yield None
-            continue
+            return None
         begin, end = (int(slot or 0) / 1000 for slot in slots)
-        comment = (annotation.findtext("ANNOTATION_VALUE") or "").strip()
-        yield CodedEvent(code.code, begin, None if code.kind == "point" else end, comment)
+        comment = clean(annotation.findtext("ANNOTATION_VALUE") or "")
+        return CodedEvent(code.code, begin, None if code.kind == "point" else end, comment)

@@ -1,23 +1,21 @@
-"""What coders of a study's replays may note: a scheme of codes, and the events that they coded.
+"""The events that coders noted, checked against the scheme (experiments/definition/coding.py).
 
-An event of a code for points has a moment, one of a code for intervals a beginning and an end, in
+An event of a code for points has a moment, one of a code for states a beginning and an end, in
 seconds since the grant, the time of the replay.
 """
 
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import msgspec
 from django.utils.translation import gettext as _
 
-MAX_CODES, MAX_EVENTS, MAX_COMMENT = 40, 5000, 500
+from experiments.definition.coding import Code, CodingScheme, scheme_problems
+
+MAX_EVENTS, MAX_COMMENT = 5000, 500
 # Six days: longer than any session, and short enough that no time is a mistake in units.
 MAX_SECONDS = 500_000.0
-# Keys that the replay's player has.
-TAKEN_KEYS = frozenset("k+- ")
-
-CodeName = Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
+MAX_SCHEME_BYTES = 200_000
 
 
 class BadCodingError(ValueError):
@@ -28,63 +26,48 @@ class BadCodingError(ValueError):
         self.problems = list(problems)
 
 
-class Code(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One thing to code. `code` names it in files, `name` on pages; `key` codes it on the replay,
-    "" only by its button.
-    """
-
-    code: CodeName
-    name: str
-    kind: Literal["point", "interval"]
-    key: str = ""
-
-
 class CodedEvent(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Something that a coder noted; `end` is None for a point. Times in seconds."""
+    """Something that a coder noted; `end` is None for a point. Times in seconds; `modifiers` are
+    the chosen values by the modifiers' names.
+    """
 
     code: str
     begin: float
     end: float | None = None
     comment: str = ""
+    modifiers: dict[str, str] = {}
 
 
-def codes_from(document: Any) -> tuple[Code, ...]:
-    """Return the codes of a scheme.
+def scheme_from(document: Any) -> CodingScheme:
+    """Return a scheme; a list alone is its codes.
 
     Raises:
         BadCodingError: with every problem found.
     """
+    whole = {"codes": document} if isinstance(document, list) else document
     try:
-        codes = msgspec.convert(document, tuple[Code, ...])
+        scheme = msgspec.convert(whole, CodingScheme)
     except msgspec.ValidationError as error:
         raise BadCodingError([f"{error}."]) from error
-    if found := list(_code_problems(codes)):
+    if found := list(scheme_problems(scheme.codes)):
         raise BadCodingError(found)
-    return codes
+    return scheme
 
 
-def _code_problems(codes: Sequence[Code]) -> Iterator[str]:
-    if len(codes) > MAX_CODES:
-        yield _("A scheme has at most %(n)d codes.") % {"n": MAX_CODES}
-    for code in codes:
-        if not code.name.strip() or len(code.name) > 80:
-            yield _("%(code)s: enter a name of at most 80 characters.") % {"code": code.code}
-        if len(code.key) > 1 or code.key.lower() in TAKEN_KEYS or not code.key.isprintable():
-            yield _(
-                "%(code)s: choose a single character as the key. The player already uses k, "
-                "+ and −."
-            ) % {"code": code.code}
-    for what, names in (
-        (_("code"), [code.code for code in codes]),
-        (_("key"), [code.key.lower() for code in codes if code.key]),
-    ):
-        for name, count in Counter(names).items():
-            if count > 1:
-                yield _("The %(what)s “%(name)s” is used %(count)d times.") % {
-                    "what": what,
-                    "name": name,
-                    "count": count,
-                }
+def scheme_in(file: bytes) -> CodingScheme:
+    """Return the scheme in a JSON file.
+
+    Raises:
+        BadCodingError: with every problem found.
+    """
+    if len(file) > MAX_SCHEME_BYTES:
+        raise BadCodingError([_("The file is too large for a coding scheme.")])
+    try:
+        return scheme_from(msgspec.json.decode(file.removeprefix(b"\xef\xbb\xbf")))
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise BadCodingError(
+            [_("This is not valid JSON: %(problem)s.") % {"problem": error}]
+        ) from error
 
 
 def events_from(document: Any, codes: Sequence[Code], duration: float) -> list[CodedEvent]:
@@ -104,13 +87,13 @@ def events_from(document: Any, codes: Sequence[Code], duration: float) -> list[C
         raise BadCodingError([f"{error}."]) from error
     if len(events) > MAX_EVENTS:
         raise BadCodingError([_("A coding has at most %(n)d events.") % {"n": MAX_EVENTS}])
-    kinds = {code.code: code.kind for code in codes}
-    if found := list(_event_problems(events, kinds, duration)):
+    known = {code.code: code for code in codes}
+    if found := list(_event_problems(events, known, duration)):
         raise BadCodingError(found[:20])
     ordered = sorted(
         (_rounded(event) for event in events), key=lambda event: (event.begin, event.code)
     )
-    if found := list(_overlaps(ordered)):
+    if found := list(_overlaps(ordered, known)):
         raise BadCodingError(found[:20])
     return ordered
 
@@ -121,33 +104,54 @@ def _rounded(event: CodedEvent) -> CodedEvent:
 
 
 def _event_problems(
-    events: Iterable[CodedEvent], kinds: Mapping[str, str], duration: float
+    events: Iterable[CodedEvent], known: Mapping[str, Code], duration: float
 ) -> Iterator[str]:
     limit = min(duration, MAX_SECONDS) + 0.001
     for event in events:
         where = {"code": event.code, "at": f"{event.begin:.3f}"}
-        kind = kinds.get(event.code)
-        if kind is None:
+        code = known.get(event.code)
+        if code is None:
             yield _("The scheme has no code “%(code)s”.") % where
-        elif kind == "point" and event.end is not None:
+        elif code.kind == "point" and event.end is not None:
             yield _("%(code)s at %(at)s s is a point, so it can't have an end.") % where
-        elif kind == "interval" and (event.end is None or not event.end > event.begin):
+        elif code.kind == "interval" and (event.end is None or not event.end > event.begin):
             yield _("%(code)s at %(at)s s must end after it begins.") % where
         if not (0 <= event.begin <= limit and (event.end is None or event.end <= limit)):
             yield _("%(code)s at %(at)s s is outside the session.") % where
-        if len(event.comment) > MAX_COMMENT or "\x00" in event.comment:
+        if not is_comment(event.comment):
             yield _("%(code)s at %(at)s s: the comment is too long.") % where
+        if code is not None and not has_modifiers(code, event.modifiers):
+            yield _("%(code)s at %(at)s s has a modifier that the scheme does not have.") % where
 
 
-def _overlaps(events: Iterable[CodedEvent]) -> Iterator[str]:
-    """Yield intervals of one code that overlap: who codes says when it began and ended once."""
+def clean(text: str) -> str:
+    """Return a text of another program on one line, without characters that cannot be seen."""
+    return "".join(sign for sign in " ".join(text.split()) if sign.isprintable())
+
+
+def is_comment(text: str) -> bool:
+    """Tell whether a text can be a comment: of one line, and not too long."""
+    return len(text) <= MAX_COMMENT and text.isprintable()
+
+
+def has_modifiers(code: Code, chosen: Mapping[str, str]) -> bool:
+    """Tell whether a code has the modifiers, and each of them the value, that were chosen."""
+    allowed = {modifier.name: modifier.values for modifier in code.modifiers}
+    return all(value in allowed.get(name, ()) for name, value in chosen.items())
+
+
+def _overlaps(events: Iterable[CodedEvent], known: Mapping[str, Code]) -> Iterator[str]:
+    """Yield events of one code, or states of one group, that lie over each other."""
     last: dict[str, float] = {}
     for event in events:
+        where = {"code": event.code, "at": f"{event.begin:.3f}"}
         if event.end is None:
+            if last.get(event.code) == event.begin:
+                yield _("%(code)s at %(at)s s is there twice.") % where
+            last[event.code] = event.begin
             continue
-        if event.begin < last.get(event.code, 0.0):
-            yield _("%(code)s at %(at)s s begins before the previous one ends.") % {
-                "code": event.code,
-                "at": f"{event.begin:.3f}",
-            }
-        last[event.code] = max(last.get(event.code, 0.0), event.end)
+        group = known[event.code].group
+        name = f"group {group}" if group else event.code
+        if event.begin < last.get(name, 0.0):
+            yield _("%(code)s at %(at)s s begins before the previous one ends.") % where
+        last[name] = max(last.get(name, 0.0), event.end)

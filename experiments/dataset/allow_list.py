@@ -31,6 +31,7 @@ from experiments.dataset.forms import (
     withheld,
     words,
 )
+from experiments.definition.coding import CodingScheme
 from experiments.definition.cues import CueKey
 from experiments.definition.schema import Outcome
 from robots.api import messages as m
@@ -326,12 +327,39 @@ TASK: Mapping[str, Fields] = {
     "cue": {**_PLACED, "name": words(*get_args(CueKey))},
     "task_ended": {**_PLACED, "name": words(*get_args(Outcome))},
 }
+# Markers of other streams (experiments/markers/): their texts are whatever a laboratory sends.
+LAB: Mapping[str, Fields] = {"marker": {"stream": text, "value": text}}
 EVENTS: Mapping[str, Mapping[str, Fields]] = {
     "robot": ROBOT,
     "server": SERVER,
     "page": PAGE,
     "task": TASK,
+    "lab": LAB,
 }
+
+
+# What a coder noted on a replay; the words of the scheme leave with it. `coded` has their forms.
+CODING_EDIT: Fields = {
+    **dict.fromkeys(("id", "coding", "event", "version", "is_deleted", "at"), withheld),
+    **dict.fromkeys(("begin", "end"), number),
+    **dict.fromkeys(("code", "modifiers"), in_columns),
+    "comment": text,
+}
+
+
+def coded(scheme: CodingScheme) -> Fields:
+    """Return what leaves of an event that was coded by a scheme: of the scheme's own words, those
+    alone that it has.
+    """
+    modifiers = {
+        modifier.name: words(*modifier.values)
+        for code in scheme.codes
+        for modifier in code.modifiers
+    }
+    return CODING_EDIT | {
+        "code": words(*(code.code for code in scheme.codes)),
+        "modifiers": fields(modifiers),
+    }
 
 
 def released(

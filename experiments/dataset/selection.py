@@ -4,7 +4,7 @@ pseudonymous one has of each event, experiments/dataset/allow_list.py says.
 
 from dataclasses import dataclass
 
-SOURCES = ("task", "server", "robot", "page")
+SOURCES = ("task", "server", "robot", "page", "lab")
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from experiments.definition import factors, plan_problems
 from experiments.definition import wizard as wizards
 from experiments.definition.analyses import EFFECTS, DeclaredAnalysis
+from experiments.definition.coding import scheme_problems
 from experiments.definition.schema import Condition, Course, Impairment, StudyDefinition
 from experiments.definition.steps import KINDS
 from surveys.documents import checked, duplicates, text_problems
@@ -196,6 +197,8 @@ def _of_allocation(study: StudyDefinition) -> Iterator[str]:
         return
     yield from factors.problems(study)
     yield from _of_analyses(study)
+    if study.coding is not None:
+        yield from scheme_problems(study.coding.codes)
     if bool(study.refill.outcomes) != bool(study.refill.most):
         yield "The refill rule needs both outcomes and a number."
     if {"completed", "timed_out"}.intersection(study.refill.outcomes):

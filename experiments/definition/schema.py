@@ -20,6 +20,7 @@ import msgspec
 from msgspec import Meta
 
 from experiments.definition.analyses import DeclaredAnalysis
+from experiments.definition.coding import CodingScheme
 from experiments.definition.design import Design, Factor, Levels
 from experiments.definition.plan import StudyPlan
 from experiments.definition.step import AskingStep, DriveStep, Step, Version
@@ -252,6 +253,7 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     analyses: Annotated[tuple[DeclaredAnalysis, ...], Meta(max_length=40)] = ()
     wizard: Wizard | None = None
     plan: StudyPlan | None = None
+    coding: CodingScheme | None = None
 
     def condition(self, key: str) -> Condition | None:
         """Return the condition with a key."""

@@ -3,7 +3,8 @@
 import datetime
 from typing import Any
 
-from experiments.models import Drive, Participant
+from experiments.coding import store
+from experiments.models import Coding, Drive, Participant
 from experiments.participation import progress
 from sessions.models import Session
 from surveys.models import Response
@@ -119,6 +120,25 @@ def _session(row: Session) -> dict[str, Any]:
             {"type": e.type, "source": e.source, "stamp": e.stamp, "data": _own_part(e.data)}
             for e in row.events.order_by("received_at")
             if not e.type.startswith(OF_OPERATORS) or _is_debriefed(row)
+        ],
+        "codings": [_coding(coding) for coding in row.codings.order_by("number")],
+    }
+
+
+def _coding(coding: Coding) -> dict[str, Any]:
+    """Return what a coder noted on a drive; the coder has a number."""
+    return {
+        "coder": f"C{coding.number}",
+        "finished": _iso(coding.done_at),
+        "events": [
+            {
+                "code": event.code,
+                "begin": event.begin,
+                "end": event.end,
+                "modifiers": event.modifiers,
+                "comment": event.comment,
+            }
+            for event in store.events_of(coding)
         ],
     }
 

@@ -75,7 +75,11 @@ def addresses_of(study: Study) -> list[str]:
     it cannot help.
     """
     members = StudyMember.objects.filter(slug=study.slug, user__is_active=True).exclude(
-        role__in=[StudyMember.Role.VIEWER, StudyMember.Role.WIZARD]
+        role__in=(
+            StudyMember.Role.VIEWER,
+            StudyMember.Role.CODER,
+            StudyMember.Role.WIZARD,
+        )
     )
     return sorted({address for address in members.values_list("user__email", flat=True) if address})
 

@@ -37,6 +37,10 @@ STATES = {
 COMMANDS = {"t": 3, "v": 3, "w": 3, "method": 0, "way": 0, "age": 4}
 
 
+# Events of robots that would tell a blind coder the condition.
+TELLING = frozenset({"door_changed", "action"})
+
+
 class ReplayCommand(StoredPart):
     """A command that was applied; `stamp` by the page's clock."""
 
@@ -77,6 +81,22 @@ def replay(session: Session, drive: Drive | None) -> dict[str, Any]:
         "words": words,
         "network": network,
         "events": events,
+    }
+
+
+def blinded(record: dict[str, Any]) -> dict[str, Any]:
+    """Return a record without what would tell a coder the condition: commands, the network, doors,
+    and what the page and the server told.
+    """
+    return record | {
+        "commands": {name: [] for name in record["commands"]},
+        "network": {name: [] for name in record["network"]},
+        "words": [],
+        "events": [
+            event
+            for event in record["events"]
+            if event[1] in {"task", "robot"} and event[2] not in TELLING
+        ],
     }
 
 

@@ -16,10 +16,11 @@ from experiments.models import Study, StudyMember
 
 
 def slugs_of(user: Any) -> "QuerySet[StudyMember, str]":
-    """Return the names of the studies whose data somebody may see: not those of which they are but
-    the hidden operator.
+    """Return the names of the studies that somebody has a part in; coders and hidden operators have
+    pages of their own alone.
     """
-    members = StudyMember.objects.filter(user=user).exclude(role=StudyMember.Role.WIZARD)
+    own = (StudyMember.Role.CODER, StudyMember.Role.WIZARD)
+    members = StudyMember.objects.filter(user=user).exclude(role__in=own)
     return members.values_list("slug", flat=True)
 
 

@@ -13,7 +13,7 @@ from django import template
 from django.urls import reverse
 from django.utils.translation import gettext as _
 
-from experiments.access import RANK, may_operate_as_wizard, role_of
+from experiments.access import RANK, may_code, may_operate_as_wizard, role_of
 from experiments.models import Study
 
 register = template.Library()
@@ -45,6 +45,8 @@ def sharing_tabs(context: template.Context, study: Study, current: str) -> dict[
 def tabs_of(user: Any, study: Study) -> list[Tab]:
     """Return the tabs of a study that somebody may open, in their order."""
     rank = _rank(user, study)
+    if not rank and may_code(user, study.slug):
+        return [_coding(study)]
     tabs = list(_tabs(study, rank, is_staff=user.is_staff)) if rank else []
     if study.as_definition().wizard is not None and may_operate_as_wizard(user, study.slug):
         wizard = Tab("wizard", _("Hidden operator"), reverse("study_wizard", args=[study.slug]))
@@ -68,10 +70,16 @@ def _tabs(study: Study, rank: int, *, is_staff: bool) -> Iterator[Tab]:
     if is_staff:
         drives = reverse("admin:experiments_drive_changelist")
         yield Tab("drives", _("Drives and replay"), drives + rows)
+    yield _coding(study)
     yield Tab("analysis", _("Analysis"), reverse("analysis", args=[study.slug]) + version)
     yield Tab("export", _("Export"), reverse("analysis_export", args=[study.slug]) + version)
     if is_staff:
         yield Tab("sharing", _("Sharing"), next(_sharing(study, rank)).url)
+
+
+def _coding(study: Study) -> Tab:
+    version = f"?version={study.version}"
+    return Tab("coding", _("Coding"), reverse("study_coding", args=[study.slug]) + version)
 
 
 def _sharing(study: Study, rank: int) -> Iterator[Tab]:

@@ -255,7 +255,9 @@ SESSIONS = (
 EVENTS = (
     Column("session", "", "code of the session"),
     Column("stamp", "s", "when it happened, by the server's clock"),
-    Column("source", "", "robot, page, server or task").one_of("robot", "page", "server", "task"),
+    Column("source", "", "robot, page, server, task or lab (streams of a laboratory)").one_of(
+        "robot", "page", "server", "task", "lab"
+    ),
     Column("type", "", "what happened"),
     Column("data", "", "JSON: the rest"),
 )

@@ -7,10 +7,15 @@ from typing import Any
 import msgspec
 from django.core.management.base import BaseCommand, CommandError
 
-from experiments.coding.agreement import CodeAgreement, agreement
-from experiments.coding.boris import from_boris
-from experiments.coding.eaf import from_eaf
-from experiments.coding.scheme import BadCodingError, Code, CodedEvent, codes_from, events_from
+from experiments.coding.reading import read_coding
+from experiments.coding.reliability import (
+    CodeReliability,
+    EventReliability,
+    ReliabilityEstimate,
+    reliability,
+)
+from experiments.coding.scheme import BadCodingError, CodedEvent, events_from, scheme_in
+from experiments.definition.coding import Code
 
 MAX_FILE = 20 * 1024 * 1024
 
@@ -42,9 +47,7 @@ class Command(BaseCommand):
         if len(files) < 2:
             raise CommandError("Give a file for each of at least two coders.")
         try:
-            codes = codes_from(msgspec.json.decode(_bytes(options["scheme"])))
-        except msgspec.DecodeError as error:
-            raise CommandError(f"{options['scheme']} is not valid JSON: {error}.") from error
+            codes = scheme_in(_bytes(options["scheme"])).codes
         except BadCodingError as error:
             raise CommandError(f"{options['scheme']}: {error}") from error
         read = [self._read(path, codes, options["observation"]) for path in files]
@@ -54,7 +57,7 @@ class Command(BaseCommand):
             _checked(path, one, codes, duration) for path, one in zip(files, read, strict=True)
         ]
         try:
-            found = agreement(
+            found = reliability(
                 [(duration, codings)],
                 [code.code for code in codes],
                 width=options["bin"],
@@ -66,31 +69,40 @@ class Command(BaseCommand):
             f"{duration:g} s in bins of {options['bin']:g} s; "
             f"events match within {options['tolerance']:g} s"
         )
-        for one in found:
-            self._tell(one, files)
+        for one in found.codes:
+            self._print_code(one, files)
+        for pair in found.events:
+            self._print_events(pair, files)
 
     def _read(self, path: Path, codes: tuple[Code, ...], observation: str) -> list[CodedEvent]:
-        document = _bytes(path)
         try:
-            if document.lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"<"):
-                events, problems = from_eaf(document, codes)
-            else:
-                events, problems = from_boris(document, codes, observation)
+            events, problems = read_coding(
+                _bytes(path), codes, limit=MAX_FILE, observation=observation
+            )
         except BadCodingError as error:
             raise CommandError(f"{path}: {error}") from error
         for problem in problems:
             self.stdout.write(f"{path.name}: {problem}")
         return events
 
-    def _tell(self, one: CodeAgreement, files: list[Path]) -> None:
-        self.stdout.write(f"{one.code}: alpha {_number(one.alpha)}")
+    def _print_code(self, one: CodeReliability, files: list[Path]) -> None:
+        self.stdout.write(f"{one.code or 'all codes'}: alpha {_number(one.alpha)}")
         for pair in one.pairs:
             a, b = (files[place].name for place in pair.coders)
             both, first, second = pair.matches.both, pair.matches.first, pair.matches.second
             self.stdout.write(
                 f"    {a} and {b}: kappa {_number(pair.kappa)}; "
+                f"agreement {_number(pair.agreement)}; "
                 f"events in both: {both}, only in {a}: {first}, only in {b}: {second}"
             )
+
+    def _print_events(self, pair: EventReliability, files: list[Path]) -> None:
+        a, b = (files[place].name for place in pair.coders)
+        self.stdout.write(f"events of {a} (rows) and {b}: kappa {_number(pair.kappa)}")
+        heads = [*pair.labels, "none"]
+        for head, row in zip(heads, pair.table, strict=True):
+            cells = ", ".join(f"{name} {n:.0f}" for name, n in zip(heads, row, strict=True) if n)
+            self.stdout.write(f"    {head}: {cells or '–'}")
 
 
 def _bytes(path: Path) -> bytes:
@@ -113,5 +125,8 @@ def _checked(
         raise CommandError(f"{path}: {error}") from error
 
 
-def _number(value: float | None) -> str:
-    return "unknown" if value is None else f"{value:.3f}"
+def _number(one: ReliabilityEstimate) -> str:
+    if one.value is None:
+        return "unknown"
+    has_interval = one.low is not None and one.high is not None
+    return f"{one.value:.3f}" + (f" [{one.low:.3f}, {one.high:.3f}]" if has_interval else "")

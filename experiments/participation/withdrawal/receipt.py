@@ -14,7 +14,7 @@ from django.utils.functional import Promise
 from django.utils.translation import gettext_lazy as _
 
 from accounts.models import AuditEntry, User
-from experiments.models import Participant, StudyMember, TaskEvent
+from experiments.models import CodingEdit, Participant, StudyMember, TaskEvent
 from experiments.participation import progress
 from experiments.participation.withdrawal.deletion import responses_of
 from sessions.models import NetworkSample, Session, SessionEvent, Snapshot, StateChunk
@@ -29,6 +29,7 @@ COUNTED: dict[str, str | Promise] = {
     "events": _("Events during drives"),
     "network": _("Measurements of your connection"),
     "photos": _("Photos"),
+    "notes": _("Notes that coders made on your drives"),
     "consents": _("Consents"),
     "pages": _("Times at which you saw a page"),
 }
@@ -44,6 +45,7 @@ BY: dict[str, str | Promise] = {
     "owner": _("an owner of the study"),
     "researcher": _("a researcher of the study"),
     "viewer": _("a viewer of the study"),
+    "coder": _("a coder of the study"),
     "administrator": _("an administrator of the site"),
     "operator": _("the operators of the site"),
     "former": _("somebody who no longer has a role here"),
@@ -145,6 +147,7 @@ def _counted(participant: Participant) -> dict[str, int]:
         "events": events + tasks,
         "network": NetworkSample.objects.filter(**inside).count(),
         "photos": Snapshot.objects.filter(**inside).count(),
+        "notes": CodingEdit.objects.filter(coding__session__in=sessions).count(),
         "consents": participant.consents.count(),
         "pages": participant.step_visits.count(),
     }

@@ -10,8 +10,10 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from django.test import Client
 from django.urls import reverse
+from django.utils import timezone
 from playwright.sync_api import Page, expect
 
+from experiments.coding import store
 from experiments.research.analysis_topics import TOPICS
 from robots.models import Robot
 from sessions import protocol
@@ -161,8 +163,13 @@ def test_a_researchers_pages(opened):
     client.force_login(person("owner", is_superuser=True, is_staff=True))
     study = p.published(p.of("exploration"))
     page = opened(client)
+    codes = [{"code": "help", "name": "Asks for help", "kind": "point", "key": "h"}]
+    coded = visit.drive.participant.study
+    store.store_scheme(coded, store.scheme_from(codes), timezone.now())
     own = [
         f"/studies/replay/{visit.pk}/",
+        f"/studies/coding/{visit.pk}/",
+        f"/studies/{coded.slug}/coding/",
         f"/studies/{study.slug}/live/",
         f"/studies/{study.slug}/analysis/",
     ]

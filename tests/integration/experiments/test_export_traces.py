@@ -15,13 +15,14 @@ import numpy as np
 import pytest
 
 from accounts.models import User
+from experiments.coding import store
 from experiments.dataset.allow_list import EVENTS
 from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.dataset.selection import Selection
 from experiments.export.archive import unpacked, zipped
 from experiments.export.files import export_files
 from experiments.export.formats import ON_REQUEST
-from experiments.models import Drive, Participant, TaskEvent
+from experiments.models import Coding, CodingEdit, Drive, Participant, TaskEvent
 from robots.api import messages as m
 from robots.api.codec import encode
 from robots.models import Robot
@@ -181,6 +182,7 @@ def stored(_made):
             "user_agent": fill.word(),
         },
     )
+    code(drive, fill)
     report = as_stored(fill.message(m.LabReport))
     Drive.objects.filter(pk=drive.pk).update(
         seed=fill.count(),
@@ -194,6 +196,20 @@ def stored(_made):
     return kept
 
 
+def code(drive: Drive, fill: Filler) -> None:
+    """Two coders' codings of a drive, with words that no dataset may have."""
+    codes = [{"code": "help", "name": "Help", "kind": "point"}]
+    scheme = store.store_scheme(drive.participant.study, store.scheme_from(codes), drive.granted_at)
+    for name in ("coder-one", "coder-two"):
+        user = User.objects.create_user(f"{name}-{fill.word()}", password=fill.word())
+        coding = store.begin(drive, scheme, user, drive.granted_at)
+        event = {"code": "help", "begin": AFTER, "modifiers": fill.anything(), "version": 1}
+        CodingEdit.objects.create(
+            coding=coding, event=fill.key(), comment=fill.word(), at=drive.granted_at, **event
+        )
+        Coding.objects.filter(pk=coding.pk).update(done_at=drive.granted_at)
+
+
 def exported(study, folder: Path, **choice) -> dict[str, bytes]:
     paths = list(unpacked(export_files(study, Selection(**choice)), folder))
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
@@ -202,7 +218,8 @@ def exported(study, folder: Path, **choice) -> dict[str, bytes]:
 def test_nothing_that_the_database_holds_of_people_and_things_stands_in_any_file(stored, tmp_path):
     everything = known()
     files = exported(stored.study, tmp_path / "folder", formats=EVERY_FORMAT)
-    assert {name.split("/")[0] for name in files} >= {"data", "mcap", "snapshots", "SHA256SUMS"}
+    folders = {"data", "mcap", "snapshots", "codings", "SHA256SUMS"}
+    assert {name.split("/")[0] for name in files} >= folders
     archive = b"".join(zipped(export_files(stored.study, Selection(formats=EVERY_FORMAT))))
     assert traces({**files, "archive.zip": archive}, everything) == []
 
@@ -257,6 +274,14 @@ def test_what_researchers_need_is_there(stored, tmp_path):
     assert re.fullmatch(r"X\w{10}", photo["data"]["actionId"])
     kept = next(one for one in events if one["type"] == "photo_kept" and one["data"].get("pose"))
     assert kept["data"]["pose"] == {"x": 1.0, "y": 2.0, "theta": 0.5}
+    coded = rows(files, "coded")
+    assert [(one["coder"], one["code"], one["begin"]) for one in coded] == [
+        ("C1", "help", "12.5"),
+        ("C2", "help", "12.5"),
+    ]
+    assert {one["comment"] for one in coded} == {""}
+    figures = {one["figure"]: one["value"] for one in rows(files, "agreement")}
+    assert float(figures["alpha"]) == float(figures["kappa"]) == 1.0
     own = [name for name in files if name.startswith("data/states/")]
     assert own
     for name in own:

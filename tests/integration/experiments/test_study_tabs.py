@@ -18,6 +18,7 @@ ALL = [
     "Participants",
     "Live",
     "Drives and replay",
+    "Coding",
     "Analysis",
     "Export",
     "Sharing",
@@ -60,6 +61,7 @@ def pages(drive) -> dict[str, str]:
         admin("drive_change", drive.pk): "Drives and replay",
         admin("drive_exclude", drive.pk): "Drives and replay",
         reverse("replay", args=[drive.session_id]): "Drives and replay",
+        reverse("study_coding", args=[study.slug]): "Coding",
         reverse("analysis", args=[study.slug]): "Analysis",
         reverse("analysis_export", args=[study.slug]): "Export",
         admin("study_links", study.pk): "Sharing",
@@ -106,7 +108,7 @@ def test_whoever_is_no_staff_sees_the_tabs_outside_of_the_administration(client,
     StudyMember.objects.create(slug="cabin-study", user=user, role="viewer")
     client.force_login(user)
     found = tabs(client.get(reverse("study_live", args=["cabin-study"])))
-    assert [text for text, _url, _is_here in found] == ["Live", "Analysis", "Export"]
+    assert [text for text, _url, _is_here in found] == ["Live", "Coding", "Analysis", "Export"]
 
 
 def test_a_list_of_all_studies_and_a_session_of_no_study_have_no_tabs(client, drive):

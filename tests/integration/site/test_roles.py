@@ -15,6 +15,7 @@ from django.test import Client
 from django.urls import get_resolver, reverse
 from django.utils import timezone
 
+from experiments.coding import store as coding
 from experiments.models import ConsentReceipt, Rehearsal, Study, StudyMember
 from experiments.participation import links
 from robots.models import FloorPlan, Robot
@@ -32,13 +33,14 @@ pytestmark = pytest.mark.django_db
 ADMINISTRATOR = {"administrator"}
 VIEWERS = ADMINISTRATOR | {"viewer", "researcher", "study_owner"}
 RESEARCHERS = ADMINISTRATOR | {"researcher", "study_owner"}
+CODERS = RESEARCHERS | {"coder"}
 STUDY_OWNER = ADMINISTRATOR | {"study_owner"}
 ROBOT_OWNER = ADMINISTRATOR | {"robot_owner"}
 PARTICIPANT = {"participant"}
 WITH_A_STUDY = VIEWERS | {"other_study_owner"}
 WITH_A_ROBOT = ROBOT_OWNER | {"other_robot_owner"}
 STAFF = WITH_A_STUDY | WITH_A_ROBOT | {"staff"}
-SIGNED_IN = STAFF | PARTICIPANT | {"visitor"}
+SIGNED_IN = STAFF | PARTICIPANT | {"visitor", "coder"}
 ALL = SIGNED_IN | {"stranger"}
 NOBODY: set[str] = set()
 
@@ -75,7 +77,7 @@ FOR_ALL = {
 
 
 def people() -> dict:
-    made = {name: person(name) for name in ("visitor", "participant")}
+    made = {name: person(name) for name in ("visitor", "participant", "coder")}
     made |= {name: person(name, is_staff=True) for name in STAFF - ADMINISTRATOR}
     return {
         "stranger": None,
@@ -101,6 +103,8 @@ def of_the_study(robot: Robot, participant) -> dict:
         text="Yes",
         agreed_at=timezone.now(),
     )
+    codes = [{"code": "help", "name": "Help", "kind": "point"}]
+    coding.store_scheme(study, coding.scheme_from(codes), timezone.now())
     rehearsal = Rehearsal.objects.create(study=study, sha256="0" * 64, began_at=timezone.now())
     return {
         "study": study,
@@ -116,7 +120,7 @@ def of_the_study(robot: Robot, participant) -> dict:
 def world():
     """Everything that an address can name."""
     who = people()
-    for role in ("viewer", "researcher", "owner"):
+    for role in ("coder", "viewer", "researcher", "owner"):
         StudyMember.objects.create(
             slug="cabin-study", user=who["study_owner" if role == "owner" else role], role=role
         )
@@ -199,6 +203,16 @@ def research_pages() -> list[tuple]:
         ("study_live", ["study.slug"], VIEWERS, None),
         ("study_live_data", ["study.slug"], VIEWERS, None),
         ("study_live_act", ["study.slug"], RESEARCHERS, {"act": "dance"}),
+        ("study_coding", ["study.slug"], VIEWERS | {"coder"}, None),
+        ("coding_scheme", ["study.slug"], RESEARCHERS, {}),
+        ("code_session", ["session.pk"], CODERS, None),
+        ("coding_record", ["session.pk"], CODERS, None),
+        ("coding_events", ["session.pk"], CODERS, None),
+        ("coding_save", ["session.pk"], CODERS, {}),
+        ("coding_done", ["session.pk"], CODERS, {}),
+        ("coding_import", ["session.pk"], CODERS, {}),
+        ("coding_eaf", ["session.pk"], CODERS, None),
+        ("coding_boris", ["session.pk"], CODERS, None),
         ("study_analysis", ["study.pk"], VIEWERS, None),
         ("analysis", ["study.slug"], VIEWERS, None),
         ("analysis_topic", ["study.slug", "outcomes"], VIEWERS, None),

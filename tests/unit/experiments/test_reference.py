@@ -4,7 +4,7 @@ from typing import get_args
 
 import msgspec
 
-from experiments.definition import analyses, design, plan, schema, wizard
+from experiments.definition import analyses, coding, design, plan, schema, wizard
 from experiments.definition.cues import CueKey
 from experiments.definition.steps import KINDS
 from experiments.tasks.progress import EventType
@@ -19,6 +19,7 @@ PARTS = [
     for module in (
         schema,
         analyses,
+        coding,
         design,
         wizard,
         plan,

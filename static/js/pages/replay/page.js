@@ -4,6 +4,7 @@
 
 import { isShortcut, openHolder } from "../../input/key_dispatcher.js";
 import { readWords } from "../../lib/words.js";
+import { CodingPanel } from "./coding/panel.js";
 import { createEventList } from "./event_list.js";
 import { ReplayMap } from "./replay_map.js";
 import { advance, newPlayer, pressed, seek, setSpeed, toggle } from "./player.js";
@@ -16,7 +17,7 @@ const element = (/** @type {string} */ id) => /** @type {any} */ (document.getEl
 const config = JSON.parse(element("config").textContent);
 const words = readWords(element("words"), document.documentElement.lang);
 const [stage, strips, now, slider, playing, speed, clock] = ["replay", "strips", "strips-now", "slider", "play", "speed", "clock"].map(element);
-const sources = new Set(["task", "server", "robot", "page"]);
+const sources = new Set(["task", "server", "robot", "page", "lab"]);
 
 class ReplayPage {
   /** @param {import("./record.js").Record} record */
@@ -27,6 +28,8 @@ class ReplayPage {
     this.player = newPlayer(record.duration, asked(location.search, record.duration));
     this.list = createEventList(element("events"), record, config.photos, words, (t) => this.update(seek(this.player, t)));
     this.readings = createReadings(element, record, words);
+    /** @type {CodingPanel | null} */
+    this.coding = null;
     this.tickedAt = 0;
     this.spoken = "";
     this.drawnWidth = 0;
@@ -34,6 +37,13 @@ class ReplayPage {
     this.#listen();
     new ResizeObserver(() => strips.clientWidth === this.drawnWidth || this.redraw()).observe(strips); // it tells of the first size, too
     stage.dataset.state = record.states.t.length ? "ready" : "empty";
+    if (config.coding) {
+      this.coding = new CodingPanel(element, config.coding, words, {
+        now: () => this.player.t,
+        seek: (t) => this.update(seek(this.player, t)),
+        duration: record.duration,
+      });
+    }
     this.redraw();
     requestAnimationFrame(() => performance.mark("replay:drawn"));
   }
@@ -74,6 +84,7 @@ class ReplayPage {
     speed.value = String(player.speed);
     this.readings(t);
     this.list.mark(t);
+    this.coding?.mark(t);
     stage.dataset.t = t.toFixed(3);
   }
 

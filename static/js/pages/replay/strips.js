@@ -13,7 +13,7 @@ const MOST = { speed: 0.5, trip: 100, fps: 40, loss: 20 }; // m/s, ms, 1/s, %: t
 const HEADROOM = 1.15; // room for the legend
 const TEXT = 11; // CSS pixels
 const METHODS = 6; // --strip-method-0 … -5
-const SOURCES = ["task", "server", "robot", "page"];
+const SOURCES = ["task", "server", "robot", "page", "lab"];
 
 const HEIGHT = Object.values(ROWS).reduce((sum, each) => sum + each);
 
@@ -55,7 +55,7 @@ const drawEvents = ({ context, width, top, height, colour, duration }, events) =
   for (const [t, source] of events) {
     const lane = Math.max(0, SOURCES.indexOf(source));
     context.fillStyle = colour(`strip-${source}`);
-    context.fillRect(Math.min(xOf(t, duration, width), width - 2), top + 2 + lane * 6, 2, height - 4 - lane * 6);
+    context.fillRect(Math.min(xOf(t, duration, width), width - 2), top + 2 + lane * 5, 2, height - 4 - lane * 5);
   }
 };
 

@@ -9,13 +9,13 @@ from django.core.management import CommandError, call_command
 
 from experiments.coding.boris import to_boris
 from experiments.coding.eaf import to_eaf
-from experiments.coding.scheme import CodedEvent, codes_from
+from experiments.coding.scheme import CodedEvent, scheme_from
 
 SCHEME = [
     {"code": "help", "name": "Asks for help", "kind": "point", "key": "h"},
     {"code": "lost", "name": "Seems lost", "kind": "interval", "key": "l"},
 ]
-CODES = codes_from(SCHEME)
+CODES = scheme_from(SCHEME).codes
 DATE = "2026-03-04T12:00:00"
 ANN = [CodedEvent("help", 2.2), CodedEvent("lost", 4.0, 8.0)]
 BOB = [CodedEvent("help", 2.4), CodedEvent("help", 9.0), CodedEvent("lost", 6.0, 8.0)]
@@ -44,6 +44,7 @@ def test_files_of_elan_and_boris_are_compared(files):
     # lost, ten bins of a second: 4 to 8 against 6 to 8; p_o = 0.8, p_e = 0.56.
     assert "ann.eaf and bob.boris: kappa 0.545" in said
     assert "events in both: 1, only in ann.eaf: 0, only in bob.boris: 1" in said
+    assert "events of ann.eaf (rows) and bob.boris: kappa" in said
     assert run(*files, duration=10.0) == said
 
 

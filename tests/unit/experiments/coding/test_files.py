@@ -2,6 +2,7 @@
 
 import json
 import warnings
+from xml.etree import ElementTree as ET
 
 import pytest
 from hypothesis import given
@@ -12,22 +13,27 @@ from experiments.coding.boris import from_boris, to_boris
 from experiments.coding.eaf import from_eaf, to_eaf
 from experiments.coding.scheme import (
     BadCodingError,
-    Code,
     CodedEvent,
-    codes_from,
+    clean,
     events_from,
+    scheme_from,
+    scheme_in,
 )
+from experiments.definition.coding import Code, Modifier
 from tests.support.examples import examples
 
+ASKED = Modifier("asked whom", ("a visitor", "the robot"))
+LOUD = Modifier("loudness", ("low", "high"))
 CODES = (
-    Code("help", "Asks for help", "point", "h"),
-    Code("lost", "Seems lost", "interval", "l"),
-    Code("talk", "Talks", "interval"),
+    Code("help", "Asks for help", "point", "h", modifiers=(ASKED, LOUD)),
+    Code("lost", "Seems lost", "interval", "l", group="way"),
+    Code("found", "Knows the route", "interval", "f", group="way"),
+    Code("talk", "Talks", "interval", modifiers=(LOUD,)),
 )
 EVENTS = [
     CodedEvent("lost", 0.0, 4.25, "at the door <1> & 2"),
-    CodedEvent("help", 2.5),
-    CodedEvent("talk", 3.0, 6.001),
+    CodedEvent("help", 2.5, None, "", {"loudness": "low"}),
+    CodedEvent("talk", 3.0, 6.001, "", {"loudness": "high"}),
     CodedEvent("lost", 4.25, 9.0, "again"),
     CodedEvent("help", 9.5, None, "calls"),
 ]
@@ -46,7 +52,10 @@ def test_another_program_reads_the_tiers_and_annotations(eaf):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         read = Eaf(str(eaf), suppress_version_warning=True)
-    assert sorted(read.get_tier_names()) == ["help", "lost", "talk"]
+    assert sorted(read.get_tier_names()) == [
+        *("found", "help", "help@asked whom", "help@loudness", "lost", "talk", "talk@loudness")
+    ]
+    assert read.get_ref_annotation_data_for_tier("talk@loudness") == [(3000, 6001, "high", "")]
     assert sorted(read.get_annotation_data_for_tier("lost")) == [
         (0, 4250, "at the door <1> & 2"),
         (4250, 9000, "again"),
@@ -75,25 +84,41 @@ def test_what_another_program_writes_is_read(tmp_path):
 
 seconds = st.integers(0, 3_600_000).map(lambda ms: ms / 1000)
 comments = st.text(st.characters(categories=("L", "N", "P", "S")), max_size=20)
+loud = st.sampled_from([{}, {"loudness": "low"}, {"loudness": "high"}])
+asked = st.sampled_from([{}, {"asked whom": "the robot"}])
 
 
 @st.composite
 def codings(draw) -> list[CodedEvent]:
     points = [
-        CodedEvent("help", at, None, draw(comments)) for at in draw(st.lists(seconds, max_size=5))
+        CodedEvent("help", at, None, draw(comments), draw(loud) | draw(asked))
+        for at in draw(st.lists(seconds, max_size=5, unique=True))
     ]
     times = sorted(draw(st.lists(seconds, max_size=8, unique=True)))
     pairs = zip(times[::2], times[1::2], strict=False)
-    intervals = [CodedEvent("lost", begin, end, draw(comments)) for begin, end in pairs]
+    intervals = [
+        CodedEvent(draw(st.sampled_from(["lost", "found"])), begin, end, draw(comments))
+        for begin, end in pairs
+    ]
+    talks = [CodedEvent("talk", 1.0, 2.5, "", draw(loud))]
     document = [
-        {"code": one.code, "begin": one.begin, "end": one.end, "comment": one.comment.strip()}
-        for one in (*points, *intervals)
+        {
+            "code": one.code,
+            "begin": one.begin,
+            "end": one.end,
+            "comment": clean(one.comment),
+            "modifiers": one.modifiers,
+        }
+        for one in (*points, *intervals, *talks)
     ]
     return events_from(document, CODES, 3600.0)
 
 
 def in_order(events: list[CodedEvent]) -> list:
-    return sorted((one.code, one.begin, one.end or 0.0, one.comment) for one in events)
+    return sorted(
+        (one.code, one.begin, one.end or 0.0, one.comment, sorted(one.modifiers.items()))
+        for one in events
+    )
 
 
 @examples(30, thorough=300)
@@ -128,6 +153,17 @@ def test_a_boris_project_has_the_parts_that_boris_opens():
         "coding map",
     }
     assert project["behaviors_conf"]["1"]["type"] == "State event"
+    # boris/otx_parser.py: the codes that end this one, with commas; boris/add_modifier.py
+    assert project["behaviors_conf"]["1"]["excluded"] == "found"
+    assert project["behaviors_conf"]["0"]["modifiers"]["1"] == {
+        "name": "loudness",
+        "description": "",
+        "type": 0,
+        "ask at stop": False,
+        "values": ["low", "high"],
+    }
+    rows = project["observations"]["S1"]["events"]
+    assert rows[1] == [2.5, "", "help", "None|low", ""]
     lost = [row[0] for row in project["observations"]["S1"]["events"] if row[2] == "lost"]
     assert lost == [0.0, 4.25, 4.25, 9.0]
 
@@ -142,11 +178,39 @@ def test_an_observation_is_named_where_there_are_several():
 
 def test_what_a_boris_project_has_and_a_scheme_has_not_is_said():
     rows = [[1, "ann", "help", "", ""], [2, "", "gaze", "", ""], [3, "", "lost", "", ""], ["x"]]
-    project = {"observations": {"one": {"type": "MEDIA", "events": rows}}}
+    rows.append([4, "", "help", "a dog|low|x", ""])
+    more = {"time offset": 2.5, "file": {"1": ["a.mp4"]}, "description": "d"}
+    project = {"observations": {"one": {"type": "MEDIA", "events": rows, **more}}}
     events, problems = from_boris(json.dumps(project).encode(), CODES)
-    assert events == [CodedEvent("help", 1.0)]
+    assert events == [
+        CodedEvent("help", 1.0),
+        CodedEvent("help", 4.0, None, "", {"loudness": "low"}),
+    ]
     said = " ".join(problems)
-    assert all(part in said for part in ("Subjects", "gaze", "never stops", "not an event"))
+    told = ("Subjects", "gaze", "never stops", "not an event", "“a dog”", "“x”")
+    assert all(part in said for part in (*told, "offset of 2.5 s", "media files", "description"))
+
+
+def test_what_an_elan_file_has_and_a_scheme_has_not_is_said():
+    file = to_eaf(CODES, EVENTS, "C1", DATE).decode()
+    file = file.replace(">high<", ">shouting<").replace('TIER_ID="found"', 'TIER_ID="gaze"')
+    media = '<MEDIA_DESCRIPTOR MEDIA_URL="file:///a/drive.mp4" MIME_TYPE="video/mp4" />'
+    file = file.replace('<PROPERTY NAME="last', f'{media}<PROPERTY NAME="last')
+    events, problems = from_eaf(file.encode(), CODES)
+    assert len(events) == len(EVENTS)
+    said = " ".join(problems)
+    assert all(part in said for part in ("gaze", "“shouting”", "drive.mp4"))
+
+
+def test_elements_are_in_the_order_of_the_schema():
+    root = ET.fromstring(to_eaf(CODES, EVENTS, "C1", DATE))
+    # EAFv3.0.xsd: ANNOTATION_DOCUMENT is a sequence, and ids are unique
+    order = ["HEADER", "TIME_ORDER", "TIER", "LINGUISTIC_TYPE", "CONSTRAINT"]
+    assert list(dict.fromkeys(child.tag for child in root)) == order
+    ids = [one.get("ANNOTATION_ID") for one in root.iter() if one.get("ANNOTATION_ID")]
+    assert len(ids) == len(set(ids)) == 7
+    types = {one.get("LINGUISTIC_TYPE_ID") for one in root.iter("LINGUISTIC_TYPE")}
+    assert {tier.get("LINGUISTIC_TYPE_REF") for tier in root.iter("TIER")} <= types
 
 
 @pytest.mark.parametrize(
@@ -185,6 +249,11 @@ def code(**more) -> dict:
         ([code(), code(code="b", key="A")], "key “a” is used 2 times"),
         ([code(key="k")], "choose a single character"),
         ([code(key="ab")], "choose a single character"),
+        ([], "no codes"),
+        ([code(group="g")], "no duration"),
+        ([code(modifiers=[{"name": "m", "values": []}])], "needs 1 to"),
+        ([code(modifiers=[{"name": "m", "values": ["a|b"]}])], "cannot be used"),
+        ([code(modifiers=[{"name": "m", "values": ["None"]}])], "cannot be used"),
         ([code(name=" ")], "enter a name"),
         ([code(code="A b")], "regex"),
         ([code(kind="x")], "enum|Invalid"),
@@ -193,7 +262,7 @@ def code(**more) -> dict:
 )
 def test_a_scheme_that_cannot_be_used_is_refused(codes, told):
     with pytest.raises(BadCodingError, match=told):
-        codes_from(codes)
+        scheme_from(codes)
 
 
 @pytest.mark.parametrize(
@@ -212,6 +281,24 @@ def test_a_scheme_that_cannot_be_used_is_refused(codes, told):
 def test_an_event_that_does_not_fit_is_refused(event, told):
     with pytest.raises(BadCodingError, match=told):
         events_from([event], CODES, 60.0)
+
+
+def test_a_scheme_of_a_file_may_be_a_list_of_codes_or_have_more():
+    assert scheme_in(json.dumps([code()]).encode()).blind is False
+    whole = {"codes": [code()], "blind": True, "bin": 0.5, "tolerance": 1}
+    assert scheme_in(json.dumps(whole).encode()).bin == 0.5
+    with pytest.raises(BadCodingError, match="not valid JSON"):
+        scheme_in(b"{")
+    with pytest.raises(BadCodingError, match="too large"):
+        scheme_in(b" " * 300_000)
+
+
+def test_states_of_one_group_do_not_overlap_and_points_are_not_there_twice():
+    states = [{"code": "lost", "begin": 1, "end": 4}, {"code": "found", "begin": 3, "end": 5}]
+    with pytest.raises(BadCodingError, match=r"found at 3\.000 s begins before"):
+        events_from(states, CODES, 60.0)
+    with pytest.raises(BadCodingError, match="there twice"):
+        events_from([{"code": "help", "begin": 1}] * 2, CODES, 60.0)
 
 
 def test_intervals_of_one_code_do_not_overlap():

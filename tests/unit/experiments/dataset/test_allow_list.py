@@ -11,10 +11,19 @@ import msgspec
 import pytest
 
 from experiments.dataset import allow_list, states
-from experiments.dataset.allow_list import EVENTS, KEPT_BACK, MESSAGES, released
-from experiments.dataset.forms import Origin, Release, in_columns
+from experiments.dataset.allow_list import (
+    CODING_EDIT,
+    EVENTS,
+    KEPT_BACK,
+    MESSAGES,
+    coded,
+    released,
+)
+from experiments.dataset.forms import Origin, Release, in_columns, kept
 from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.dataset.selection import Selection
+from experiments.definition.coding import Code, CodingScheme, Modifier
+from experiments.models import CodingEdit
 from experiments.tasks.progress import EventType, ProgressEvent
 from robots.api import messages
 from sessions import protocol
@@ -131,6 +140,20 @@ def test_every_event_that_the_page_reports_is_listed():
     assert lost == {"blur", "pagehide", "hidden"}
     undecided = (told | lost) - set(EVENTS["page"])
     assert not undecided, f"event {sorted(undecided)} of pages: {DECIDE}"
+
+
+def test_of_every_field_of_a_coded_event_it_is_decided_whether_it_leaves():
+    assert set(CODING_EDIT) == {one.name for one in CodingEdit._meta.concrete_fields}, DECIDE
+
+
+def test_of_a_coded_event_only_the_words_of_its_scheme_leave():
+    help_ = Code("help", "Help", "point", modifiers=(Modifier("whom", ("robot",)),))
+    listed = coded(CodingScheme(codes=(help_,)))
+    event = {"code": "help", "begin": 1.5, "end": None, "comment": "Ada", "at": 5.0}
+    left = kept(listed, event | {"modifiers": {"whom": "robot"}}, RELEASE, Origin(0.0))
+    assert left == {"code": "help", "begin": 1.5, "end": None, "modifiers": {"whom": "robot"}}
+    other = event | {"code": "Ada", "modifiers": {"whom": "Ada", "x": "robot"}}
+    assert kept(listed, other, RELEASE, Origin(0.0)) == {"begin": 1.5, "end": None, "modifiers": {}}
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,42 @@
+"""A coding from a file of ELAN or of BORIS, whichever it is."""
+
+from collections.abc import Sequence
+
+import msgspec
+from django.utils.translation import gettext as _
+
+from experiments.coding.boris import from_boris
+from experiments.coding.eaf import from_eaf
+from experiments.coding.scheme import BadCodingError, CodedEvent, events_from
+from experiments.definition.coding import Code
+
+
+def read_coding(
+    document: bytes,
+    codes: Sequence[Code],
+    *,
+    limit: int,
+    duration: float | None = None,
+    observation: str = "",
+) -> tuple[list[CodedEvent], list[str]]:
+    """Return the events of a file in order of time, and a sentence for what is not imported.
+
+    Args:
+        document: the file.
+        codes: those of the scheme.
+        limit: its greatest size, bytes.
+        duration: of the session, s; None does not check the events.
+        observation: its name in a BORIS project that has several.
+
+    Raises:
+        BadCodingError: the file cannot be read, or an event does not fit.
+    """
+    if len(document) > limit:
+        raise BadCodingError([_("The file is larger than %(n)d MB.") % {"n": limit // 1024**2}])
+    if document.lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"<"):
+        events, left_out = from_eaf(document, codes)
+    else:
+        events, left_out = from_boris(document, codes, observation)
+    if duration is None:
+        return events, left_out
+    return events_from(msgspec.to_builtins(events), codes, duration), left_out

@@ -1,0 +1,55 @@
+"""How the coders of a study agree on the sessions that several of them have finished."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from experiments.coding import store
+from experiments.coding.agreement import SessionCodings
+from experiments.coding.reliability import Reliability, reliability
+from experiments.models import Coding, CodingSchemeVersion
+from sessions.models import Session
+
+
+@dataclass(frozen=True)
+class StudyAgreement:
+    """`coders` are the numbers of the coders, by the places that `found` has; `sessions` is how
+    many were compared, and `waiting` how many somebody still codes.
+    """
+
+    coders: tuple[int, ...]
+    sessions: int
+    waiting: int
+    found: Reliability
+
+
+def agreement_of(scheme: CodingSchemeVersion, only: Any = None) -> StudyAgreement:
+    """Return how coders agree by one scheme.
+
+    Args:
+        scheme: by which they coded.
+        only: a user: sessions that they did not code are left out.
+    """
+    sessions = [
+        (session, codings)
+        for session, codings in store.compared(store.released(scheme))
+        if only is None or any(coding.coder_id == only.pk for coding in codings)
+    ]
+    numbers = sorted({coding.number for _session, codings in sessions for coding in codings})
+    definition = store.read_scheme(scheme)
+    found = reliability(
+        [_codings(session, codings, numbers) for session, codings in sessions],
+        [code.code for code in definition.codes],
+        width=definition.bin,
+        tolerance=definition.tolerance,
+    )
+    return StudyAgreement(tuple(numbers), len(sessions), store.waiting(scheme), found)
+
+
+def _codings(session: Session, codings: Sequence[Coding], numbers: Sequence[int]) -> SessionCodings:
+    """Return a session's duration, to its end or the last event, with each coder's events."""
+    events = {coding.number: store.events_of(coding) for coding in codings}
+    begin, end = session.granted_at or session.queued_at, session.ended_at
+    ended = (end - begin).total_seconds() if end is not None else 0.0
+    last = [one.end or one.begin for some in events.values() for one in some]
+    return max([ended, *last]), [events.get(number) for number in numbers]

@@ -1,0 +1,179 @@
+"""What coders noted on the replays, and how well they agree: tables, and files of ELAN and BORIS.
+
+Coders go by their numbers. A session that somebody is still coding is left out, so that nobody
+reads another coder's events before their own are done.
+"""
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import msgspec
+
+from experiments.analysis.dataset.columns import Column
+from experiments.analysis.dataset.files import table
+from experiments.coding import store
+from experiments.coding.boris import to_boris
+from experiments.coding.eaf import to_eaf
+from experiments.coding.reliability import ReliabilityEstimate
+from experiments.coding.scheme import CodedEvent
+from experiments.coding.study_agreement import StudyAgreement, agreement_of
+from experiments.dataset.allow_list import coded
+from experiments.dataset.forms import Origin, kept
+from experiments.dataset.selection import Selection
+from experiments.definition.coding import CodingScheme
+from experiments.export.format import ExportFormat, File, encoded
+from experiments.models import Coding, CodingSchemeVersion
+
+NO_DATE = "1970-01-01T00:00:00"  # ELAN and BORIS want one, and a dataset has none
+CODINGS = (
+    Column("session", "", "code of the session"),
+    Column("coder", "", "number of the coder"),
+    Column("scheme", "", "version of the coding scheme"),
+    Column("events", "", "how many events were coded"),
+)
+CODED = (
+    *CODINGS[:3],
+    Column("code", "", "code of the scheme"),
+    Column("kind", "", "point or interval"),
+    Column("begin", "s", "since the grant, by the server's clock"),
+    Column("end", "s", "since the grant, by the server's clock; empty for a point"),
+    Column("modifiers", "", "chosen values by the modifiers' names, as JSON"),
+    Column("comment", "", "the coder's comment; only with free text"),
+)
+AGREEMENT = (
+    Column("scheme", "", "version of the coding scheme"),
+    Column("code", "", "code of the scheme; all: all codes together"),
+    Column("figure", "", "alpha, kappa or agreement by time, or event_kappa"),
+    Column("coders", "", "numbers of the coders, divided by |"),
+    Column("value", "", "of the figure"),
+    Column("low", "", "begin of the 95 % confidence interval"),
+    Column("high", "", "end of the 95 % confidence interval"),
+)
+CONFUSION = (
+    Column("scheme", "", "version of the coding scheme"),
+    Column("first", "", "number of the first coder"),
+    Column("second", "", "number of the second coder"),
+    Column("first_code", "", "what the first coded; empty: nothing"),
+    Column("second_code", "", "what the second coded at that time; empty: nothing"),
+    Column("events", "", "how many such events"),
+)
+
+
+class CodingsFormat(ExportFormat):
+    """What every export of a study with finished codings has."""
+
+    tables = {"codings": CODINGS, "coded": CODED, "agreement": AGREEMENT, "confusion": CONFUSION}
+
+    @classmethod
+    def is_in(cls, _name: str, _choice: Selection) -> bool:
+        """Tell that every export has it."""
+        return True
+
+    def of_study(self) -> Iterator[File]:
+        """Yield all of it; without codings, nothing."""
+        drives = {drive.session_id: drive for drive in self.source.drives}
+        schemes = _schemes(drives)
+        if not schemes:
+            return
+        found = {row: [one for one in some if one.session_id in drives] for row, some in schemes}
+        every = [(row, coding) for row, some in found.items() for coding in some]
+        yield from encoded([table("codings", (self._row(*one) for one in every), CODINGS)])
+        yield from encoded(
+            [table("coded", (cells for one in every for cells in self._events(*one)), CODED)]
+        )
+        agreements = [(row.version, agreement_of(row)) for row in found]
+        yield from encoded(
+            [
+                table(
+                    "agreement",
+                    (cells for one in agreements for cells in _figures(*one)),
+                    AGREEMENT,
+                ),
+                table(
+                    "confusion",
+                    (cells for one in agreements for cells in _confusions(*one)),
+                    CONFUSION,
+                ),
+            ]
+        )
+        for row, codings in found.items():
+            yield from self._files(row, codings)
+
+    def _name(self, coding: Coding) -> str:
+        return self.source.release.names.session(coding.session_id)
+
+    def _row(self, row: CodingSchemeVersion, coding: Coding) -> tuple[Any, ...]:
+        events = len(store.events_of(coding))
+        return self._name(coding), f"C{coding.number}", row.version, events
+
+    def _released(self, scheme: CodingScheme, coding: Coding) -> list[CodedEvent]:
+        """Return the events of a coding as they may leave."""
+        listed, origin = coded(scheme), Origin(0.0)
+        rows = (
+            kept(listed, msgspec.structs.asdict(event), self.source.release, origin)
+            for event in store.events_of(coding)
+        )
+        return [CodedEvent(**row) for row in rows if "code" in row and "begin" in row]
+
+    def _events(self, row: CodingSchemeVersion, coding: Coding) -> Iterator[tuple[Any, ...]]:
+        scheme = store.read_scheme(row)
+        for event in self._released(scheme, coding):
+            code = scheme.code(event.code)
+            yield (
+                *(self._name(coding), f"C{coding.number}", row.version, event.code),
+                code.kind if code is not None else "",
+                repr(event.begin),
+                "" if event.end is None else repr(event.end),
+                msgspec.json.encode(event.modifiers, order="sorted").decode(),
+                event.comment,
+            )
+
+    def _files(self, row: CodingSchemeVersion, codings: Iterable[Coding]) -> Iterator[File]:
+        scheme, observations = store.read_scheme(row), {}
+        folder = f"codings/scheme-{row.version}"
+        document = msgspec.json.format(msgspec.json.encode(scheme), indent=2)
+        yield f"{folder}.json", [document + b"\n"]
+        for coding in codings:
+            events, who = self._released(scheme, coding), f"C{coding.number}"
+            observations[f"{self._name(coding)} {who}"] = events
+            file = to_eaf(scheme.codes, events, who, f"{NO_DATE}+00:00")
+            yield f"{folder}/session-{self._name(coding)}-{who}.eaf", [file]
+        yield f"{folder}.boris", [to_boris(scheme.codes, observations, "codings", NO_DATE)]
+
+
+def _schemes(sessions: Iterable[Any]) -> list[tuple[CodingSchemeVersion, list[Coding]]]:
+    """Return the schemes by which sessions were coded, with their finished codings."""
+    rows = CodingSchemeVersion.objects.filter(codings__session__in=list(sessions)).distinct()
+    found = ((row, store.released(row)) for row in rows.order_by("version"))
+    return [(row, codings) for row, codings in found if codings]
+
+
+def _figures(version: int, agreement: StudyAgreement) -> Iterator[tuple[Any, ...]]:
+    called = [f"C{number}" for number in agreement.coders]
+    for one in agreement.found.codes:
+        name = one.code or "all"
+        yield version, name, "alpha", "|".join(called), *_cells(one.alpha)
+        for pair in one.pairs:
+            who = "|".join(called[place] for place in pair.coders)
+            yield version, name, "kappa", who, *_cells(pair.kappa)
+            yield version, name, "agreement", who, *_cells(pair.agreement)
+    for events in agreement.found.events:
+        who = "|".join(called[place] for place in events.coders)
+        yield version, "all", "event_kappa", who, *_cells(events.kappa)
+
+
+def _cells(one: ReliabilityEstimate) -> tuple[str, str, str]:
+    value, low, high = (
+        "" if number is None else repr(number) for number in (one.value, one.low, one.high)
+    )
+    return value, low, high
+
+
+def _confusions(version: int, agreement: StudyAgreement) -> Iterator[tuple[Any, ...]]:
+    for pair in agreement.found.events:
+        first, second = (f"C{agreement.coders[place]}" for place in pair.coders)
+        labels = [*pair.labels, ""]
+        for one, cells in zip(labels, pair.table.astype(int).tolist(), strict=True):
+            for two, count in zip(labels, cells, strict=True):
+                if count:
+                    yield version, first, second, one, two, count

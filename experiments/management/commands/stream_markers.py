@@ -1,0 +1,126 @@
+"""`manage.py stream_markers STUDY`: the study's events to the Lab Streaming Layer, and markers of
+other streams into the record.
+"""
+
+import signal
+import threading
+import time
+from argparse import ArgumentParser
+from collections import deque
+from importlib import import_module
+from typing import Any
+
+from django.core.management.base import BaseCommand, CommandError
+from django.db import DatabaseError, close_old_connections
+
+from experiments.markers.incoming import record
+from experiments.markers.marker import ForeignMarker
+from experiments.markers.outgoing import MarkerSource
+from experiments.models import Study
+
+POLL_INTERVAL_S = 0.1
+DATABASE_PAUSE_S = 2.0
+MAX_WAITING = 100_000  # markers that are kept while the database does not answer
+
+
+class Command(BaseCommand):
+    """Publish until it is stopped."""
+
+    help = (
+        "Publish the events of a study as markers of the Lab Streaming Layer, and record markers "
+        "of other streams with its sessions. Needs the extra lsl."
+    )
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        parser.add_argument("study", help="name of the study")
+        parser.add_argument("--name", default="", help="of the stream; default: telepresence-STUDY")
+        parser.add_argument(
+            "--record",
+            action="append",
+            default=[],
+            metavar="STREAM",
+            help="name of a stream whose markers are recorded; may be repeated",
+        )
+
+    def handle(self, *_args: Any, **options: Any) -> None:
+        slug: str = options["study"]
+        if not Study.objects.filter(slug=slug).exists():
+            raise CommandError(f"There is no study {slug}.")
+        lsl = _lsl()
+        ended = threading.Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: ended.set())
+        name = options["name"] or f"telepresence-{slug}"
+        loop = _Loop(
+            slug,
+            lsl.MarkerOutlet(name, f"telepresence:{slug}"),
+            [lsl.MarkerInlet(stream) for stream in options["record"]],
+            self._say,
+        )
+        self._say(f"Stream {name} is open.")
+        while not ended.is_set():
+            ended.wait(loop.step(time.time()))
+
+    def _say(self, text: str) -> None:
+        self.stdout.write(text)
+        self.stdout.flush()
+
+
+def _lsl() -> Any:
+    """Return the module that needs pylsl, an extra.
+
+    Raises:
+        CommandError: it is not there, or has not found liblsl.
+    """
+    try:
+        return import_module("experiments.markers.lsl")
+    except (ImportError, RuntimeError) as error:
+        raise CommandError(
+            f"This command needs pylsl with liblsl ({error}). Install it: "
+            "python -m pip install pylsl"
+        ) from error
+
+
+class _Loop:
+    """What is done ten times a second. Markers that could not be stored wait."""
+
+    def __init__(self, slug: str, outlet: Any, inlets: list[Any], say: Any) -> None:
+        self._slug, self._outlet, self._inlets, self._say = slug, outlet, inlets, say
+        self._source = MarkerSource(slug, time.time())
+        self._waiting: deque[ForeignMarker] = deque(maxlen=MAX_WAITING)
+        self._has_database = True
+        self._is_outside = False
+
+    def step(self, now: float) -> float:
+        """Pass on what there is; return the seconds until the next time."""
+        for inlet in self._inlets:
+            markers, news = inlet.poll()
+            self._waiting.extend(markers)
+            self._tell(news)
+        self._tell(self._outlet.news())
+        try:
+            self._use_database(now)
+        except DatabaseError as error:
+            close_old_connections()
+            if self._has_database:
+                self._say(f"The database does not answer ({error}). Markers are kept.")
+            self._has_database = False
+            return DATABASE_PAUSE_S
+        if not self._has_database:
+            self._say("The database answers again.")
+        self._has_database = True
+        return POLL_INTERVAL_S
+
+    def _use_database(self, now: float) -> None:
+        for one in self._source.new(now):
+            self._outlet.push(one.marker.text(), one.at)
+        while self._waiting:
+            count = record(self._slug, self._waiting[0], now)
+            self._waiting.popleft()
+            if count == 0 and not self._is_outside:
+                self._say("Markers outside sessions are not recorded.")
+            self._is_outside = count == 0
+
+    def _tell(self, news: str) -> None:
+        if news:
+            self._say(news)

@@ -1,0 +1,37 @@
+"""Markers of other streams, written into the record of the sessions that they fall into."""
+
+from datetime import UTC, datetime
+
+from django.db.models import Q
+
+from experiments.markers.marker import ForeignMarker
+from experiments.models import Drive
+from sessions.models import SessionEvent
+
+MAX_TEXT = 500
+
+
+def record(slug: str, marker: ForeignMarker, now: float) -> int:
+    """Store a marker with each session of a study that was in progress at its time, and return how
+    many these are.
+    """
+    at = datetime.fromtimestamp(marker.at, UTC)
+    drives = Drive.objects.filter(
+        Q(session__ended_at=None) | Q(session__ended_at__gte=at),
+        participant__study__slug=slug,
+        granted_at__lte=at,
+    )
+    data = {"stream": marker.stream, "value": marker.text[:MAX_TEXT].replace("\x00", "")}
+    rows = [
+        SessionEvent(
+            session_id=session,
+            source=SessionEvent.Source.LAB,
+            type="marker",
+            stamp=marker.at,
+            received_at=now,
+            data=data,
+        )
+        for session in drives.values_list("session", flat=True)
+    ]
+    SessionEvent.objects.bulk_create(rows)
+    return len(rows)

@@ -1,0 +1,111 @@
+/**
+ * One coded event, to be moved, annotated and deleted.
+ */
+
+import { edited, moved } from "./events.js";
+
+const NUDGE_S = 0.1;
+
+/** @typedef {import("./events.js").Code} Code */
+/** @typedef {import("./events.js").CodedEvent} CodedEvent */
+/** @typedef {import("./events.js").Edit} Edit */
+
+/** @param {string} tag @param {string} name @param {string} [text] @returns {any} */
+export const make = (tag, name, text = "") => {
+  const made = document.createElement(tag);
+  made.className = name;
+  made.textContent = text;
+  return made;
+};
+
+/**
+ * @param {CodedEvent} event @param {Code} code @param {import("../../../lib/words.js").Words} words
+ * @param {object} page
+ * @param {() => number} page.now s
+ * @param {number} page.duration s
+ * @param {() => string} page.newId
+ * @param {(edits: Edit[]) => void} page.change
+ * @param {(t: number) => void} page.seek
+ * @returns {HTMLElement}
+ */
+export const createEditor = (event, code, words, page) => {
+  const box = make("div", "coding__editor");
+  const sides = code.kind === "point" ? ["begin"] : ["begin", "end"];
+  for (const side of sides) {
+    box.append(sideRow(event, /** @type {"begin" | "end"} */ (side), words, page));
+  }
+  for (const modifier of code.modifiers) {
+    box.append(modifierRow(event, modifier, words, page));
+  }
+  box.append(commentRow(event, words, page));
+  const remove = button(words.say("coding.delete"), "button button--danger coding__delete");
+  remove.addEventListener("click", () => page.change([edited(event, { is_deleted: true }, page.newId)]));
+  box.append(remove);
+  return box;
+};
+
+/** @param {string} text @param {string} [name] @param {string} [label] */
+const button = (text, name = "button button--plain", label = "") => {
+  const made = make("button", name, text);
+  made.type = "button";
+  if (label) {
+    made.setAttribute("aria-label", label);
+  }
+  return made;
+};
+
+/** @param {CodedEvent} event @param {"begin" | "end"} side @param {import("../../../lib/words.js").Words} words @param {any} page */
+const sideRow = (event, side, words, page) => {
+  const row = make("div", "coding__side");
+  const title = words.say(`coding.${side}`);
+  const at = event[side];
+  const put = (/** @type {number} */ t) => {
+    const edit = moved(event, side, t, page.duration, page.newId);
+    if (edit) {
+      page.change([edit]);
+      page.seek(t);
+    } else {
+      page.say(words.say("coding.order"));
+    }
+  };
+  row.append(make("span", "coding__side-name", title), make("span", "coding__side-time numbers", at === null ? "–" : `${at.toFixed(2)} s`));
+  const now = button(words.say("coding.here"), "button button--plain", `${title}: ${words.say("coding.here")}`);
+  now.addEventListener("click", () => put(page.now()));
+  row.append(now);
+  for (const [sign, step] of /** @type {[string, number][]} */ ([["−", -NUDGE_S], ["+", NUDGE_S]])) {
+    const nudge = button(sign, "button button--plain coding__nudge", `${title} ${sign} ${NUDGE_S} s`);
+    nudge.disabled = at === null;
+    nudge.addEventListener("click", () => put((at ?? 0) + step));
+    row.append(nudge);
+  }
+  return row;
+};
+
+/** @param {CodedEvent} event @param {{name: string, values: string[]}} modifier @param {import("../../../lib/words.js").Words} words @param {any} page */
+const modifierRow = (event, modifier, words, page) => {
+  const label = make("label", "coding__field", modifier.name);
+  const select = make("select", "");
+  for (const value of ["", ...modifier.values]) {
+    select.append(new Option(value || words.say("coding.none"), value));
+  }
+  select.value = event.modifiers[modifier.name] ?? "";
+  select.addEventListener("change", () => {
+    const modifiers = { ...event.modifiers, [modifier.name]: select.value };
+    if (!select.value) {
+      delete modifiers[modifier.name];
+    }
+    page.change([edited(event, { modifiers }, page.newId)]);
+  });
+  label.append(select);
+  return label;
+};
+
+/** @param {CodedEvent} event @param {import("../../../lib/words.js").Words} words @param {any} page */
+const commentRow = (event, words, page) => {
+  const label = make("label", "coding__field", words.say("coding.comment"));
+  const input = make("input", "");
+  Object.assign(input, { type: "text", maxLength: 500, value: event.comment });
+  input.addEventListener("change", () => page.change([edited(event, { comment: input.value.trim() }, page.newId)]));
+  label.append(input);
+  return label;
+};

@@ -1,0 +1,273 @@
+/**
+ * The panel by which somebody codes a replay: a button and a key for each code, the events so far, and whether they are saved.
+ */
+
+import { isShortcut, openHolder } from "../../../input/key_dispatcher.js";
+import { write } from "../../../lib/dom.js";
+import { written } from "../timeline.js";
+import { createEditor, make } from "./editor.js";
+import { openOne, press, withEdits } from "./events.js";
+import { SaveQueue } from "./save_queue.js";
+
+/** @typedef {import("./events.js").Code} Code */
+/** @typedef {import("./events.js").CodedEvent} CodedEvent */
+
+const TYPED = "input:not([type=range], [type=checkbox]), textarea, select";
+
+/** crypto.randomUUID exists in secure contexts only. @returns {string} */
+const newId = () => {
+  const bytes = crypto.getRandomValues(new Uint8Array(16));
+  bytes[6] = (bytes[6] & 0x0f) | 0x40; // RFC 9562: version 4
+  bytes[8] = (bytes[8] & 0x3f) | 0x80;
+  const hex = Array.from(bytes, (byte) => byte.toString(16).padStart(2, "0")).join("");
+  return [hex.slice(0, 8), hex.slice(8, 12), hex.slice(12, 16), hex.slice(16, 20), hex.slice(20)].join("-");
+};
+
+export class CodingPanel {
+  /**
+   * @param {(id: string) => any} element @param {any} config @param {import("../../../lib/words.js").Words} words
+   * @param {{now: () => number, seek: (t: number) => void, duration: number}} player
+   */
+  constructor(element, config, words, player) {
+    Object.assign(this, { element, config, words, player });
+    /** @type {Code[]} */
+    this.codes = config.codes;
+    /** @type {CodedEvent[]} what the server has */
+    this.saved = config.saved;
+    this.isDone = config.isDone;
+    this.isShown = config.isShown;
+    this.selected = "";
+    this.csrf = element("coding").querySelector("[name=csrfmiddlewaretoken]").value;
+    this.tabs = "BroadcastChannel" in window ? new BroadcastChannel(config.kept) : null;
+    this.queue = new SaveQueue({
+      storage: storageOf(),
+      key: config.kept,
+      send: (edits) => this.#post(config.save, JSON.stringify({ edits }), "application/json"),
+      onState: (state) => this.#showState(state),
+      onAnswer: (answer, sent) => this.#takeAnswer(answer, sent),
+    });
+    this.buttons = new Map(this.codes.map((code) => [code.code, this.#button(code)]));
+    element("coding-codes").replaceChildren(...this.buttons.values());
+    this.#listen();
+    this.render();
+    this.queue.flush();
+  }
+
+  /** @returns {CodedEvent[]} */
+  get events() {
+    return withEdits(this.saved, this.queue.pending);
+  }
+
+  /** @param {import("./events.js").Edit[]} edits */
+  change(edits) {
+    if (edits.length && !this.isDone) {
+      this.#say("");
+      this.queue.add(edits);
+      this.render();
+    }
+  }
+
+  /** @param {Code} code */
+  press(code) {
+    if (this.isDone) {
+      return;
+    }
+    const { edits, problem } = press(this.events, this.codes, code, this.player.now(), newId);
+    this.change(edits);
+    this.#say(problem ? this.words.say(`coding.${problem}`, { code: code.name }) : "");
+    if (edits.length) {
+      this.#select(edits[edits.length - 1].event);
+    }
+  }
+
+  /** Which states are on at a moment. @param {number} t s */
+  mark(t) {
+    const on = new Set(this.shown?.filter(({ begin, end }) => begin <= t && (end === null || end > t)).map(({ code }) => code));
+    for (const code of this.codes.filter(({ kind }) => kind === "interval")) {
+      this.buttons.get(code.code)?.classList.toggle("coding__code--on", on.has(code.code));
+    }
+  }
+
+  render() {
+    const events = this.events;
+    this.shown = events;
+    for (const code of this.codes) {
+      const button = this.buttons.get(code.code);
+      button.disabled = this.isDone;
+      if (code.kind === "interval") {
+        button.setAttribute("aria-pressed", String(Boolean(openOne(events, code.code))));
+      }
+    }
+    this.#renderList(events);
+    this.#renderDone();
+    this.mark(this.player.now());
+  }
+
+  /** What is being typed stays: the list is made anew only when the events changed. @param {CodedEvent[]} events */
+  #renderList(events) {
+    const text = JSON.stringify([events, this.selected, this.isDone]);
+    if (text === this.drawn) {
+      return;
+    }
+    this.drawn = text;
+    const list = this.element("coding-events");
+    const focus = list.contains(document.activeElement) ? document.activeElement?.getAttribute("aria-label") : null;
+    list.replaceChildren(...events.map((event) => this.#row(event)));
+    if (focus) {
+      list.querySelector(`[aria-label="${CSS.escape(focus)}"]`)?.focus();
+    }
+    write(this.element("coding-count"), String(events.length));
+  }
+
+  #renderDone() {
+    const { element, words } = this;
+    element("coding").dataset.done = String(this.isDone);
+    write(element("coding-done"), words.say(this.isDone ? "coding.reopen" : "coding.finish"));
+    element("coding-done").hidden = this.isDone && this.isShown;
+    write(element("coding-status"), words.say(this.isDone ? (this.isShown ? "coding.is_shown" : "coding.is_done") : "coding.own"));
+  }
+
+  /** @param {Code} code */
+  #button(code) {
+    const button = make("button", "coding__code");
+    button.type = "button";
+    button.title = code.description;
+    button.append(make("span", "coding__name", code.name));
+    if (code.key) {
+      button.append(make("kbd", "coding__key", code.key));
+      button.setAttribute("aria-keyshortcuts", code.key);
+    }
+    button.addEventListener("click", () => this.press(code));
+    return button;
+  }
+
+  /** @param {CodedEvent} event */
+  #row(event) {
+    const { words } = this;
+    const code = this.codes.find((one) => one.code === event.code);
+    const row = make("li", "coding__event");
+    const isPoint = code?.kind === "point";
+    const end = event.end === null ? (isPoint ? "" : ` – ${words.say("coding.open")}`) : ` – ${written(event.end, true)}`;
+    const more = [...Object.values(event.modifiers), event.comment].filter(Boolean).join(" · ");
+    const button = make("button", "coding__row");
+    button.type = "button";
+    button.setAttribute("aria-expanded", String(event.event === this.selected));
+    button.append(make("span", "coding__when numbers", `${written(event.begin, true)}${end}`), make("span", "coding__what", code?.name ?? event.code));
+    if (more) {
+      button.append(make("span", "coding__more", more));
+    }
+    button.addEventListener("click", () => {
+      this.#select(event.event === this.selected ? "" : event.event);
+      this.player.seek(event.begin);
+    });
+    row.append(button);
+    if (event.event === this.selected && code && !this.isDone) {
+      const { now, seek, duration } = this.player;
+      const change = (/** @type {any} */ edits) => this.change(edits);
+      row.append(createEditor(event, code, words, { now, seek, duration, newId, change, say: (/** @type {string} */ text) => this.#say(text) }));
+    }
+    return row;
+  }
+
+  /** @param {string} event */
+  #select(event) {
+    this.selected = event;
+    this.#renderList(this.events);
+    this.element("coding-events").querySelector("[aria-expanded=true]")?.scrollIntoView({ block: "nearest" });
+  }
+
+  #listen() {
+    const { element, queue } = this;
+    element("coding-done").addEventListener("click", () => this.#finish());
+    addEventListener("online", () => queue.flush());
+    document.addEventListener("visibilitychange", () => document.visibilityState === "visible" && this.#reload());
+    this.tabs?.addEventListener("message", () => this.#reload());
+    document.addEventListener("keydown", (event) => {
+      const target = /** @type {Element} */ (event.target);
+      if (event.repeat || isShortcut(event) || openHolder(document) || target.closest(TYPED)) {
+        return;
+      }
+      const code = this.codes.find(({ key }) => key && key.toLowerCase() === event.key.toLowerCase());
+      if (code) {
+        event.preventDefault();
+        this.press(code);
+      }
+    });
+  }
+
+  async #finish() {
+    if (!(await this.queue.settled())) {
+      this.#say(this.words.say("coding.unsaved"));
+      return;
+    }
+    const body = new URLSearchParams(this.isDone ? { again: "1" } : {});
+    const { status, body: answer } = await this.#post(this.config.done, body, "application/x-www-form-urlencoded").catch(() => ({ status: 0, body: null }));
+    if (status === 200 || status === 409) {
+      this.#takeAnswer(answer, []);
+    } else {
+      this.#say(this.words.say("coding.no_answer"));
+    }
+  }
+
+  /** @param {any} answer @param {import("./events.js").Edit[]} sent */
+  #takeAnswer(answer, sent) {
+    if (Array.isArray(answer?.saved)) {
+      this.saved = answer.saved;
+      this.isDone = answer.isDone;
+      this.isShown = answer.isShown;
+    }
+    const refused = Object.values(answer?.refused ?? {});
+    if (answer?.problem || refused.length) {
+      this.#say([answer.problem, ...refused].filter(Boolean).join(" "));
+    } else if (answer?.conflicts?.length) {
+      this.#say(this.words.say("coding.conflict"));
+    }
+    this.render();
+    if (sent.length) {
+      this.tabs?.postMessage("saved");
+    }
+  }
+
+  /** What another tab has saved. */
+  async #reload() {
+    const answer = await fetch(this.config.events, { credentials: "same-origin" }).catch(() => null);
+    if (answer?.ok) {
+      this.#takeAnswer(await answer.json(), []);
+    }
+    this.queue.flush();
+  }
+
+  /** @param {string} url @param {BodyInit} body @param {string} type */
+  async #post(url, body, type) {
+    const headers = { "X-CSRFToken": this.csrf, "Content-Type": type, Accept: "application/json" };
+    const answer = await fetch(url, { method: "POST", body, headers, credentials: "same-origin", redirect: "manual" });
+    const status = answer.type === "opaqueredirect" ? 302 : answer.status;
+    return { status, body: await answer.json().catch(() => null) };
+  }
+
+  /** @param {import("./save_queue.js").SaveState} state */
+  #showState(state) {
+    const box = this.element("coding-saved");
+    box.dataset.state = state;
+    write(box, this.words.say(`coding.state.${state}`));
+  }
+
+  /** @param {string} text */
+  #say(text) {
+    const box = this.element("coding-message");
+    write(box, text);
+    box.hidden = !text;
+  }
+}
+
+/** Storage may be forbidden. @returns {Storage | null} */
+const storageOf = () => {
+  try {
+    return localStorage;
+  } catch (error) {
+    if (error instanceof DOMException) {
+      return null;
+    }
+    throw error;
+  }
+};
