@@ -2,7 +2,7 @@ from django.db import migrations, models
 
 
 class Migration(migrations.Migration):
-    dependencies = [("experiments", "0009_entry_without_account")]
+    dependencies = [("experiments", "0010_study_deviations")]
 
     operations = [
         migrations.AddField(

@@ -9,7 +9,7 @@ from django.db import migrations, models
 class Migration(migrations.Migration):
 
     dependencies = [
-        ('experiments', '0009_entry_without_account'),
+        ("experiments", "0012_wizard_role"),
         ('telepresence_sessions', '0009_verbose_names'),
         migrations.swappable_dependency(settings.AUTH_USER_MODEL),
     ]

@@ -6,7 +6,7 @@ from django.db import migrations, models
 class Migration(migrations.Migration):
 
     dependencies = [
-        ('experiments', '0009_entry_without_account'),
+        ("experiments", "0011_study_publication"),
     ]
 
     operations = [
