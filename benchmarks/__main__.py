@@ -14,6 +14,7 @@ BENCHMARKS = (
     "relay",
     "states",
     "load",
+    "idle",
     "crashes",
     "floods",
     "page",

@@ -1,6 +1,6 @@
 """Who may drive, watch and operate a robot. Being offline or busy is another question."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -169,5 +169,22 @@ def _is_known(user: Any) -> bool:
     return bool(user is not None and user.is_authenticated and user.is_active)
 
 
+def know_permits(user: Any, robots: Iterable[Robot]) -> None:
+    """Read the permits of a user for many robots in one query, for all that asks about these
+    objects afterwards.
+    """
+    asked = list(robots)
+    if not _is_known(user) or all(robot.access == Robot.Access.OPEN for robot in asked):
+        return
+    found: dict[Any, set[str]] = {}
+    rows = RobotPermit.objects.filter(user=user, robot__in=asked)
+    for robot, kind in rows.values_list("robot_id", "kind"):
+        found.setdefault(robot, set()).add(kind)
+    for robot in asked:
+        robot.known_permits = (user.pk, frozenset(found.get(robot.pk, ())))
+
+
 def _has_permit(user: Any, robot: Robot, kind: str) -> bool:
+    if robot.known_permits is not None and robot.known_permits[0] == user.pk:
+        return kind in robot.known_permits[1]
     return RobotPermit.objects.filter(robot=robot, user=user, kind=kind).exists()

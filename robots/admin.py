@@ -211,7 +211,8 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
     def get_queryset(self, request: HttpRequest) -> "QuerySet[Robot]":
         """Leave out practice robots, which come and go by themselves."""
         rows: QuerySet[Robot] = super().get_queryset(request)
-        return rows.filter(practice=False)
+        # a page of the list would read a hundred maps
+        return rows.filter(practice=False).defer("floor_plan__image")
 
     def managed(self, request: HttpRequest, pk: Any) -> Robot:
         """Return a robot for a page that changes it.

@@ -14,10 +14,10 @@ from django.utils.translation import get_language
 from django.utils.translation import gettext_lazy as _
 
 from robots.api import floorplan
+from robots.api.idle import HEARD_SECONDS
 from robots.api.messages import FloorPlanUpdate
 from robots.api.topics import RESERVED_NAMES, ROBOT_NAME
 
-ONLINE_SECONDS = 15.0
 TITLE_LENGTH = 80
 LANGUAGE = re.compile(r"[a-z]{2,3}(-[a-z0-9]{2,8})*")
 
@@ -303,6 +303,9 @@ class Robot(models.Model):
     factsheet = models.JSONField(_("factsheet"), null=True, blank=True, editable=False)
     report = models.JSONField(_("last state"), null=True, blank=True, editable=False)
 
+    # a user's key and permits here, of a robot that robots.access.know_permits has looked at
+    known_permits: tuple[Any, frozenset[str]] | None = None
+
     class Meta:
         verbose_name = _("robot")
         verbose_name_plural = _("robots")
@@ -345,10 +348,12 @@ class Robot(models.Model):
         return self.returns_home and "dock" in (self.factsheet or {}).get("capabilities", ())
 
     def is_online(self, now: datetime.datetime) -> bool:
-        """Tell whether the robot is connected and was heard from within the last seconds."""
+        """Tell whether the robot is connected and was heard from: an idle one is silent for half a
+        minute (robots/api/idle.py).
+        """
         heard = (
             self.last_seen_at is not None
-            and (now - self.last_seen_at).total_seconds() < ONLINE_SECONDS
+            and (now - self.last_seen_at).total_seconds() < HEARD_SECONDS
         )
         return self.enabled and self.connection == "ONLINE" and heard
 

@@ -116,6 +116,7 @@ class PresenceWriter:
         self._write_seconds = write_seconds
         self._known: dict[str, _KnownRobot] = {}
         self._unknown: dict[str, float] = {}
+        self._unwritten: set[str] = set()
 
     def take(
         self, name: str, message: Message, now: datetime.datetime, *, retained: bool = False
@@ -137,8 +138,27 @@ class PresenceWriter:
             or (known.waiting and now.timestamp() - known.written >= self._write_seconds)
         ):
             self._write(name, known, now.timestamp())
+        elif known.waiting:
+            self._unwritten.add(name)
         state = known.robot.connection
         return PresenceChange(known.robot, state == "ONLINE", state) if state != was else None
+
+    def forget(self, names: set[str]) -> None:
+        """Read these robots' rows again before anything more is taken: what was last taken is not
+        stored.
+        """
+        for name in names:
+            self._known.pop(name, None)
+            self._unwritten.discard(name)
+
+    def flush(self, now: datetime.datetime) -> None:
+        """Write the states that have waited for long enough; the robot's next one may be far."""
+        for name in list(self._unwritten):
+            known = self._known.get(name)
+            if known is None or not known.waiting:
+                self._unwritten.discard(name)
+            elif now.timestamp() - known.written >= self._write_seconds:
+                self._write(name, known, now.timestamp())
 
     def _find(self, name: str, now: float) -> _KnownRobot | None:
         if name in self._known:
@@ -156,3 +176,4 @@ class PresenceWriter:
         if not Robot.objects.filter(pk=known.robot.pk).update(**known.waiting):
             del self._known[name]  # deleted, perhaps made anew under the same name
         known.waiting, known.written = {}, now
+        self._unwritten.discard(name)

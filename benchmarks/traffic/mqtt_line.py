@@ -38,8 +38,13 @@ class MqttLine(asyncio.Protocol):
     """One connection of one client."""
 
     def __init__(
-        self, owner: PacketListener, hello: bytes, filters: Iterable[tuple[str, int]]
+        self,
+        owner: PacketListener,
+        hello: bytes,
+        filters: Iterable[tuple[str, int]],
+        keep_alive: int = KEEP_ALIVE,
     ) -> None:
+        self._ping_every = keep_alive / 2
         self._owner, self._hello, self._filters = owner, hello, tuple(filters)
         self._buffer = b""
         self._pinging: asyncio.TimerHandle | None = None
@@ -113,7 +118,7 @@ class MqttLine(asyncio.Protocol):
 
     def _ping(self) -> None:
         self._transport.write(PING)
-        self._pinging = asyncio.get_running_loop().call_later(KEEP_ALIVE / 2, self._ping)
+        self._pinging = asyncio.get_running_loop().call_later(self._ping_every, self._ping)
 
 
 def _end(data: bytes, at: int) -> tuple[int, int] | None:
@@ -127,8 +132,14 @@ def _end(data: bytes, at: int) -> tuple[int, int] | None:
     return None
 
 
-def hello(client_id: str, user: str, password: str, will: PublishPacket | None = None) -> bytes:
-    """Return a CONNECT of a client that keeps nothing at the broker."""
+def hello(
+    client_id: str,
+    user: str,
+    password: str,
+    will: PublishPacket | None = None,
+    keep_alive: int = KEEP_ALIVE,
+) -> bytes:
+    """Return a CONNECT of a client that keeps nothing at the broker; `keep_alive` in seconds."""
     flags = USER | PASSWORD | CLEAN
     parts = [client_id.encode()]
     if will is not None:
@@ -138,7 +149,7 @@ def hello(client_id: str, user: str, password: str, will: PublishPacket | None =
     body = (
         _text(b"MQTT")
         + bytes([packets.LEVEL, flags])
-        + KEEP_ALIVE.to_bytes(2, "big")
+        + keep_alive.to_bytes(2, "big")
         + b"".join(_text(part) for part in parts)
     )
     return packets.framed(packets.CONNECT << 4, body)

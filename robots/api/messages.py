@@ -627,6 +627,10 @@ class VelocityCommand(Message, frozen=True, kw_only=True):
 class CommandHeartbeat(Message, frozen=True, kw_only=True):
     """`command/heartbeat`: the visitor's page (or the server) is connected. The server sets `peer`,
     which is ignored on the data channel.
+
+    Unless `needed` is false, it keeps the robot from being idle: false is for a server that only
+    compares clocks with a robot that others keep awake. A robot need not echo the peer `watcher`,
+    by which web processes say that a page is open at it.
     """
 
     n: Count
@@ -634,6 +638,7 @@ class CommandHeartbeat(Message, frozen=True, kw_only=True):
     peer: Id = "page"
     echo: Echo | None = None
     frame_age: Seconds | None = None
+    needed: bool = True
 
 
 class PointCommand(Message, frozen=True, kw_only=True):

@@ -171,7 +171,8 @@ then.
 
 ### Reports
 
-- Publish `state` four times a second, and at once for a stop. `seq` grows by one with each and
+- Publish `state` four times a second, unless the robot is [idle](#idle-robots), and at once for a
+  stop. `seq` grows by one with each and
   begins at 1 with each `boot`. Every velocity that reached the base is in `applied` of exactly one
   state.
 - Lose nothing of the record while the broker is unavailable: keep states and events, and send them
@@ -182,6 +183,37 @@ then.
   lease ends.
 - Leave out what the robot does not know; never guess. A robot that reports nothing for 1 s, or
   invalid values, is lost: report `adapter_lost` in `errors` with the reason, and as an event.
+
+### Idle robots
+
+A robot that nobody needs may be idle. This is optional: an agent that always sends at its full rate
+works with every server. Somebody needs the robot
+
+- while it has a lease (one from the broker's store counts), while a page is connected to it, and
+  while it moves or an action drives it;
+- for 5 s after each of these, after its own start, and after a message that did not come from the
+  broker's store: `lease`, `command/velocity`, `command/action`, `command/picture`, and
+  `command/heartbeat` unless its `needed` is false.
+
+When the robot is idle, the broker gets no `heartbeat`, `pose`, `scan` and `path` from it, and a
+`state`
+
+- 30 s after the last one, and after each connect;
+- at most 0.25 s after a change of `session`, `docked`, `chargerContact`, `mode`, `assist`,
+  `safety`, `errors`, `viewers`, `call`, `screens`, `knockable`, `knock`, `cameraStatus`,
+  `pose.localized` or `battery.charging`, after a contact, and when since the last state `charge`
+  has changed by 0.02, `tilt` by 0.03 rad, or the pose by 0.25 m or 15°.
+
+When somebody needs it again, it sends a `state` and a `heartbeat` at once and continues at its full
+rate. `seq` has no gap. A server sends `command/heartbeat` at least once a second for every page
+that is open at the robot, with the peer `watcher`, and twice a second while the robot has a
+session, a queue or is not ready for its next visitor. A server counts a robot as away after its
+last will, or after 45 s without a word. Older servers send a heartbeat twice a second to every
+robot, so a robot of theirs is never idle.
+
+After a lost connection, a robot that nobody needs waits for a random time of up to 10 s before it
+connects again, then of up to 20 s before each further attempt. A robot that somebody needs, or has
+needed within two minutes, connects again at once, then after at most 1 s.
 
 ### Start, end and a second agent
 

@@ -1,6 +1,9 @@
 """The web process's one connection to the broker, and the fan-out of what arrives to whoever
 listens.
 
+A robot that nobody needs is nearly silent (robots/api/idle.py). While a page is open at one, this
+process tells it so, once a second and at once for the first page.
+
 Everything runs on the loop that first asked for `current()`; daphne tells nobody when it starts, so
 the first page does. A robot's topics are subscribed while somebody in this process listens to that
 robot: a message costs about a quarter of a millisecond of CPU whether or not anybody wants it, and
@@ -32,7 +35,8 @@ from prometheus_client import Histogram
 
 from robots.api import codec, topics
 from robots.api.errors import Rejection
-from robots.api.messages import Action, Lease, Message
+from robots.api.idle import WATCHER
+from robots.api.messages import Action, CommandHeartbeat, Lease, Message
 from robots.bridge import broker_address
 from robots.bridge.delivery import LINK, Delivery, Listener, ReceivedMessage
 from robots.bridge.inbox import Inbox
@@ -167,6 +171,7 @@ class Bridge:
             if self._client is not None and self._delivery.watch.wants_probe(now):
                 self._launch(functools.partial(self._probe, self._client))
             self._delivery.bring_faults(now)
+            self._beat()
 
     async def _probe(self, client: aiomqtt.Client) -> None:
         await client.publish(topics.PROBE, b"", qos=1)
@@ -212,6 +217,8 @@ class Bridge:
         for (robot, suffix), payload in self._retained.items():
             self._fly(topics.of(robot, suffix), payload, qos=1, retain=True)
         self._send_reports()
+        self._delivery.beat_again()
+        self._beat()
         self._delivery.bring_everybody(ReceivedMessage(LINK, True))
 
     def _depart(self) -> None:
@@ -244,13 +251,26 @@ class Bridge:
 
     # --- listening --------------------------------------------------------------------------------
 
-    def listen(self, robot: str, listener: Listener) -> KnownRobot:
+    def listen(self, robot: str, listener: Listener, *, needs: bool = True) -> KnownRobot:
         """Have a robot's messages brought to a listener; returns what is known of it, which goes on
-        being updated.
+        being updated. For one that `needs` the robot, it speaks at its full rate.
         """
-        if self._delivery.listen(robot, listener) and self._client is not None:
+        first = self._delivery.listen(robot, listener, time.monotonic(), needs=needs)
+        if first and self._client is not None:
             self._launch(functools.partial(self._client.subscribe, list(_filters(robot))))
+        self._beat()
         return self._delivery.known[robot]
+
+    def _beat(self) -> None:
+        """Tell robots that are needed so, when it is due."""
+        if not self.connected:
+            return
+        for robot, count in self._delivery.beats_due(time.monotonic()):
+            self.send(
+                robot,
+                "command/heartbeat",
+                CommandHeartbeat(n=count, stamp=time.time(), peer=WATCHER),
+            )
 
     def ignore(self, robot: str, listener: Listener) -> None:
         """Stop bringing a robot's messages to a listener; the last one out ends

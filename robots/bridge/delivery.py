@@ -2,6 +2,7 @@
 clock of its own.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
@@ -9,6 +10,7 @@ import msgspec
 
 from robots.api import codec, picture, topics
 from robots.api.errors import Rejection
+from robots.api.idle import INTEREST_PERIOD_SECONDS
 from robots.api.messages import Lease, ManagerStatus
 from robots.bridge.known import KnownRobot
 from robots.bridge.server_watch import ServerWatch
@@ -55,15 +57,23 @@ class Delivery:
         self._told: dict[str, tuple[tuple[str, ...], float]] = {}
         self._listeners: dict[str, set[Listener]] = {}
         self._followers: dict[str, set[Listener]] = {}
+        self._needed_by: dict[str, set[Listener]] = {}
+        # robot: how often it was told that it is needed, and when
+        self._beats: dict[str, tuple[int, float]] = {}
 
     @property
     def robots(self) -> tuple[str, ...]:
         """Robots that somebody listens to."""
         return tuple(self._listeners)
 
-    def listen(self, robot: str, listener: Listener) -> bool:
-        """Add a listener; True for the first one of this robot."""
-        self.known.setdefault(robot, KnownRobot(robot))
+    def listen(self, robot: str, listener: Listener, now: float, *, needs: bool = True) -> bool:
+        """Add a listener; True for the first one of this robot. One that `needs` the robot has it
+        asked to speak at its full rate; `now` is monotonic seconds.
+        """
+        known = self.known.setdefault(robot, KnownRobot(robot))
+        if needs:
+            known.needed_since = min(known.needed_since, now)
+            self._needed_by.setdefault(robot, set()).add(listener)
         first = robot not in self._listeners
         self._listeners.setdefault(robot, set()).add(listener)
         return first
@@ -76,12 +86,37 @@ class Delivery:
         if listeners is None:
             return False
         listeners.discard(listener)
+        self._need_no_more(robot, listener)
         if listeners:
             return False
         del self._listeners[robot]
         self.known.pop(robot, None)
         self._told.pop(robot, None)
         return True
+
+    def _need_no_more(self, robot: str, listener: Listener) -> None:
+        needed_by = self._needed_by.get(robot, set())
+        needed_by.discard(listener)
+        if not needed_by:
+            self._needed_by.pop(robot, None)
+            self._beats.pop(robot, None)
+            self.known[robot].needed_since = math.inf
+
+    def beats_due(self, now: float) -> list[tuple[str, int]]:
+        """Return the robots that are to be told now that somebody needs them, and how often each
+        was told before, counting them as told.
+        """
+        due = []
+        for robot in self._needed_by:
+            count, at = self._beats.get(robot, (0, -math.inf))
+            if now - at >= INTEREST_PERIOD_SECONDS:
+                self._beats[robot] = count + 1, now
+                due.append((robot, count))
+        return due
+
+    def beat_again(self) -> None:
+        """Have every robot that is needed told so at once: the broker is new."""
+        self._beats.clear()
 
     def follow(self, session: str, listener: Listener) -> None:
         """Bring the notices of a session to a listener."""

@@ -4,6 +4,7 @@ seconds.
 Presence and permission are answered from here, so that no message waits for the database.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +18,8 @@ class KnownRobot:
     `online_boot` is the boot of the last ONLINE. `lease` is the newest one, None when nobody
     drives, heard at `renewed_at`; `epoch`, `renewal` and `stamp` are the newest seen and outlive
     it, so that a late copy of an older lease does not come back. `last_received_at` is when the
-    robot itself last said anything.
+    robot itself last said anything, `needed_since` when this process began to ask for its full
+    rate; before that its silence means nothing.
     """
 
     name: str
@@ -31,6 +33,7 @@ class KnownRobot:
     stamp: float = -1.0
     renewed_at: float = -1e18
     last_received_at: float = -1e18
+    needed_since: float = math.inf
 
     @property
     def online(self) -> bool | None:
@@ -38,8 +41,8 @@ class KnownRobot:
         return None if self.connection is None else self.connection.state == "ONLINE"
 
     def is_silent(self, now: float, seconds: float) -> bool:
-        """Tell whether a robot that is connected has said nothing for so long."""
-        return bool(self.online) and now - self.last_received_at >= seconds
+        """Tell whether a robot that is connected and needed has said nothing for so long."""
+        return bool(self.online) and now - max(self.last_received_at, self.needed_since) >= seconds
 
     def take(self, suffix: str, message: Any, now: float) -> bool:
         """Note what the robot or a server said; False when it was out of date and must not be

@@ -59,7 +59,8 @@ class ScreenConsumer(DirectConsumer):
     def _register(self, robot: Robot) -> None:
         self.title, self.titles = robot.title or robot.name, robot.titles
         self.bridge = bridge.current()
-        self.known = self.bridge.listen(self.name, self)
+        # a display is always there: it asks no idle robot to speak more
+        self.known = self.bridge.listen(self.name, self, needs=False)
         self.authorization = ScreenAuthorization(
             secrets.token_urlsafe(12), self.title, ice_servers(self.name, time.time())
         )

@@ -9,6 +9,7 @@ copy) and is replaced at the beginning.
 """
 
 import asyncio
+import datetime
 import itertools
 import secrets
 import time
@@ -19,12 +20,13 @@ from typing import Protocol
 
 import aiomqtt
 import structlog
+from django.db import DatabaseError, InterfaceError, transaction
 from django.utils import timezone
 
 from robots.api import codec, messages, topics
 from robots.bridge import broker_address
 from robots.cancellation import until_one_ends
-from robots.presence import PresenceWriter
+from robots.presence import PresenceChange, PresenceWriter
 from sessions import signals, system_log
 from sessions.leases.transitions import RobotLink
 from sessions.manager import notices
@@ -33,7 +35,8 @@ from sessions.manager.desired_state import DesiredState
 from sessions.manager.disk_watch import DiskWatch
 from sessions.manager.dispatch import send_all
 from sessions.manager.health import Fault, ManagerHealth
-from sessions.manager.ingest import Intake, filters
+from sessions.manager.ingest import Intake, PresenceNews, filters
+from sessions.manager.needed_robots import needed_robots
 from sessions.manager.return_to_dock import ReturnToDock
 from sessions.manager.robot_liveness import PEER
 from sessions.manager.scheduler import ManagerMessage, Scheduler, notice_message, send
@@ -88,6 +91,7 @@ class BrokerConnection:
         self._since = clock()
         self._desired_state = DesiredState()
         self._asking: set[asyncio.Task[None]] = set()
+        self._needed: frozenset[str] = frozenset()
 
     async def begin(self) -> None:
         """Subscribe, and have every lease published anew."""
@@ -129,34 +133,65 @@ class BrokerConnection:
     def _tick(self) -> list[CloseItem]:
         """In the scheduler's thread: first who is there, then what time does."""
         now, work = timezone.now(), self._work
-        for news in work.ingest.presence_news():
-            change = work.presence.take(news.robot, news.message, now, retained=news.retained)
-            if change is not None:
-                system_log.log(
-                    "robot_online" if change.online else "robot_offline",
-                    robot=change.robot,
-                    at=now,
-                    state=change.state,
-                )
-                send(signals.presence_changed, robot=change.robot, online=change.online, at=now)
+        self._needed = needed_robots()
+        self._take_presence(now)
         send(signals.ticked, now=now)
         work.scheduler.outbox.extend(map(notice_message, notices.drain()))
         robots = dict(work.ingest.last_received)
-        links = {name: robot.link(self._since, work.ingest.signs) for name, robot in robots.items()}
+        links = {
+            name: robots[name].link(self._since, work.ingest.signs)
+            for name in self._needed & robots.keys()
+        }
         closing = work.scheduler.tick(links, RobotLink(since=self._since), now)
         work.scheduler.outbox.extend(self._desired_state.tick(now))
         work.scheduler.outbox.extend(work.return_to_dock.tick(robots, now))
         return closing
 
+    def _take_presence(self, now: datetime.datetime) -> None:
+        """Store what robots have said of themselves; what the database did not take comes again,
+        for the next state of an idle robot is half a minute away.
+        """
+        news = self._work.ingest.presence_news()
+        for first in range(0, len(news), TOGETHER):
+            try:
+                with transaction.atomic():  # thousands come back at once after a broker's restart
+                    self._take_some(news[first : first + TOGETHER], now)
+            except (DatabaseError, InterfaceError):
+                self._work.presence.forget({one.robot for one in news[first:]})
+                self._work.ingest.repeat_news(news[first:])
+                raise
+        self._work.presence.flush(now)
+
+    def _take_some(self, news: list[PresenceNews], now: datetime.datetime) -> None:
+        for one in news:
+            change = self._work.presence.take(one.robot, one.message, now, retained=one.retained)
+            if change is not None:
+                self._presence_changed(change, now)
+
+    @staticmethod
+    def _presence_changed(change: PresenceChange, now: datetime.datetime) -> None:
+        system_log.log(
+            "robot_online" if change.online else "robot_offline",
+            robot=change.robot,
+            at=now,
+            state=change.state,
+        )
+        send(signals.presence_changed, robot=change.robot, online=change.online, at=now)
+
     # --- what goes out regularly ------------------------------------------------------------------
 
     async def _heartbeat_for_ever(self) -> None:
+        """Beat for robots that are needed, and for others only to know the clock of one that
+        somebody else keeps awake.
+        """
         while True:
+            needed = self._needed
             for robot, liveness in list(self._work.ingest.last_received.items()):
-                if liveness.is_present(self._clock()):
+                now = self._clock()
+                if liveness.is_awake(now) or (robot in needed and liveness.is_present(now)):
                     liveness.beats += 1
                     message = messages.CommandHeartbeat(
-                        n=liveness.beats, stamp=self._clock(), peer=PEER
+                        n=liveness.beats, stamp=now, peer=PEER, needed=robot in needed
                     )
                     await self._client.publish(
                         topics.of(robot, "command/heartbeat"), codec.encode(message)

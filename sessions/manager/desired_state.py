@@ -23,6 +23,8 @@ from sessions.leases.terms import FREE, Terms
 from sessions.manager.scheduler import ManagerMessage
 from sessions.models import Lease, Session
 
+READ = ("id", "name", "assist", "doors", "floor_plan_id", "calls")
+
 
 @dataclass
 class _Published:
@@ -31,6 +33,8 @@ class _Published:
     doors: set[str] = field(default_factory=set)
     config: Config | None = None
     floor_plan: str = ""
+    # the robot's row and its plan when they were looked at last while nobody had the robot
+    seen: object = None
 
 
 class DesiredState:
@@ -38,6 +42,7 @@ class DesiredState:
 
     def __init__(self) -> None:
         self._published: dict[str, _Published] = {}
+        self._driven: set[Any] | None = None  # robots that had a session, when this began
 
     def tick(self, now: datetime.datetime) -> list[ManagerMessage]:
         """Return what has changed since the last look; everything at the first one."""
@@ -49,13 +54,17 @@ class DesiredState:
             for lease in Lease.objects.filter(session__state__in=LIVE).select_related("session")
             if lease.session
         }
-        for robot in Robot.objects.only("name", "assist", "doors", "floor_plan", "calls"):
-            published = self._published.get(robot.name)
-            if published is None:
-                published = self._published[robot.name] = _Published(_doors_before(robot))
+        updates: dict[Any, bytes] = {}
+        for row in Robot.objects.order_by().values(*READ):
+            robot = Robot(**row)
+            published = self._published.get(robot.name) or self._begin(robot)
             session = held.get(robot.pk)
-            fixed = terms.of(session) if session is not None else FREE
             content, plan = maps.get(robot.floor_plan_id, ("", {}))
+            seen = (row, content) if session is None else None
+            if seen is not None and published.seen == seen:
+                continue
+            published.seen = seen
+            fixed = terms.of(session) if session is not None else FREE
             config = _config(
                 robot, session, fixed, _untouched(published.doors | set(fixed.doors), plan)
             )
@@ -67,9 +76,23 @@ class DesiredState:
                 )
             if content and published.floor_plan != content:
                 published.floor_plan = content
-                update = FloorPlan.objects.get(pk=robot.floor_plan_id).as_message()
-                outbound_messages.append(_retained(robot.name, "floorplan", codec.encode(update)))
+                key = robot.floor_plan_id
+                updates[key] = updates.get(key) or _update(key)
+                outbound_messages.append(_retained(robot.name, "floorplan", updates[key]))
         return outbound_messages
+
+    def _begin(self, robot: Robot) -> _Published:
+        """Return what a robot was told before this session manager began, as far as it matters."""
+        if self._driven is None:
+            granted = Session.objects.filter(granted_at__isnull=False).order_by()
+            self._driven = set(granted.values_list("robot_id", flat=True).distinct())
+        doors = _doors_before(robot) if robot.pk in self._driven else set()
+        published = self._published[robot.name] = _Published(doors)
+        return published
+
+
+def _update(plan: Any) -> bytes:
+    return codec.encode(FloorPlan.objects.get(pk=plan).as_message())
 
 
 def _doors_before(robot: Robot) -> set[str]:

@@ -74,6 +74,7 @@ class Intake:
         self._wake_signals = wake_signals
         self._wake_scheduler = wake_scheduler
         self._presence: deque[PresenceNews] = deque()
+        self._stated: set[str] = set()  # robots with a state that presence_news has not returned
         self._fresh: deque[Fresh] = deque(maxlen=MAX_UNSENT)
         self.last_received: dict[str, RobotLiveness] = {}
         self.signs: dict[str, float] = {}  # session: when its page last gave a sign
@@ -158,6 +159,7 @@ class Intake:
             late=not last_received.take(state, now),
         )
         self._recorder.put(item)
+        self._stated.add(robot)
         if state.session is not None:
             self._freshen(item)
 
@@ -184,14 +186,17 @@ class Intake:
         self._wake_signals()
 
     def presence_news(self) -> list[PresenceNews]:
-        """Return what came since the last call, and the newest state of every robot that speaks."""
+        """Return what came since the last call: connections and factsheets, and of each robot that
+        has sent states the newest.
+        """
         news = [self._presence.popleft() for _ in range(len(self._presence))]
-        now = self._clock()
-        return news + [
-            PresenceNews(robot, last_received.state)
-            for robot, last_received in list(self.last_received.items())
-            if last_received.state and last_received.is_present(now)
-        ]
+        stated, self._stated = self._stated, set()
+        found = ((robot, self.last_received[robot].state) for robot in stated)
+        return news + [PresenceNews(robot, state) for robot, state in found if state is not None]
+
+    def repeat_news(self, news: list[PresenceNews]) -> None:
+        """Have news returned again by the next call: they could not be stored."""
+        self._presence.extendleft(reversed(news))
 
     def fresh(self) -> list["Fresh"]:
         """Return what came of sessions since the last call: states in order of seq but for late

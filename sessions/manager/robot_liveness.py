@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
+from robots.api.idle import HEARD_SECONDS
 from robots.api.messages import ActionStatus, Connection, Heartbeat, State
 from sessions.leases.transitions import RobotLink
 from sessions.manager.clock_offset import ClockOffset
 
 PEER = "server"
-PRESENT_SECONDS = 15.0
+AWAKE_SECONDS = 2.0  # an idle robot sends no heartbeats, any other five a second
 ANSWERS_KEPT = 50
 ECHO_SECONDS = 5.0
 # seconds: twice the age at which a robot refuses a command, so whoever drives it over the broker
@@ -33,6 +34,7 @@ class RobotLiveness:
     moved: tuple[str, int] | None = None
     active_at: float | None = None
     page: tuple[str, int] | None = None  # session and epoch of the page that drives, or drove last
+    beat_at: float = 0.0
     offset: ClockOffset = field(default_factory=lambda: ClockOffset(PEER))
     beats: int = 0
     answers: dict[str, ActionStatus] = field(default_factory=dict)
@@ -45,7 +47,7 @@ class RobotLiveness:
 
     def heartbeat(self, message: Heartbeat, now: float) -> None:
         """Note a beat."""
-        self.last_received_at = now
+        self.last_received_at = self.beat_at = now
         self.offset.on_heartbeat(message, now)
 
     def answer(self, status: ActionStatus) -> None:
@@ -89,8 +91,12 @@ class RobotLiveness:
             self.boot, self.seq, self.offset = boot, -1, ClockOffset(PEER)
 
     def is_present(self, now: float) -> bool:
-        """Tell whether the robot was heard of within the last seconds."""
-        return now - self.last_received_at < PRESENT_SECONDS
+        """Tell whether the robot was heard of lately; an idle one is silent for half a minute."""
+        return now - self.last_received_at < HEARD_SECONDS
+
+    def is_awake(self, now: float) -> bool:
+        """Tell whether the robot speaks at its full rate."""
+        return now - self.beat_at < AWAKE_SECONDS
 
     def is_prompt(self, now: float) -> bool:
         """Tell whether the robot answers our beats, and at the best of the last ones soon enough to

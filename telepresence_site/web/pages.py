@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from django.conf import settings
+from django.db.models import Case, IntegerField, Q, QuerySet, When
 from django.http import HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import render
 from django.templatetags.static import static
@@ -21,7 +22,8 @@ from django.views.decorators.http import require_safe
 from accounts.attempts import Attempts
 from accounts.rate_limits import limited
 from experiments.participation.landing import invitations
-from robots.access import may_drive, robots_visible_to
+from robots.access import know_permits, may_drive, robots_visible_to
+from robots.api.idle import HEARD_SECONDS
 from robots.cards import STATES, RobotCard, Traffic, card
 from robots.models import Robot
 from sessions.leases.policy import ActiveSession, Hold, Scene, minutes_until_turn, place_in_queue
@@ -29,6 +31,8 @@ from sessions.leases.store import rules_of, session_of
 from sessions.models import Session
 
 # a page asks every few seconds, and a class of visitors has one address
+PER_PAGE = 24
+MAX_PAGE, MAX_SEARCH, MAX_WORDS = 100_000, 100, 5
 LISTS = Attempts("robots-json", limit=1200)
 AT_THE_WHEEL = (Session.State.CONNECTING, Session.State.DRIVING, Session.State.RECONNECTING)
 
@@ -44,10 +48,12 @@ class Invitation:
 @require_safe
 @never_cache
 def home(request: HttpRequest) -> HttpResponse:
-    """Show what this is, and every robot with its state."""
-    cards = cards_for(request.user, timezone.now())
+    """Show what this is, and the robots with their states, a page at a time."""
+    shown = robots_page(request, timezone.now())
+    cards = shown.cards
     context = {
         "cards": cards,
+        "shown": shown,
         "invitation": _invitation(request.user, cards),
         "can_try": settings.PRACTICE_ROBOTS > 0,
         "studies": invitations(get_language() or "", timezone.now()),
@@ -62,7 +68,7 @@ def robots_json(request: HttpRequest) -> JsonResponse:
     """Return the invitation and the cards of the landing page again, for the page that keeps them
     fresh.
     """
-    cards = cards_for(request.user, timezone.now())
+    cards = robots_page(request, timezone.now()).cards
     return JsonResponse(
         {
             "invitation": asdict(_invitation(request.user, cards)),
@@ -144,12 +150,78 @@ def _screenshots() -> list[dict[str, str]]:
     ]
 
 
-def cards_for(user: Any, now: datetime.datetime) -> list[RobotCard]:
-    """Return a card for every robot that `user`, signed in or not, may know of; those that can be
+@dataclass(frozen=True)
+class RobotsPage:
+    """One page of the robots that a visitor may know of and has searched for: their cards, the
+    number of the page and of all, and what was searched. `previous` and `next` are the queries of
+    the pages beside it, empty where there is none.
+    """
+
+    cards: list[RobotCard]
+    number: int
+    pages: int
+    searched: str
+    previous: str = ""
+    next: str = ""
+
+    @property
+    def has_controls(self) -> bool:
+        """Tell whether there is anything to search or to turn."""
+        return self.pages > 1 or bool(self.searched)
+
+
+def robots_page(request: HttpRequest, now: datetime.datetime) -> RobotsPage:
+    """Return the page that a request asks for (`page`, from 1; `q`, words of which each is in the
+    title, the name or the description), or the nearest one. Robots that are online come first;
+    on a page, those that can be driven now.
+    """
+    searched = request.GET.get("q", "").strip()[:MAX_SEARCH]
+    rows = _in_order(_found(robots_visible_to(request.user).filter(practice=False), searched), now)
+    asked = request.GET.get("page", "")
+    number = int(asked) if asked.isdecimal() and 0 < int(asked[:9]) < MAX_PAGE else 1
+    robots = list(rows[(number - 1) * PER_PAGE : number * PER_PAGE + 1])
+    pages = number
+    if number > 1 or len(robots) > PER_PAGE:  # most sites have one page, and need not count
+        pages = max(1, -(-rows.count() // PER_PAGE))
+    if number > pages:
+        number = pages
+        robots = list(rows[(number - 1) * PER_PAGE : number * PER_PAGE])
+    words = {"q": searched} if searched else {}
+    return RobotsPage(
+        cards_for(request.user, robots[:PER_PAGE], now),
+        number,
+        pages,
+        searched,
+        previous=urlencode({**words, "page": number - 1}) if number > 1 else "",
+        next=urlencode({**words, "page": number + 1}) if number < pages else "",
+    )
+
+
+def _found(robots: QuerySet[Robot], searched: str) -> QuerySet[Robot]:
+    for word in searched.split()[:MAX_WORDS]:
+        robots = robots.filter(
+            Q(title__icontains=word) | Q(name__icontains=word) | Q(description__icontains=word)
+        )
+    return robots
+
+
+def _in_order(robots: QuerySet[Robot], now: datetime.datetime) -> QuerySet[Robot]:
+    heard = now - datetime.timedelta(seconds=HEARD_SECONDS)
+    is_online = Q(connection="ONLINE", enabled=True, last_seen_at__gt=heard)
+    return (
+        robots.annotate(away=Case(When(is_online, then=0), default=1, output_field=IntegerField()))
+        .order_by("away", "title", "name")
+        .select_related("floor_plan")
+        .defer("floor_plan__image")
+    )
+
+
+def cards_for(user: Any, robots: list[Robot], now: datetime.datetime) -> list[RobotCard]:
+    """Return a card for each of these robots, for `user`, signed in or not; those that can be
     driven now come first.
     """
-    sessions = _living_sessions()
-    robots = robots_visible_to(user).filter(practice=False).select_related("floor_plan")
+    sessions = _living_sessions(robots)
+    know_permits(user, robots)
     cards = [
         _for_visitor(
             _card(robot, traffic_at(robot, sessions.get(robot.pk, []), now), user, now), user
@@ -169,9 +241,9 @@ def _card(robot: Robot, traffic: Traffic, user: Any, now: datetime.datetime) -> 
     )
 
 
-def _living_sessions() -> dict[Any, list[ActiveSession]]:
+def _living_sessions(robots: list[Robot]) -> dict[Any, list[ActiveSession]]:
     found: dict[Any, list[ActiveSession]] = {}
-    for session in Session.objects.exclude(state=Session.State.ENDED):
+    for session in Session.objects.filter(robot__in=robots).exclude(state=Session.State.ENDED):
         found.setdefault(session.robot_id, []).append(session_of(session))
     return found
 

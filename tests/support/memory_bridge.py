@@ -32,8 +32,8 @@ class MemoryBridge:
 
     # --- what consumers call ---
 
-    def listen(self, robot, listener):
-        if self.delivery.listen(robot, listener):
+    def listen(self, robot, listener, *, needs=True):
+        if self.delivery.listen(robot, listener, time.monotonic(), needs=needs):
             asyncio.get_running_loop().call_soon(self._bring_stored, robot)
         return self.delivery.known[robot]
 

@@ -25,7 +25,7 @@ from paho.mqtt.reasoncodes import ReasonCode
 
 from robots.agent.broker_link.broker_discovery import believed
 from robots.agent.broker_link.outbox import OutboundMessage, Outbox, outbound
-from robots.agent.timing import Backoff
+from robots.agent.broker_link.reconnection import Reconnection
 from robots.api import codec, topics
 from robots.api.errors import Rejection
 from robots.api.messages import Connection, Factsheet
@@ -58,6 +58,11 @@ class LinkInbox(Protocol):
 
     def rival(self, boot: str | None) -> None:
         """Another agent says that it is this robot (its boot), or has gone (None)."""
+
+    def is_needed(self) -> bool:
+        """Tell whether somebody drives, watches or is about to: a lost connection is then tried
+        again at once.
+        """
 
 
 @dataclass(frozen=True)
@@ -145,8 +150,7 @@ class MqttLink:
         self.connected = False
         self.outbox = Outbox()
         self._endpoints, self._factsheet, self._unix = (endpoint, *others), factsheet, unix
-        # well below the time of a lease, which a restart of the broker must not end
-        self._backoff = Backoff(rng, longest=1.0)
+        self._reconnection = Reconnection(rng)
         self._wake, self._closing = asyncio.Event(), asyncio.Event()
         self._rival: str | None = None
         # Nothing that anybody is told: with Mosquitto, whoever knows a client id takes its
@@ -182,10 +186,12 @@ class MqttLink:
                     reason=reasons,
                 )
             held = time.monotonic() - began if self.connected else 0.0
+            if inbox.is_needed():
+                self._reconnection.needed(time.monotonic())
             if not self.connected:
                 self._endpoints = (*self._endpoints[1:], self._endpoints[0])
             self._lost(inbox)
-            await self._pause(self._backoff.failed(held))
+            await self._pause(self._reconnection.pause(held, time.monotonic()))
 
     @property
     def _endpoint(self) -> Endpoint:

@@ -16,6 +16,7 @@ import structlog
 
 from robots.agent.autonomy.area import dock_of
 from robots.agent.control.actions import Actions
+from robots.agent.control.attention import Attention, Needs
 from robots.agent.control.calls import NOTHING, CallControl
 from robots.agent.control.publisher import AgentLink, Media, Publisher
 from robots.agent.control.remote_pointer import Pointing
@@ -36,6 +37,7 @@ from robots.agent.store import Store
 from robots.agent.timing import Cadence, TimeSource
 from robots.api import codec
 from robots.api.floorplan import ChargingDock as Station
+from robots.api.idle import WATCHER
 from robots.api.messages import (
     Action,
     AppliedCommand,
@@ -97,7 +99,15 @@ class CommandDispatcher:
             parts.monitor,
         )
         self._store, self._times, self._spawn = parts.store, parts.times, spawn
-        self.out = Publisher(parts.link, parts.media)
+        self._attention = Attention(
+            Needs(
+                has_lease=lambda: parts.kernel.leases.announced(parts.times.now()) is not None,
+                moves=lambda: parts.kernel.navigation is not None or self.reports.is_moving,
+                pages=lambda: parts.media.connected,
+            ),
+            parts.times.now(),
+        )
+        self.out = Publisher(parts.link, parts.media, self.is_needed)
         self._calls, self._passing, self._pointing = CallControl(), NOTHING, Pointing()
         self._own_networks, self._networks = parts.networks, CLEAN
         self._line: TimedLine | None = None
@@ -115,6 +125,7 @@ class CommandDispatcher:
             ),
             networks=self._networks_told,
             devices=lambda: (parts.media.camera_status, (*parts.media.errors, *self._shortage)),
+            is_needed=self.is_needed,
         )
         self.actions = Actions(
             parts.kernel,
@@ -146,6 +157,8 @@ class CommandDispatcher:
     def arrived(self, suffix: str, message: Any, *, retained: bool) -> None:
         """Take a message of the server."""
         with self._surviving(suffix):
+            if not retained and _shows_need(message):
+                self._attract()
             self._arrived(suffix, message, retained=retained)
 
     def _arrived(self, suffix: str, message: Any, *, retained: bool) -> None:
@@ -153,8 +166,8 @@ class CommandDispatcher:
         match message:
             case VelocityCommand() | Action():
                 self._travel(message, sender)
-            case CommandHeartbeat() if not retained:
-                self._heartbeat(message.peer, message, sender)
+            case CommandHeartbeat(peer=peer) if not retained and peer != WATCHER:
+                self._heartbeat(peer, message, sender)
             case Lease():
                 self._lease(message, retained=retained)
             case SdpOffer() | Candidate() | Bye() | Stay():
@@ -192,6 +205,12 @@ class CommandDispatcher:
     def link_changed(self, *, up: bool) -> None:
         """The broker was reached, or lost: neither stops a drive, the lease's own time does."""
         log.info("link_changed", up=up)
+        if up:
+            self.reports.say_again()
+
+    def is_needed(self) -> bool:
+        """Tell whether somebody drives, watches or is about to."""
+        return self._attention.is_needed(self._times.now())
 
     def rival(self, boot: str | None) -> None:
         """Another, newer agent is this robot: yield to it, for two of them on one base cannot be
@@ -293,9 +312,7 @@ class CommandDispatcher:
         self._look_after_standstill()
         self._look_after_call()
         if self._heartbeat_due.due(self._times.now()):
-            self.out.send(
-                "heartbeat", self._kernel.clocks.beat(self._times.now(), self._times.unix())
-            )
+            self._beat()
         if self._disk_due.due(self._times.now()) and not self._looks_at_disk:
             self._looks_at_disk = True
             self._spawn(self._look_at_disk())
@@ -368,6 +385,15 @@ class CommandDispatcher:
                 share=verdict.share,
             )
         )
+
+    def _attract(self) -> None:
+        """Note that somebody needs the robot; one that was idle speaks at once."""
+        if self._attention.attract(self._times.now()):
+            self.reports.state()
+            self._beat()
+
+    def _beat(self) -> None:
+        self.out.send("heartbeat", self._kernel.clocks.beat(self._times.now(), self._times.unix()))
 
     def _heartbeat(self, peer: str, beat: CommandHeartbeat, sender: CommandSender) -> None:
         now = self._times.now()
@@ -567,3 +593,13 @@ class CommandDispatcher:
             return False
         self.reports.errors.pop(STORE, None)
         return True
+
+
+def _shows_need(message: Any) -> bool:
+    """Tell whether a message of the server is from somebody who needs the robot."""
+    match message:
+        case VelocityCommand() | Action() | Lease() | PictureRequest():
+            return True
+        case CommandHeartbeat():
+            return message.needed
+    return False

@@ -2,6 +2,7 @@
 channels as well.
 """
 
+from collections.abc import Callable
 from typing import Any, Protocol
 
 from robots.agent.broker_link.mqtt import LinkInbox
@@ -98,15 +99,29 @@ class Media(Protocol):
         """What is put on the driver's picture and sound."""
 
 
-class Publisher:
-    """Sends a message on all the ways that its topic travels on."""
+# of their moment: the broker gets none of them from an idle robot
+OF_THE_MOMENT = frozenset({"heartbeat", "pose", "path", "scan"})
 
-    def __init__(self, link: AgentLink, media: Media) -> None:
-        self._link, self._media = link, media
+
+class Publisher:
+    """Sends a message on all the ways that its topic travels on.
+
+    Args:
+        link: the broker.
+        media: the pages.
+        is_needed: whether somebody needs the robot; what is of its moment goes to the broker only
+            then.
+    """
+
+    def __init__(
+        self, link: AgentLink, media: Media, is_needed: Callable[[], bool] = lambda: True
+    ) -> None:
+        self._link, self._media, self._is_needed = link, media, is_needed
 
     def send(self, suffix: str, message: Any) -> None:
         """Send a message of the robot."""
-        self._link.publish(suffix, codec.encode(message))
+        if suffix not in OF_THE_MOMENT or self._is_needed():
+            self._link.publish(suffix, codec.encode(message))
         if suffix in topics.TO_PAGE:
             self._media.telemetry(suffix, message)
 

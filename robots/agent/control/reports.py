@@ -18,6 +18,7 @@ from robots.agent.safety.kernel import KERNEL, Kernel
 from robots.agent.timing import Cadence, TimeSource
 from robots.api import docked
 from robots.api.docked import DockReading, DockState
+from robots.api.idle import IDLE_STATE_SECONDS, is_news
 from robots.api.messages import (
     AppliedCommand,
     CallState,
@@ -68,6 +69,8 @@ class Reports:
         knock: whether the driver may knock, and how their knock stands.
         networks: what is put on the driver's network, for commands and for the picture.
         devices: how the camera is when it gives no video, and why devices do not work.
+        is_needed: whether somebody needs the robot; else states come when something changes, and
+            every IDLE_STATE_SECONDS.
     """
 
     def __init__(
@@ -83,6 +86,7 @@ class Reports:
         knock: Callable[[], tuple[bool, KnockState | None]] = lambda: (False, None),
         networks: Callable[[], tuple[LabReport | None, LabReport | None]] = lambda: (None, None),
         devices: Callable[[], tuple[CameraStatus | None, tuple[str, ...]]] = lambda: (None, ()),
+        is_needed: Callable[[], bool] = lambda: True,
     ) -> None:
         self.boot, self._kernel, self._send, self._viewers, self._times = (
             boot,
@@ -94,6 +98,9 @@ class Reports:
         self._screens, self._call, self._networks = screens, call, networks
         self._knock = knock
         self._devices = devices
+        self._is_needed = is_needed
+        self._last: State | None = None
+        self._said_at = float("-inf")
         self.reading = UNKNOWN
         self._dock = DockState()
         self.errors: dict[str, str] = {}
@@ -120,6 +127,10 @@ class Reports:
     def connected(self) -> None:
         """The RCA was reached anew: what it counts begins anew."""
         self.reading = replace(self.reading, distance=0.0, contacts=0)
+
+    def say_again(self) -> None:
+        """Have a state sent soon, whether or not anything has changed: the broker is new."""
+        self._last = None
 
     def take(self, reading: RcaState) -> None:
         """Take a reading, and send the pose and the scan when they are due."""
@@ -150,7 +161,7 @@ class Reports:
             and reading.tilt is not None
             and abs(reading.tilt - before.tilt) > TILT_MOTION
         )
-        if tilting or self._moving():
+        if tilting or self.is_moving:
             self._moved_at = now
         if now - self._moved_at < STILL_MOVING and (
             self._tilt_due.due(now) if tilting else self._pose_due.due(now)
@@ -177,12 +188,24 @@ class Reports:
         """Tell whether the robot is docked (robots/api/docked.py)."""
         return self._dock.docked
 
+    @property
+    def is_moving(self) -> bool:
+        """Tell whether the robot moves, as it measures or as it was told."""
+        velocity = self.reading.velocity
+        return (
+            abs(velocity.linear) > KERNEL.standstill
+            or abs(velocity.angular) > KERNEL.standstill
+            or self._kernel.commanded != ZERO
+        )
+
     # --- saying -----------------------------------------------------------------------------------
 
     def tick(self) -> None:
         """Send what is due."""
-        if self._state_due.due(self._times.now()):
-            self.state()
+        now = self._times.now()
+        if self._state_due.due(now):
+            if self._is_needed() or self._is_worth_saying(now):
+                self.state()
         elif self._hurry:
             self._hurried()
 
@@ -193,6 +216,7 @@ class Reports:
         self._seq += 1
         now = self._times.now()
         state = self._build(now, lease or self._kernel.leases.announced(now))
+        self._last, self._said_at = state, now
         self._hurry, self._applied, self._contacts, self._clearance = (
             False,
             [],
@@ -236,17 +260,15 @@ class Reports:
             self._path = path
             self._send("path", Path(stamp=stamp, points=path))
 
+    def _is_worth_saying(self, now: float) -> bool:
+        """Tell whether an idle robot sends a state now."""
+        if self._last is None or now - self._said_at >= IDLE_STATE_SECONDS:
+            return True
+        return is_news(self._last, self._build(now, self._kernel.leases.announced(now)))
+
     def _hurried(self) -> None:
         if self._hurried_due.due(self._times.now()):
             self.state()
-
-    def _moving(self) -> bool:
-        velocity = self.reading.velocity
-        return (
-            abs(velocity.linear) > KERNEL.standstill
-            or abs(velocity.angular) > KERNEL.standstill
-            or self._kernel.commanded != ZERO
-        )
 
     def _build(self, now: float, lease: Lease | None) -> State:
         reading, kernel = self.reading, self._kernel

@@ -143,6 +143,39 @@ def test_four_states_a_second_are_written_once_in_two(django_assert_num_queries)
 
 
 @pytest.mark.django_db
+def test_the_last_state_before_a_silence_is_written_too():
+    Robot.objects.create(name="giraff", title="Giraff")
+    writer = PresenceWriter()
+    writer.take("giraff", connection("ONLINE"), NOW)
+    writer.take("giraff", state(1), after(0.1))
+    writer.take("giraff", state(2), after(0.2))
+    writer.flush(after(0.5))
+    assert Robot.objects.get().report["seq"] == 1
+    writer.flush(after(2.5))
+    assert Robot.objects.get().report["seq"] == 2
+
+
+@pytest.mark.django_db
+def test_a_robot_that_is_silent_for_half_a_minute_is_online_and_after_that_it_is_not():
+    Robot.objects.create(name="giraff", title="Giraff")
+    PresenceWriter().take("giraff", connection("ONLINE"), NOW)
+    assert Robot.objects.get().is_online(after(40))
+    assert not Robot.objects.get().is_online(after(46))
+
+
+@pytest.mark.django_db
+def test_what_the_database_did_not_take_is_news_again_once_it_is_forgotten():
+    Robot.objects.create(name="giraff", title="Giraff")
+    writer = PresenceWriter()
+    writer.take("giraff", connection("ONLINE"), NOW)
+    Robot.objects.update(connection="OFFLINE")  # as if it had been rolled back
+    writer.forget({"giraff"})
+    came = writer.take("giraff", connection("ONLINE"), after(1))
+    assert came is not None
+    assert came.online
+
+
+@pytest.mark.django_db
 def test_that_a_robot_is_not_reached_any_more_is_written_at_once_with_the_reason():
     Robot.objects.create(name="giraff", title="Giraff")
     writer = PresenceWriter()

@@ -12,6 +12,7 @@ from PIL import Image
 from robots.models import Robot, RobotPermit
 from sessions.models import Session
 from telepresence_site.urls import urlpatterns as pages
+from telepresence_site.web.pages import PER_PAGE
 from tests.support.html_page import Page, faults, read
 from tests.support.people import person
 
@@ -204,6 +205,53 @@ def test_the_list_asks_the_database_no_more_for_many_robots(
         Robot.objects.create(name=f"robot-{n}", title=f"Robot {n}")
     with django_assert_max_num_queries(2):
         client.get(reverse("robots_json"))
+
+
+def many_robots(count: int, **fields) -> None:
+    Robot.objects.bulk_create(
+        Robot(name=f"many-{n:04}", title=f"Many {n:04}", **fields) for n in range(count)
+    )
+
+
+@pytest.mark.parametrize("count", [30, 300])
+def test_a_page_of_many_robots_asks_the_database_as_often_as_one_of_few(
+    client, django_assert_max_num_queries, count
+):
+    user = person("invited")
+    many_robots(count, access=Robot.Access.INVITATION)
+    invited = Robot.objects.filter(access=Robot.Access.INVITATION)
+    RobotPermit.objects.bulk_create(
+        RobotPermit(robot=robot, user=user, kind=RobotPermit.Privilege.INVITED) for robot in invited
+    )
+    client.force_login(user)
+    with django_assert_max_num_queries(8):
+        shown = client.get(reverse("robots_json")).json()["robots"]
+    assert len(shown) == PER_PAGE
+
+
+def test_many_robots_come_in_pages_with_those_that_are_there_first(client):
+    many_robots(60)
+    Robot.objects.filter(name="many-0059").update(connection="ONLINE", last_seen_at=timezone.now())
+    first = client.get(reverse("home"))
+    assert first.context["cards"][0].name == "many-0059"
+    assert "Page 1 of 3" in read(first).text
+    names = [
+        card["name"]
+        for page in ("1", "2", "3")
+        for card in client.get(reverse("robots_json"), {"page": page}).json()["robots"]
+    ]
+    assert len(names) == len(set(names)) == 60
+    for nearest in ("9", "99999999999999999999", "-1", "x"):
+        assert client.get(reverse("home"), {"page": nearest}).status_code == 200
+
+
+def test_robots_are_found_by_words_of_title_and_description(client):
+    many_robots(60)
+    Robot.objects.create(name="giraff", title="Giraff", description="In the museum of Málaga")
+    found = client.get(reverse("home"), {"q": "museum gir"})
+    assert [card.name for card in found.context["cards"]] == ["giraff"]
+    nothing = client.get(reverse("home"), {"q": "museum 0001"})
+    assert "No robot matches your search." in read(nothing).text
 
 
 def test_a_site_without_robots_says_what_will_come(client):

@@ -2,8 +2,10 @@
  * What a robot's own display shows, from what it was told: decisions only.
  */
 
-/** s without a state after which the robot counts as out of reach */
+/** s without a state after which a robot that somebody drives counts as out of reach */
 export const STALE = 4;
+/** s for one that nobody drives, which may be silent for half a minute (robots/api/idle.py) */
+export const STALE_IDLE = 45;
 /** s after which a stop that the robot has not echoed is worth a word */
 const UNCONFIRMED = 2;
 
@@ -59,7 +61,7 @@ const sceneOf = ({ keyed, screen, state, heardAt, online }, call, now) => {
   if (!screen) {
     return "starting";
   }
-  if (!online || (state && now - heardAt > STALE)) {
+  if (!online || (state && now - heardAt > (screen.session === null ? STALE_IDLE : STALE))) {
     return "offline";
   }
   if (screen.visitor === null) {

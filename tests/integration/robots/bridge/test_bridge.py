@@ -14,6 +14,7 @@ import pytest
 
 from robots.api import codec, picture, topics
 from robots.api import messages as m
+from robots.api.idle import WATCHER
 from robots.bridge.bridge import REPORTS_FLYING, STOP_SECONDS, Bridge
 from robots.bridge.delivery import LINK, NOTICE
 from tests.support import words
@@ -59,9 +60,11 @@ async def bridge_of(rig, seed=1):
 
 @contextlib.asynccontextmanager
 async def robot_of(rig):
-    """The robot's side: `got` are the (suffix, message, retained) of its inputs."""
+    """The robot's side: `got` are the (suffix, message, retained) of its inputs, but for `beats`,
+    by which the bridge says that somebody needs it.
+    """
     async with rig.client("giraff") as client:
-        client.got = []
+        client.got, client.beats = [], []
         await client.subscribe(
             [pair for pair in topics.subscriptions("giraff") if not pair[0].endswith("/connection")]
         )
@@ -69,6 +72,9 @@ async def robot_of(rig):
         async def read():
             async for message in client.messages:
                 _, suffix = topics.parse(str(message.topic))
+                if suffix == "command/heartbeat":
+                    client.beats.append(codec.decode(suffix, message.payload))
+                    continue
                 client.got.append(
                     (
                         suffix,
@@ -110,6 +116,19 @@ async def test_what_a_robot_says_is_brought_to_whoever_listens_and_what_is_said_
         assert bridge.publish_lease("giraff", LEASE)
         await until(lambda: len(robot.got) == 3)
     assert {suffix for suffix, _, _ in robot.got} == {"command/velocity", "signal/p1", "lease"}
+
+
+async def test_a_page_that_opens_wakes_the_robot_and_goes_on_until_it_is_closed(rig):
+    async with bridge_of(rig) as bridge, robot_of(rig) as robot:
+        ear, began = Ear(), time.monotonic()
+        await listen(bridge, ear)
+
+        await until(lambda: robot.beats)
+        assert time.monotonic() - began < patient(0.5)
+        await until(lambda: len(robot.beats) >= 3)
+        assert {(beat.peer, beat.needed) for beat in robot.beats} == {(WATCHER, True)}
+        bridge.ignore("giraff", ear)
+        assert bridge._delivery.beats_due(time.monotonic() + 60.0) == []
 
 
 async def test_a_listener_that_comes_later_learns_what_is_retained(rig):

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from robots.api import messages as m
 from robots.bridge.broker_address import BadAddress, BrokerAddress, backoff, parse
+from robots.bridge.delivery import Delivery
 from robots.bridge.known import KnownRobot
 from tests.support import words
 from tests.support.examples import examples
@@ -33,6 +34,35 @@ def test_the_will_of_an_earlier_boot_is_not_believed():
     known.take("connection", words.online("b2"), 1.0)
     assert not known.take("connection", words.broken("b1"), 5.0)
     assert known.online
+
+
+def test_silence_means_nothing_before_the_robot_was_asked_to_speak():
+    known = KnownRobot("giraff")
+    known.take("connection", words.online(), 0.0)
+    assert not known.is_silent(29.0, 1.2)
+    known.needed_since = 29.0
+    assert not known.is_silent(30.0, 1.2)
+    assert known.is_silent(30.5, 1.2)
+
+
+class Ear:
+    def handle_message(self, inbound):
+        """Hear nothing."""
+
+
+def test_a_robot_is_told_at_once_and_every_second_that_a_page_needs_it_and_of_a_display_never():
+    delivery, page, display = Delivery(), Ear(), Ear()
+    delivery.listen("giraff", display, 0.0, needs=False)
+    assert delivery.beats_due(5.0) == []
+    delivery.listen("giraff", page, 10.0)
+    assert delivery.beats_due(10.0) == [("giraff", 0)]
+    assert delivery.beats_due(10.9) == []
+    assert delivery.beats_due(11.0) == [("giraff", 1)]
+    delivery.beat_again()
+    assert delivery.beats_due(11.1) == [("giraff", 0)]
+    delivery.ignore("giraff", page)
+    assert delivery.beats_due(20.0) == []
+    assert not delivery.known["giraff"].is_silent(100.0, 1.2)
 
 
 def test_a_lease_is_in_force_while_it_is_renewed():

@@ -16,7 +16,7 @@ class Server:
 
     def __init__(self):
         self.now = 100.0
-        self.watch, self.robot = ServerWatch(), KnownRobot("giraff")
+        self.watch, self.robot = ServerWatch(), KnownRobot("giraff", needed_since=0.0)
         self.watch.link_changed(self.now, up=True)
         self.robot.take("connection", Connection(boot="b", state="ONLINE", stamp=0.0), self.now)
         self.lives = {BROKER, SESSION_MANAGER, ROBOT}

@@ -3,7 +3,8 @@
 import pytest
 
 from robots.api import topics
-from robots.broker.permissions import of_robot, of_server
+from robots.broker.mosquitto import permission_file
+from robots.broker.permissions import BrokerUser, of_robot, of_server
 
 GIRAFF, SERVER = of_robot("giraff"), of_server()
 CONCRETE = {topic.suffix: topic.suffix.replace("+", "p1") for topic in topics.TABLE}
@@ -65,3 +66,18 @@ def test_a_server_reads_everything_of_ours_and_nothing_else():
 
 def test_a_published_topic_with_a_wildcard_is_refused():
     assert not GIRAFF.may_publish("telepresence/v1/giraff/signal/+/reply")
+
+
+def test_mosquittos_file_names_only_users_that_its_patterns_do_not_cover():
+    robots = {f"robot-{n}": BrokerUser(f"robot-{n}", "", of_robot(f"robot-{n}")) for n in range(50)}
+    others = {
+        "robot-3.0a1b": BrokerUser("robot-3.0a1b", "", of_robot("robot-3")),
+        "server.web": BrokerUser("server.web", "", of_server()),
+    }
+    text = permission_file(robots | others)
+    assert text.count("pattern write ") == len(of_robot("robot-1").write)
+    assert "pattern write telepresence/v1/%u/state" in text.splitlines()
+    assert "pattern read telepresence/v1/%u/lease" in text.splitlines()
+    named = [line.split()[1] for line in text.splitlines() if line.startswith("user ")]
+    assert named == ["robot-3.0a1b", "server.web"]
+    assert "topic write telepresence/v1/robot-3/state" in text.splitlines()

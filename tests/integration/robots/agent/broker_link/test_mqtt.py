@@ -57,6 +57,9 @@ class Ears:
     def rival(self, boot):
         self.rivals.append(boot)
 
+    def is_needed(self):
+        return True
+
 
 class LinkThread:
     """A link on a loop in a thread, as in the agent."""

@@ -1,0 +1,65 @@
+"""How often a robot that nobody needs speaks, and how both sides know that somebody does.
+
+Somebody needs a robot while there is a lease, while a page is connected to it, and for
+INTEREST_SECONDS after anything that somebody has sent it, of which `command/heartbeat` is the usual
+one: servers send it for every page that is open at the robot. Otherwise the robot is idle. What
+counts as a change is in `is_news`, for agents in any language.
+"""
+
+import math
+
+from robots.api.messages import Pose, State
+
+IDLE_STATE_SECONDS = 30.0  # between two states of an idle robot of which nothing changes
+# without a word for so long, a robot whose will never came is away: one state may be lost or late
+HEARD_SECONDS = 45.0
+INTEREST_SECONDS = 5.0  # for which one heartbeat keeps a robot at its full rate
+INTEREST_PERIOD_SECONDS = 1.0  # between two heartbeats of a web process with a page at the robot
+WATCHER = "watcher"  # the peer of these heartbeats, which no robot echoes
+CHARGE_STEP = 0.02
+DISTANCE_STEP_M = 0.25
+ANGLE_STEP_RAD = math.radians(15.0)
+TILT_STEP_RAD = 0.03
+
+_COMPARED = (
+    "session",
+    "docked",
+    "charger_contact",
+    "mode",
+    "assist",
+    "safety",
+    "errors",
+    "viewers",
+    "call",
+    "screens",
+    "knockable",
+    "knock",
+    "camera_status",
+)
+
+
+def is_news(before: State, after: State) -> bool:
+    """Tell whether a person or the server would act on what has changed since `before`."""
+    return (
+        any(getattr(before, name) != getattr(after, name) for name in _COMPARED)
+        or after.contacts > 0
+        or before.battery.charging != after.battery.charging
+        or _differs(before.battery.charge, after.battery.charge, CHARGE_STEP)
+        or _differs(before.tilt, after.tilt, TILT_STEP_RAD)
+        or _has_moved(before.pose, after.pose)
+    )
+
+
+def _differs(before: float | None, after: float | None, step: float) -> bool:
+    if before is None or after is None:
+        return before is not after
+    return abs(after - before) >= step
+
+
+def _has_moved(before: Pose, after: Pose) -> bool:
+    turned = math.remainder(after.theta - before.theta, math.tau)
+    return (
+        before.localized != after.localized
+        or math.hypot(after.x - before.x, after.y - before.y) >= DISTANCE_STEP_M
+        or abs(turned) >= ANGLE_STEP_RAD
+    )

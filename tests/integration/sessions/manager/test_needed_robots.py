@@ -1,0 +1,61 @@
+"""Which robots the session manager keeps awake, and what the others cost it."""
+
+import pytest
+from django.utils import timezone
+
+from accounts.models import User
+from robots.models import Robot
+from sessions.manager.desired_state import DesiredState
+from sessions.manager.needed_robots import needed_robots
+from sessions.models import Session
+
+pytestmark = pytest.mark.django_db
+
+
+def robots(*names):
+    return [Robot.objects.create(name=name, title=name) for name in names]
+
+
+def session(robot, state, **fields):
+    visitor = User.objects.get_or_create(username="ana")[0]
+    return Session.objects.create(
+        robot=robot,
+        visitor=visitor,
+        state=state,
+        live_key=f"{robot.pk}:{state}",
+        queued_at=timezone.now(),
+        **fields,
+    )
+
+
+def test_robots_with_a_session_a_queue_or_a_way_home_are_needed_and_no_others(
+    django_assert_num_queries,
+):
+    driven, waited, recorded, over, away, _idle = robots(
+        "driven", "waited", "recorded", "over", "away", "idle"
+    )
+    now = timezone.now()
+    session(driven, Session.State.DRIVING)
+    session(waited, Session.State.WAITING)
+    session(recorded, Session.State.ENDED)
+    session(over, Session.State.ENDED, closed_at=now)
+    Robot.objects.filter(pk=away.pk).update(turnaround=Robot.Turnaround.RETURNING)
+    with django_assert_num_queries(1):
+        assert needed_robots() == {"driven", "waited", "recorded", "away"}
+    Robot.objects.update(enabled=False)
+    assert needed_robots() == frozenset()
+
+
+def test_what_robots_are_told_takes_as_many_queries_for_many_as_for_few(
+    django_assert_max_num_queries,
+):
+    robots(*(f"robot-{number}" for number in range(30)))
+    desired = DesiredState()
+    with django_assert_max_num_queries(4):
+        assert len(desired.tick(timezone.now())) == 30
+    with django_assert_max_num_queries(3):
+        assert desired.tick(timezone.now()) == []
+    Robot.objects.filter(name="robot-7").update(assist="slow")
+    assert [message.topic.split("/")[-2:] for message in desired.tick(timezone.now())] == [
+        ["robot-7", "config"]
+    ]
