@@ -7,10 +7,12 @@ late), so OFFLINE and CONNECTIONBROKEN of another boot than the last ONLINE's ar
 
 import datetime
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 import msgspec
+from django.db.models import Q
 
 from robots.api.messages import Connection, Factsheet, Message, State
 from robots.models import Robot
@@ -109,11 +111,17 @@ class PresenceWriter:
     """Takes every message of every robot and writes rows: at once what is news to whoever chooses a
     robot, other states every two seconds.
 
-    Synchronous; for the one process that records. It writes only fields that nobody else writes.
+    Synchronous; for the one process that records a robot. It writes only fields that nobody else
+    writes, and where `only_if` of the robot's name holds.
     """
 
-    def __init__(self, write_seconds: float = WRITE_SECONDS) -> None:
+    def __init__(
+        self,
+        write_seconds: float = WRITE_SECONDS,
+        only_if: Callable[[str], Q] = lambda _robot: Q(),
+    ) -> None:
         self._write_seconds = write_seconds
+        self._only_if = only_if
         self._known: dict[str, _KnownRobot] = {}
         self._unknown: dict[str, float] = {}
 
@@ -140,6 +148,10 @@ class PresenceWriter:
         state = known.robot.connection
         return PresenceChange(known.robot, state == "ONLINE", state) if state != was else None
 
+    def forget(self) -> None:
+        """Read every row anew: other processes have written some of them."""
+        self._known.clear()
+
     def _find(self, name: str, now: float) -> _KnownRobot | None:
         if name in self._known:
             return self._known[name]
@@ -153,6 +165,6 @@ class PresenceWriter:
         return self._known[name]
 
     def _write(self, name: str, known: _KnownRobot, now: float) -> None:
-        if not Robot.objects.filter(pk=known.robot.pk).update(**known.waiting):
-            del self._known[name]  # deleted, perhaps made anew under the same name
+        if not Robot.objects.filter(self._only_if(name), pk=known.robot.pk).update(**known.waiting):
+            del self._known[name]  # deleted, perhaps made anew under the same name, or not ours
         known.waiting, known.written = {}, now

@@ -22,6 +22,7 @@ from sessions.leases.store import LIVE
 from sessions.leases.terms import FREE, Terms
 from sessions.manager.scheduler import ManagerMessage
 from sessions.models import Lease, Session
+from sessions.shards.ownership import EVERYTHING, Ownership
 
 
 @dataclass
@@ -36,7 +37,8 @@ class _Published:
 class DesiredState:
     """Remembers what each robot was told."""
 
-    def __init__(self) -> None:
+    def __init__(self, ownership: Ownership = EVERYTHING) -> None:
+        self._ownership = ownership
         self._published: dict[str, _Published] = {}
 
     def tick(self, now: datetime.datetime) -> list[ManagerMessage]:
@@ -50,6 +52,9 @@ class DesiredState:
             if lease.session
         }
         for robot in Robot.objects.only("name", "assist", "doors", "floor_plan", "calls"):
+            if not self._ownership.owns(robot.name):
+                self._published.pop(robot.name, None)  # said again when it is ours
+                continue
             published = self._published.get(robot.name)
             if published is None:
                 published = self._published[robot.name] = _Published(_doors_before(robot))
