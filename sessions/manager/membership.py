@@ -27,7 +27,7 @@ from sessions.manager.health import ManagerHealth
 from sessions.manager.lock_file import LockFile
 from sessions.models import STALE_SECONDS
 from sessions.shards import rows
-from sessions.shards.division import ALL, Holding, Member, Observer, claims, gifts, occupied
+from sessions.shards.division import ALL, Holding, ManagerSlot, Observer, claims, gifts, occupied
 from sessions.shards.hashing import N_SHARDS, share_of
 from sessions.shards.ownership import Ownership
 
@@ -131,7 +131,7 @@ class Membership:
             note_manager_absence(last, now)
         return True
 
-    def _is_gone(self, member: Member) -> bool:
+    def _is_gone(self, member: ManagerSlot) -> bool:
         """Tell whether nobody occupies a slot any more."""
         return (
             not member.holder
@@ -160,15 +160,15 @@ class Membership:
         self._settle(members, began)
         return True
 
-    def _is_other(self, member: Member) -> bool:
+    def _is_other(self, member: ManagerSlot) -> bool:
         return bool(member.holder) and member.slot != self.slot
 
-    def _dismiss(self, member: Member) -> None:
+    def _dismiss(self, member: ManagerSlot) -> None:
         if self._table.dismiss(member):
             logger.warning("session_manager_dismissed", slot=member.slot, holder=member.holder)
         self._free_locks(but=self.slot)
 
-    def _settle(self, members: list[Member], began: float) -> None:
+    def _settle(self, members: list[ManagerSlot], began: float) -> None:
         """Take the shards that are due to this process, and find out which are due to others."""
         slots = tuple(sorted(occupied(members)))
         others = set(slots) - {self.slot}
@@ -186,7 +186,7 @@ class Membership:
             self.gifts = gifts(held, members, self.holder)
         ownership.confirm(began)
 
-    def _take_due(self, members: list[Member]) -> list[Holding]:
+    def _take_due(self, members: list[ManagerSlot]) -> list[Holding]:
         held = self._table.holdings()
         due = claims(held, members, self.slot)
         if not due:

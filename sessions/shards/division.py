@@ -19,7 +19,7 @@ FIRST_SECONDS = 3.0  # of one that was never seen to grow: a member that is alon
 
 
 @dataclass(frozen=True, slots=True)
-class Member:
+class ManagerSlot:
     """The row of a slot. `holder` is the process that occupies it, empty for nobody; `prepared`
     are the slots by whose division it has subscribed to the broker's topics.
     """
@@ -53,7 +53,7 @@ class Observer:
     def __init__(self) -> None:
         self._seen: dict[int, _Seen] = {}
 
-    def see(self, members: Iterable[Member], now: float) -> None:
+    def see(self, members: Iterable[ManagerSlot], now: float) -> None:
         """Take rows that were read at `now`, or later."""
         for member in members:
             before = self._seen.get(member.slot)
@@ -62,25 +62,27 @@ class Observer:
             elif before.beats != member.beats:
                 before.beats, before.since, before.grew = member.beats, now, True
 
-    def is_silent(self, member: Member, now: float) -> bool:
+    def is_silent(self, member: ManagerSlot, now: float) -> bool:
         """Tell whether this holder has not beaten for so long that it is taken for dead."""
         seen = self._seen.get(member.slot)
         if seen is None or (seen.holder, seen.beats) != (member.holder, member.beats):
             return False
         return now - seen.since >= (SILENT_SECONDS if seen.grew else FIRST_SECONDS)
 
-    def is_alive(self, member: Member, now: float) -> bool:
+    def is_alive(self, member: ManagerSlot, now: float) -> bool:
         """Tell whether this holder has been seen to beat, and is not silent."""
         seen = self._seen.get(member.slot)
         return seen is not None and seen.grew and not self.is_silent(member, now)
 
 
-def occupied(members: Iterable[Member]) -> dict[int, Member]:
+def occupied(members: Iterable[ManagerSlot]) -> dict[int, ManagerSlot]:
     """Return the members whose slot somebody holds, by slot."""
     return {member.slot: member for member in members if member.holder}
 
 
-def claims(holdings: Collection[Holding], members: Collection[Member], slot: int) -> frozenset[int]:
+def claims(
+    holdings: Collection[Holding], members: Collection[ManagerSlot], slot: int
+) -> frozenset[int]:
     """Return the shards without a living owner that this slot takes.
 
     A member that has not reached the broker yet takes none as long as another one has.
@@ -93,7 +95,7 @@ def claims(holdings: Collection[Holding], members: Collection[Member], slot: int
 
 
 def gifts(
-    holdings: Collection[Holding], members: Collection[Member], holder: str
+    holdings: Collection[Holding], members: Collection[ManagerSlot], holder: str
 ) -> Mapping[str, frozenset[int]]:
     """Return which of a holder's shards go to whom: to the member that each prefers, as soon as
     that one has subscribed to their topics.

@@ -10,7 +10,7 @@ from django.db import IntegrityError, transaction
 from django.db.models import F
 
 from sessions.models import ManagerBeat, Shard
-from sessions.shards.division import ALL, Holding, Member
+from sessions.shards.division import ALL, Holding, ManagerSlot
 
 NAME = "session_manager"  # the row of slot 0; the others' end with a dash and the slot
 LEFT = "left_at"  # in the report of a slot that was given back: Unix seconds
@@ -26,21 +26,21 @@ def _slot_of(name: str) -> int:
     return int(name.removeprefix(NAME).removeprefix("-") or 0)
 
 
-def members() -> list[Member]:
+def members() -> list[ManagerSlot]:
     """Read every slot that was ever occupied, in the order of their numbers."""
     rows = ManagerBeat.objects.filter(name__startswith=NAME).values_list(
         "name", "holder", "beats", "report"
     )
     return sorted(
         (
-            Member(_slot_of(name), holder, beats, tuple(report.get("prepared", ())))
+            ManagerSlot(_slot_of(name), holder, beats, tuple(report.get("prepared", ())))
             for name, holder, beats, report in rows
         ),
         key=lambda member: member.slot,
     )
 
 
-def occupy(slot: int, before: Member | None, holder: str, now: datetime.datetime) -> bool:
+def occupy(slot: int, before: ManagerSlot | None, holder: str, now: datetime.datetime) -> bool:
     """Take a slot from the member that was read in it, None for a slot without a row; False when
     the row has changed since.
     """
@@ -56,12 +56,12 @@ def occupy(slot: int, before: Member | None, holder: str, now: datetime.datetime
     )
 
 
-def dismiss(member: Member) -> bool:
+def dismiss(member: ManagerSlot) -> bool:
     """Free the slot of a member that is taken for dead; False when it has beaten meanwhile."""
     return bool(_unchanged(member).update(holder="", beats=member.beats + 1, report={}))
 
 
-def _unchanged(member: Member) -> Any:
+def _unchanged(member: ManagerSlot) -> Any:
     return ManagerBeat.objects.filter(
         name=name_of(member.slot), holder=member.holder, beats=member.beats
     )

@@ -4,28 +4,28 @@ sessions/shards/rows.py with the same name changes, and under the same condition
 
 from dataclasses import replace
 
-from sessions.shards.division import ALL, Holding, Member
+from sessions.shards.division import ALL, Holding, ManagerSlot
 
 
 class MemoryRows:
     def __init__(self) -> None:
-        self._members: dict[int, Member] = {}
+        self._members: dict[int, ManagerSlot] = {}
         self.shards = {number: Holding(number, "", 0) for number in ALL}
 
-    def members(self) -> list[Member]:
+    def members(self) -> list[ManagerSlot]:
         return [self._members[slot] for slot in sorted(self._members)]
 
     def occupy(self, slot, before, holder, _now) -> bool:
         if self._members.get(slot) != before:
             return False
         beats = before.beats + 1 if before is not None else 1
-        self._members[slot] = Member(slot, holder, beats)
+        self._members[slot] = ManagerSlot(slot, holder, beats)
         return True
 
     def dismiss(self, member) -> bool:
         if self._members.get(member.slot) != member:
             return False
-        self._members[member.slot] = Member(member.slot, "", member.beats + 1)
+        self._members[member.slot] = ManagerSlot(member.slot, "", member.beats + 1)
         return True
 
     def beat(self, slot, holder, beats, _now, report) -> bool:
@@ -39,7 +39,7 @@ class MemoryRows:
     def give_back(self, holder) -> None:
         for slot, member in self._members.items():
             if member.holder == holder:
-                self._members[slot] = Member(slot, "", member.beats)
+                self._members[slot] = ManagerSlot(slot, "", member.beats)
 
     def last_alive(self) -> None:
         return None
