@@ -13,7 +13,7 @@ import itertools
 import secrets
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -51,6 +51,7 @@ HEARTBEAT_SECONDS = 0.5
 STATUS_SECONDS = 0.5
 HEALTH_SECONDS = 0.1  # between two readings of what the status would be: a fault is told at once
 GATHER_SECONDS = 0.04
+MOST_FILTERS = 50  # of one packet; the embedded broker takes 64
 TOGETHER = 200  # messages on their way to the broker at once, of the thousand that a client keeps
 
 
@@ -102,7 +103,7 @@ class BrokerConnection:
         if self._work.ownership.was_shared:
             # the broker may have kept subscriptions of another division
             kept = await self._work.thread.run(_every_filter) - self._subscribed
-            await self._client.unsubscribe(sorted(topic for topic, _ in kept))
+            await self._unsubscribe(kept)
         await self._work.thread.run(self._work.scheduler.begin)
 
     async def _subscribe(self) -> None:
@@ -113,12 +114,15 @@ class BrokerConnection:
             wanted = filters()
         else:
             wanted = filters(await self._work.thread.run(_names_of, ownership.wants))
-        if fresh := sorted(wanted - self._subscribed):
-            broker_address.check_subscribed(await self._client.subscribe(fresh))
-        if stale := sorted(topic for topic, _ in self._subscribed - wanted):
-            await self._client.unsubscribe(stale)
+        for packet in packets_of(wanted - self._subscribed):
+            broker_address.check_subscribed(await self._client.subscribe(packet))
+        await self._unsubscribe(self._subscribed - wanted)
         self._subscribed = wanted
         self.prepared = slots
+
+    async def _unsubscribe(self, stale: set[tuple[str, int]]) -> None:
+        for packet in packets_of(stale):
+            await self._client.unsubscribe([topic for topic, _ in packet])
 
     async def serve(self) -> None:
         """Do everything that goes on while connected, until the connection is lost."""
@@ -264,6 +268,13 @@ class BrokerConnection:
             await self._client.publish(topic, payload, qos=1)
         except aiomqtt.MqttError as error:
             logger.info("states_not_requested", reason=str(error))
+
+
+def packets_of(filters_: set[tuple[str, int]]) -> Iterator[list[tuple[str, int]]]:
+    """Yield filters in as many packets as a broker wants for them."""
+    in_order = sorted(filters_)
+    for first in range(0, len(in_order), MOST_FILTERS):
+        yield in_order[first : first + MOST_FILTERS]
 
 
 def _names_of(is_wanted: Callable[[str], bool]) -> list[str]:

@@ -151,11 +151,14 @@ class Membership:
                 self.ownership.confirm(self._clock())
             raise
         self.ownership.confirm(began)
+        self._lock_of(self.slot).predecessor()  # if another process looked at it when we joined
+        self._lock_of(self.slot).sign(self.holder)
         members = self._table.members()
         self._observer.see(members, self._clock())
         dead = [one for one in members if self._is_other(one) and self._is_gone(one)]
         for one in dead:
             self._dismiss(one)
+        self._free_locks(but=self.slot)
         members = self._table.members() if dead else members
         self._settle(members, began)
         return True
@@ -166,7 +169,6 @@ class Membership:
     def _dismiss(self, member: ManagerSlot) -> None:
         if self._table.dismiss(member):
             logger.warning("session_manager_dismissed", slot=member.slot, holder=member.holder)
-        self._free_locks(but=self.slot)
 
     def _settle(self, members: list[ManagerSlot], began: float) -> None:
         """Take the shards that are due to this process, and find out which are due to others."""
@@ -176,7 +178,7 @@ class Membership:
         self._others = others
         ownership = self.ownership
         ownership.was_shared = ownership.was_shared or len(members) > 1
-        if others or not ownership.is_whole:
+        if others or slots != ownership.slots or not ownership.is_whole:
             held = self._take_due(members)
             ownership.slots = slots
             share = ALL if not others else share_of(self.slot, slots, ALL)

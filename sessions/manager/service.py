@@ -117,8 +117,10 @@ class SessionManager:
         """Hand shards over, when all that was heard of their robots is written."""
         numbers = frozenset[int]().union(*gifts.values())
         await self._membership.release(numbers)
-        await active.release(numbers)
-        await self._membership.hand_over(gifts)
+        try:
+            await active.release(numbers)
+        finally:
+            await self._membership.hand_over(gifts)
 
     async def _close(self, active: ActiveManager) -> None:
         """Beat until all is written, so that the slot is kept until then; and give it back."""

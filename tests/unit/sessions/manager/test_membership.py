@@ -194,6 +194,21 @@ def test_a_process_that_leaves_is_succeeded_by_the_next_beat():
     assert first.membership.departed == {1}
 
 
+def test_one_that_is_alone_again_acts_on_as_slow_a_beat_as_before():
+    world, first = alone()
+    world.run(1.5)
+    second = world.add()
+    world.run(2.0)
+    assert second.joined
+    second.ownership.slots = ()  # it never reaches the broker, so that it gets nothing
+    world.managers.remove(second)
+    world.rows.give_back(second.membership.holder)
+    world.run(3.0)
+    for _ in range(30):
+        world.run(STEP)
+        assert first.ownership.is_confirmed
+
+
 def test_a_process_takes_the_lowest_free_slot_and_waits_until_it_knows_the_others():
     world, first, _ = pair()
     world.managers.remove(first)
