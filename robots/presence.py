@@ -7,10 +7,12 @@ late), so OFFLINE and CONNECTIONBROKEN of another boot than the last ONLINE's ar
 
 import datetime
 import re
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from typing import Any
 
 import msgspec
+from django.db.models import Q
 
 from robots.api.messages import Connection, Factsheet, Message, State
 from robots.models import Robot
@@ -109,11 +111,17 @@ class PresenceWriter:
     """Takes every message of every robot and writes rows: at once what is news to whoever chooses a
     robot, other states every two seconds.
 
-    Synchronous; for the one process that records. It writes only fields that nobody else writes.
+    Synchronous; for the one process that records a robot. It writes only fields that nobody else
+    writes, and where `only_if` of the robot's name holds.
     """
 
-    def __init__(self, write_seconds: float = WRITE_SECONDS) -> None:
+    def __init__(
+        self,
+        write_seconds: float = WRITE_SECONDS,
+        only_if: Callable[[str], Q] = lambda _robot: Q(),
+    ) -> None:
         self._write_seconds = write_seconds
+        self._only_if = only_if
         self._known: dict[str, _KnownRobot] = {}
         self._unknown: dict[str, float] = {}
         self._unwritten: set[str] = set()
@@ -143,21 +151,23 @@ class PresenceWriter:
         state = known.robot.connection
         return PresenceChange(known.robot, state == "ONLINE", state) if state != was else None
 
-    def forget(self, names: set[str]) -> None:
-        """Read these robots' rows again before anything more is taken: what was last taken is not
-        stored.
+    def forget(self, names: Collection[str] | None = None) -> None:
+        """Read these robots' rows, or every row, again before anything more is taken: what was last
+        taken is not stored, or other processes have written there.
         """
-        for name in names:
+        for name in list(self._known) if names is None else names:
             self._known.pop(name, None)
             self._unwritten.discard(name)
 
-    def flush(self, now: datetime.datetime) -> None:
-        """Write the states that have waited for long enough; the robot's next one may be far."""
+    def flush(self, now: datetime.datetime, *, at_once: bool = False) -> None:
+        """Write the states that have waited for long enough, or all that wait; the robot's next
+        one may be far.
+        """
         for name in list(self._unwritten):
             known = self._known.get(name)
             if known is None or not known.waiting:
                 self._unwritten.discard(name)
-            elif now.timestamp() - known.written >= self._write_seconds:
+            elif at_once or now.timestamp() - known.written >= self._write_seconds:
                 self._write(name, known, now.timestamp())
 
     def _find(self, name: str, now: float) -> _KnownRobot | None:
@@ -173,7 +183,7 @@ class PresenceWriter:
         return self._known[name]
 
     def _write(self, name: str, known: _KnownRobot, now: float) -> None:
-        if not Robot.objects.filter(pk=known.robot.pk).update(**known.waiting):
-            del self._known[name]  # deleted, perhaps made anew under the same name
+        if not Robot.objects.filter(self._only_if(name), pk=known.robot.pk).update(**known.waiting):
+            del self._known[name]  # deleted, perhaps made anew under the same name, or not ours
         known.waiting, known.written = {}, now
         self._unwritten.discard(name)

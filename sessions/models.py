@@ -295,18 +295,19 @@ class ApiKey(models.Model):
         return f"{self.robot} · {self.label}"
 
 
-# After this long without a sign of life another session manager takes over.
+# After this long without a heartbeat a session manager counts as silent for whoever reads its row.
 STALE_SECONDS = 4.0
 
 
 class ManagerBeat(models.Model):
-    """The one running session manager of the site; another one may take over when
-    the beat is old.
+    """A slot that one running session manager occupies. Others take it for dead when `beats` does
+    not grow; `beat_at` is for people, since clocks of two computers cannot be compared.
     """
 
     name = models.CharField(primary_key=True, max_length=20, default="session_manager")
     holder = models.CharField(max_length=64, blank=True)
     beat_at = models.DateTimeField()
+    beats = models.BigIntegerField(default=0, editable=False)
     report = models.JSONField(default=dict, blank=True, editable=False)
 
     class Meta:
@@ -315,3 +316,20 @@ class ManagerBeat(models.Model):
 
     def __str__(self) -> str:
         return self.holder
+
+
+class Shard(models.Model):
+    """A share of the robots, by the hash of their names: `owner` serves them, under an epoch that
+    grows whenever the shard changes hands (sessions/shards/ownership.py).
+    """
+
+    number = models.PositiveSmallIntegerField(primary_key=True)
+    owner = models.CharField(max_length=64, blank=True)
+    epoch = models.BigIntegerField(default=0)
+
+    class Meta:
+        verbose_name = _("shard")
+        verbose_name_plural = _("shards")
+
+    def __str__(self) -> str:
+        return f"{self.number} · {self.epoch} · {self.owner}"

@@ -26,7 +26,9 @@ message_received = Signal()
 # What is sent for what was received of sessions.
 OF_SESSIONS = (state_received, state_recovered, message_received)
 
-# now: datetime. Sent twice a second, before the session manager looks at sessions itself.
+# now: datetime, ownership: sessions.shards.ownership.Ownership, of the process that sends it: act
+# for its robots alone, and for the site if it `owns_site`. Sent twice a second, before the session
+# manager looks at sessions itself.
 ticked = Signal()
 
 # robot: robots.models.Robot, reason: str, at: datetime. Its queue is paused: it could not be made

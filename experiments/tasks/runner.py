@@ -34,6 +34,7 @@ from sessions.leases import store
 from sessions.leases.store import LIVE
 from sessions.manager import notices
 from sessions.models import Session
+from sessions.shards.ownership import EVERYTHING, Ownership
 
 log = structlog.stdlib.get_logger(__name__)
 
@@ -176,22 +177,29 @@ class Runner:
             running.feed(record)
             self._go_on(running, received_at)
 
-    def tick(self, *, now: datetime.datetime, **_more: object) -> None:
-        """Do what time asks for in every living drive, and settle one that is over."""
-        living = {
-            str(key)
-            for key in Drive.objects.filter(session__state__in=LIVE, settled_at=None).values_list(
-                "session_id", flat=True
-            )
+    def tick(
+        self, *, now: datetime.datetime, ownership: Ownership = EVERYTHING, **_more: object
+    ) -> None:
+        """Do what time asks for in every living drive of our robots; the owner of the site settles
+        one that is over.
+        """
+        drives = Drive.objects.filter(session__state__in=LIVE, settled_at=None)
+        robots = {
+            str(key): robot
+            for key, robot in drives.values_list("session_id", "session__robot__name")
+            if ownership.owns(robot)
         }
+        living = robots.keys()
         for session in self._running.keys() - living:
             del self._running[session]
         self._foreign -= living
-        for session in living:
-            running = self._of(session)
-            if running is not None:
-                self._go_on(running, now.timestamp())
-        self._settler.tick(now)
+        for session, robot in robots.items():
+            with ownership.about(robot):
+                running = self._of(session)
+                if running is not None:
+                    self._go_on(running, now.timestamp())
+        if ownership.owns_site:
+            self._settler.tick(now)
 
     def on_end(self, *, session: Session, **_more: object) -> None:
         """A session is over, whoever ended it."""

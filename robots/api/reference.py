@@ -72,6 +72,10 @@ agent; those of the factsheet's `limits` are the robot's.
 - An older copy changes nothing (`old_lease`): a lower `renewal`, or a lower epoch. A lower epoch
   counts only when no lease is live and its `stamp` is newer than that of every earlier lease.
   Remember the newest session, epoch, renewal and stamp across a restart.
+- The epoch is a fencing token: the server counts it up in its database whenever the lease changes
+  hands, and never down, also when another of its processes takes over. So a process of the server
+  that was stopped and goes on cannot return a robot to an earlier driver. A takeover by another
+  process alone changes neither session nor epoch, only `renewal`, and the drive goes on.
 - A repeated renewal can lower limits. The new limits apply at once, and the lease is not extended.
 - A lease of another session or epoch ends the old driver's last velocity and navigation. The new
   driver begins when the robot is measured to be at a standstill.

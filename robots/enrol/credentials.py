@@ -217,14 +217,15 @@ def server_credentials(part: ServerPart) -> tuple[str, str]:
     )
 
 
-def server_client_id(part: ServerPart) -> str:
+def server_client_id(part: ServerPart, number: int = 0) -> str:
     """Return the MQTT client id of a server process that keeps a persistent session: the same at
-    every start, and not to be guessed.
+    every start, and not to be guessed. Of several processes each has a number.
 
     With Mosquitto a client id is all it takes to take a session over, whoever one is; so ids are
     secrets or random.
     """
-    digest = salted_hmac("robots.credentials.client_id", part, algorithm="sha256")
+    name = f"{part}-{number}" if number else part
+    digest = salted_hmac("robots.credentials.client_id", name, algorithm="sha256")
     return f"{part}-{digest.hexdigest()[:24]}"
 
 

@@ -1,11 +1,16 @@
-"""The session manager that leads: it records, keeps time, and connects to the broker again and
-again.
+"""The session manager that has a slot: it records, keeps time, and connects to the broker again
+and again.
+
+The broker keeps what comes for a slot while its process restarts. While other members live, they
+hear what the slot's robots say, so that what the broker has kept is forgotten: by the process that
+takes the slot, or by the owner of the site's shard when nobody does.
 """
 
 import asyncio
+import contextlib
 import functools
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 import aiomqtt
@@ -26,13 +31,16 @@ from sessions.manager.database_thread import DatabaseThread
 from sessions.manager.disk_watch import DiskWatch
 from sessions.manager.health import ManagerHealth
 from sessions.manager.ingest import Intake
+from sessions.manager.membership import Membership
 from sessions.manager.return_to_dock import ReturnToDock
 from sessions.manager.scheduler import Scheduler
+from sessions.recording.items import ReleaseItem
 from sessions.recording.recorder import Recorder
 
 logger = structlog.stdlib.get_logger(__name__)
 
 FLUSH_SECONDS = 20.0
+RELEASE_SECONDS = 5.0  # for which shards wait that are given away while the database is slow
 
 
 class RecorderDied(RuntimeError):
@@ -40,7 +48,7 @@ class RecorderDied(RuntimeError):
 
 
 class ActiveManager:
-    """Lives while this process leads; make it in the event loop, and `close` it.
+    """Lives while this process has its slot; make it in the event loop, and `close` it.
 
     Args:
         address: the broker's.
@@ -49,6 +57,7 @@ class ActiveManager:
         clock: Unix seconds.
         health: is told how steps in the database go.
         connected: is set while there is a connection that serves.
+        membership: of the process, which has a slot.
     """
 
     def __init__(
@@ -59,6 +68,7 @@ class ActiveManager:
         clock: Callable[[], float],
         health: ManagerHealth,
         connected: asyncio.Event,
+        membership: Membership,
     ) -> None:
         self._address = address
         self._credentials = credentials
@@ -67,18 +77,32 @@ class ActiveManager:
         self._connected = connected
         self._connection: BrokerConnection | None = None
         self._ending = False
-        loop = asyncio.get_running_loop()
+        self._slot = membership.slot
+        self._ownership = ownership = membership.ownership
+        self._forgets = len(ownership.slots) > 1
+        self._forgetting: set[asyncio.Task[None]] = set()
+        self._prepared: tuple[int, ...] = ()
+        self._loop = loop = asyncio.get_running_loop()
         self.recorder = Recorder(
-            functools.partial(loop.call_soon_threadsafe, self._ask_again), clock=clock
+            functools.partial(loop.call_soon_threadsafe, self._ask_again),
+            clock=clock,
+            ownership=ownership,
         )
         due, received = asyncio.Event(), asyncio.Event()
         self._work = Work(
             recorder=self.recorder,
-            ingest=Intake(self.recorder, clock, wake_signals=received.set, wake_scheduler=due.set),
-            scheduler=Scheduler(),
-            return_to_dock=ReturnToDock(),
-            presence=PresenceWriter(),
-            thread=DatabaseThread("scheduler", health),
+            ownership=ownership,
+            ingest=Intake(
+                self.recorder,
+                clock,
+                wake_signals=received.set,
+                wake_scheduler=due.set,
+                ownership=ownership,
+            ),
+            scheduler=Scheduler(ownership),
+            return_to_dock=ReturnToDock(ownership),
+            presence=PresenceWriter(only_if=ownership.condition),
+            thread=DatabaseThread("scheduler", health, ownership.fenced),
             health=health,
             disk=DiskWatch(DiskSpace(settings.VAR_DIR, settings.DISK_LOW_MB)),
             due=due,
@@ -99,19 +123,58 @@ class ActiveManager:
             self._serving.result()
 
     def report(self) -> dict[str, Any]:
-        """Return how this process does, in words that hold nothing personal."""
+        """Return how this process does, in words that hold nothing personal; `prepared` are the
+        slots by whose division it has subscribed last.
+        """
+        if self._connection is not None:
+            self._prepared = self._connection.prepared
         return {
             "connected": self._connected.is_set(),
+            "prepared": list(self._prepared),
             "waiting": self.recorder.waiting,
             "counts": dict(self.recorder.counts),
             "refused": dict(self.recorder.refused),
             "rejected": dict(self._work.ingest.counts),
         }
 
+    def wake(self) -> None:
+        """Have the scheduler look at once: other robots are ours."""
+        self._work.due.set()
+
+    async def release(self, shards: frozenset[int]) -> None:
+        """Return when everything that was known of the robots of these shards, which are not ours
+        any more, is written.
+        """
+        await self._work.thread.run(tuple)  # a tick that runs now ends first
+        written = asyncio.Event()
+        say = functools.partial(self._loop.call_soon_threadsafe, written.set)
+        self.recorder.put(ReleaseItem(shards, say))
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(RELEASE_SECONDS):
+                await written.wait()
+
+    def forget_departed(self, slots: Collection[int]) -> None:
+        """Have the broker forget what it keeps for slots that were left."""
+        for slot in slots if self._ownership.owns_site else ():
+            task = self._loop.create_task(self._forget(slot))
+            self._forgetting.add(task)
+            task.add_done_callback(self._forgetting.discard)
+
+    async def _forget(self, slot: int) -> None:
+        try:
+            async with broker_address.client(
+                self._address, self._credentials, server_client_id("session-manager", slot)
+            ):
+                logger.info("broker_session_forgotten", slot=slot)
+        except aiomqtt.MqttError as error:
+            logger.info("broker_session_kept", slot=slot, reason=str(error))
+
     async def close(self) -> None:
         """Leave the broker, and write what is there."""
         self._ending = True
         await cancel(self._serving)
+        for task in list(self._forgetting):
+            await cancel(task)
         if not await asyncio.to_thread(self.recorder.stop, FLUSH_SECONDS):
             logger.error("record_not_finished", counts=dict(self.recorder.counts))
         self._work.disk.close()
@@ -137,11 +200,14 @@ class ActiveManager:
 
     async def _serve(self) -> None:
         """Serve one connection, until it is lost."""
+        if self._forgets:
+            await self._forget(self._slot)
+            self._forgets = False
         inbox = functools.partial(Inbox, self._work.ingest.receive)
         async with broker_address.client(
             self._address,
             self._credentials,
-            server_client_id("session-manager"),
+            server_client_id("session-manager", self._slot),
             inbox,
             clean_session=False,
         ) as client:

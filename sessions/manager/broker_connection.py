@@ -14,7 +14,7 @@ import itertools
 import secrets
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -26,6 +26,7 @@ from django.utils import timezone
 from robots.api import codec, messages, topics
 from robots.bridge import broker_address
 from robots.cancellation import until_one_ends
+from robots.models import Robot
 from robots.presence import PresenceChange, PresenceWriter
 from sessions import signals, system_log
 from sessions.leases.transitions import RobotLink
@@ -43,6 +44,7 @@ from sessions.manager.scheduler import ManagerMessage, Scheduler, notice_message
 from sessions.models import Session
 from sessions.recording.items import CloseItem
 from sessions.recording.recorder import Recorder
+from sessions.shards.ownership import Ownership
 
 logger = structlog.stdlib.get_logger(__name__)
 
@@ -52,17 +54,19 @@ HEARTBEAT_SECONDS = 0.5
 STATUS_SECONDS = 0.5
 HEALTH_SECONDS = 0.1  # between two readings of what the status would be: a fault is told at once
 GATHER_SECONDS = 0.04
+MOST_FILTERS = 50  # of one packet; the embedded broker takes 64
 TOGETHER = 200  # messages on their way to the broker at once, of the thousand that a client keeps
 
 
 @dataclass(frozen=True)
 class Work:
-    """What a leading session manager keeps from one connection to the next.
+    """What a session manager keeps from one connection to the next.
 
     `due` is set when the scheduler is to run at once, `received` when the apps above have something
     to be told.
     """
 
+    ownership: Ownership
     recorder: Recorder
     ingest: Intake
     scheduler: Scheduler
@@ -89,15 +93,40 @@ class BrokerConnection:
         self._work = work
         self._clock = clock
         self._since = clock()
-        self._desired_state = DesiredState()
+        self._desired_state = DesiredState(work.ownership)
+        self._presence_version = work.ownership.version
+        self._subscribed: set[tuple[str, int]] = set()
+        self.prepared: tuple[int, ...] = ()  # the slots by whose division we have subscribed
         self._asking: set[asyncio.Task[None]] = set()
         self._needed: frozenset[str] = frozenset()
 
     async def begin(self) -> None:
         """Subscribe, and have every lease published anew."""
         self._client.pending_calls_threshold = 2 * TOGETHER
-        broker_address.check_subscribed(await self._client.subscribe(filters()))
+        await self._subscribe()
+        if self._work.ownership.was_shared:
+            # the broker may have kept subscriptions of another division
+            kept = await self._work.thread.run(_every_filter) - self._subscribed
+            await self._unsubscribe(kept)
         await self._work.thread.run(self._work.scheduler.begin)
+
+    async def _subscribe(self) -> None:
+        """Subscribe to what our share of the robots says, and to nothing else."""
+        ownership = self._work.ownership
+        slots = ownership.slots
+        if ownership.is_whole:
+            wanted = filters()
+        else:
+            wanted = filters(await self._work.thread.run(_names_of, ownership.wants))
+        for packet in packets_of(wanted - self._subscribed):
+            broker_address.check_subscribed(await self._client.subscribe(packet))
+        await self._unsubscribe(self._subscribed - wanted)
+        self._subscribed = wanted
+        self.prepared = slots
+
+    async def _unsubscribe(self, stale: set[tuple[str, int]]) -> None:
+        for packet in packets_of(stale):
+            await self._client.unsubscribe([topic for topic, _ in packet])
 
     async def serve(self) -> None:
         """Do everything that goes on while connected, until the connection is lost."""
@@ -114,6 +143,8 @@ class BrokerConnection:
     async def _tick_for_ever(self) -> None:
         while True:
             self._work.due.clear()
+            self._work.ingest.follow_ownership()
+            await self._subscribe()
             for item in await self._work.thread.attempt(self._tick) or ():
                 self._work.recorder.put(item)
             await self._renew()
@@ -126,16 +157,25 @@ class BrokerConnection:
     async def _renew(self) -> None:
         """Publish leases before all that a tick has found, and the rest after them."""
         scheduler, published = self._work.scheduler, True
-        while published:
+        while published and self._may_act():
             published = await self._work.thread.attempt(scheduler.renew, timezone.now())
-            await publish_all(scheduler.outbox, self._client)
+            await publish_all(scheduler.outbox, self._client, self._may_act)
+
+    def _may_act(self) -> bool:
+        return self._work.ownership.is_confirmed
 
     def _tick(self) -> list[CloseItem]:
         """In the scheduler's thread: first who is there, then what time does."""
         now, work = timezone.now(), self._work
+        if not self._may_act():  # this process has just gone on after a stop
+            return []
+        if self._presence_version != work.ownership.version:
+            self._presence_version = work.ownership.version
+            work.presence.flush(now, at_once=True)
+            work.presence.forget()
         self._needed = needed_robots()
         self._take_presence(now)
-        send(signals.ticked, now=now)
+        send(signals.ticked, now=now, ownership=work.ownership)
         work.scheduler.outbox.extend(map(notice_message, notices.drain()))
         robots = dict(work.ingest.last_received)
         links = {
@@ -163,8 +203,12 @@ class BrokerConnection:
         self._work.presence.flush(now)
 
     def _take_some(self, news: list[PresenceNews], now: datetime.datetime) -> None:
+        work = self._work
         for one in news:
-            change = self._work.presence.take(one.robot, one.message, now, retained=one.retained)
+            if not work.ownership.owns(one.robot):
+                continue
+            with work.ownership.about(one.robot):
+                change = work.presence.take(one.robot, one.message, now, retained=one.retained)
             if change is not None:
                 self._presence_changed(change, now)
 
@@ -187,6 +231,8 @@ class BrokerConnection:
         while True:
             needed = self._needed
             for robot, liveness in list(self._work.ingest.last_received.items()):
+                if not self._work.ownership.owns(robot):
+                    continue
                 now = self._clock()
                 if liveness.is_awake(now) or (robot in needed and liveness.is_present(now)):
                     liveness.beats += 1
@@ -199,13 +245,14 @@ class BrokerConnection:
             await asyncio.sleep(HEARTBEAT_SECONDS)
 
     async def _publish_status_for_ever(self) -> None:
-        """Say that this process lives and what it lacks; from the loop, which neither database nor
-        disk holds up.
+        """Say that the owner of the site lives and what it lacks; from the loop, which neither
+        database nor disk holds up.
         """
         published_at, faults = -STATUS_SECONDS, self._faults()
         while True:
             before, faults, now = faults, self._faults(), time.monotonic()
-            if faults != before or now - published_at >= STATUS_SECONDS:
+            due = faults != before or now - published_at >= STATUS_SECONDS
+            if due and self._work.ownership.owns_site:
                 published_at = now
                 await self._client.publish(
                     topics.MANAGER_STATUS,
@@ -231,7 +278,7 @@ class BrokerConnection:
                     robot: liveness.offset.seconds
                     for robot, liveness in list(ingest.last_received.items())
                 }
-                await self._work.thread.run(send_all, items, offsets)
+                await self._work.thread.run(send_all, items, offsets, self._work.ownership)
                 if notices.are_waiting():
                     self._work.due.set()
 
@@ -262,6 +309,23 @@ class BrokerConnection:
             logger.info("states_not_requested", reason=str(error))
 
 
+def packets_of(filters_: set[tuple[str, int]]) -> Iterator[list[tuple[str, int]]]:
+    """Yield filters in as many packets as a broker wants for them."""
+    in_order = sorted(filters_)
+    for first in range(0, len(in_order), MOST_FILTERS):
+        yield in_order[first : first + MOST_FILTERS]
+
+
+def _names_of(is_wanted: Callable[[str], bool]) -> list[str]:
+    """Return the names of our share of the robots. In the scheduler's thread."""
+    return list(filter(is_wanted, Robot.objects.values_list("name", flat=True)))
+
+
+def _every_filter() -> set[tuple[str, int]]:
+    """Return everything that may ever have been subscribed to. In the scheduler's thread."""
+    return filters(["+", *Robot.objects.values_list("name", flat=True)])
+
+
 class Publishing(Protocol):
     """The part of aiomqtt.Client that publishes."""
 
@@ -269,18 +333,23 @@ class Publishing(Protocol):
         """Return when the broker has the message, or raise MqttError."""
 
 
-async def publish_all(outbox: deque[ManagerMessage], client: Publishing) -> None:
-    """Publish what waits, in order; a message leaves the outbox only when the broker has it.
+async def publish_all(
+    outbox: deque[ManagerMessage], client: Publishing, may_act: Callable[[], bool] = lambda: True
+) -> None:
+    """Publish what waits, in order; a message leaves the outbox only when the broker has it. None
+    is published while this process may not act.
 
     No message waits for the one before: the last of many leases would be a second old, and its
     session over by then.
     """
 
     async def publish(outbound: ManagerMessage) -> None:
+        if not may_act():
+            return
         await client.publish(outbound.topic, outbound.payload, qos=1, retain=outbound.retain)
         outbox.remove(outbound)
 
-    while batch := list(itertools.islice(outbox, TOGETHER)):
+    while may_act() and (batch := list(itertools.islice(outbox, TOGETHER))):
         for outcome in await asyncio.gather(*map(publish, batch), return_exceptions=True):
             if outcome is not None:
                 raise outcome

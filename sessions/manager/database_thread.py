@@ -7,6 +7,7 @@ import functools
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import structlog
@@ -24,10 +25,17 @@ class DatabaseThread:
     Args:
         name: of the thread.
         health: is told when a step begins and ends; what waits for the thread does not count.
+        around: makes what every step runs in.
     """
 
-    def __init__(self, name: str, health: ManagerHealth) -> None:
+    def __init__(
+        self,
+        name: str,
+        health: ManagerHealth,
+        around: Callable[[], AbstractContextManager[None]] = nullcontext,
+    ) -> None:
         self._health = health
+        self._around = around
         self._pool = ThreadPoolExecutor(1, name)
 
     async def run(self, step: Callable[..., Any], *arguments: Any) -> Any:
@@ -53,7 +61,8 @@ class DatabaseThread:
         begun = object()
         self._health.begun(begun, time.monotonic())
         try:
-            return _with_fresh_connection(step, *arguments)
+            with self._around():
+                return _with_fresh_connection(step, *arguments)
         finally:
             self._health.ended(begun, time.monotonic())
 

@@ -22,6 +22,7 @@ from sessions.leases.store import LIVE
 from sessions.leases.terms import FREE, Terms
 from sessions.manager.scheduler import ManagerMessage
 from sessions.models import Lease, Session
+from sessions.shards.ownership import EVERYTHING, Ownership
 
 READ = ("id", "name", "assist", "doors", "floor_plan_id", "calls")
 
@@ -40,12 +41,17 @@ class _Published:
 class DesiredState:
     """Remembers what each robot was told."""
 
-    def __init__(self) -> None:
+    def __init__(self, ownership: Ownership = EVERYTHING) -> None:
+        self._ownership = ownership
         self._published: dict[str, _Published] = {}
-        self._driven: set[Any] | None = None  # robots that had a session, when this began
+        self._version = ownership.version
+        # robots that had a session, when this began or was given others' robots
+        self._driven: set[Any] | None = None
 
     def tick(self, now: datetime.datetime) -> list[ManagerMessage]:
         """Return what has changed since the last look; everything at the first one."""
+        if self._version != self._ownership.version:
+            self._version, self._driven = self._ownership.version, None
         outbound_messages = []
         plans = FloorPlan.objects.values_list("pk", "sha256", "plan")
         maps = {key: (f"{sha256} {plan}" if sha256 else "", plan) for key, sha256, plan in plans}
@@ -56,6 +62,9 @@ class DesiredState:
         }
         updates: dict[Any, bytes] = {}
         for row in Robot.objects.order_by().values(*READ):
+            if not self._ownership.owns(row["name"]):
+                self._published.pop(row["name"], None)  # said again when it is ours
+                continue
             robot = Robot(**row)
             published = self._published.get(robot.name) or self._begin(robot)
             session = held.get(robot.pk)

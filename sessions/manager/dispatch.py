@@ -2,6 +2,7 @@
 scheduler's thread.
 """
 
+import uuid
 from collections.abc import Iterable, Mapping
 
 import structlog
@@ -10,23 +11,52 @@ from robots.api.errors import Rejection
 from sessions import protocol, signals
 from sessions.manager.ingest import Fresh
 from sessions.manager.scheduler import send
+from sessions.models import Session
 from sessions.recording.items import ActionItem, EventItem, PageItem, StateItem
+from sessions.shards.ownership import EVERYTHING, Ownership
 
 logger = structlog.stdlib.get_logger(__name__)
 
 
-def send_all(items: Iterable[Fresh], offsets: Mapping[str, float | None]) -> None:
-    """Send the signals of what came; `offsets` has each robot's clock minus ours, in seconds."""
+def send_all(
+    items: Iterable[Fresh],
+    offsets: Mapping[str, float | None],
+    ownership: Ownership = EVERYTHING,
+) -> None:
+    """Send the signals of what came of our robots; `offsets` has each robot's clock minus ours, in
+    seconds.
+    """
     for item in items:
-        match item:
-            case StateItem():
-                _send_state(item)
-            case EventItem(robot, event, received_at) if event.session is not None:
-                _send(robot, event.session, event, received_at, offsets.get(robot))
-            case ActionItem(robot, session, status, received_at):
-                _send(robot, session, status, received_at, offsets.get(robot))
-            case PageItem():
-                _send_page(item)
+        if ownership.is_whole and isinstance(item, PageItem):
+            _send_item(item, offsets)
+        elif (robot := _robot_of(item)) is not None and ownership.owns(robot):
+            with ownership.about(robot):
+                _send_item(item, offsets)
+
+
+def _robot_of(item: Fresh) -> str | None:
+    """Return the name of the robot that an item is about; None for a session that there is not."""
+    if not isinstance(item, PageItem):
+        return item.robot
+    if item.report.suffix != "page/event":
+        return None
+    try:
+        session = Session.objects.filter(pk=uuid.UUID(item.report.session))
+    except ValueError:
+        return None
+    return session.values_list("robot__name", flat=True).first()
+
+
+def _send_item(item: Fresh, offsets: Mapping[str, float | None]) -> None:
+    match item:
+        case StateItem():
+            _send_state(item)
+        case EventItem(robot, event, received_at) if event.session is not None:
+            _send(robot, event.session, event, received_at, offsets.get(robot))
+        case ActionItem(robot, session, status, received_at):
+            _send(robot, session, status, received_at, offsets.get(robot))
+        case PageItem():
+            _send_page(item)
 
 
 def _send_state(item: StateItem) -> None:

@@ -1,12 +1,17 @@
 """What arrives at the session manager, sorted: to the recorder, into memory, and into line for
 presence and signals.
 
+While robots are shared among several session managers, each hears all of its own robots, and what
+happens seldom of all: events, actions, photos, and what pages say. What is not its own is kept for
+some seconds, because the robot may become its own: when another process has died, what that one
+had heard and not written is here, and the states are asked for again by their numbers.
+
 Runs in the loop's thread and waits for nothing. Bytes that are no message are counted, logged and
 dropped.
 """
 
 from collections import Counter, deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,10 +26,14 @@ from sessions.leases.readiness import ORDERED
 from sessions.manager.robot_liveness import RobotLiveness
 from sessions.recording.items import ActionItem, EventItem, PageItem, PhotoItem, StateItem
 from sessions.recording.recorder import Recorder
+from sessions.shards.ownership import EVERYTHING, Ownership
 
 logger = structlog.stdlib.get_logger(__name__)
 
-LISTENED = ("connection", "factsheet", "state", "event", "action", "heartbeat", "photo/+")
+SELDOM = ("event", "action", "photo/+")
+OFTEN = ("connection", "factsheet", "state", "heartbeat")
+EARLY_SECONDS = 5.0  # for which messages of robots are kept that are not ours
+MOST_EARLY = 5000
 MAX_UNSENT = 10_000
 MAX_SIGNS = 10_000
 ENDED = frozenset({"FINISHED", "FAILED", "CANCELLED"})
@@ -35,11 +44,35 @@ _NOTICES = topics.session_notices("")
 _REPORTS = protocol.page_reports("")
 
 
-def filters() -> list[tuple[str, int]]:
-    """Return the (filter, QoS) pairs that the session manager subscribes to."""
-    lines = [(suffix, topics.find(suffix.replace("+", "x"))) for suffix in LISTENED]
-    robots = [(topics.of("+", suffix), line.qos) for suffix, line in lines if line is not None]
-    return [*robots, (topics.session_notices("+"), 1), (protocol.page_reports("+"), 1)]
+def filters(robots: Iterable[str] = ("+",)) -> set[tuple[str, int]]:
+    """Return the (filter, QoS) pairs that a session manager subscribes to, for these robots."""
+    return {
+        *_of_robots(("+",), SELDOM),
+        *_of_robots(robots, OFTEN),
+        (topics.session_notices("+"), 1),
+        (protocol.page_reports("+"), 1),
+    }
+
+
+def _of_robots(robots: Iterable[str], suffixes: Iterable[str]) -> set[tuple[str, int]]:
+    lines = [(suffix, topics.find(suffix.replace("+", "x"))) for suffix in suffixes]
+    return {
+        (topics.of(robot, suffix), line.qos)
+        for robot in robots
+        for suffix, line in lines
+        if line is not None
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class _Early:
+    """A message of a robot that is not ours, as it came."""
+
+    robot: str
+    suffix: str
+    payload: bytes
+    received_at: float
+    retained: bool
 
 
 @dataclass(frozen=True)
@@ -59,6 +92,7 @@ class Intake:
         clock: Unix seconds.
         wake_signals: called when `fresh` has something new.
         wake_scheduler: called when a web process has changed something.
+        ownership: whose messages are ours.
     """
 
     def __init__(
@@ -68,11 +102,15 @@ class Intake:
         *,
         wake_signals: Callable[[], None],
         wake_scheduler: Callable[[], None],
+        ownership: Ownership = EVERYTHING,
     ) -> None:
         self._recorder = recorder
         self._clock = clock
         self._wake_signals = wake_signals
         self._wake_scheduler = wake_scheduler
+        self._ownership = ownership
+        self._version = ownership.version
+        self._early: deque[_Early] = deque(maxlen=MOST_EARLY)
         self._presence: deque[PresenceNews] = deque()
         self._stated: set[str] = set()  # robots with a state that presence_news has not returned
         self._fresh: deque[Fresh] = deque(maxlen=MAX_UNSENT)
@@ -109,7 +147,40 @@ class Intake:
             parsed = topics.parse(topic)
             if parsed is None:
                 raise Rejection("unknown_topic", topic[:80])
-            self._on_robot_message(*parsed, payload, now, retained=retained)
+            if self._ownership.owns(parsed[0]):
+                self._on_robot_message(*parsed, payload, now, retained=retained)
+            else:
+                self._keep(_Early(*parsed, payload, now, retained))
+
+    def _keep(self, message: _Early) -> None:
+        self._early.append(message)
+        while self._early[0].received_at < message.received_at - EARLY_SECONDS:
+            self._early.popleft()
+
+    def follow_ownership(self) -> bool:
+        """Forget robots that are not ours any more, and take what those that are ours by now have
+        just said; tell whether there is any change.
+        """
+        if self._version == self._ownership.version:
+            return False
+        self._version = self._ownership.version
+        for robot in [one for one in self.last_received if not self._ownership.owns(one)]:
+            del self.last_received[robot]
+        oldest = self._clock() - EARLY_SECONDS
+        for early in [self._early.popleft() for _ in range(len(self._early))]:
+            if not self._ownership.owns(early.robot):
+                self._early.append(early)
+            elif early.received_at >= oldest:
+                self._take_early(early)
+        return True
+
+    def _take_early(self, early: _Early) -> None:
+        try:
+            self._on_robot_message(
+                early.robot, early.suffix, early.payload, early.received_at, retained=early.retained
+            )
+        except Rejection as rejection:
+            self.counts[rejection.reason] += 1
 
     def _on_robot_message(
         self, robot: str, suffix: str, payload: bytes, now: float, *, retained: bool
@@ -191,8 +262,12 @@ class Intake:
         """
         news = [self._presence.popleft() for _ in range(len(self._presence))]
         stated, self._stated = self._stated, set()
-        found = ((robot, self.last_received[robot].state) for robot in stated)
-        return news + [PresenceNews(robot, state) for robot, state in found if state is not None]
+        found = ((robot, self.last_received.get(robot)) for robot in stated)
+        return news + [
+            PresenceNews(robot, liveness.state)
+            for robot, liveness in found
+            if liveness is not None and liveness.state is not None
+        ]
 
     def repeat_news(self, news: list[PresenceNews]) -> None:
         """Have news returned again by the next call: they could not be stored."""

@@ -22,6 +22,7 @@ from sessions.leases.store import LIVE
 from sessions.manager.robot_liveness import RobotLiveness
 from sessions.manager.scheduler import ManagerMessage, send
 from sessions.models import Lease
+from sessions.shards.ownership import EVERYTHING, Ownership
 
 logger = structlog.stdlib.get_logger(__name__)
 
@@ -41,16 +42,16 @@ class _Known:
 class ReturnToDock:
     """Everything that is remembered between two looks."""
 
-    def __init__(self) -> None:
+    def __init__(self, ownership: Ownership = EVERYTHING) -> None:
+        self._ownership = ownership
         self._under_way: dict[str, Readiness] = {}
 
     def tick(
         self, last_received: Mapping[str, RobotLiveness], now: datetime.datetime
     ) -> list[ManagerMessage]:
         """Bring every robot that is not ready a step nearer to it; return what is to be said."""
-        away = list(
-            Robot.objects.exclude(turnaround=Robot.Turnaround.READY).select_related("floor_plan")
-        )
+        rows = Robot.objects.exclude(turnaround=Robot.Turnaround.READY).select_related("floor_plan")
+        away = [robot for robot in rows if self._ownership.owns(robot.name)]
         driven = set(
             Lease.objects.filter(robot__in=away, session__state__in=LIVE).values_list(
                 "robot_id", flat=True
@@ -63,10 +64,11 @@ class ReturnToDock:
         }
         outbound_messages = []
         for robot in away:
-            if robot.pk in driven or not robot.can_go_home or not robot.enabled:
-                outbound_messages += self._let_be(robot, now)
-            else:
-                outbound_messages += self._bring(robot, last_received.get(robot.name), now)
+            with self._ownership.about(robot.name):
+                if robot.pk in driven or not robot.can_go_home or not robot.enabled:
+                    outbound_messages += self._let_be(robot, now)
+                else:
+                    outbound_messages += self._bring(robot, last_received.get(robot.name), now)
         return outbound_messages
 
     def _let_be(self, robot: Robot, now: datetime.datetime) -> list[ManagerMessage]:

@@ -46,6 +46,8 @@ from sessions.leases.transitions import (
 from sessions.models import Lease, Session, SessionEvent
 from sessions.protocol import AskedThere, Ended, FoundThere, Notice, Offered, TurnWarning
 from sessions.recording.items import CloseItem
+from sessions.shards.hashing import shard_of
+from sessions.shards.ownership import EVERYTHING, Ownership
 
 logger = structlog.stdlib.get_logger(__name__)
 
@@ -74,10 +76,14 @@ def notice_message(notice: Notice) -> ManagerMessage:
 
 class Scheduler:
     """Everything that the session manager remembers between two ticks; the rest is in the
-    database.
+    database. Robots that are not ours are another session manager's.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, ownership: Ownership = EVERYTHING) -> None:
+        self._ownership = ownership
+        self._version = ownership.version
+        self._shards = frozenset(ownership.epochs)
+        self._gained: dict[str, float] = {}  # robot: when it became ours while we ran
         self.outbox: deque[ManagerMessage] = deque()
         self._leases: dict[str, tuple[int, float]] = {}  # robot: epoch, when renewed
         self._counted: dict[str, tuple[int, int]] = {}  # robot: epoch, number of the newest copy
@@ -101,8 +107,31 @@ class Scheduler:
         """
         for outbound in [outbound for outbound in self.outbox if outbound.retain]:
             self.outbox.remove(outbound)
-        self._leases = dict.fromkeys(Robot.objects.values_list("name", flat=True), NEVER)
+        names = Robot.objects.values_list("name", flat=True)
+        self._leases = dict.fromkeys(filter(self._ownership.owns, names), NEVER)
         self._places = {}
+
+    def _follow_ownership(self, now: datetime.datetime) -> None:
+        """Forget robots that another session manager has by now; tell those that are ours by now
+        everything again, and give them time to say something.
+        """
+        if self._version == self._ownership.version:
+            return
+        self._version, epochs = self._ownership.version, self._ownership.epochs
+        gained, self._shards = epochs.keys() - self._shards, frozenset(epochs)
+        for name in Robot.objects.values_list("name", flat=True):
+            if shard_of(name) in gained:
+                self._gained[name] = now.timestamp()
+                self._leases[name] = NEVER
+            elif shard_of(name) not in epochs:
+                self._forget(name)
+
+    def _forget(self, name: str) -> None:
+        for known in (self._leases, self._counted, self._asked, self._gained):
+            known.pop(name, None)
+        of_lease = topics.of(name, "lease")
+        for outbound in [outbound for outbound in self.outbox if outbound.topic == of_lease]:
+            self.outbox.remove(outbound)
 
     def tick(
         self, links: dict[str, RobotLink], default: RobotLink, now: datetime.datetime
@@ -114,26 +143,29 @@ class Scheduler:
             default: for a robot that was not heard of.
             now: aware.
         """
+        self._follow_ownership(now)
         queues = set(
             Session.objects.filter(state=Session.State.WAITING).values_list("robot_id", flat=True)
         )
         robots = self._busy_robots()
         scenes = load_scenes(robots, now)
         for robot in robots:
-            link = replace(links.get(robot.name, default), asked=self._asked.get(robot.name))
-            self._web_absences.tick(scenes[robot.pk].holder, now)
-            with log_ids.about(robot=robot.name):
+            link = links.get(robot.name, default)
+            since = max(link.since, self._gained.get(robot.name, 0.0))
+            link = replace(link, since=since, asked=self._asked.get(robot.name))
+            with log_ids.about(robot=robot.name), self._ownership.about(robot.name):
+                self._web_absences.tick(scenes[robot.pk].holder, now)
                 for act in expiry.tick(robot, link, now, scenes[robot.pk]):
                     self._publish(act, robot, now)
                 if robot.pk in queues:
                     self._publish_places(robot, now)
         return self._finish(now)
 
-    @staticmethod
-    def _busy_robots() -> list[Robot]:
+    def _busy_robots(self) -> list[Robot]:
         keys = set(Session.objects.filter(state__in=LIVE).values_list("robot_id", flat=True))
         keys |= set(Lease.objects.filter(session__isnull=False).values_list("robot_id", flat=True))
-        return list(Robot.objects.filter(pk__in=keys).defer(*UNREAD).order_by("name"))
+        busy = Robot.objects.filter(pk__in=keys).defer(*UNREAD).order_by("name")
+        return [robot for robot in busy if self._ownership.owns(robot.name)]
 
     # --- notices ----------------------------------------------------------------------------------
 
@@ -275,11 +307,16 @@ class Scheduler:
         its end first. So this is no part of a look, which takes longer, and whoever has published a
         lease asks again at once.
         """
+        self._follow_ownership(now)
         before = len(self.outbox)
         rows = Lease.objects.filter(session__state__in=LIVE).values_list(
             "robot__name", "robot_id", "epoch", "session__state"
         )
-        held = {name: (key, epoch, state) for name, key, epoch, state in rows}
+        held = {
+            name: (key, epoch, state)
+            for name, key, epoch, state in rows
+            if self._ownership.owns(name)
+        }
         for name in self._leases.keys() - held.keys():
             del self._leases[name]
             self._counted.pop(name, None)
@@ -333,9 +370,8 @@ class Scheduler:
         epoch, counted = self._counted.get(lease.robot.name, (lease.epoch, 0))
         renewal = max(lease.renewal, counted if epoch == lease.epoch else 0) + 1
         try:
-            if not Lease.objects.filter(robot=lease.robot, epoch=lease.epoch).update(
-                renewal=renewal
-            ):
+            same = Lease.objects.filter(robot=lease.robot, epoch=lease.epoch)
+            if not same.filter(self._ownership.condition(lease.robot.name)).update(renewal=renewal):
                 return None
         except DatabaseError as error:
             if not is_disk_full(error):
@@ -358,9 +394,12 @@ class Scheduler:
         for session in Session.objects.filter(
             state=Session.State.ENDED, closed_at=None
         ).select_related("robot"):
+            if not self._ownership.owns(session.robot.name):
+                continue
             key = str(session.pk)
             if key not in published:
-                self._publish_end(session, now)
+                with self._ownership.about(session.robot.name):
+                    self._publish_end(session, now)
             self._published.add(key)
             self._closing[key] = closing.get(key, 0.0)
             if now.timestamp() - self._closing[key] >= CLOSE_AGAIN_SECONDS:

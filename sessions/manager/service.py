@@ -1,11 +1,11 @@
-"""The session manager: the one process that owns time.
+"""The session manager: the process that owns time, of all robots or of its share of them.
 
 Its event loop carries messages and never waits for anything else. Three threads wait: the recorder
 writes the record, the scheduler looks at sessions, presence and signals, and a third keeps the
-heartbeat that makes this process the leader.
+heartbeat by which this process owns its shards of the robots.
 
-Three lifetimes, three classes: `LeaderElection` lives as long as the process, `ActiveManager` while
-this process leads, `BrokerConnection` from one connection to its loss. Whatever goes wrong with
+Three lifetimes, three classes: `Membership` lives as long as the process, `ActiveManager` while it
+has its slot, `BrokerConnection` from one connection to its loss. Whatever goes wrong with
 broker or database is reported, and begun again. `run` ends when it is told to, or with an error
 when the recorder has died, for then nothing would be recorded any more.
 """
@@ -21,7 +21,7 @@ from django.conf import settings
 from robots.bridge import broker_address
 from sessions.manager.active import ActiveManager
 from sessions.manager.health import ManagerHealth
-from sessions.manager.leadership import HEARTBEAT_INTERVAL_S, WAIT_SECONDS, LeaderElection
+from sessions.manager.membership import WAIT_SECONDS, Membership
 
 logger = structlog.stdlib.get_logger(__name__)
 
@@ -48,8 +48,9 @@ class SessionManager:
         self._rng = rng
         self._clock = clock
         self._health = ManagerHealth()
-        self._election = LeaderElection(settings.VAR_DIR / "session-manager.lock", self._health)
+        self._membership = Membership(settings.VAR_DIR, self._health)
         self._stopping = asyncio.Event()
+        self._giving: asyncio.Task[None] | None = None
         self.connected = asyncio.Event()
         self.active: ActiveManager | None = None
 
@@ -58,7 +59,7 @@ class SessionManager:
         self._stopping.set()
 
     async def run(self) -> None:
-        """Lead as soon as no other session manager does; and again, when another has taken over.
+        """Serve as soon as there is a slot; and again, when this one was taken for dead.
 
         Raises:
             RecorderDied: nothing is recorded any more.
@@ -66,18 +67,19 @@ class SessionManager:
         waits = False
         try:
             while not self._stopping.is_set():
-                if await self._election.win():
-                    await self._lead()
+                if await self._membership.join():
+                    await self._serve()
                 elif not waits:
-                    logger.info("session_manager_waiting", holder=self._election.holder)
+                    logger.info("session_manager_waiting", holder=self._membership.holder)
                     waits = True
                 await self._pause(WAIT_SECONDS)
         finally:
-            await self._election.close()
+            await self._membership.close()
 
-    async def _lead(self) -> None:
-        """Lead until this process is to stop, or another one has taken over."""
-        logger.info("session_manager_started", holder=self._election.holder)
+    async def _serve(self) -> None:
+        """Serve until this process is to stop, or others have taken its slot."""
+        membership = self._membership
+        logger.info("session_manager_started", holder=membership.holder, slot=membership.slot)
         self.active = active = ActiveManager(
             self._address,
             self._credentials,
@@ -85,17 +87,51 @@ class SessionManager:
             self._clock,
             self._health,
             self.connected,
+            membership,
         )
         try:
-            while not self._stopping.is_set():
-                if not await self._election.keep(active.report()):
-                    logger.error("session_manager_replaced", holder=self._election.holder)
-                    return
+            while not self._stopping.is_set() and await self._beat(active):
                 active.check()
-                await self._pause(HEARTBEAT_INTERVAL_S)
+                await self._pause(membership.interval)
         finally:
             self.active = None
-            await active.close()
+            await self._close(active)
+
+    async def _beat(self, active: ActiveManager) -> bool:
+        """Beat, and begin what is due by what others have done; False when the slot is gone."""
+        membership, version = self._membership, self._membership.ownership.version
+        if not await membership.beat(active.report()):
+            logger.error("session_manager_replaced", holder=membership.holder)
+            membership.ownership.become({})
+            return False
+        if membership.ownership.version != version:
+            active.wake()
+        if membership.gifts and (self._giving is None or self._giving.done()):
+            self._giving = asyncio.create_task(self._give(active, dict(membership.gifts)))
+        if departed := membership.departed:
+            membership.departed = set()
+            active.forget_departed(departed)
+        return True
+
+    async def _give(self, active: ActiveManager, gifts: dict[str, frozenset[int]]) -> None:
+        """Hand shards over, when all that was heard of their robots is written."""
+        numbers = frozenset[int]().union(*gifts.values())
+        await self._membership.release(numbers)
+        try:
+            await active.release(numbers)
+        finally:
+            await self._membership.hand_over(gifts)
+
+    async def _close(self, active: ActiveManager) -> None:
+        """Beat until all is written, so that the slot is kept until then; and give it back."""
+        if self._giving is not None:
+            await asyncio.wait([self._giving])
+        closing = asyncio.create_task(active.close())
+        while not closing.done():
+            await self._membership.beat(active.report())
+            await asyncio.wait([closing], timeout=self._membership.interval)
+        await self._membership.leave()
+        await closing
 
     async def _pause(self, seconds: float) -> None:
         try:

@@ -6,7 +6,7 @@ DatabaseError the same item can be taken again.
 """
 
 import datetime
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -27,11 +27,13 @@ from sessions.recording.items import (
     Item,
     PageItem,
     PhotoItem,
+    ReleaseItem,
     StateItem,
 )
 from sessions.recording.photos import Photos, RecordedPhoto
 from sessions.recording.sequence_tracker import Loss, SequenceTracker
 from sessions.recording.store import RecordStore, key_of, row_of
+from sessions.shards.hashing import shard_of
 
 logger = structlog.stdlib.get_logger(__name__)
 
@@ -47,6 +49,9 @@ SETTLE_SECONDS = 2.0
 GIVE_UP_SECONDS = 60.0
 PRESENT_SECONDS = 5.0
 RUNS = 3  # ledgers kept of a robot
+# for which what pages say of another session manager's robots is kept, in case they become ours
+EARLY_SECONDS = 5.0
+MOST_EARLY = 5000
 
 
 @dataclass
@@ -77,6 +82,9 @@ class RecordBuilder:
         self._robots: dict[str, _Robot] = {}
         self._touched: set[str] = set()
         self._closing: dict[str, CloseItem] = {}
+        self._early: deque[PageItem] = deque(maxlen=MOST_EARLY)
+        self._version = store.ownership.version
+        self._released: list[ReleaseItem] = []
         self.rows: list[Model] = []
         self.counts: Counter[str] = Counter()
         self.refused: Counter[str] = Counter()  # by robots, by reason
@@ -100,6 +108,8 @@ class RecordBuilder:
             case CloseItem():
                 self._closing[item.session] = item
                 self.rows += [row_of(chunk) for chunk in self._chunks.close(item.session)]
+            case ReleaseItem():
+                self._release(item)
 
     # --- states -----------------------------------------------------------------------------------
 
@@ -297,8 +307,12 @@ class RecordBuilder:
 
     def _page(self, item: PageItem) -> None:
         report, now = item.report, item.received_at
-        if self._store.robot_of(report.session, now) is None:
+        robot = self._store.robot_of(report.session, now)
+        if robot is None:
             self.counts["unknown_session"] += 1
+            return
+        if not self._store.ownership.records(robot):
+            self._early.append(item)
             return
         try:
             message = protocol.decode(report.suffix, bytes(report.message).decode())
@@ -329,6 +343,7 @@ class RecordBuilder:
 
     def settle(self, now: float) -> None:
         """Close the chunks that are due, ask for what is owed, write down what is lost."""
+        self._follow_ownership(now)
         for chunk in self._chunks.ripe(now):
             self._keep(chunk)
         for robot, runs in self._trackers.items():
@@ -352,6 +367,37 @@ class RecordBuilder:
                 now,
                 action=action,
             )
+
+    def _follow_ownership(self, now: float) -> None:
+        """Take what pages have just said of robots that are ours by now."""
+        while self._early and now - self._early[0].received_at > EARLY_SECONDS:
+            self._early.popleft()
+        if self._version != self._store.ownership.version:
+            self._version = self._store.ownership.version
+            for item in [self._early.popleft() for _ in range(len(self._early))]:
+                self._page(item)
+
+    def _release(self, item: ReleaseItem) -> None:
+        """Make rows of all that is known of the robots of some shards, and forget them: whoever
+        serves them next writes on, and what was stored meanwhile must be read anew.
+        """
+        gone = {robot for robot in self._robots if shard_of(robot) in item.shards}
+        for chunk in self._chunks.close():
+            self._keep(chunk)
+        for robot in gone:
+            boots = self._trackers.pop(robot, {}).keys()
+            self._restored = {pair for pair in self._restored if pair[1] not in boots}
+            del self._robots[robot]
+        self._closing = {
+            key: one for key, one in self._closing.items() if shard_of(one.robot) not in item.shards
+        }
+        self._released.append(item)
+
+    def tell_released(self) -> None:
+        """Say of robots that were released that all is written."""
+        for item in self._released:
+            item.done()
+        self._released = []
 
     def _lose(self, boot: str, loss: Loss, now: float) -> None:
         data = {"boot": boot, "ranges": [list(pair) for pair in loss.ranges], "count": loss.count}

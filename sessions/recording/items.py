@@ -2,6 +2,7 @@
 seconds).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from robots.api.messages import ActionStatus, Event, State
@@ -70,4 +71,14 @@ class CloseItem:
     ended_at: float
 
 
-Item = StateItem | EventItem | ActionItem | PhotoItem | PageItem | CloseItem
+@dataclass(frozen=True, slots=True)
+class ReleaseItem:
+    """Another session manager gets these shards: write what there is of their robots, forget them,
+    and call `done`.
+    """
+
+    shards: frozenset[int]
+    done: Callable[[], object]
+
+
+Item = StateItem | EventItem | ActionItem | PhotoItem | PageItem | CloseItem | ReleaseItem

@@ -19,6 +19,7 @@ from sessions.models import STALE_SECONDS
 from sessions.recording.builder import RecordBuilder
 from sessions.recording.items import Item
 from sessions.recording.store import RecordStore
+from sessions.shards.ownership import EVERYTHING, Fenced, Ownership
 
 logger = structlog.stdlib.get_logger(__name__)
 
@@ -70,6 +71,7 @@ class Recorder:
             be sent again.
         limit: of items that wait.
         clock: Unix seconds.
+        ownership: whose robots are recorded, and the fence around that.
     """
 
     def __init__(
@@ -78,10 +80,12 @@ class Recorder:
         *,
         limit: int = LIMIT,
         clock: Callable[[], float] = time.time,
+        ownership: Ownership = EVERYTHING,
     ) -> None:
         self._buffer = Buffer(limit)
         self._clock = clock
-        self._store = RecordStore()
+        self._ownership = ownership
+        self._store = RecordStore(ownership)
         self._builder = RecordBuilder(self._store, ask)
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
@@ -136,20 +140,25 @@ class Recorder:
 
     def _run(self) -> None:
         try:
-            while True:
-                # asked before taking: what is put before `stop` is always taken
-                last = self._stopping.is_set()
-                for item in self._buffer.take(BATCH, 0.0 if last else LINGER):
-                    self._insist(lambda item=item: self._builder.take(item))
-                self._insist(lambda: self._builder.settle(self._clock()))
-                if last and not len(self._buffer):
-                    self._builder.close_all()
-                self._insist(self._write)
-                self._insist(lambda: self._builder.close_sessions(self._clock()))
-                if last and not len(self._buffer):
-                    return
+            with self._ownership.fenced():
+                while self._go_on():
+                    pass
         finally:
             connection.close()
+
+    def _go_on(self) -> bool:
+        """Record what has come; False when that was the last."""
+        # asked before taking: what is put before `stop` is always taken
+        last = self._stopping.is_set()
+        for item in self._buffer.take(BATCH, 0.0 if last else LINGER):
+            self._insist(lambda item=item: self._builder.take(item))
+        self._insist(lambda: self._builder.settle(self._clock()))
+        if last and not len(self._buffer):
+            self._builder.close_all()
+        self._insist(self._write)
+        self._builder.tell_released()
+        self._insist(lambda: self._builder.close_sessions(self._clock()))
+        return not (last and not len(self._buffer))
 
     def _write(self) -> None:
         """Write; carefully after so long a pause that another session manager may
@@ -164,6 +173,9 @@ class Recorder:
         while True:
             try:
                 step()
+            except Fenced as error:
+                logger.warning("record_fenced", reason=str(error))
+                return
             except (DatabaseError, InterfaceError) as error:
                 self._failures += 1
                 logger.error(

@@ -6,6 +6,7 @@ twice is one row. What is known to be there is dropped before the insert, becaus
 supported database can ignore conflicts.
 """
 
+import contextlib
 import datetime
 import json
 import os
@@ -16,13 +17,14 @@ from typing import Any
 import msgspec
 import structlog
 from django.db import DataError, IntegrityError, connection, transaction
-from django.db.models import Model
+from django.db.models import Model, Q
 
 from robots.models import Robot
 from sessions.models import NetworkSample, Session, SessionEvent, Snapshot, StateChunk
 from sessions.recording.chunks import Chunk
 from sessions.recording.sequence_tracker import Intervals, Range
 from sessions.recording.summary import summarise
+from sessions.shards.ownership import EVERYTHING, Fenced, Ownership
 
 logger = structlog.stdlib.get_logger(__name__)
 
@@ -106,9 +108,12 @@ def parts_of(row: StateChunk, missing: list[Range]) -> list[StateChunk]:
 
 
 class RecordStore:
-    """Reads and writes; every method may raise DatabaseError, and may then be called again."""
+    """Reads and writes; every method may raise DatabaseError, and may then be called again. What
+    belongs to robots of another session manager is counted and dropped.
+    """
 
-    def __init__(self) -> None:
+    def __init__(self, ownership: Ownership = EVERYTHING) -> None:
+        self.ownership = ownership
         self._robot_of_session: dict[str, str] = {}
         self._unknown: dict[str, float] = {}
         self._robot_keys: dict[str, uuid.UUID | None] = {}
@@ -162,15 +167,34 @@ class RecordStore:
         of its own.
         """
         by_model: dict[type[Model], list[Model]] = {}
-        for row in rows:
+        robots = {robot for row in rows if (robot := self._robot_of_row(row)) is not None}
+        ours = [row for row in rows if self._is_ours(row)]
+        if len(ours) < len(rows):
+            self.counts["fenced"] += len(rows) - len(ours)
+        for row in ours:
             by_model.setdefault(type(row), []).append(row)
         if careful:
             by_model[StateChunk] = [
                 part for row in by_model.get(StateChunk, []) for part in self._rest_of(row)
             ]
-        for model, fresh in by_model.items():
-            for start in range(0, len(fresh), BATCH):
-                self._insert_batch(model, fresh[start : start + BATCH])
+        with self.ownership.about(*filter(self.ownership.records, robots)):
+            for model, fresh in by_model.items():
+                for start in range(0, len(fresh), BATCH):
+                    self._insert_fenced(model, fresh[start : start + BATCH])
+
+    def _robot_of_row(self, row: Any) -> str | None:
+        return self._robot_of_session.get(str(row.session_id))
+
+    def _is_ours(self, row: Model) -> bool:
+        robot = self._robot_of_row(row)
+        return robot is None or self.ownership.records(robot)
+
+    def _insert_fenced(self, model: type[Model], rows: list[Model]) -> None:
+        try:
+            self._insert_batch(model, rows)
+        except Fenced as error:
+            self.counts["fenced"] += len(rows)
+            logger.warning("record_fenced", rows=len(rows), reason=str(error))
 
     def _insert_batch(self, model: type[Model], rows: list[Model]) -> None:
         fresh = self._without_known(model, rows)
@@ -233,7 +257,9 @@ class RecordStore:
 
     def reopen(self, sessions: set[str]) -> None:
         """Have the summaries of closed sessions made again, for which something came late."""
-        Session.objects.filter(pk__in=sessions, closed_at__isnull=False).update(closed_at=None)
+        robots = {self._robot_of_session[key] for key in sessions if key in self._robot_of_session}
+        with contextlib.suppress(Fenced), self.ownership.about(*robots):
+            Session.objects.filter(pk__in=sessions, closed_at__isnull=False).update(closed_at=None)
 
     def close(self, session: str, now: datetime.datetime) -> None:
         """Write the final summary of a session."""
@@ -249,7 +275,9 @@ class RecordStore:
         summary = summarise(chunks, missing=sum(data["count"] for data in lost))
         summary["snapshots"] = Snapshot.objects.filter(session=session).count()
         summary["network_samples"] = NetworkSample.objects.filter(session=session).count()
-        Session.objects.filter(pk=session).update(summary=summary, closed_at=now)
+        robot = self.robot_of(session, now.timestamp())
+        fence = self.ownership.condition(robot) if robot is not None else Q()
+        Session.objects.filter(fence, pk=session).update(summary=summary, closed_at=now)
 
 
 def _is_key(text: str) -> bool:

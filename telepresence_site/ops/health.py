@@ -7,6 +7,7 @@ everybody's business.
 """
 
 import datetime
+from collections.abc import Sequence
 
 import structlog
 from channels.db import database_sync_to_async
@@ -20,9 +21,9 @@ from django.views.decorators.http import require_safe
 from robots.api.disk_space import DiskSpace
 from robots.bridge import bridge
 from sessions import page_channel
-from sessions.manager.leadership import NAME
 from sessions.models import STALE_SECONDS, ManagerBeat
 from sessions.recording.recorder import LIMIT
+from sessions.shards.rows import NAME
 
 log = structlog.stdlib.get_logger(__name__)
 PATIENCE_SECONDS = 1.0
@@ -53,15 +54,24 @@ async def readyz(_request: HttpRequest) -> JsonResponse:
 
 def _of_the_database(now: datetime.datetime) -> tuple[str, str]:
     try:
-        row = ManagerBeat.objects.filter(name=NAME).first()
+        rows = list(ManagerBeat.objects.filter(name__startswith=NAME))
     except DatabaseError as error:
         log.warning("database_away", reason=str(error))
         return "away", "unknown"
-    return WELL, manager_state(row, now)
+    return WELL, managers_state(rows, now)
+
+
+def managers_state(rows: Sequence[ManagerBeat], now: datetime.datetime) -> str:
+    """Return `ok`, or the worst of what is wrong with the session managers that beat: the others
+    serve the robots of one that does not.
+    """
+    states = {manager_state(row, now) for row in rows}
+    order = ("without_broker", "behind", WELL, "silent", "none")
+    return next((state for state in order if state in states), "none")
 
 
 def manager_state(row: ManagerBeat | None, now: datetime.datetime) -> str:
-    """Return `ok`, or what is wrong with the session manager: `none`, `silent`, `without_broker` or
+    """Return `ok`, or what is wrong with one session manager: `none`, `silent`, `without_broker` or
     `behind`.
     """
     if row is None or not row.holder:

@@ -13,7 +13,9 @@ never counts as one of those: behind a proxy everybody has its address.
 import datetime
 import hmac
 import ipaddress
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 from channels.db import database_sync_to_async
 from django.conf import settings
@@ -31,9 +33,8 @@ from robots.api.disk_space import DiskSpace
 from robots.bridge import bridge as mqtt_bridge
 from robots.models import Robot
 from sessions.consumers import peers
-from sessions.manager.leadership import NAME
 from sessions.models import Lease, ManagerBeat, Session
-from telepresence_site.ops.health import WELL, manager_state
+from telepresence_site.ops.health import WELL, managers_state
 
 Labelled = dict[str, float]
 PREFIX = "telepresence_"
@@ -113,7 +114,7 @@ def _of_the_site(now: datetime.datetime) -> list[Metric]:
     return [
         *_sessions(),
         *_robots(now),
-        *_manager(ManagerBeat.objects.filter(name=NAME).first(), now),
+        *_managers(list(ManagerBeat.objects.order_by("name")), now),
     ]
 
 
@@ -173,43 +174,60 @@ def _robots(now: datetime.datetime) -> Iterator[Metric]:
     )
 
 
-def _manager(row: ManagerBeat | None, now: datetime.datetime) -> Iterator[Metric]:
+def _managers(rows: Sequence[ManagerBeat], now: datetime.datetime) -> Iterator[Metric]:
     yield _gauge(
         "session_manager_well",
-        "Whether the session manager works.",
-        float(manager_state(row, now) == WELL),
+        "Whether the session managers work.",
+        float(managers_state(rows, now) == WELL),
     )
-    if row is None:
+    if not rows:
         return
-    report = row.report
+    held = [row for row in rows if row.holder] or rows
     yield _gauge(
         "session_manager_beat_age_seconds",
-        "Time since the session manager's last heartbeat.",
-        (now - row.beat_at).total_seconds(),
+        "Time since the last heartbeat of the session manager that is longest silent.",
+        max((now - row.beat_at).total_seconds() for row in held),
     )
+    yield _gauges(
+        "session_manager_shards",
+        "Shards of the robots that a session manager owns, of 64.",
+        "manager",
+        {row.name: row.report.get("shards", 0) for row in held if row.holder},
+    )
+    yield from _of_recorders([row.report for row in held])
+
+
+def _of_recorders(reports: Sequence[dict[str, Any]]) -> Iterator[Metric]:
     yield _gauge(
         "recorder_waiting",
         "Items that wait to be written into the record.",
-        report.get("waiting", 0),
+        sum(report.get("waiting", 0) for report in reports),
     )
     yield _counter(
         "recorded",
         "Items that the recorder handled since it started.",
         "what",
-        report.get("counts", {}),
+        _sum(reports, "counts"),
     )
     yield _counter(
         "robot_refused_commands",
         "Commands that robots refused during sessions, by reason.",
         "reason",
-        report.get("refused", {}),
+        _sum(reports, "refused"),
     )
     yield _counter(
         "rejected_messages",
         "Malformed messages to the session manager.",
         "reason",
-        report.get("rejected", {}),
+        _sum(reports, "rejected"),
     )
+
+
+def _sum(reports: Sequence[dict[str, Any]], name: str) -> Labelled:
+    total: Counter[str] = Counter()
+    for report in reports:
+        total.update(report.get(name, {}))
+    return dict(total)
 
 
 def _gauge(name: str, says: str, value: float) -> Metric:

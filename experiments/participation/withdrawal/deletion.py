@@ -26,6 +26,7 @@ from experiments.models import Drive, Participant, PersonalLink
 from experiments.participation import places, progress, questions
 from sessions.leases import store
 from sessions.models import Session, Snapshot
+from sessions.shards.ownership import EVERYTHING, Ownership
 from surveys.models import Response
 
 Stage, Status = Participant.Stage, Participant.Status
@@ -131,10 +132,13 @@ def _items(participant: Participant) -> Iterator[tuple[str, str]]:
 # --- the row that stays ---------------------------------------------------------------------------
 
 
-def clear_settled(**_more: Any) -> None:
+def clear_settled(*, ownership: Ownership = EVERYTHING, **_more: Any) -> None:
     """Delete the drives of those who withdrew, with all that was recorded, once nobody writes on
-    them any more; then what is left of the participants themselves.
+    them any more; then what is left of the participants themselves. Only the owner of the site does
+    so.
     """
+    if not ownership.owns_site:
+        return
     waiting = Participant.objects.filter(status=Status.WITHDRAWN).exclude(slot__startswith=LEFT)
     for participant in waiting.select_related("study"):
         drives = Drive.objects.filter(participant=participant)

@@ -1,4 +1,4 @@
-"""`manage.py run_session_manager`: one a site; a second one waits for the first to end."""
+"""`manage.py run_session_manager`: one is enough for a site; several share its robots."""
 
 import asyncio
 import random

@@ -11,9 +11,9 @@ from django.utils import timezone
 
 from robots.api import disk_space
 from robots.bridge import bridge as mqtt_bridge
-from sessions.manager.leadership import NAME, heartbeat
 from sessions.models import ManagerBeat
-from telepresence_site.ops.health import BEHIND, manager_state
+from sessions.shards.rows import NAME, beat, occupy
+from telepresence_site.ops.health import BEHIND, manager_state, managers_state
 from tests.support.memory_bridge import MemoryBridge
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -122,7 +122,27 @@ def test_the_session_managers_state_follows_from_its_beat(holder, age, report, s
 
 def test_a_beat_carries_its_report():
     now = timezone.now()
-    assert heartbeat("here:1", now, WELL)
+    assert occupy(0, None, "here:1", now)
+    assert beat(0, "here:1", 2, now, WELL)
     assert ManagerBeat.objects.get().report == WELL
-    assert not heartbeat("there:2", now, {})
+    assert not beat(0, "there:2", 2, now, {})
     assert ManagerBeat.objects.get().report == WELL
+
+
+@pytest.mark.parametrize(
+    ("of_others", "state"),
+    [
+        ([("", 60, WELL)], "ok"),
+        ([("there:2", 60, WELL)], "ok"),
+        ([("there:2", 1, {"connected": False})], "without_broker"),
+        ([("there:2", 1, {"connected": True, "waiting": BEHIND + 1})], "behind"),
+    ],
+)
+def test_of_several_session_managers_the_worst_that_beats_counts(of_others, state):
+    now = timezone.now()
+    rows = [
+        ManagerBeat(holder=holder, beat_at=now - datetime.timedelta(seconds=age), report=report)
+        for holder, age, report in [("here:1", 1, WELL), *of_others]
+    ]
+    assert managers_state(rows, now) == state
+    assert managers_state([], now) == "none"

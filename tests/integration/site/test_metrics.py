@@ -7,8 +7,8 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from robots.bridge import bridge as mqtt_bridge
 from robots.models import Robot
-from sessions.manager.leadership import NAME
 from sessions.models import Lease, ManagerBeat, Session
+from sessions.shards.rows import NAME, name_of
 from tests.support.memory_bridge import MemoryBridge
 from tests.support.people import person
 
@@ -58,7 +58,11 @@ def site(settings):
         "refused": {"stale": 2},
         "rejected": {"malformed": 1},
     }
-    ManagerBeat.objects.create(name=NAME, holder="here:1", beat_at=timezone.now(), report=report)
+    now = timezone.now()
+    own = {"shards": 40, **report}
+    ManagerBeat.objects.create(name=NAME, holder="here:1", beat_at=now, report=own)
+    other = {"shards": 24, **report}
+    ManagerBeat.objects.create(name=name_of(1), holder="there:2", beat_at=now, report=other)
     return made
 
 
@@ -86,14 +90,16 @@ async def test_the_figures_of_site_and_process_stand_there(site, bridge):
         ("robot_queue_length", ("robot", "giraff"), 1),
         ("robot_queue_length", ("robot", "attic"), 0),
         ("robot_charge", ("robot", "giraff"), 0.5),
-        ("recorded_total", ("what", "states"), 40),
-        ("robot_refused_commands_total", ("reason", "stale"), 2),
-        ("rejected_messages_total", ("reason", "malformed"), 1),
+        ("recorded_total", ("what", "states"), 80),
+        ("robot_refused_commands_total", ("reason", "stale"), 4),
+        ("rejected_messages_total", ("reason", "malformed"), 2),
+        ("session_manager_shards", ("manager", "session_manager"), 40),
+        ("session_manager_shards", ("manager", "session_manager-1"), 24),
         ("bridge_total", ("what", "arrived"), 5),
     ]:
         assert found["telepresence_" + name, label] == value
     assert not any(("robot", "practice-1") in name for name in found)
-    assert found[("telepresence_recorder_waiting",)] == 7
+    assert found[("telepresence_recorder_waiting",)] == 14
     assert found[("telepresence_session_manager_well",)] == 1
     assert found[("telepresence_broker_connected",)] == 1
     assert ("telepresence_relay_to_page_seconds_count",) in found

@@ -30,8 +30,8 @@ from django.utils import timezone
 from accounts.models import User
 from robots.models import FloorPlan, Robot
 from sessions.leases import store
-from sessions.manager.leadership import heartbeat
 from sessions.models import Session, StateChunk
+from sessions.shards import rows
 from telepresence_site.ops.metrics import _of_the_site
 call_command("migrate", verbosity=0)
 try:
@@ -62,7 +62,11 @@ try:
     chunks = StateChunk.objects.filter(session=first.session).order_by("first_stamp")
     assert [chunk.first_seq for chunk in chunks] == [0, 1, 2]
     assert store.end(first.session, Session.Outcome.COMPLETED, "", now)
-    assert heartbeat("here:1", now, {"connected": True}) and not heartbeat("there:2", now)
+    assert rows.occupy(0, None, "here:1", now) and not rows.occupy(0, None, "there:2", now)
+    assert rows.beat(0, "here:1", 2, now, {"connected": True})
+    assert len(rows.holdings()) == 64
+    rows.take_over([1, 2], [""], "here:1")
+    assert [one.epoch for one in rows.holdings() if one.owner == "here:1"] == [1, 1]
     states = Session.objects.values_list("state").annotate(n=Count("pk")).order_by()
     assert dict(states) == {"ended": 1, "waiting": 1}
     assert len(_of_the_site(now)) > 8

@@ -12,9 +12,10 @@ from sessions.leases.absences import WebAbsences, end_of, faults_of, note_manage
 from sessions.leases.fault_side import MANAGER, WEB, FaultAttribution
 from sessions.leases.transitions import RobotLink
 from sessions.manager.health import ManagerHealth
-from sessions.manager.leadership import LeaderElection, give_back, heartbeat
+from sessions.manager.membership import Membership
 from sessions.manager.scheduler import Scheduler
-from sessions.models import ManagerBeat, Session, SessionEvent, StateChunk
+from sessions.models import Session, SessionEvent, StateChunk
+from sessions.shards import rows
 
 pytestmark = pytest.mark.django_db
 NOW = timezone.now()
@@ -123,10 +124,13 @@ def test_a_session_manager_notes_how_long_nobody_led_in_the_sessions_of_that_tim
     ben = User.objects.create(username="ben")
     other = store.take(rhodon, ben, "peer-2", now=after(-500.0)).session
     store.end(other, "completed", "left", after(-400.0))
-    assert heartbeat("killed", after(-100.0))
-    election = LeaderElection(tmp_path / "lock", ManagerHealth())
-    assert election._heartbeat({})
-    assert election._heartbeat({})
+    assert rows.occupy(0, None, "killed", after(-100.0))
+    clock = [0.0]
+    joining = Membership(tmp_path, ManagerHealth(), lambda: clock[0])
+    assert not joining._join(), "nothing says yet whether the other one lives"
+    clock[0] = 10.0
+    assert joining._join()
+    assert joining._beat({})
     assert noted(other, "server_absent") == []
     ((_, data),) = noted(driven, "server_absent")
     assert (data["part"], data["since"]) == (MANAGER, after(-100.0).timestamp())
@@ -135,19 +139,18 @@ def test_a_session_manager_notes_how_long_nobody_led_in_the_sessions_of_that_tim
 
 
 def test_a_session_manager_that_was_stopped_cleanly_was_away_too(driven, tmp_path):
-    assert heartbeat("stopped", after(-90.0))
-    give_back("stopped")
-    assert LeaderElection(tmp_path / "lock", ManagerHealth())._heartbeat({})
+    assert rows.occupy(0, None, "stopped", after(-90.0))
+    rows.give_back("stopped")
+    assert Membership(tmp_path, ManagerHealth())._join()
     ((_, data),) = noted(driven, "server_absent")
     assert data["since"] == pytest.approx(after(-90.0).timestamp())
 
 
 def test_a_quick_change_of_session_managers_and_a_first_one_are_no_absence(driven, tmp_path):
-    assert LeaderElection(tmp_path / "a", ManagerHealth())._heartbeat({})
-    second = LeaderElection(tmp_path / "b", ManagerHealth())
-    assert not second._heartbeat({})
-    give_back(ManagerBeat.objects.get().holder)
-    assert second._heartbeat({})
+    first = Membership(tmp_path, ManagerHealth())
+    assert first._join()
+    rows.give_back(first.holder)
+    assert Membership(tmp_path, ManagerHealth())._join()
     assert noted(driven, "server_absent") == []
 
 

@@ -16,9 +16,8 @@ from robots.models import Robot
 from sessions.leases import store
 from sessions.leases.expiry import tick
 from sessions.leases.transitions import IDLE, Free, Move, RobotLink, decide_tick
-from sessions.manager.leadership import give_back, heartbeat
 from sessions.manager.scheduler import Scheduler
-from sessions.models import STALE_SECONDS, Lease, Session
+from sessions.models import Lease, Session
 from sessions.protocol import Ended, Offered
 
 pytestmark = pytest.mark.django_db
@@ -388,16 +387,3 @@ def test_the_queue_is_offered_the_robot_in_order(giraff, ana, ben):
     assert Ended(session=queued.session, outcome="cancelled", reason="turn_not_taken") in tick(
         giraff, link, after(70)
     )
-
-
-def test_one_session_manager_has_the_beat():
-    assert heartbeat("a", NOW)
-    assert not heartbeat("b", after(1))
-    assert heartbeat("a", after(2))
-    assert not heartbeat("b", after(2 + STALE_SECONDS - 0.1))
-    assert heartbeat("b", after(2 + STALE_SECONDS + 0.1))
-    assert not heartbeat("a", after(7))
-    give_back("a")
-    assert not heartbeat("a", after(7))
-    give_back("b")
-    assert heartbeat("a", after(7))

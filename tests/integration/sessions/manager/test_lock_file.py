@@ -1,15 +1,10 @@
 """A lock that the system takes back from a dead process, held by real processes."""
 
 import contextlib
-import datetime
 import signal
 import subprocess
 import sys
 
-import pytest
-from django.utils import timezone
-
-from sessions.manager.leadership import heartbeat
 from sessions.manager.lock_file import LockFile
 
 HOLDER = """
@@ -97,15 +92,3 @@ def test_a_file_that_was_removed_names_nobody(tmp_path):
     with holder(tmp_path / "lock"):
         (tmp_path / "lock").unlink()
         assert LockFile(tmp_path / "lock").predecessor() == ""
-
-
-@pytest.mark.django_db
-def test_the_row_of_one_who_is_dead_for_certain_is_taken_at_once_and_no_other_ones():
-    now = timezone.now()
-    soon = now + datetime.timedelta(seconds=0.1)
-    assert heartbeat("a", now)
-    assert not heartbeat("b", soon)
-    assert not heartbeat("b", soon, dead="somebody else")
-    assert heartbeat("b", soon, dead="a")
-    assert not heartbeat("a", soon)
-    assert not heartbeat("c", soon, dead="a")

@@ -446,19 +446,6 @@ async def test_a_lease_that_the_broker_kept_from_before_a_crash_is_taken_back(br
         assert robot.session is None
 
 
-async def test_a_second_session_manager_waits_and_takes_over(broker, giraff, visitors):
-    with ManagerProcess(broker.url) as first:
-        await first.connected()
-        with ManagerProcess(broker.url) as second:
-            async with ScriptedRobot("giraff", broker.url) as robot:
-                session = await drive(visitors["ana"], robot)
-                await wait_for(lambda: len(robot.sent[session]) > 40)
-                assert "session_manager_started" not in second.output
-                first.kill()
-                await second.connected()
-                assert robot.session == session
-
-
 # --- outcomes, queue, turns, grace ----------------------------------------------------------------
 
 

@@ -1,0 +1,24 @@
+"""Robots are divided into shards, which several session managers share."""
+
+from django.db import migrations, models
+
+
+class Migration(migrations.Migration):
+    dependencies = [("telepresence_sessions", "0009_verbose_names")]
+
+    operations = [
+        migrations.AddField(
+            model_name="managerbeat",
+            name="beats",
+            field=models.BigIntegerField(default=0, editable=False),
+        ),
+        migrations.CreateModel(
+            name="Shard",
+            fields=[
+                ("number", models.PositiveSmallIntegerField(primary_key=True, serialize=False)),
+                ("owner", models.CharField(blank=True, max_length=64)),
+                ("epoch", models.BigIntegerField(default=0)),
+            ],
+            options={"verbose_name": "shard", "verbose_name_plural": "shards"},
+        ),
+    ]

@@ -1,0 +1,189 @@
+"""The fence around the writes of session managers, in real databases."""
+
+import datetime
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+from django.db import connection
+from django.test.utils import CaptureQueriesContext
+from django.utils import timezone
+
+from accounts.models import User
+from robots.api import codec, messages
+from robots.models import Robot
+from robots.presence import PresenceWriter
+from sessions.leases import store
+from sessions.manager.scheduler import Scheduler
+from sessions.models import Lease, ManagerBeat, Session, SessionEvent, Shard, StateChunk
+from sessions.recording.builder import RecordBuilder
+from sessions.recording.items import StateItem
+from sessions.recording.store import RecordStore
+from sessions.shards import rows
+from sessions.shards.hashing import shard_of
+from sessions.shards.ownership import Fenced, Ownership
+from tests.support.examples import repetitions
+from tests.support.fence_races import race
+from tests.support.paths import ROOT
+from tests.support.postgres import running_postgres
+
+NOW = timezone.now()
+SHARD = shard_of("giraff")
+
+
+def at(seconds: float) -> datetime.datetime:
+    return NOW + datetime.timedelta(seconds=seconds)
+
+
+@pytest.fixture
+def giraff(db):
+    return Robot.objects.create(
+        name="giraff", title="Giraff", connection="ONLINE", last_seen_at=at(1000)
+    )
+
+
+@pytest.fixture
+def owner(db):
+    """The owner of every shard, by its rows."""
+    rows.take_over([one.number for one in rows.holdings()], [""], "first")
+    ownership = Ownership()
+    ownership.become({one.number: one.epoch for one in rows.holdings()})
+    ownership.wanted = frozenset(ownership.epochs)
+    return ownership
+
+
+@pytest.fixture
+def session(giraff, owner):
+    return store.take(giraff, User.objects.create(username="ana"), "peer-1", now=NOW).session
+
+
+def take_away():
+    rows.take_over([SHARD], ["first"], "second")
+
+
+def state(session: str, seq: int) -> StateItem:
+    said = messages.State(
+        stamp=float(seq),
+        boot="b",
+        seq=seq,
+        session=session,
+        epoch=1,
+        pose=messages.Pose(x=0, y=0, theta=0),
+        velocity=messages.Velocity(linear=0, angular=0),
+        battery=messages.Battery(charge=1),
+    )
+    return StateItem("giraff", said, codec.encode(said), NOW.timestamp() + seq, None)
+
+
+def test_a_takeover_counts_up_the_epochs_of_what_it_takes_alone(owner):
+    before = {one.number: one.epoch for one in rows.holdings()}
+    take_away()
+    after = {one.number: one.epoch for one in rows.holdings()}
+    assert after == before | {SHARD: before[SHARD] + 1}
+
+
+@pytest.mark.django_db(transaction=True)
+def test_a_write_of_any_app_is_refused_when_the_shard_has_a_newer_epoch(session, owner):
+    for expected in (1, 1):
+        try:
+            with owner.fenced(), owner.about("giraff"):
+                Scheduler._note(session, "noted", NOW)
+        except Fenced:
+            assert Shard.objects.get(number=SHARD).owner == "second"
+        assert SessionEvent.objects.filter(type="noted").count() == expected
+        take_away()
+
+
+@pytest.mark.django_db(transaction=True)
+def test_a_write_about_no_robot_needs_every_shard_of_the_process(owner):
+    with owner.fenced():
+        ManagerBeat.objects.create(name="one", beat_at=NOW)
+        take_away()
+        with pytest.raises(Fenced):
+            ManagerBeat.objects.create(name="two", beat_at=NOW)
+        with owner.about("rhodon"):
+            ManagerBeat.objects.create(name="three", beat_at=NOW)
+    assert set(ManagerBeat.objects.values_list("name", flat=True)) == {"one", "three"}
+
+
+def test_reading_costs_no_statement_more(owner):
+    with CaptureQueriesContext(connection) as queries, owner.fenced():
+        list(Robot.objects.all())
+    assert len(queries) == 1
+
+
+def test_a_scheduler_renews_leases_and_ends_sessions_of_its_robots_alone(giraff, session, owner):
+    Session.objects.filter(pk=session).update(state="driving")
+    scheduler = Scheduler(owner)
+    assert scheduler.renew(at(1))
+    take_away()
+    scheduler.outbox.clear()
+    assert not scheduler.renew(at(10)), "the write of the renewal's number is refused"
+    assert Lease.objects.get(robot=giraff).renewal == 1
+
+
+def test_a_scheduler_that_lost_a_robot_says_nothing_of_its_lease_and_one_that_got_it_all(
+    giraff, session, owner
+):
+    Session.objects.filter(pk=session).update(state="driving")
+    scheduler = Scheduler(owner)
+    scheduler.begin()
+    assert scheduler.renew(at(0))
+    scheduler.outbox.clear()
+    mine = dict(owner.epochs)
+    owner.become({n: epoch for n, epoch in mine.items() if n != SHARD})
+    store.end(session, "completed", "left", at(1))
+    assert not scheduler.renew(at(2)), "who drives is said by its new owner alone"
+    owner.become(mine)
+    assert scheduler.renew(at(3))
+    assert [message.payload for message in scheduler.outbox] == [b""]
+
+
+@pytest.mark.django_db(transaction=True)
+def test_the_record_of_an_owner_that_lost_a_robot_is_refused(session, owner):
+    builder = RecordBuilder(RecordStore(owner), lambda *_: None)
+    builder.take(state(session, 1))
+    builder.close_all()
+    take_away()
+    with owner.fenced():
+        builder.write()
+    assert not StateChunk.objects.exists()
+    assert builder.rows == []
+    assert builder._store.counts["fenced"] == 1
+
+
+def test_the_presence_of_a_robot_is_written_by_its_owner_in_one_statement(giraff, owner):
+    writer = PresenceWriter(only_if=owner.condition)
+    with owner.fenced(), CaptureQueriesContext(connection) as queries:
+        writer.take("giraff", messages.Connection(boot="b", state="OFFLINE", stamp=0.0), NOW)
+    assert len(queries) == 2, "the row is read once, and written"
+    take_away()
+    with owner.fenced():
+        writer.take("giraff", messages.Connection(boot="b", state="ONLINE", stamp=0.0), NOW)
+    assert Robot.objects.get().connection == "OFFLINE"
+
+
+@pytest.mark.django_db(transaction=True)
+def test_of_racing_owners_no_write_is_accepted_after_one_of_a_later_owner():
+    races = race(repetitions(120, thorough=20_000))
+    assert races.wrong == 0
+    assert min(races.accepted, races.refused, races.taken) > 10, races
+
+
+@pytest.mark.postgres
+def test_on_postgresql_too_and_a_stopped_process_holds_nothing_up(tmp_path):
+    with running_postgres() as server:
+        environment = {**os.environ, "VAR_DIR": str(tmp_path), "DATABASE_URL": server.url}
+        command = [sys.executable, "-m", "tests.support.fence_races"]
+        rounds = str(repetitions(300, thorough=100_000))
+        done = subprocess.run(
+            [*command, rounds], cwd=ROOT, env=environment, stdout=subprocess.PIPE, check=True
+        )
+    found = json.loads(done.stdout)
+    assert found["wrong"] == 0
+    assert min(found["accepted"], found["refused"], found["taken"]) > 10, found
+    assert found["waited"] < 4.0
+    assert found["code"] != 0, "the server has ended what it had begun"
+    assert found["written"] != -1

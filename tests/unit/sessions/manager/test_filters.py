@@ -1,0 +1,26 @@
+"""What a session manager subscribes to."""
+
+from robots.api import topics
+from robots.broker.packets import MAX_FILTERS
+from sessions.manager.broker_connection import packets_of
+from sessions.manager.ingest import filters
+
+
+def test_a_share_hears_what_is_frequent_of_its_robots_alone_and_what_is_rare_of_all():
+    heard = {topic for topic, _ in filters(["giraff"])}
+    assert topics.of("giraff", "state") in heard
+    assert topics.of("+", "state") not in heard
+    assert topics.of("+", "event") in heard
+    assert topics.of("giraff", "pose") not in heard
+
+
+def test_one_session_manager_needs_as_many_filters_as_one_robot():
+    assert len(filters()) == len(filters(["giraff"])) == 9
+
+
+def test_no_packet_has_more_filters_than_the_embedded_broker_takes():
+    wanted = filters(f"robot-{number}" for number in range(100))
+    packets = list(packets_of(wanted))
+    assert max(map(len, packets)) <= MAX_FILTERS
+    assert sorted(pair for packet in packets for pair in packet) == sorted(wanted)
+    assert list(packets_of(set())) == []
