@@ -6,7 +6,7 @@ from django.db import migrations, models
 class Migration(migrations.Migration):
 
     dependencies = [
-        ('telepresence_sessions', '0009_verbose_names'),
+        ("telepresence_sessions", "0009_verbose_names"),
     ]
 
     operations = [

@@ -4,7 +4,7 @@ from django.db import migrations, models
 
 
 class Migration(migrations.Migration):
-    dependencies = [("telepresence_sessions", "0009_verbose_names")]
+    dependencies = [("telepresence_sessions", "0011_wizard_lease")]
 
     operations = [
         migrations.AddField(

@@ -8,7 +8,7 @@ from django.db import migrations, models
 class Migration(migrations.Migration):
 
     dependencies = [
-        ('telepresence_sessions', '0009_verbose_names'),
+        ("telepresence_sessions", "0010_lab_events"),
         migrations.swappable_dependency(settings.AUTH_USER_MODEL),
     ]
 
