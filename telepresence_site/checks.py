@@ -35,7 +35,7 @@ def check_mqtt(**_: Any) -> list[CheckMessage]:
     """
     found: list[CheckMessage] = []
     urls = [
-        ("MQTT_URL", settings.MQTT_URL),
+        *(("MQTT_URL", url.strip()) for url in settings.MQTT_URL.split(",")),
         *(("MQTT_PUBLIC_URL", url.strip()) for url in settings.MQTT_PUBLIC_URL.split(",")),
     ]
     for name, url in urls:

@@ -49,6 +49,8 @@ HEARTBEAT_SECONDS = 0.5
 STATUS_SECONDS = 0.5
 HEALTH_SECONDS = 0.1  # between two readings of what the status would be: a fault is told at once
 GATHER_SECONDS = 0.04
+# a cluster makes a replicated queue of each filter, the first time
+SUBSCRIBE_SECONDS = 30.0
 TOGETHER = 200  # messages on their way to the broker at once, of the thousand that a client keeps
 
 
@@ -92,7 +94,8 @@ class BrokerConnection:
     async def begin(self) -> None:
         """Subscribe, and have every lease published anew."""
         self._client.pending_calls_threshold = 2 * TOGETHER
-        broker_address.check_subscribed(await self._client.subscribe(filters()))
+        granted = await self._client.subscribe(filters(), timeout=SUBSCRIBE_SECONDS)
+        broker_address.check_subscribed(granted)
         await self._work.thread.run(self._work.scheduler.begin)
 
     async def serve(self) -> None:
