@@ -39,7 +39,7 @@ def check_mqtt(**_: Any) -> list[CheckMessage]:
         *(("MQTT_PUBLIC_URL", url.strip()) for url in settings.MQTT_PUBLIC_URL.split(",")),
     ]
     for name, url in urls:
-        if not url and (name == "MQTT_URL" or not settings.MQTT_PUBLIC_URL):
+        if not getattr(settings, name):
             continue
         if not _is_mqtt_url(url):
             found.append(
