@@ -1,8 +1,8 @@
 """A drive over a broker of three nodes, one of which is killed or stands still: the robot stops in
 time, drives again by another node, and nobody drives it twice.
 
-The visitors have no data channel, so that all control passes through the broker. Web process,
-session manager and agent begin at the same node, which is the one that fails.
+The visitors have no data channel, so that all control passes through the broker. Web process and
+agent, and as a rule the session manager, are connected to the node that fails.
 """
 
 import asyncio
