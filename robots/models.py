@@ -283,6 +283,9 @@ class Robot(models.Model):
     screen_made_at = models.DateTimeField(_("screen key created"), null=True, editable=False)
 
     credential_hash = models.CharField(max_length=200, blank=True, editable=False)
+    # The same token's hash for a broker that reads no other kind; empty until the token is shown
+    # to us again, for one that was made before there was this field.
+    bcrypt_hash = models.CharField(max_length=100, blank=True, editable=False)
     credential_made_at = models.DateTimeField(_("credentials created"), null=True, editable=False)
 
     # The user that the hash belongs to at the broker; empty: the robot's own name. A new one a
@@ -292,6 +295,7 @@ class Robot(models.Model):
     # runs.
     former_user = models.CharField(max_length=80, blank=True, editable=False)
     former_hash = models.CharField(max_length=200, blank=True, editable=False)
+    former_bcrypt_hash = models.CharField(max_length=100, blank=True, editable=False)
     former_until = models.DateTimeField(null=True, editable=False)
     renewal_asked_at = models.DateTimeField(
         _("credential renewal requested"), null=True, editable=False

@@ -35,11 +35,11 @@ def check_mqtt(**_: Any) -> list[CheckMessage]:
     """
     found: list[CheckMessage] = []
     urls = [
-        ("MQTT_URL", settings.MQTT_URL),
+        *(("MQTT_URL", url.strip()) for url in settings.MQTT_URL.split(",")),
         *(("MQTT_PUBLIC_URL", url.strip()) for url in settings.MQTT_PUBLIC_URL.split(",")),
     ]
     for name, url in urls:
-        if not url and (name == "MQTT_URL" or not settings.MQTT_PUBLIC_URL):
+        if not getattr(settings, name):
             continue
         if not _is_mqtt_url(url):
             found.append(

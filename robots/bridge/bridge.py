@@ -39,6 +39,7 @@ from robots.api.idle import WATCHER
 from robots.api.messages import Action, CommandHeartbeat, Lease, Message
 from robots.bridge import broker_address
 from robots.bridge.delivery import LINK, Delivery, Listener, ReceivedMessage
+from robots.bridge.failover import Failover, parse_nodes
 from robots.bridge.inbox import Inbox
 from robots.bridge.known import KnownRobot
 from robots.bridge.quick_reading import read_quickly
@@ -102,15 +103,14 @@ class Bridge:
     its loop.
 
     Args:
-        url: the broker's, see robots/bridge/broker_address.py.
+        url: the broker's, see robots/bridge/broker_address.py; of several nodes, comma-separated.
         credentials: (user, password) unless the URL names them.
         rng: spreads reconnections; seeded in tests.
     """
 
     def __init__(self, url: str, credentials: tuple[str, str], rng: random.Random) -> None:
-        self._address = broker_address.parse(url)
+        self._failover = Failover(parse_nodes(url), rng)
         self._credentials = credentials
-        self._rng = rng
         self._delivery = Delivery()
         self._client: aiomqtt.Client | None = None
         self._writer: QuickWriter | None = None
@@ -153,15 +153,14 @@ class Bridge:
         await cancel(self._task, self._watching)
 
     async def _run(self) -> None:
-        attempt = 0
         while True:
             try:
                 await self._serve()
             except aiomqtt.MqttError as error:
-                log.warning("bridge_lost", attempt=attempt, reason=str(error))
-            attempt = 0 if self._up.is_set() else attempt + 1
+                log.warning("bridge_lost", attempt=self._failover.attempt, reason=str(error))
+            was_up = self._up.is_set()
             self._up.clear()
-            await asyncio.sleep(broker_address.backoff(attempt, self._rng.random()))
+            await asyncio.sleep(self._failover.ended(was_up=was_up))
 
     async def _watch(self) -> None:
         """Look which parts of the server do their work, and have whoever listens told."""
@@ -186,16 +185,20 @@ class Bridge:
         """
         inbox = functools.partial(Inbox, self._receive)
         async with broker_address.client(
-            self._address, self._credentials, f"web-{secrets.token_hex(8)}", inbox
+            self._failover.node,
+            self._credentials,
+            f"web-{secrets.token_hex(8)}",
+            inbox,
+            keepalive_seconds=self._failover.keepalive_seconds,
         ) as client:
             client.pending_calls_threshold = MAX_FLYING
             read_quickly(client, chunk=PIECE)
             self._client, self._writer = client, writer_of(client)
             try:
                 wanted = [
-                    (topics.session_notices("+"), 1),
+                    (topics.session_notices("+"), self._failover.qos(1)),
                     (topics.MANAGER_STATUS, 0),
-                    *(pair for robot in self._delivery.robots for pair in _filters(robot)),
+                    *(pair for robot in self._delivery.robots for pair in self._filters(robot)),
                 ]
                 broker_address.check_subscribed(await client.subscribe(wanted))
                 self._arrive()
@@ -207,7 +210,7 @@ class Bridge:
                 self._depart()
 
     def _arrive(self) -> None:
-        log.info("bridge_connected", host=self._address.host, port=self._address.port)
+        log.info("bridge_connected", host=self._failover.node.host, port=self._failover.node.port)
         self._up.set()
         self._delivery.watch.link_changed(time.monotonic(), up=True)
         stops = [stop for stop in self._stops if stop.deadline > time.monotonic()]
@@ -257,7 +260,7 @@ class Bridge:
         """
         first = self._delivery.listen(robot, listener, time.monotonic(), needs=needs)
         if first and self._client is not None:
-            self._launch(functools.partial(self._client.subscribe, list(_filters(robot))))
+            self._launch(functools.partial(self._client.subscribe, self._filters(robot)))
         self._beat()
         return self._delivery.known[robot]
 
@@ -283,9 +286,12 @@ class Bridge:
         if self._client is not None:
             self._launch(
                 functools.partial(
-                    self._client.unsubscribe, [filter_ for filter_, _ in _filters(robot)]
+                    self._client.unsubscribe, [filter_ for filter_, _ in self._filters(robot)]
                 )
             )
+
+    def _filters(self, robot: str) -> list[tuple[str, int]]:
+        return [(filter_, self._failover.qos(qos)) for filter_, qos in _filters(robot)]
 
     def follow(self, session: str, listener: Listener) -> None:
         """Have the notices of a session brought to a listener."""

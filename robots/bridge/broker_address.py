@@ -13,8 +13,6 @@ from urllib.parse import unquote, urlsplit
 import aiomqtt
 
 PORTS = {"mqtt": 1883, "mqtts": 8883, "ws": 80, "wss": 443}
-# A broker that stops answering is noticed after 1.5 of these.
-KEEPALIVE_SECONDS = 5
 CONNECT_SECONDS = 5.0
 # Far above what a web process has on its way at any moment; beyond it the bridge refuses instead of
 # queueing.
@@ -73,6 +71,7 @@ def client(
     identifier: str,
     queue: Callable[..., Any] | None = None,
     *,
+    keepalive_seconds: int,
     clean_session: bool = True,
 ) -> aiomqtt.Client:
     """Return a client; a user named in the URL goes before `credentials`. Call it inside the loop.
@@ -91,7 +90,7 @@ def client(
         queue_type=queue,  # type: ignore[arg-type]
         clean_session=clean_session,
         timeout=CONNECT_SECONDS,
-        keepalive=KEEPALIVE_SECONDS,
+        keepalive=keepalive_seconds,
         max_inflight_messages=MAX_INFLIGHT,
         max_queued_outgoing_messages=MAX_INFLIGHT,
         transport="websockets" if address.websocket else "tcp",

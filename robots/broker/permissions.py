@@ -56,11 +56,14 @@ class Permissions:
 
 @dataclass(frozen=True)
 class BrokerUser:
-    """Somebody who may connect; `credential_hash` in Mosquitto's `$7$` form."""
+    """Somebody who may connect; `credential_hash` in Mosquitto's `$7$` form, `bcrypt_hash` for
+    NATS, or "" for a token that was made before there was one.
+    """
 
     name: str
     credential_hash: str
     permissions: Permissions
+    bcrypt_hash: str = ""
 
 
 @lru_cache(maxsize=4096)

@@ -10,11 +10,13 @@ from django.utils.crypto import salted_hmac
 
 from robots.api import topics
 from robots.broker.permissions import BrokerUser, of_robot, of_server
+from robots.enrol.bcrypt import SALT_LETTERS, bcrypt_hash
 from robots.enrol.credentials import (
     SALT_BYTES,
     SERVER_USERS,
     STORED,
     ServerPart,
+    bcrypt_hashes_of,
     hash_token,
     server_credentials,
     users_of,
@@ -34,17 +36,21 @@ class UsersUnavailableError(Exception):
 
 
 @cache
-def _server_hash(part: ServerPart) -> str:
+def _server_user(part: ServerPart, name: str) -> BrokerUser:
     # The salt follows from the secret key like the password: every process writes the same, and
     # what has not changed looks the same.
-    salt = salted_hmac("robots.broker.salt", part, algorithm="sha256").digest()[:SALT_BYTES]
-    return hash_token(server_credentials(part)[1], salt=salt)
+    salt = salted_hmac("robots.broker.salt", part, algorithm="sha256").digest()
+    password = server_credentials(part)[1]
+    return BrokerUser(
+        name,
+        hash_token(password, salt=salt[:SALT_BYTES]),
+        of_server(),
+        bcrypt_hash(password, salt=salt[:SALT_LETTERS]),
+    )
 
 
 def _server_users() -> list[BrokerUser]:
-    return [
-        BrokerUser(name, _server_hash(part), of_server()) for part, name in SERVER_USERS.items()
-    ]
+    return [_server_user(part, name) for part, name in SERVER_USERS.items()]
 
 
 def _robot_users() -> list[BrokerUser]:
@@ -53,7 +59,7 @@ def _robot_users() -> list[BrokerUser]:
         timezone.now(),
     )
     return [
-        BrokerUser(user, kept, of_robot(robot.name))
+        BrokerUser(user, kept, of_robot(robot.name), bcrypt_hashes_of(robot)[kept])
         for robot in rows.order_by("name")
         for user, kept in users_of(robot, now).items()
     ]

@@ -2,7 +2,10 @@
 
 The hash has Mosquitto's own form, `$7$<iterations>$<salt>$<hash>` (PBKDF2 with SHA-512, base64), so
 that one string in the database serves Mosquitto's password file, the embedded broker and the HTTPS
-endpoint alike. A token of 256 random bits cannot be guessed, so the iterations protect nothing;
+endpoint alike. NATS reads only bcrypt: for it a second hash is made of each token, and of older
+tokens when an agent shows one (`robot_of`).
+
+A token of 256 random bits cannot be guessed, so the iterations protect nothing;
 there are as few as `mosquitto_passwd` makes, because a broker checks them between two messages.
 """
 
@@ -20,6 +23,7 @@ from django.utils import timezone
 from django.utils.crypto import salted_hmac
 
 from robots.api.credentials_file import keep, toml
+from robots.enrol.bcrypt import bcrypt_hash
 from robots.models import Robot
 
 TOKEN_BYTES = 32
@@ -30,9 +34,11 @@ GRACE = datetime.timedelta(hours=24)
 STORED = (
     "credential_user",
     "credential_hash",
+    "bcrypt_hash",
     "credential_made_at",
     "former_user",
     "former_hash",
+    "former_bcrypt_hash",
     "former_until",
     "renewal_asked_at",
 )
@@ -115,11 +121,7 @@ def make_credentials(robot: Robot, now: datetime.datetime) -> Credentials:
     token = new_token()
     user = "" if robot.credential_made_at is None else _new_user(robot)
     _forget(robot)
-    robot.credential_user, robot.credential_hash, robot.credential_made_at = (
-        user,
-        hash_token(token),
-        now,
-    )
+    _give(robot, user, token, now)
     robot.save(update_fields=STORED)
     return Credentials(robot.name, token, user)
 
@@ -136,12 +138,9 @@ def rotate(robot: Robot, shown: str, now: datetime.datetime) -> Credentials:
             robot.credential_hash,
             now + GRACE,
         )
+        robot.former_bcrypt_hash = robot.bcrypt_hash
     robot.renewal_asked_at = None
-    robot.credential_user, robot.credential_hash, robot.credential_made_at = (
-        user,
-        hash_token(token),
-        now,
-    )
+    _give(robot, user, token, now)
     robot.save(update_fields=STORED)
     return Credentials(robot.name, token, user)
 
@@ -163,8 +162,14 @@ def _new_user(robot: Robot) -> str:
     return f"{robot.name}.{secrets.token_hex(4)}"
 
 
+def _give(robot: Robot, user: str, token: str, now: datetime.datetime) -> None:
+    robot.credential_user, robot.credential_made_at = user, now
+    robot.credential_hash, robot.bcrypt_hash = hash_token(token), bcrypt_hash(token)
+
+
 def _forget(robot: Robot) -> None:
     """Take all credentials away, and what could still become some."""
+    robot.bcrypt_hash = robot.former_bcrypt_hash = ""
     robot.credential_user = robot.credential_hash = robot.former_user = robot.former_hash = ""
     robot.former_until = robot.renewal_asked_at = None
     robot.enrolments.all().delete()
@@ -193,16 +198,36 @@ def users_of(robot: Robot, now: datetime.datetime) -> dict[str, str]:
     return {user: credential_hash for user, credential_hash in found.items() if credential_hash}
 
 
+def bcrypt_hashes_of(robot: Robot) -> dict[str, str]:
+    """Return the bcrypt hash beside each other hash of a robot, "" where there is none yet."""
+    return {
+        robot.credential_hash: robot.bcrypt_hash,
+        robot.former_hash: robot.former_bcrypt_hash,
+    }
+
+
 def robot_of(name: str, token: str) -> Robot | None:
-    """Return the enabled robot that these credentials belong to, or None."""
+    """Return the enabled robot that these credentials belong to, or None. A token of before there
+    were bcrypt hashes gets its own.
+    """
     robot = Robot.objects.filter(name=name, enabled=True).exclude(credential_hash="").first()
     if robot is None:
         return None
     fits = [
-        matches(token, credential_hash)
+        credential_hash
         for credential_hash in users_of(robot, timezone.now()).values()
+        if matches(token, credential_hash)
     ]
-    return robot if any(fits) else None
+    if fits and not bcrypt_hashes_of(robot)[fits[0]]:
+        _add_bcrypt_hash(robot, token, fits[0])
+    return robot if fits else None
+
+
+def _add_bcrypt_hash(robot: Robot, token: str, credential_hash: str) -> None:
+    """Store it, unless the credentials have changed since they were read."""
+    for kept, added in (("credential_hash", "bcrypt_hash"), ("former_hash", "former_bcrypt_hash")):
+        rows = Robot.objects.filter(pk=robot.pk, **{kept: credential_hash})
+        rows.update(**{added: bcrypt_hash(token)})
 
 
 def server_credentials(part: ServerPart) -> tuple[str, str]:

@@ -21,6 +21,7 @@ from django.db import DatabaseError, InterfaceError
 from robots.api.disk_space import DiskSpace
 from robots.bridge import broker_address
 from robots.bridge.broker_address import BrokerAddress
+from robots.bridge.failover import Failover
 from robots.bridge.inbox import Inbox
 from robots.bridge.quick_reading import read_quickly
 from robots.cancellation import cancel
@@ -51,7 +52,7 @@ class ActiveManager:
     """Lives while this process has its slot; make it in the event loop, and `close` it.
 
     Args:
-        address: the broker's.
+        nodes: where the broker is; more than one when it is a cluster.
         credentials: user and password there.
         rng: spreads reconnections.
         clock: Unix seconds.
@@ -62,7 +63,7 @@ class ActiveManager:
 
     def __init__(
         self,
-        address: BrokerAddress,
+        nodes: tuple[BrokerAddress, ...],
         credentials: tuple[str, str],
         rng: random.Random,
         clock: Callable[[], float],
@@ -70,9 +71,8 @@ class ActiveManager:
         connected: asyncio.Event,
         membership: Membership,
     ) -> None:
-        self._address = address
+        self._failover = Failover(nodes, rng)
         self._credentials = credentials
-        self._rng = rng
         self._clock = clock
         self._connected = connected
         self._connection: BrokerConnection | None = None
@@ -183,20 +183,23 @@ class ActiveManager:
         logger.info("session_manager_stopped", counts=dict(counts))
 
     async def _serve_for_ever(self) -> None:
-        attempt = 0
         while not self._ending:  # leaving a lost broker turns a cancellation into an MqttError
             try:
                 await self._serve()
             except aiomqtt.MqttError as error:
-                logger.warning("session_manager_offline", attempt=attempt, reason=str(error))
+                logger.warning(
+                    "session_manager_offline", attempt=self._failover.attempt, reason=str(error)
+                )
             except (DatabaseError, InterfaceError) as error:
                 logger.warning(
-                    "session_manager_without_database", attempt=attempt, reason=str(error)
+                    "session_manager_without_database",
+                    attempt=self._failover.attempt,
+                    reason=str(error),
                 )
-            attempt = 0 if self._connected.is_set() else attempt + 1
+            was_up = self._connected.is_set()
             self._connected.clear()
             if not self._ending:
-                await asyncio.sleep(broker_address.backoff(attempt, self._rng.random()))
+                await asyncio.sleep(self._failover.ended(was_up=was_up))
 
     async def _serve(self) -> None:
         """Serve one connection, until it is lost."""
@@ -205,19 +208,19 @@ class ActiveManager:
             self._forgets = False
         inbox = functools.partial(Inbox, self._work.ingest.receive)
         async with broker_address.client(
-            self._address,
+            self._failover.node,
             self._credentials,
             server_client_id("session-manager", self._slot),
             inbox,
+            keepalive_seconds=self._failover.keepalive_seconds,
             clean_session=False,
         ) as client:
             read_quickly(client)
             connection = BrokerConnection(client, self._work, self._clock)
             await connection.begin()
             self._connected.set()
-            logger.info(
-                "session_manager_connected", host=self._address.host, port=self._address.port
-            )
+            node = self._failover.node
+            logger.info("session_manager_connected", host=node.host, port=node.port)
             self._connection = connection
             try:
                 await connection.serve()

@@ -55,6 +55,8 @@ STATUS_SECONDS = 0.5
 HEALTH_SECONDS = 0.1  # between two readings of what the status would be: a fault is told at once
 GATHER_SECONDS = 0.04
 MOST_FILTERS = 50  # of one packet; the embedded broker takes 64
+# a cluster makes a replicated queue of each filter, the first time
+SUBSCRIBE_SECONDS = 30.0
 TOGETHER = 200  # messages on their way to the broker at once, of the thousand that a client keeps
 
 
@@ -119,7 +121,8 @@ class BrokerConnection:
         else:
             wanted = filters(await self._work.thread.run(_names_of, ownership.wants))
         for packet in packets_of(wanted - self._subscribed):
-            broker_address.check_subscribed(await self._client.subscribe(packet))
+            granted = await self._client.subscribe(packet, timeout=SUBSCRIBE_SECONDS)
+            broker_address.check_subscribed(granted)
         await self._unsubscribe(self._subscribed - wanted)
         self._subscribed = wanted
         self.prepared = slots

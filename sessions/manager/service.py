@@ -18,7 +18,7 @@ from collections.abc import Callable
 import structlog
 from django.conf import settings
 
-from robots.bridge import broker_address
+from robots.bridge.failover import parse_nodes
 from sessions.manager.active import ActiveManager
 from sessions.manager.health import ManagerHealth
 from sessions.manager.membership import WAIT_SECONDS, Membership
@@ -30,7 +30,7 @@ class SessionManager:
     """Runs until `stop` is called.
 
     Args:
-        url: the broker's address.
+        url: the broker's address, or those of its nodes, comma-separated.
         credentials: user and password there.
         rng: spreads reconnections.
         clock: Unix seconds.
@@ -43,7 +43,7 @@ class SessionManager:
         rng: random.Random,
         clock: Callable[[], float] = time.time,
     ) -> None:
-        self._address = broker_address.parse(url)
+        self._nodes = parse_nodes(url)
         self._credentials = credentials
         self._rng = rng
         self._clock = clock
@@ -81,7 +81,7 @@ class SessionManager:
         membership = self._membership
         logger.info("session_manager_started", holder=membership.holder, slot=membership.slot)
         self.active = active = ActiveManager(
-            self._address,
+            self._nodes,
             self._credentials,
             self._rng,
             self._clock,

@@ -120,6 +120,13 @@ def _formatter(renderer: Any) -> logging.Formatter:
     )
 
 
+def _urls() -> list[str]:
+    from django.conf import settings  # noqa: PLC0415 -- the settings name this module
+
+    brokers = f"{settings.MQTT_URL},{settings.MQTT_PUBLIC_URL}".split(",")
+    return [url.strip() for url in (*brokers, settings.REDIS_URL)]
+
+
 def known_secrets() -> tuple[str, ...]:
     """Return the values of this site's settings that nobody may read in a log, longest first."""
     from django.conf import settings  # noqa: PLC0415 -- the settings name this module
@@ -132,7 +139,7 @@ def known_secrets() -> tuple[str, ...]:
         settings.DEMO_TOKEN,
     }
     values |= {str(database.get("PASSWORD") or "") for database in settings.DATABASES.values()}
-    for url in (settings.MQTT_URL, *settings.MQTT_PUBLIC_URL.split(","), settings.REDIS_URL):
+    for url in _urls():
         _, found, password = urlsplit(url).netloc.rpartition("@")[0].partition(":")
         values |= {password, unquote(password)} if found else set()
     return tuple(

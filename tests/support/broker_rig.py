@@ -15,7 +15,9 @@ from robots.broker import packets
 from robots.broker.embedded import EmbeddedBroker
 from robots.broker.mosquitto import MosquittoBroker
 from robots.broker.permissions import BrokerUser, of_robot, of_server
+from robots.enrol.bcrypt import bcrypt_hash
 from robots.enrol.credentials import hash_token, new_token
+from tests.support.clustered_brokers import engines
 from tests.support.patience import patient
 from tests.support.site import free_port
 
@@ -52,13 +54,14 @@ class BrokerRig:
         await self._start()
 
     async def _start(self):
-        self.broker = (
-            EmbeddedBroker(self._read, poll=POLL)
-            if self.kind == "embedded"
-            else MosquittoBroker(self._read, self.directory, poll=POLL)
-        )
+        self.broker = self._broker()
         self.port = await self.broker.start(HOST, self.port)
         self._running = asyncio.create_task(self.broker.wait())
+
+    def _broker(self):
+        if self.kind == "embedded":
+            return EmbeddedBroker(self._read, poll=POLL)
+        return MosquittoBroker(self._read, self.directory, poll=POLL)
 
     async def stop(self):
         self._running.cancel()
@@ -75,7 +78,8 @@ class BrokerRig:
 
     def add(self, name, permissions):
         self.tokens[name] = new_token()
-        self.users[name] = BrokerUser(name, hash_token(self.tokens[name]), permissions)
+        token = self.tokens[name]
+        self.users[name] = BrokerUser(name, hash_token(token), permissions, bcrypt_hash(token))
 
     async def robot(self, name):
         """Add a robot and wait until the broker lets it in."""
@@ -120,6 +124,38 @@ class BrokerRig:
         async with asyncio.timeout(patient(SECONDS)):
             while not await question():
                 await asyncio.sleep(0.02)
+
+
+class ClusterRig(BrokerRig):
+    """A broker of one node or several; each question for its port names the next node, so that
+    those who talk to each other in a test do so across nodes.
+    """
+
+    _asked = 0
+
+    def _broker(self):
+        if self._kept is None:
+            self._kept = engines.make(self.kind, self._read, self.directory, POLL)
+        return self._kept
+
+    _kept = None
+
+    @property
+    def port(self):
+        self._asked += 1
+        ports = self._broker().ports
+        return ports[self._asked % len(ports)]
+
+    @port.setter
+    def port(self, _value):
+        """A node has its port from the beginning."""
+
+    async def robot(self, name):
+        """Add a robot and wait until every node lets it in."""
+        await super().robot(name)
+        for _ in self._broker().ports:
+            await self.until(lambda: self.is_let_in(name))
+        return name
 
 
 @dataclass

@@ -32,7 +32,8 @@ from robots.api.messages import Connection, Factsheet
 
 log = structlog.stdlib.get_logger(__name__)
 
-KEEPALIVE = 5
+# s; of a broker with several nodes, another one is soon found
+KEEPALIVE, KEEPALIVE_OF_NODES = 5, 2
 TIMEOUT = 5.0
 FAREWELL = 2.0
 IN_FLIGHT = 20
@@ -132,8 +133,8 @@ class MqttLink:
     """Connects for ever, keeps what must not be lost, and hands what arrives to an inbox.
 
     Args:
-        endpoint: where the broker is. `others` are the same broker by other ways, tried in turn
-            where one leads nowhere.
+        endpoint: where the broker is. `others` are the same broker by other transports, or other
+            nodes of it, tried in turn where one leads nowhere.
         factsheet: says who we are; said again on each connection.
         rng: spreads the attempts of many robots.
     """
@@ -188,7 +189,7 @@ class MqttLink:
             held = time.monotonic() - began if self.connected else 0.0
             if inbox.is_needed():
                 self._reconnection.needed(time.monotonic())
-            if not self.connected:
+            if not self.connected or self._has_nodes:
                 self._endpoints = (*self._endpoints[1:], self._endpoints[0])
             self._lost(inbox)
             await self._pause(self._reconnection.pause(held, time.monotonic()))
@@ -196,6 +197,13 @@ class MqttLink:
     @property
     def _endpoint(self) -> Endpoint:
         return self._endpoints[0]
+
+    @property
+    def _has_nodes(self) -> bool:
+        """Tell whether the endpoints are several machines, and not one by several transports: a
+        lost connection then says that its machine may be gone.
+        """
+        return len({endpoint.host for endpoint in self._endpoints}) > 1
 
     def close(self) -> None:
         """Say what is still to be said, and OFFLINE; then `run` returns. It does so in FAREWELL
@@ -230,7 +238,7 @@ class MqttLink:
             transport=place.transport,
             websocket_path=place.path,
             tls_context=place.tls,
-            keepalive=KEEPALIVE,
+            keepalive=KEEPALIVE_OF_NODES if self._has_nodes else KEEPALIVE,
             timeout=TIMEOUT,
             clean_session=True,
             will=Will(
@@ -240,7 +248,13 @@ class MqttLink:
         )
 
     async def _greet(self, client: Client) -> None:
-        granted = await client.subscribe(list(topics.subscriptions(self._factsheet.name)))
+        # The session ends with the connection, over which QoS 1 adds nothing but acknowledgements;
+        # a cluster makes a replicated queue of each subscription at QoS 1, which takes seconds.
+        wanted = [
+            (topic, 0 if self._has_nodes else qos)
+            for topic, qos in topics.subscriptions(self._factsheet.name)
+        ]
+        granted = await client.subscribe(wanted)
         if any(
             (code.value if isinstance(code, ReasonCode) else code) >= SUBSCRIPTION_REFUSED
             for code in granted

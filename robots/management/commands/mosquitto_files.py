@@ -1,5 +1,5 @@
-"""`manage.py mosquitto_files`: users and permissions of a mosquitto that is not our child, written
-from the database.
+"""`manage.py mosquitto_files`: users and permissions of a mosquitto that is not our child, or of
+another broker (`--engine`), written from the database.
 """
 
 import asyncio
@@ -13,23 +13,21 @@ from typing import Any
 import structlog
 from django.core.management.base import BaseCommand, CommandError
 
-from robots.broker.mosquitto import password_file, permission_file, write_private
+from robots.broker.engines import ENGINES, Engine
+from robots.broker.mosquitto import write_private
 from robots.broker.permissions import BrokerUser
 from robots.broker.users import POLL_SECONDS, UsersUnavailableError, read_users, users_now
 from robots.processes import interrupted_by_signals
 
 logger = structlog.stdlib.get_logger(__name__)
-PID_FILE = Path("/run/mosquitto/mosquitto.pid")
 GROUP_MAY_READ = 0o640
 
 
 class Command(BaseCommand):
-    """Write `passwords` and `permissions` for mosquitto, once or whenever the database says
-    something new.
-    """
+    """Write the files that a broker reads, once or whenever the database says something new."""
 
     help = (
-        "Write the users and permissions for this machine's own mosquitto "
+        "Write the users and permissions for this machine's own mosquitto, or another broker, "
         "from the database; with --reload, have it read them."
     )
     requires_system_checks: list[str] = []
@@ -39,8 +37,14 @@ class Command(BaseCommand):
             "directory",
             type=Path,
             help=(
-                "folder where mosquitto.conf looks for them; mosquitto's group may read the files"
+                "folder where the broker's configuration looks for them; its group may read them"
             ),
+        )
+        parser.add_argument(
+            "--engine",
+            choices=tuple(ENGINES),
+            default="mosquitto",
+            help="the broker that reads the files (mosquitto)",
         )
         parser.add_argument(
             "--watch",
@@ -48,13 +52,12 @@ class Command(BaseCommand):
             help="keep running, and write them again whenever robots change",
         )
         parser.add_argument(
-            "--reload", action="store_true", help="send mosquitto SIGHUP when something has changed"
+            "--reload", action="store_true", help="send it SIGHUP when something has changed"
         )
         parser.add_argument(
             "--pid-file",
             type=Path,
-            default=PID_FILE,
-            help=f"file with the process id to signal ({PID_FILE})",
+            help=f"file with the process id to signal ({ENGINES['mosquitto'].pid_file})",
         )
         parser.add_argument(
             "--poll",
@@ -64,7 +67,9 @@ class Command(BaseCommand):
         )
 
     def handle(self, *_args: Any, **options: Any) -> None:
-        files = Files(options["directory"], options["pid_file"] if options["reload"] else None)
+        engine = ENGINES[options["engine"]]
+        pid_file = options["pid_file"] or engine.pid_file
+        files = Files(options["directory"], pid_file if options["reload"] else None, engine)
         try:
             if options["watch"]:
                 with interrupted_by_signals():
@@ -83,25 +88,27 @@ class Command(BaseCommand):
 
 
 class FilesError(Exception):
-    """The files cannot be written, or mosquitto cannot be told; the message is one sentence."""
+    """The files cannot be written, or the broker cannot be told; the message is one sentence."""
 
 
 class Files:
-    """The two files in one directory, and the mosquitto to tell (None: somebody else tells it, or
-    nobody needs to).
+    """The files of one directory, and the broker to tell (None: somebody else tells it, or nobody
+    needs to).
     """
 
-    def __init__(self, directory: Path, pid_file: Path | None) -> None:
-        self._directory, self._pid_file = directory, pid_file
+    def __init__(
+        self, directory: Path, pid_file: Path | None, engine: Engine = ENGINES["mosquitto"]
+    ) -> None:
+        self._directory, self._pid_file, self._engine = directory, pid_file, engine
         self._users: dict[str, BrokerUser] | None = None
 
     def update(self, users: dict[str, BrokerUser]) -> bool:
-        """Write what is new, the permissions last, and tell mosquitto; False when nothing is.
+        """Write what is new, the permissions last, and tell the broker; False when nothing is.
 
         Raises:
             FilesError: it could not be done.
         """
-        texts = {"passwords": password_file(users), "permissions": permission_file(users)}
+        texts = self._engine.files(users)
         if all(_same(self._directory / name, text) for name, text in texts.items()):
             return False
         try:
@@ -132,17 +139,15 @@ class Files:
         if self._pid_file is None:
             return
         if sys.platform == "win32":
-            raise FilesError(
-                "Mosquitto on Windows reads its files only when it starts: restart it."
-            )
+            raise FilesError("A broker on Windows reads its files only when it starts: restart it.")
         try:
             os.kill(int(self._pid_file.read_text()), signal.SIGHUP)
         except (FileNotFoundError, ProcessLookupError):
             # it will read them when it starts
-            logger.info("mosquitto_not_running", pid_file=self._pid_file)
+            logger.info("broker_not_running", pid_file=self._pid_file)
         except (ValueError, OSError) as error:
             raise FilesError(
-                f"Mosquitto could not be signalled ({self._pid_file}): {error}."
+                f"The broker could not be signalled ({self._pid_file}): {error}."
             ) from error
 
 

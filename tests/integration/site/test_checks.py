@@ -106,8 +106,9 @@ def test_a_malformed_broker_address_is_an_error(settings, name, url):
 @pytest.mark.parametrize(
     "url", ["mqtts://broker.example.org,", "mqtts://broker.example.org,wss:/broker"]
 )
-def test_of_several_broker_addresses_each_has_to_be_one(settings, url):
-    settings.MQTT_PUBLIC_URL = url
+@pytest.mark.parametrize("name", ["MQTT_URL", "MQTT_PUBLIC_URL"])
+def test_of_several_broker_addresses_each_has_to_be_one(settings, name, url):
+    setattr(settings, name, url)
     assert found_by(checks.check_mqtt) == ["telepresence.E001"]
 
 

@@ -172,7 +172,11 @@ def test_systemd_takes_every_unit(tmp_path):
 
 
 # they tell other services something
-BY_ROOT = {"telepresence-mosquitto-reload.service", "telepresence-certificates@.service"}
+BY_ROOT = {
+    "telepresence-mosquitto-reload.service",
+    "telepresence-nats-reload.service",
+    "telepresence-certificates@.service",
+}
 
 
 @pytest.mark.parametrize(
@@ -191,7 +195,7 @@ def test_every_process_is_begun_again_and_may_do_little(unit):
     # systemd.unit(5): by default a unit that was started five times within ten seconds is not
     # started any more.
     assert "Type=oneshot" in text or "\nStartLimitIntervalSec=0\n" in text
-    assert re.search(r"^(User=telepresence|DynamicUser=yes)$", text, re.MULTILINE)
+    assert re.search(r"^(User=telepresence|User=nats|DynamicUser=yes)$", text, re.MULTILINE)
     assert re.search(r"^CapabilityBoundingSet=$", text, re.MULTILINE)
 
 

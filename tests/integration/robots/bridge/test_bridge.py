@@ -17,6 +17,7 @@ from robots.api import messages as m
 from robots.api.idle import WATCHER
 from robots.bridge.bridge import REPORTS_FLYING, STOP_SECONDS, Bridge
 from robots.bridge.delivery import LINK, NOTICE
+from robots.bridge.failover import Failover
 from tests.support import words
 from tests.support.broker_rig import HOST, KINDS, BrokerRig
 from tests.support.pages import until
@@ -253,12 +254,13 @@ async def test_a_stop_is_tried_again_until_the_broker_is_back_and_a_report_is_ke
         bridge.send_stop("giraff", m.Stop(action_id="stop-1", stamp=1.0))
         bridge.report("telepresence/v1/server/page/s1", m.Bye(reason="kept"))
         # so that the robot is back before the bridge
-        bridge._address = replace(bridge._address, port=1)
+        node = bridge._failover.node
+        bridge._failover = Failover((replace(node, port=1),), random.Random(1))
         await rig._start()
         await rig.until(lambda: rig.is_let_in("giraff"))
         async with robot_of(rig) as robot, rig.client("web") as manager:
             await manager.subscribe("telepresence/v1/server/page/+", qos=1)
-            bridge._address = replace(bridge._address, port=rig.port)
+            bridge._failover = Failover((replace(node, port=rig.port),), random.Random(1))
             await until(
                 lambda: (
                     [

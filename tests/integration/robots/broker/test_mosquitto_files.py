@@ -120,6 +120,18 @@ def test_what_has_not_changed_is_not_written_again(tmp_path):
     assert before == {name: (tmp_path / name).stat().st_mtime_ns for name in before}
 
 
+def test_for_nats_the_same_users_are_in_one_file_which_is_written_when_they_change(tmp_path):
+    robot = Robot.objects.create(name="giraff", title="Giraff")
+    token = make_credentials(robot, timezone.now()).token
+    assert "3 users written" in write(tmp_path, "--engine", "nats")
+    text = (tmp_path / "users.conf").read_text()
+    names = ("giraff", "server.web", "server.session-manager")
+    assert all(f'"user": "{name}"' in text for name in names)
+    assert token not in text
+    assert "as before" in write(tmp_path, "--engine", "nats")
+    assert [path.name for path in tmp_path.iterdir()] == ["users.conf"]
+
+
 def test_the_files_are_for_their_owner_and_group_alone(tmp_path):
     write(tmp_path)
     assert {path.stat().st_mode & 0o777 for path in tmp_path.iterdir()} <= {0o640, 0o600}

@@ -1,5 +1,7 @@
 """Tokens, their hashes in Mosquitto's form, and who remembers what."""
 
+import ctypes
+import ctypes.util
 import datetime
 import subprocess
 import tomllib
@@ -82,6 +84,37 @@ def test_making_credentials_replaces_the_old_ones_and_revoking_ends_them():
     credentials.revoke(robot)
     assert credentials.robot_of("giraff", second.token) is None
     assert credentials.robot_of("giraff", "") is None
+
+
+@pytest.mark.django_db
+def test_every_token_has_a_bcrypt_hash_beside_the_other_which_goes_with_it():
+    robot = Robot.objects.create(name="giraff", title="Giraff")
+    first = credentials.make_credentials(robot, NOW)
+    assert bcrypt_hash_fits(first.token, robot.bcrypt_hash)
+    second = credentials.rotate(robot, first.token, NOW)
+    assert bcrypt_hash_fits(second.token, robot.bcrypt_hash)
+    assert bcrypt_hash_fits(first.token, robot.former_bcrypt_hash)
+    credentials.revoke(robot)
+    robot.refresh_from_db()
+    assert robot.bcrypt_hash == robot.former_bcrypt_hash == ""
+
+
+@pytest.mark.django_db
+def test_a_token_of_before_there_were_bcrypt_hashes_gets_one_when_an_agent_shows_it():
+    robot = Robot.objects.create(name="giraff", title="Giraff")
+    token = credentials.make_credentials(robot, NOW).token
+    Robot.objects.update(bcrypt_hash="")
+    assert credentials.robot_of("giraff", "wrong") is None
+    assert Robot.objects.get().bcrypt_hash == ""
+    assert credentials.robot_of("giraff", token) == robot
+    assert bcrypt_hash_fits(token, Robot.objects.get().bcrypt_hash)
+
+
+def bcrypt_hash_fits(token, made):
+    """Tell whether a bcrypt hash is of this token, as the system's own library says."""
+    library = ctypes.CDLL(ctypes.util.find_library("crypt"))
+    library.crypt.restype = ctypes.c_char_p
+    return library.crypt(token.encode(), made.encode()) == made.encode()
 
 
 @pytest.mark.django_db

@@ -157,6 +157,22 @@ def test_where_one_way_to_the_broker_leads_nowhere_another_is_taken(broker, ear)
         agent.wait(lambda: agent.inbox.changes == [True])
 
 
+def test_of_several_nodes_an_agent_takes_the_next_one_when_its_own_is_lost(tmp_path, broker, ear):
+    folder = tmp_path / "second"
+    folder.mkdir()
+    with Mosquitto(folder) as second, Ear(second.port) as there:
+        url = second.url.replace("127.0.0.1", "localhost")
+        with LinkThread(broker.url, others=[url]) as agent:
+            assert ear.wait("connection").state == "ONLINE"
+            broker.kill()
+            assert there.wait("connection").state == "ONLINE"
+            assert there.wait("factsheet") == SHEET
+            agent.wait(lambda: agent.inbox.changes == [True, False, True])
+            broker.start()
+            agent.publish("state", state(1))
+            assert there.wait("state").seq == 1, "the node that answers is kept"
+
+
 def test_a_broker_whose_certificate_nobody_vouches_for_is_not_talked_to(tmp_path, caplog):
     with (
         Mosquitto(tmp_path, lan.certificate(tmp_path, ["127.0.0.1"])) as broker,

@@ -1,0 +1,60 @@
+"""A broker of two nodes, one of which goes away: one connection at a time, always to one that
+answers.
+"""
+
+import asyncio
+import random
+
+import pytest
+
+from robots.api import messages as m
+from robots.bridge.bridge import Bridge
+from tests.support.mosquitto import Mosquitto
+from tests.support.mqtt_ear import Ear
+from tests.support.pages import until
+from tests.support.patience import patient
+
+pytestmark = pytest.mark.broker
+LEASE = m.Lease(session="s1", epoch=3, peer="p1", who="Ada", renewal=0, stamp=1.0)
+
+
+@pytest.fixture
+def nodes(tmp_path):
+    folders = [tmp_path / name for name in ("a", "b")]
+    for folder in folders:
+        folder.mkdir()
+    with Mosquitto(folders[0]) as first, Mosquitto(folders[1]) as second:
+        yield first, second
+
+
+@pytest.fixture
+async def bridge(nodes):
+    urls = ",".join(node.url for node in nodes)
+    bridge = Bridge(urls, ("web", "any"), random.Random(1))
+    assert await bridge.wait_connected(patient(10))
+    yield bridge
+    await bridge.close()
+
+
+def port_of(bridge):
+    return bridge._failover.node.port if bridge.connected else None
+
+
+async def test_a_web_process_goes_on_to_the_next_node_and_back_when_that_one_is_lost(nodes, bridge):
+    first, second = nodes
+    assert port_of(bridge) == first.port
+    bridge.retain("giraff", "lease", LEASE)
+    await asyncio.to_thread(first.kill)
+    await until(lambda: port_of(bridge) == second.port)
+    with Ear(second.port) as ear:
+        assert await asyncio.to_thread(ear.wait, "lease") == LEASE
+    await asyncio.to_thread(first.start)
+    assert port_of(bridge) == second.port, "the node that answers is kept"
+    await asyncio.to_thread(second.kill)
+    await until(lambda: port_of(bridge) == first.port)
+
+
+async def test_a_node_that_stands_still_is_left_within_seconds(nodes, bridge):
+    first, second = nodes
+    first.freeze(on=True)
+    await until(lambda: port_of(bridge) == second.port)

@@ -1,0 +1,66 @@
+"""Which node of the broker comes next, and after how long."""
+
+import random
+
+import pytest
+
+from robots.bridge.broker_address import BadAddress, BrokerAddress
+from robots.bridge.failover import Failover, parse_nodes
+
+A, B, C = (BrokerAddress(host, 1883) for host in "abc")
+
+
+def failover(*nodes):
+    return Failover(nodes, random.Random(1))
+
+
+def test_several_addresses_are_separated_by_commas():
+    assert parse_nodes("mqtt://a, mqtt://b:1883,mqtt://c") == (A, B, C)
+
+
+@pytest.mark.parametrize("urls", ["", "mqtt://a,", "mqtt://a,b"])
+def test_one_bad_address_among_several_is_named(urls):
+    with pytest.raises(BadAddress, match="broker's address"):
+        parse_nodes(urls)
+
+
+def test_the_first_node_is_tried_first_and_the_next_one_when_it_does_not_answer():
+    broker = failover(A, B, C)
+    tried = [broker.node]
+    for _ in range(3):
+        broker.ended(was_up=False)
+        tried.append(broker.node)
+    assert tried == [A, B, C, A]
+
+
+def test_a_lost_node_is_the_last_to_be_tried_again():
+    broker = failover(A, B, C)
+    broker.ended(was_up=True)
+    tried = [broker.node]
+    for _ in range(2):
+        broker.ended(was_up=False)
+        tried.append(broker.node)
+    assert tried == [B, C, A]
+
+
+def test_every_node_is_tried_once_before_the_waits_become_longer():
+    broker = failover(A, B, C)
+    waits = [broker.ended(was_up=True), *(broker.ended(was_up=False) for _ in range(8))]
+    assert all(0.1 <= wait < 0.2 for wait in waits[:3])
+    assert all(0.2 <= wait < 0.4 for wait in waits[3:6])
+    assert all(0.4 <= wait < 0.8 for wait in waits[6:])
+    assert 0.1 <= broker.ended(was_up=True) < 0.2
+
+
+def test_two_clients_do_not_come_at_the_same_moment():
+    waits = {Failover((A, B), random.Random(seed)).ended(was_up=True) for seed in range(20)}
+    assert len(waits) == 20
+
+
+def test_of_a_cluster_nothing_is_subscribed_to_at_qos_1_by_who_keeps_no_session():
+    assert [failover(A).qos(qos) for qos in (0, 1)] == [0, 1]
+    assert [failover(A, B).qos(qos) for qos in (0, 1)] == [0, 0]
+
+
+def test_a_node_that_falls_silent_is_noticed_sooner_where_there_is_another():
+    assert failover(A, B).keepalive_seconds < failover(A).keepalive_seconds
