@@ -11,9 +11,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from experiments.analysis.power.exact import LARGE, MEDIUM, SMALL, participants_needed
 from experiments.bots.diary import Diary, Leg
 from experiments.definition import factors
-from experiments.definition.power import LARGE, MEDIUM, SMALL, participants_needed
 from experiments.definition.schema import Condition, StudyDefinition
 
 # how many times longer people drive than bots: the paper's drives took 4 min 34 s on average, a

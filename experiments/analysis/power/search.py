@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from experiments.analysis.power.assumptions import REASONS, Assumption, assumed
-from experiments.analysis.power.simulation import Orders, SimulatedTest, Simulation, simulate
+from experiments.analysis.power.simulation import Orders, SimulatedStudies, SimulatedTest, simulate
 from experiments.analysis.statistics.descriptive import wilson
 from experiments.analysis.tables.table import Table, TableCell, count, number, words
 from experiments.definition.factors import conditions_together
@@ -50,7 +50,7 @@ class PowerReport:
     there was anything to look for).
     """
 
-    simulations: tuple[Simulation, ...]
+    simulations: tuple[SimulatedStudies, ...]
     needed: int | None
     is_searched: bool
     assumptions: Mapping[str, Assumption]
@@ -63,7 +63,7 @@ def power_report(
     that its plan wants.
     """
 
-    def at(people: int) -> Simulation:
+    def at(people: int) -> SimulatedStudies:
         return simulate(
             study,
             people,
@@ -98,7 +98,7 @@ def _deciding(tests: Sequence[SimulatedTest]) -> list[int]:
     return own or list(range(len(tests)))
 
 
-def _least_power(found: Simulation, places: Sequence[int], plan: StudyPlan) -> float:
+def _least_power(found: SimulatedStudies, places: Sequence[int], plan: StudyPlan) -> float:
     power = found.power(plan.alpha)
     return min(power[n][0] / power[n][1] for n in places)
 
@@ -134,7 +134,7 @@ def power_table(study: StudyDefinition, found: PowerReport, studies: int) -> Tab
     return Table("power", "Power by simulation.", HEAD, tuple(rows), notes)
 
 
-def _rows(found: Simulation, alpha: float) -> list[tuple[TableCell, ...]]:
+def _rows(found: SimulatedStudies, alpha: float) -> list[tuple[TableCell, ...]]:
     rows = []
     for one, (hits, studies) in zip(found.tests, found.power(alpha), strict=True):
         low, high = wilson(hits, studies) or (None, None)

@@ -50,7 +50,7 @@ class SimulatedTest:
 
 
 @dataclass(frozen=True, eq=False)
-class Simulation:
+class SimulatedStudies:
     """Studies of one size: `p` (studies, tests), corrected within their families."""
 
     participants: int
@@ -70,7 +70,7 @@ def simulate(
     *,
     observed: Mapping[str, Assumption] | None = None,
     orders: Orders | None = None,
-) -> Simulation:
+) -> SimulatedStudies:
     """Return simulated studies.
 
     Args:
@@ -101,7 +101,7 @@ def simulate(
         tests += [test for test, _ in found]
         columns += [np.concatenate(own) for own in zip(*parts, strict=True)]
     p = np.stack(columns, axis=1) if columns else np.empty((studies, 0))
-    return Simulation(participants, tuple(tests), _corrected(tests, p))
+    return SimulatedStudies(participants, tuple(tests), _corrected(tests, p))
 
 
 def _sizes(participants: int, kinds: int) -> list[int]:

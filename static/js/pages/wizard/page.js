@@ -2,6 +2,7 @@
  * The page of a hidden operator, who drives and speaks for the robot in a study: the one place that wires it.
  */
 
+import { keyUse, openHolder } from "../../input/key_dispatcher.js";
 import { unixNow } from "../../lib/clock.js";
 import { write } from "../../lib/dom.js";
 import { freshId } from "../../lib/ids.js";
@@ -18,7 +19,6 @@ const BEAT = 0.2; // s
 const PENDING = 10; // s after which a step that the robot has not confirmed is forgotten
 const NO_LIMITS = { linear: 0.4, reverse: 0.2, angular: 0.6 }; // of a robot that has not said its own: slow
 const FINAL = [4401, 4403, 4404]; // codes after which the page is not let in again
-const TYPED = "input:not([type='checkbox']), textarea, select";
 
 const element = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
 const config = JSON.parse(element("config").textContent ?? "{}");
@@ -323,15 +323,14 @@ const showScript = () => {
 
 // --- keys and buttons -----------------------------------------------------------------------------------------------
 
-const isTyping = (/** @type {EventTarget | null} */ target) => target instanceof Element && target.matches(TYPED);
-
 window.addEventListener("keydown", (event) => {
-  if (isTyping(event.target) || event.ctrlKey || event.altKey || event.metaKey || event.isComposing) {
+  const use = keyUse(event, openHolder(document));
+  if (use !== "free" && use !== "stop") {
     return;
   }
   const direction = Hand.directionOf(event.code);
   const step = told.scene?.script?.stages.flatMap((/** @type {any} */ stage) => stage.steps).find((/** @type {any} */ one) => one.shortcut && one.shortcut === event.key.toLowerCase());
-  if (event.code === "Space") {
+  if (use === "stop") {
     event.preventDefault();
     stop();
   } else if (direction && told.scene?.script?.byHand) {
@@ -349,7 +348,7 @@ window.addEventListener("keyup", (event) => {
   }
 });
 window.addEventListener("blur", () => hand.letGo());
-window.addEventListener("focusin", (event) => isTyping(event.target) && hand.letGo());
+window.addEventListener("focusin", (event) => keyUse(event, null) === "text" && hand.letGo());
 document.addEventListener("visibilitychange", () => document.hidden && told.granted && stop());
 window.addEventListener("pagehide", () => told.granted && stop());
 

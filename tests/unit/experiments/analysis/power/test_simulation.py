@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from experiments.analysis.power.exact import participants_needed, power
 from experiments.analysis.power.search import (
     PowerOptions,
     least_participants,
@@ -27,7 +28,6 @@ from experiments.analysis.statistics.conditions import compare
 from experiments.analysis.statistics.mixed_model_batch import term_p_values
 from experiments.analysis.statistics.mixed_models import design_of, fit
 from experiments.definition.plan import StudyPlan
-from experiments.definition.power import participants_needed, power
 from experiments.definition.shipped import shipped
 from tests.support.powered import expected, powered_study
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy import optimize, stats
 
+from experiments.analysis.power.exact import participants_needed
 from experiments.analysis.statistics.comparisons import (
     between,
     correlation,
@@ -18,7 +19,6 @@ from experiments.analysis.statistics.comparisons import (
     within,
 )
 from experiments.analysis.statistics.conditions import compare
-from experiments.definition.power import participants_needed
 
 RUNS = 1000
 

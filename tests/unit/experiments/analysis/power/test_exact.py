@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from experiments.definition.power import participants_needed, power
+from experiments.analysis.power.exact import participants_needed, power
 
 
 # Cohen 1988, table 2.3.5, and what G*Power 3.1 gives for two-sided t tests at 5 % and 80 %.
