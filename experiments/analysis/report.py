@@ -178,11 +178,12 @@ def analyse(
     """Write the reports on a dataset into a folder, which is made; return what was written, the
     sums last.
 
-    What `also` writes into the folder of each report is no part of the sums.
+    What `also` writes into the folder of each report is no part of the sums. It is for a page,
+    which has no use for the PNGs: to draw them takes longer than everything else.
     """
     written: list[Path] = []
     for one in reports(dataset, kinds):
-        written += write(one, folder / one.name)
+        written += write(one, folder / one.name, png=also is None)
         if also is not None:
             also(one, folder / one.name)
     lines = [
@@ -194,7 +195,7 @@ def analyse(
     return [*sorted(written), sums]
 
 
-def write(found: Report, folder: Path) -> Iterator[Path]:
+def write(found: Report, folder: Path, *, png: bool = True) -> Iterator[Path]:
     """Write a report into a folder, and yield each file once it is written."""
     for table in found.tables:
         yield _file(folder / "tables" / f"{table.name}.csv", as_csv(table).encode())
@@ -203,7 +204,8 @@ def write(found: Report, folder: Path) -> Iterator[Path]:
     for drawing in found.figures:
         yield _file(folder / "figures" / f"{drawing.name}.svg", as_svg(drawing))
         yield _file(folder / "figures" / f"{drawing.name}.pdf", as_pdf(drawing))
-        yield _file(folder / "figures" / f"{drawing.name}.png", as_png(drawing))
+        if png:
+            yield _file(folder / "figures" / f"{drawing.name}.png", as_png(drawing))
         yield _file(folder / "figures" / f"{drawing.name}.csv", as_csv(drawing.numbers).encode())
     for kind, content in _results(found.tables).items():
         yield _file(folder / f"results.{kind}", content)

@@ -41,7 +41,6 @@ TYPES = {
     "csv": "text/csv; charset=utf-8",
     "tex": "application/x-tex; charset=utf-8",
     "docx": "application/vnd.openxmlformats-officedocument.wordprocessingml.document",
-    "png": "image/png",
 }
 
 
@@ -157,7 +156,7 @@ def _figure(asked: AnalysisQuery, stored: Stored, about: dict[str, Any]) -> dict
     )
     return about | {
         "svg": _safe(drawn),
-        "files": _files(asked, stored, "figures", name, ("svg", "pdf", "png", "csv")),
+        "files": _files(asked, stored, "figures", name, ("svg", "pdf", "csv")),
     }
 
 

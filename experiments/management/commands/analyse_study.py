@@ -37,7 +37,9 @@ class Command(BaseCommand):
             "--out", type=Path, required=True, help="output folder, which is created"
         )
         parser.add_argument(
-            "--page", action="store_true", help="also write what the analysis page shows"
+            "--page",
+            action="store_true",
+            help="also write what the analysis page shows, and no PNG",
         )
         parser.add_argument(
             "--kind",
