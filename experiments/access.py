@@ -20,6 +20,7 @@ View = Callable[Concatenate[HttpRequest, str, Given], HttpResponseBase]
 # Coders and hidden operators have no rank: they see their own pages, and nothing of the study.
 RANK: dict[str, int] = {"viewer": 1, "researcher": 2, "owner": 3}
 CODING = frozenset({"coder", "researcher", "owner"})
+OPERATING = frozenset({"wizard", "researcher", "owner"})
 SEES_SESSIONS = "telepresence_sessions.view_session"
 
 
@@ -46,7 +47,7 @@ def may_operate_as_wizard(user: Any, slug: str) -> bool:
     """Tell whether somebody may drive and speak for the robot unseen: who was given that role, and
     whoever runs the study.
     """
-    return role_of(user, slug) in {"wizard", "researcher", "owner"}
+    return role_of(user, slug) in OPERATING
 
 
 def may_code(user: Any, slug: str) -> bool:

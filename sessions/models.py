@@ -323,7 +323,8 @@ class Shard(models.Model):
     grows whenever the shard changes hands (sessions/shards/ownership.py).
     """
 
-    number = models.PositiveSmallIntegerField(primary_key=True)
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    number = models.PositiveSmallIntegerField(unique=True)
     owner = models.CharField(max_length=64, blank=True)
     epoch = models.BigIntegerField(default=0)
 

@@ -3,7 +3,7 @@
 from django.utils.translation import get_language
 
 from accounts.models import User
-from experiments.access import may_operate_as_wizard, role_of
+from experiments.access import OPERATING, may_operate_as_wizard, role_of
 from experiments.definition.schema import StudyDefinition
 from experiments.models import Drive, Participant, Study, StudyMember
 from experiments.participation.grants import is_for
@@ -61,7 +61,7 @@ def _studies_of(user: User) -> list[Study]:
     """Return the versions with a hidden operator of the studies that somebody may operate."""
     rows = Study.objects.all()
     if not user.is_superuser:
-        members = StudyMember.objects.filter(user=user).exclude(role=StudyMember.Role.VIEWER)
+        members = StudyMember.objects.filter(user=user, role__in=OPERATING)
         rows = rows.filter(slug__in=list(members.values_list("slug", flat=True)))
     return [study for study in rows if study.as_definition().wizard is not None]
 

@@ -163,7 +163,10 @@ class ActiveManager:
     async def _forget(self, slot: int) -> None:
         try:
             async with broker_address.client(
-                self._address, self._credentials, server_client_id("session-manager", slot)
+                self._failover.node,
+                self._credentials,
+                server_client_id("session-manager", slot),
+                keepalive_seconds=self._failover.keepalive_seconds,
             ):
                 logger.info("broker_session_forgotten", slot=slot)
         except aiomqtt.MqttError as error:

@@ -1,5 +1,7 @@
 """Robots are divided into shards, which several session managers share."""
 
+import uuid
+
 from django.db import migrations, models
 
 
@@ -15,7 +17,13 @@ class Migration(migrations.Migration):
         migrations.CreateModel(
             name="Shard",
             fields=[
-                ("number", models.PositiveSmallIntegerField(primary_key=True, serialize=False)),
+                (
+                    "id",
+                    models.UUIDField(
+                        default=uuid.uuid4, editable=False, primary_key=True, serialize=False
+                    ),
+                ),
+                ("number", models.PositiveSmallIntegerField(unique=True)),
                 ("owner", models.CharField(blank=True, max_length=64)),
                 ("epoch", models.BigIntegerField(default=0)),
             ],

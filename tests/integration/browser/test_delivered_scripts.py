@@ -14,6 +14,7 @@ from robots.models import Robot
 from tests.integration.browser.test_accessibility import driving, opened
 from tests.integration.browser.test_replay import made
 from tests.support import participants as p
+from tests.support import replays
 from tests.support.fake_robot_page import FakeRobotPage
 from tests.support.paths import ROOT
 from tests.support.patience import patient
@@ -21,6 +22,7 @@ from tests.support.people import person
 from tests.support.present_robot_page import PresentRobotPage
 from tests.support.study_walk import Walker
 from tests.support.told_task import guide
+from tests.support.wizard_study import wizard_document
 from tests.support.words import factsheet
 
 pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]
@@ -89,6 +91,7 @@ def test_every_script_that_a_page_names_runs_on_it(opened, browser):
     visit, robot = made(), p.site()
     Robot.objects.update(factsheet=msgspec.to_builtins(factsheet(series="giraff")))
     study = p.published(p.of("exploration"))
+    replays.study(slug="operated", definition=wizard_document(study={"slug": "operated"}))
     owner = Client()
     owner.force_login(person("owner", is_superuser=True, is_staff=True))
     page = opened(owner)
@@ -98,6 +101,7 @@ def test_every_script_that_a_page_names_runs_on_it(opened, browser):
         "/": "[data-robot]",
         "/check/": "#check:not([data-state=busy]) .check__line",
         f"/studies/{study.slug}/live/": "main",
+        "/studies/operated/wizard/": "#video-wait",
         f"/studies/replay/{visit.pk}/": "#replay[data-state=ready]",
         f"/admin/experiments/study/{study.pk}/change/": "#content",
         f"/admin/experiments/study/{study.pk}/build/courses/0/": "#course-map .course__handle",
@@ -113,6 +117,7 @@ def test_every_script_that_a_page_names_runs_on_it(opened, browser):
         "js/pages/try.js",
         "js/pages/check/page.js",
         "js/pages/live/page.js",
+        "js/pages/wizard/page.js",
         "js/pages/replay/page.js",
         "js/pages/admin/copy.js",
         "js/pages/admin/course.js",
@@ -163,6 +168,7 @@ def test_the_course_map_of_the_study_builder_is_drawn(opened):
     p.site()
     Robot.objects.update(factsheet=msgspec.to_builtins(factsheet(series="giraff")))
     study = p.published(p.of("exploration"))
+    replays.study(slug="operated", definition=wizard_document(study={"slug": "operated"}))
     owner = Client()
     owner.force_login(person("owner", is_superuser=True, is_staff=True))
     page = opened(owner)

@@ -51,7 +51,7 @@ def giraff():
 
 
 def later(page, milliseconds: int = 5100) -> None:
-    with page.expect_response("**/robots.json"):
+    with page.expect_response("**/robots.json*"):
         page.clock.run_for(milliseconds)
 
 
@@ -108,10 +108,10 @@ def test_the_invitation_follows_the_robots_without_a_reload(page, giraff):
 def test_a_lost_connection_is_told_and_taken_back(page, giraff):
     page.clock.install()
     page.goto("/")
-    page.route("**/robots.json", lambda route: route.abort())
+    page.route("**/robots.json*", lambda route: route.abort())
     page.clock.run_for(5100)
     expect(page.get_by_text("Connection lost.")).to_be_visible()
-    page.unroute("**/robots.json")
+    page.unroute("**/robots.json*")
     later(page)
     expect(page.get_by_text("Connection lost.")).to_be_hidden()
 

@@ -280,6 +280,8 @@ def test_every_relation_to_a_person_is_one_that_these_tests_know():
         "Robot.owner",
         "StudyMember.user",
         "Drive.excluded_by",
+        "Coding.coder",
+        "Lease.wizard",
         "Study.published_by",
         "LogEntry.user",
     }

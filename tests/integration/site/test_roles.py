@@ -25,6 +25,7 @@ from surveys.responses import Context, Respondent, begin
 from tests.support import questionnaires, replays
 from tests.support.people import person
 from tests.support.studies import STUDY
+from tests.support.wizard_study import wizard_document
 
 pytestmark = pytest.mark.django_db
 
@@ -40,7 +41,7 @@ PARTICIPANT = {"participant"}
 WITH_A_STUDY = VIEWERS | {"other_study_owner"}
 WITH_A_ROBOT = ROBOT_OWNER | {"other_robot_owner"}
 STAFF = WITH_A_STUDY | WITH_A_ROBOT | {"staff"}
-SIGNED_IN = STAFF | PARTICIPANT | {"visitor", "coder"}
+SIGNED_IN = STAFF | PARTICIPANT | {"visitor", "coder", "wizard"}
 ALL = SIGNED_IN | {"stranger"}
 NOBODY: set[str] = set()
 
@@ -77,7 +78,7 @@ FOR_ALL = {
 
 
 def people() -> dict:
-    made = {name: person(name) for name in ("visitor", "participant", "coder")}
+    made = {name: person(name) for name in ("visitor", "participant", "coder", "wizard")}
     made |= {name: person(name, is_staff=True) for name in STAFF - ADMINISTRATOR}
     return {
         "stranger": None,
@@ -126,6 +127,11 @@ def world():
         )
     StudyMember.objects.create(slug="other-study", user=who["other_study_owner"], role="owner")
     replays.study(slug="other-study", definition={**STUDY, "slug": "other-study"})
+    for role in ("coder", "wizard", "viewer", "researcher"):
+        StudyMember.objects.create(slug="operated-study", user=who[role], role=role)
+    operated = replays.study(
+        slug="operated-study", definition=wizard_document(study={"slug": "operated-study"})
+    )
     robot = replays.cabin_robot(owner=who["robot_owner"], access=Robot.Access.INVITATION)
     Robot.objects.update(
         factsheet={
@@ -144,6 +150,7 @@ def world():
         "people": who,
         "robot": robot,
         "plan": FloorPlan.objects.get(),
+        "operated": operated,
         **of_the_study(robot, who["participant"]),
     }
     things["photo"] = Snapshot.objects.create(
@@ -203,6 +210,8 @@ def research_pages() -> list[tuple]:
         ("study_live", ["study.slug"], VIEWERS, None),
         ("study_live_data", ["study.slug"], VIEWERS, None),
         ("study_live_act", ["study.slug"], RESEARCHERS, {"act": "dance"}),
+        ("study_wizard", ["operated.slug"], ADMINISTRATOR | {"researcher", "wizard"}, None),
+        ("study_wizard", ["study.slug"], NOBODY, None),
         ("study_coding", ["study.slug"], VIEWERS | {"coder"}, None),
         ("coding_scheme", ["study.slug"], RESEARCHERS, {}),
         ("code_session", ["session.pk"], CODERS, None),

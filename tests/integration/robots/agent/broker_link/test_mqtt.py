@@ -164,6 +164,7 @@ def test_of_several_nodes_an_agent_takes_the_next_one_when_its_own_is_lost(tmp_p
         url = second.url.replace("127.0.0.1", "localhost")
         with LinkThread(broker.url, others=[url]) as agent:
             assert ear.wait("connection").state == "ONLINE"
+            agent.wait(lambda: agent.inbox.changes == [True])
             broker.kill()
             assert there.wait("connection").state == "ONLINE"
             assert there.wait("factsheet") == SHEET
