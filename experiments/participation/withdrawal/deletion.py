@@ -44,6 +44,7 @@ KEPT = (
     "withdrawn_step",
 )
 LEFT = "withdrawn:"  # begins the slot of such a row
+A_REQUEST = datetime.timedelta(minutes=1)  # for which one may take on a busy computer
 
 
 def withdraw(participant: Participant, now: datetime.datetime) -> Participant:
@@ -52,6 +53,14 @@ def withdraw(participant: Participant, now: datetime.datetime) -> Participant:
     """
     if participant.slot.startswith(LEFT):
         return participant
+    _strip(participant, now)
+    clear_settled(now=now)
+    reports.forget(participant.study)
+    return Participant.objects.get(slot__in=(str(participant.pk), _slot_after(participant)))
+
+
+def _strip(participant: Participant, now: datetime.datetime) -> None:
+    """Delete all that can go at once; the slot says that it is done."""
     _mark(participant, now)
     if participant.user is not None:
         _end_drives(participant, now)
@@ -61,11 +70,13 @@ def withdraw(participant: Participant, now: datetime.datetime) -> Participant:
     for rows in (participant.consents, participant.step_visits):
         rows.all().delete()
     Participant.objects.filter(pk=participant.pk).update(
-        user=None, slot=str(participant.pk), recruitment={}, age=None, language=""
+        user=None,
+        slot=str(participant.pk),
+        recruitment={},
+        age=None,
+        language="",
+        seen_at=_begin_of(now.date()),
     )
-    clear_settled(now=now)
-    reports.forget(participant.study)
-    return Participant.objects.get(slot__in=(str(participant.pk), _slot_after(participant)))
 
 
 def _mark(participant: Participant, now: datetime.datetime) -> None:
@@ -74,7 +85,8 @@ def _mark(participant: Participant, now: datetime.datetime) -> None:
     rows = Participant.objects.filter(pk=participant.pk)
     told = {"withdrawn_at": now.date(), "withdrawn_step": participant.step}
     cleared = {"completion": "", "completion_code": "", "finished_at": None}
-    if rows.exclude(status=Status.WITHDRAWN).update(status=Status.WITHDRAWN, **told, **cleared):
+    told |= {"status": Status.WITHDRAWN, "seen_at": now}
+    if rows.exclude(status=Status.WITHDRAWN).update(**told, **cleared):
         audit.note("withdrawn", study=participant.study.slug, at=_begin_of(now.date()))
     rows.filter(stage=Stage.UNDER_WAY).update(stage=Stage.FILLED if exposed else Stage.FREED)
 
@@ -132,15 +144,22 @@ def _items(participant: Participant) -> Iterator[tuple[str, str]]:
 # --- the row that stays ---------------------------------------------------------------------------
 
 
-def clear_settled(*, ownership: Ownership = EVERYTHING, **_more: Any) -> None:
+def clear_settled(
+    *, now: datetime.datetime, ownership: Ownership = EVERYTHING, **_more: Any
+) -> None:
     """Delete the drives of those who withdrew, with all that was recorded, once nobody writes on
     them any more; then what is left of the participants themselves. Only the owner of the site does
-    so.
+    so, and leaves alone whom a request is just taking out: without the row it would not find what
+    else is theirs. What such a request did not finish is finished here.
     """
     if not ownership.owns_site:
         return
     waiting = Participant.objects.filter(status=Status.WITHDRAWN).exclude(slot__startswith=LEFT)
-    for participant in waiting.select_related("study"):
+    for participant in waiting.select_related("study", "user"):
+        if participant.slot != str(participant.pk):
+            if now - participant.seen_at < A_REQUEST:
+                continue
+            _strip(participant, now)
         drives = Drive.objects.filter(participant=participant)
         over = drives.filter(settled_at__isnull=False, session__closed_at__isnull=False)
         keys = list(over.values_list("session", flat=True))

@@ -370,6 +370,22 @@ def test_a_drive_that_lives_is_ended_by_withdrawing_and_deleted_once_everybody_w
     assert (left.stage, left.code == participant.code) == ("filled", False)
 
 
+def test_a_withdrawal_under_way_is_left_alone_and_one_that_was_cut_off_is_finished(study):
+    now = timezone.now()
+    participant = p.comer(study, person())
+    link, _token = links.make(study, now=now)
+    type(link).objects.filter(pk=link.pk).update(participant=participant, redeemed_at=now)
+    type(participant).objects.filter(pk=participant.pk).update(
+        status="withdrawn", withdrawn_at=now.date(), seen_at=now
+    )
+    deletion.clear_settled(now=now)
+    assert Participant.objects.get().pk == participant.pk
+    assert type(link).objects.get().participant_id == participant.pk
+    deletion.clear_settled(now=now + 2 * deletion.A_REQUEST)
+    assert Participant.objects.get().slot.startswith(deletion.LEFT)
+    assert not type(link).objects.exists()
+
+
 def test_drives_of_those_who_take_part_are_never_cleared(study):
     p.drive_of(
         p.site(), p.assign(p.comer(study, person()), "giraff_open"), outcome="completed", moved=True
