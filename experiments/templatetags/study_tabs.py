@@ -13,7 +13,7 @@ from django import template
 from django.urls import reverse
 from django.utils.translation import gettext as _
 
-from experiments.access import RANK, may_code, may_operate_as_wizard, role_of
+from experiments.access import CODING, OPERATING, RANK, role_of
 from experiments.models import Study
 
 register = template.Library()
@@ -44,11 +44,12 @@ def sharing_tabs(context: template.Context, study: Study, current: str) -> dict[
 
 def tabs_of(user: Any, study: Study) -> list[Tab]:
     """Return the tabs of a study that somebody may open, in their order."""
-    rank = _rank(user, study)
-    if not rank and may_code(user, study.slug):
+    role = role_of(user, study.slug) or ""
+    rank = RANK.get(role, 0)
+    if not rank and role in CODING:
         return [_coding(study)]
     tabs = list(_tabs(study, rank, is_staff=user.is_staff)) if rank else []
-    if study.as_definition().wizard is not None and may_operate_as_wizard(user, study.slug):
+    if role in OPERATING and study.as_definition().wizard is not None:
         wizard = Tab("wizard", _("Hidden operator"), reverse("study_wizard", args=[study.slug]))
         live = next((i for i, tab in enumerate(tabs) if tab.key == "live"), len(tabs) - 1)
         tabs.insert(live + 1, wizard)
