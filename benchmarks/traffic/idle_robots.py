@@ -16,7 +16,7 @@ from typing import Any
 
 from benchmarks.traffic import worker
 from benchmarks.traffic.mqtt_line import MqttLine, hello
-from benchmarks.traffic.robots import FOOTPRINT, LIMITS
+from benchmarks.traffic.robots import factsheet_of
 from robots.agent.broker_link.mqtt import KEEPALIVE
 from robots.agent.broker_link.reconnection import Reconnection
 from robots.api import codec, topics
@@ -90,7 +90,7 @@ class IdleRobot:
     def opened(self) -> None:
         """Say who we are and how."""
         self.is_open = True
-        self._say("factsheet", codec.encode(self._factsheet()))
+        self._say("factsheet", codec.encode(factsheet_of(self.name, self.boot)))
         self._say("connection", self._presence("ONLINE"))
         self._say_state()
         self._opened.set()
@@ -166,19 +166,6 @@ class IdleRobot:
 
     def _presence(self, state: Any) -> bytes:
         return codec.encode(m.Connection(boot=self.boot, state=state, stamp=time.time()))
-
-    def _factsheet(self) -> m.Factsheet:
-        return m.Factsheet(
-            name=self.name,
-            series="Light",
-            rca="none",
-            agent_version="benchmark",
-            boot=self.boot,
-            capabilities=("velocity",),
-            limits=LIMITS,
-            footprint=FOOTPRINT,
-            watchdog=0.3,
-        )
 
 
 class IdleRobots:

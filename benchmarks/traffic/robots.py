@@ -64,6 +64,21 @@ class ObservedLease:
     at: float
 
 
+def factsheet_of(name: str, boot: str) -> m.Factsheet:
+    """Return what a light robot says of itself."""
+    return m.Factsheet(
+        name=name,
+        series="Light",
+        rca="none",
+        agent_version="benchmark",
+        boot=boot,
+        capabilities=("velocity",),
+        limits=LIMITS,
+        footprint=FOOTPRINT,
+        watchdog=0.3,
+    )
+
+
 class LightRobot:
     """One robot. `states` has how many states it numbered, by session and boot; `grants` every
     lease that it heard of.
@@ -123,7 +138,7 @@ class LightRobot:
         """Say who we are, and what has waited."""
         self.online = True
         self._put("connection", self._presence("ONLINE"))
-        self._put("factsheet", codec.encode(self._factsheet()))
+        self._put("factsheet", codec.encode(factsheet_of(self.name, self.boot)))
 
     def closed(self) -> None:
         """Keep what the broker has not confirmed."""
@@ -315,19 +330,6 @@ class LightRobot:
 
     def _presence(self, state: Any) -> bytes:
         return codec.encode(m.Connection(boot=self.boot, state=state, stamp=time.time()))
-
-    def _factsheet(self) -> m.Factsheet:
-        return m.Factsheet(
-            name=self.name,
-            series="Light",
-            rca="none",
-            agent_version="benchmark",
-            boot=self.boot,
-            capabilities=("velocity",),
-            limits=LIMITS,
-            footprint=FOOTPRINT,
-            watchdog=0.3,
-        )
 
 
 class Robots:
