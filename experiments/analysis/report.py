@@ -65,6 +65,8 @@ from experiments.analysis.tables.summaries import (
 )
 from experiments.analysis.tables.table import Table, as_csv
 
+_NO_TEST = "No test could be computed: there are too few cases."
+
 
 @dataclass(frozen=True)
 class Report:
@@ -222,6 +224,8 @@ def _results(tables: Sequence[Table]) -> dict[str, bytes]:
             bold = rf"\paragraph{{{latex(table.title)}}}"
             tex += [bold, *(f"{runs_as_latex(one.runs)}\n" for one in sentences)]
             paragraphs += [(Run(table.title, italic=True),), *(one.runs for one in sentences)]
+    if not text:
+        text, tex, paragraphs = [_NO_TEST], [_NO_TEST], [(Run(_NO_TEST),)]
     return {
         "txt": "".join(f"{line}\n" for line in text).encode(),
         "tex": "".join(f"{line}\n" for line in tex).encode(),

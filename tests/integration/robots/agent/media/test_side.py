@@ -12,7 +12,7 @@ import pytest
 from robots.agent.media import MediaSide
 from robots.agent.media.peers.connections import FLOOD_PAUSE
 from robots.agent.media.rtp import capture_stamp
-from robots.agent.media.webrtc import signalling
+from robots.agent.media.webrtc import sender_queue, signalling
 from robots.agent.media.webrtc.packet_gate import MAX_BYTES
 from robots.api.codec import encode_frame
 from robots.api.messages import (
@@ -86,8 +86,10 @@ async def test_one_encoder_serves_every_viewer_the_same_pictures(new_page) -> No
 
 
 async def test_a_late_viewer_begins_with_a_key_frame_and_the_others_see_no_gap(
-    media, new_page
+    media, new_page, monkeypatch
 ) -> None:
+    # A computer that is late for 100 ms empties a queue, too: that is another test's matter.
+    monkeypatch.setattr(sender_queue, "DEPTH", 1000)
     first, late = new_page("p1", decode=False), new_page("p2", decode=False)
     await first.connect()
     await until(lambda: len(first.pictures) > 20)
@@ -150,7 +152,8 @@ async def test_a_viewer_that_cannot_keep_up_restarts_on_a_key_frame_without_dist
     await until(lambda: len(slow.pictures) > 10)
     outbox = media._pages._viewers["slow"]._pictures
     backlog, outbox.backlog = outbox.backlog, lambda: 1_000_000
-    await until(lambda: outbox.queue.restarts == 1, what="a restart")
+    restarts = outbox.queue.restarts
+    await until(lambda: outbox.queue.restarts > restarts, what="a restart")
     held = len(slow.pictures)
     seen = len(other.pictures)
     await until(lambda: len(other.pictures) > seen + 15)
