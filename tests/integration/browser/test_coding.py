@@ -126,6 +126,10 @@ def test_nothing_is_lost_without_a_network_and_over_a_reload(context, visit):
     page.reload()
     expect(rows(page)).to_have_count(1)
     expect(page.locator("#coding-saved")).to_contain_text(KEPT)
+    page.route("**/*.js", lambda route: route.abort())
+    page.reload()
+    assert page.locator("#coding-saved").inner_text() == "", "nobody has looked yet"
+    page.unroute("**/*.js")
     page.unroute("**/save/*")
     page.reload()
     expect(page.locator("#coding-saved")).to_have_text(SAVED)

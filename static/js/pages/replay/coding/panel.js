@@ -50,6 +50,7 @@ export class CodingPanel {
     element("coding-codes").replaceChildren(...this.buttons.values());
     this.#listen();
     this.render();
+    this.#showState(this.queue.pending.length ? "saving" : "saved");
     this.queue.flush();
   }
 
