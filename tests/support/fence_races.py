@@ -27,6 +27,9 @@ from sessions.shards.ownership import Fenced, Ownership
 
 ROBOT = "giraff"
 SHARD = shard_of(ROBOT)
+ABREAST = (
+    10  # rounds after which all wait for each other: alone, one after another, none would race
+)
 WRITTEN = "written"  # a row whose `beats` are the epoch of whoever wrote it last
 
 
@@ -41,19 +44,26 @@ class Races:
 
 
 class Racer(threading.Thread):
-    def __init__(self, number: int, rounds: int, races: Races, lock: threading.Lock) -> None:
+    def __init__(
+        self, number: int, rounds: int, races: Races, lock: threading.Lock, line: threading.Barrier
+    ) -> None:
         super().__init__(name=f"racer-{number}")
         self._rng = random.Random(number)
-        self._rounds, self._races, self._lock = rounds, races, lock
+        self._rounds, self._races, self._lock, self._line = rounds, races, lock, line
         self._ownership = Ownership()
 
     def run(self) -> None:
         try:
-            for _ in range(self._rounds):
+            for number in range(self._rounds):
+                if number % ABREAST == 0:
+                    self._line.wait()
                 if self._rng.random() < 0.2:
                     self._take()
                 elif self._ownership.epochs:
                     self._write()
+        except BaseException:
+            self._line.abort()  # nobody waits for one that has failed
+            raise
         finally:
             connection.close()
 
@@ -85,8 +95,8 @@ def race(rounds: int, racers: int = 3) -> Races:
     """Have so many session managers take a shard from each other, and write, so often."""
     ManagerBeat.objects.create(name=WRITTEN, beat_at=timezone.now())
     rows.holdings()
-    races, lock = Races(), threading.Lock()
-    threads = [Racer(number, rounds, races, lock) for number in range(racers)]
+    races, lock, line = Races(), threading.Lock(), threading.Barrier(racers)
+    threads = [Racer(number, rounds, races, lock, line) for number in range(racers)]
     for thread in threads:
         thread.start()
     for thread in threads:

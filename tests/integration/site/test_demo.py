@@ -34,14 +34,14 @@ def test_a_busy_port_is_named_in_one_sentence(tmp_path):
         taken.listen()
         port = taken.getsockname()[1]
         with demo(tmp_path, "--port", str(port)) as running:
-            assert running.process.wait(60) == 1
+            assert running.process.wait(patient(30.0)) == 1
     assert f"Port {port} is in use" in running.said().strip().splitlines()[-1]
 
 
 @pytest.mark.parametrize("port", ["0", "65536", "eighty"])
 def test_a_port_that_is_none_is_refused_in_one_sentence(tmp_path, port):
     with demo(tmp_path, "--port", port) as running:
-        assert running.process.wait(60) != 0
+        assert running.process.wait(patient(30.0)) != 0
     assert "PORT must be a number" in running.said()
 
 

@@ -151,7 +151,10 @@ def test_nginx_takes_its_file(tmp_path):
 def test_systemd_takes_every_unit(tmp_path):
     for unit in UNITS:  # the programs of this computer stand in for those of the server
         text = (
-            unit.read_text().replace(PYTHON, sys.executable).replace("/opt/telepresence", str(ROOT))
+            unit.read_text()
+            .replace(PYTHON, sys.executable)
+            .replace("/opt/telepresence", str(ROOT))
+            .replace("/usr/sbin/nats-server", sys.executable)
         )
         (tmp_path / unit.name).write_text(
             re.sub(r"^EnvironmentFile=.*$", "", text, flags=re.MULTILINE)
