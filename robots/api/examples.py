@@ -60,7 +60,7 @@ _STATE = m.State(
         stop_id="stop-9",
         touched=("ahead", "left"),
     ),
-    errors=("camera: no picture",),
+    errors=("camera: connection refused",),
     clearance=0.44,
     contacts=1,
     distance=61.5,

@@ -505,10 +505,10 @@ class Receipt(Message, frozen=True, kw_only=True):
 
 
 class Pointer(Message, frozen=True, kw_only=True):
-    """`pointer`: where one side points on the picture that the driver shares, for the other side;
-    without `at` no longer.
+    """`pointer`: where one side points on the screen that the driver shares, for the other side;
+    without `at`, it points no longer.
 
-    `at` is in shares of the picture's width from its left and of its height from its top, however
+    `at` is in shares of the screen's width from its left and of its height from its top, however
     large it is shown. A message out of order is dropped, and the dot disappears after two seconds
     without another message. On the data channel it goes to the other side alone: the driver's
     pointer to the robot's own displays, the pointer at a display to the driver. It is not recorded.
@@ -611,7 +611,7 @@ class Lease(Message, frozen=True, kw_only=True):
 
 class VelocityCommand(Message, frozen=True, kw_only=True):
     """`command/velocity`: 10 to 20 times a second while driving. `frame` is the capture stamp of
-    the picture the visitor saw.
+    the video frame that the visitor saw.
     """
 
     session: Id
@@ -630,7 +630,7 @@ class CommandHeartbeat(Message, frozen=True, kw_only=True):
 
     Unless `needed` is false, it keeps the robot from being idle: false is for a server that only
     compares clocks with a robot that others keep awake. A robot need not echo the peer `watcher`,
-    by which web processes say that a page is open at it.
+    with which web processes report that one of its pages is open.
     """
 
     n: Count
@@ -642,7 +642,7 @@ class CommandHeartbeat(Message, frozen=True, kw_only=True):
 
 
 class PointCommand(Message, frozen=True, kw_only=True):
-    """`command/point`: where a hand is on the picture that the driver shares, at most 20 times a
+    """`command/point`: where a hand is on the screen that the driver shares, at most 20 times a
     second; without `at` it is gone.
 
     From the driver's page and from the robot's own displays; `at` as in `pointer`. The robot passes
@@ -733,7 +733,7 @@ class Tilt(Action, frozen=True, kw_only=True, tag_field="type", tag="tilt"):
 
 
 class Photo(Action, frozen=True, kw_only=True, tag_field="type", tag="photo"):
-    """Take a picture; the JPEG follows on `photo/<actionId>`, its SHA-256 in the event."""
+    """Take a photo; the JPEG follows on `photo/<actionId>`, its SHA-256 in the event."""
 
 
 class Relocalize(Action, frozen=True, kw_only=True, tag_field="type", tag="relocalize"):
@@ -795,8 +795,8 @@ class Knock(Action, frozen=True, kw_only=True, tag_field="type", tag="knock"):
     """Ring at the robot, so that somebody there comes to its screen; `knock` of `state` has the
     status.
 
-    Accepted at most every 10 s (`too_soon`), only while somebody may hear it (`nobody_there`), and
-    not after somebody has declined in this session (`declined`).
+    Accepted at most once every 10 s (`too_soon`), only while somebody may hear it (`nobody_there`),
+    and not after somebody has declined in this session (`declined`).
     """
 
 
@@ -941,12 +941,12 @@ SignalReply = SdpAnswer | Candidate | Bye
 
 
 class PictureRequest(Message, frozen=True, kw_only=True):
-    """`command/picture`: one more picture through the server, for a page that no WebRTC path
+    """`command/picture`: one more JPEG frame through the server, for a page that no WebRTC path
     reaches. The server stamps `peer`.
 
-    It acknowledges the previous picture: `seen` is that picture's capture stamp. `round_trip` is
+    It acknowledges the previous frame: `seen` is the capture stamp of that frame. `round_trip` is
     how long a small message takes from the page to the robot and back, by the page's clock; any
-    longer time of a picture is due to its size.
+    longer time of a frame is due to its size.
     """
 
     stamp: Stamp
@@ -960,8 +960,8 @@ class ManagerStatus(Message, frozen=True, kw_only=True):
     twice a second.
 
     `faults` are the failed parts that it needs: a database that does not answer or refuses, and a
-    disk that is nearly full (`disk_low`) or full. A web process that receives no heartbeat for a
-    second and a half tells its pages that the session manager has failed.
+    disk that is nearly full (`disk_low`) or full. A web process that receives no heartbeat
+    for 1.4 s tells its pages that the session manager has failed.
     """
 
     stamp: Stamp

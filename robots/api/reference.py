@@ -74,8 +74,8 @@ agent; those of the factsheet's `limits` are the robot's.
   Remember the newest session, epoch, renewal and stamp across a restart.
 - The epoch is a fencing token: the server counts it up in its database whenever the lease changes
   hands, and never down, also when another of its processes takes over. So a process of the server
-  that was stopped and goes on cannot return a robot to an earlier driver. A takeover by another
-  process alone changes neither session nor epoch, only `renewal`, and the drive goes on.
+  that was suspended and resumes cannot return a robot to an earlier driver. A takeover by another
+  process alone changes neither session nor epoch, only `renewal`, and the drive continues.
 - A repeated renewal can lower limits. The new limits apply at once, and the lease is not extended.
 - A lease of another session or epoch ends the old driver's last velocity and navigation. The new
   driver begins when the robot is measured to be at a standstill.
@@ -210,14 +210,14 @@ When the robot is idle, the broker gets no `heartbeat`, `pose`, `scan` and `path
 
 When somebody needs it again, it sends a `state` and a `heartbeat` at once and continues at its full
 rate. `seq` has no gap. A server sends `command/heartbeat` at least once a second for every page
-that is open at the robot, with the peer `watcher`, and twice a second while the robot has a
-session, a queue or is not ready for its next visitor. A server counts a robot as away after its
-last will, or after 45 s without a word. Older servers send a heartbeat twice a second to every
-robot, so a robot of theirs is never idle.
+that is open at the robot, with the peer `watcher`, and twice a second while the robot has a session
+or a queue, or is not ready for its next visitor. A server counts a robot as away after its last
+will, or after 45 s without a message. Older servers send a heartbeat twice a second to every robot,
+so a robot of theirs is never idle.
 
 After a lost connection, a robot that nobody needs waits for a random time of up to 10 s before it
 connects again, then of up to 20 s before each further attempt. A robot that somebody needs, or has
-needed within two minutes, connects again at once, then after at most 1 s.
+needed in the last two minutes, connects again at once, then after at most 1 s.
 
 ### Start, end and a second agent
 

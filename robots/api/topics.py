@@ -89,7 +89,7 @@ TABLE: tuple[Topic, ...] = (
         0,
         False,
         KIB,
-        "where one side points on the picture that the driver shares, for the other",
+        "where one side points on the screen that the driver shares, for the other",
     ),
     Topic(
         "heartbeat",
@@ -173,7 +173,7 @@ TABLE: tuple[Topic, ...] = (
         0,
         False,
         KIB,
-        "one more picture, for a page that WebRTC does not reach",
+        "one more JPEG frame, for a page that WebRTC does not reach",
     ),
     Topic(
         "command/point",
@@ -182,7 +182,7 @@ TABLE: tuple[Topic, ...] = (
         0,
         False,
         KIB,
-        "where a hand is on the picture that the driver shares",
+        "where a hand is on the screen that the driver shares",
     ),
     Topic(
         "signal/+",
