@@ -5,6 +5,7 @@ the studies' administration.
 import csv
 import io
 from typing import Any
+from urllib.parse import quote
 
 from django.contrib import messages
 from django.db import IntegrityError
@@ -139,28 +140,36 @@ class PeoplePages:
     # --- personal links ---------------------------------------------------------------------------
 
     def links_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Show the links of a study without their tokens; a POST makes some, as a file that is sent
-        once, or revokes one.
+        """Show the links of a study without their tokens; a POST makes some, which this one answer
+        shows and offers as a file, or revokes one.
         """
         row = study_for(request, pk, "researcher")
         form = LinksForm(
             request.POST if request.method == "POST" and "make" in request.POST else None
         )
+        made = None
         if request.method == "POST":
             if row.status == Study.Status.CLOSED:
                 raise Http404
             if "revoke" in request.POST:
                 return self._revoke(request, row, request.POST["revoke"])
             if form.is_valid():
-                return self._made(request, row, form)
+                made, form = self._made(request, row, form), LinksForm()
         rows = PersonalLink.objects.filter(study=row).select_related("participant__user")[
             :MOST_LISTED
         ]
         return self._page(
-            request, row, "links", _("Personal links"), links=rows, form=form, now=timezone.now()
+            request,
+            row,
+            "links",
+            _("Personal links"),
+            links=rows,
+            form=form,
+            made=made,
+            now=timezone.now(),
         )
 
-    def _made(self, request: HttpRequest, row: Study, form: LinksForm) -> HttpResponse:
+    def _made(self, request: HttpRequest, row: Study, form: LinksForm) -> dict[str, Any]:
         now, told = timezone.now(), form.cleaned_data
         until, count = form.expires_at(now), told["count"]
         file = io.StringIO()
@@ -181,14 +190,12 @@ class PeoplePages:
             )
         publishing.log(row, request.user, f"{count} personal links made.")
         audit.note("links_made", actor=request.user, study=row.slug, detail=str(count))
-        name = f"{row.slug}-{row.version}-links.csv"
-        headers = {
-            "Content-Disposition": f'attachment; filename="{name}"',
-            "Cache-Control": "no-store",
+        return {
+            "count": count,
+            "file": f"{row.slug}-{row.version}-links.csv",
+            "text": file.getvalue(),
+            "href": f"data:text/csv;charset=utf-8,{quote(file.getvalue())}",
         }
-        return HttpResponse(
-            file.getvalue(), content_type="text/csv; charset=utf-8", headers=headers
-        )
 
     @staticmethod
     def _revoke(request: HttpRequest, row: Study, pk: str) -> HttpResponse:

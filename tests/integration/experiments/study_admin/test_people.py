@@ -2,6 +2,7 @@
 
 import csv
 import io
+from urllib.parse import unquote
 
 import pytest
 from django.contrib.admin.models import LogEntry
@@ -98,9 +99,11 @@ def made(client, study, **fields) -> list[dict[str, str]]:
         at("links", study),
         {"make": "1", "count": "3", "label": "Class A", "access": "invitation", **fields},
     )
-    assert answer["Content-Type"].startswith("text/csv"), read(answer).text
     assert "no-store" in answer["Cache-Control"]
-    return list(csv.DictReader(io.StringIO(answer.content.decode())))
+    (link,) = [one for one in read(answer).all("a") if "download" in one.attributes]
+    assert "shown again" in read(answer).text
+    file = unquote(link.attributes["href"].removeprefix("data:text/csv;charset=utf-8,"))
+    return list(csv.DictReader(io.StringIO(file)))
 
 
 def test_links_are_in_the_file_once_and_lead_in(client, study, owner):
