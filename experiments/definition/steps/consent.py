@@ -42,7 +42,7 @@ La participación es voluntaria. Puedes dejarlo en cualquier momento, sin dar ex
 
 Riesgos: [[riesgos]]
 
-Mientras conduces registramos dónde está el robot y cómo lo conduces, las fotos que tomes con él, \
+Mientras conduces registramos dónde está el robot y cómo lo conduces, las fotos que hagas con él, \
 qué tipo de dispositivo y de conexión usas, y tus respuestas. Quienes estén cerca del robot pueden \
 verte y oírte a través de él si activas tu cámara y tu micrófono.
 
