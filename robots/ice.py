@@ -8,6 +8,7 @@ shares (coturn's `use-auth-secret`; draft-uberti-behave-turn-rest-00): the user 
 import base64
 import hashlib
 import hmac
+from collections.abc import Sequence
 
 from django.conf import settings
 
@@ -20,19 +21,32 @@ MAX_URLS = 8
 
 def ice_servers(name: str, now: float) -> tuple[IceServer, ...]:
     """Return the servers for `name` (a visitor's id or a robot's name) at `now`, Unix time in
-    seconds; empty when none is set up.
+    seconds; empty when none is set up. The relays of one region are one entry: page and robot each
+    measure which region is nearest, and use that one.
     """
     servers: list[IceServer] = []
     if settings.STUN_URLS:
         servers.append(IceServer(urls=tuple(settings.STUN_URLS[:MAX_URLS])))
     if settings.TURN_URLS and settings.TURN_SECRET:
         username, credential = turn_credentials(name, settings.TURN_SECRET, now)
-        servers.append(
-            IceServer(
-                urls=tuple(settings.TURN_URLS[:MAX_URLS]), username=username, credential=credential
-            )
-        )
+        servers += [
+            IceServer(urls=tuple(urls[:MAX_URLS]), username=username, credential=credential)
+            for urls in relays_by_region(settings.TURN_URLS).values()
+        ]
     return tuple(servers)
+
+
+def relays_by_region(words: Sequence[str]) -> dict[str, list[str]]:
+    """Return the addresses of relays by region, in the order given: `eu=turn:relay.example.org` is
+    in the region `eu`; without a name they are in one region together.
+    """
+    regions: dict[str, list[str]] = {}
+    for word in words:
+        name, named, url = word.partition("=")
+        if not named or ":" in name:  # what follows a scheme is an address's own
+            name, url = "", word
+        regions.setdefault(name.strip(), []).append(url.strip())
+    return regions
 
 
 def turn_credentials(

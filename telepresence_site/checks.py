@@ -21,6 +21,7 @@ from django.core.checks import (
 )
 
 from robots.api.disk_space import MIB, DiskSpace
+from robots.ice import relays_by_region
 
 LEAST_TOKEN = 24  # characters
 LOOPBACK_NAMES = {"localhost", "127.0.0.1", "[::1]", "::1", "testserver"}
@@ -66,20 +67,23 @@ def check_mqtt(**_: Any) -> list[CheckMessage]:
 def check_ice(**_: Any) -> list[CheckMessage]:
     """STUN and TURN servers are such (E002), and a TURN server has its secret (E003)."""
     found: list[CheckMessage] = []
-    for name, schemes in (("STUN_URLS", ("stun:", "stuns:")), ("TURN_URLS", ("turn:", "turns:"))):
+    relays = [url for urls in relays_by_region(settings.TURN_URLS).values() for url in urls]
+    for name, urls, schemes in (
+        ("STUN_URLS", settings.STUN_URLS, ("stun:", "stuns:")),
+        ("TURN_URLS", relays, ("turn:", "turns:")),
+    ):
         found += [
             Error(
                 f"{name} contains {url!r}.",
                 hint=f"It must begin with {' or '.join(schemes)}",
                 id="telepresence.E002",
             )
-            for url in getattr(settings, name)
+            for url in urls
             if not url.startswith(schemes)
         ]
     if settings.TURN_URLS and not settings.TURN_SECRET:
         message = (
-            "TURN_URLS is set and TURN_SECRET is not: visitors behind firewalls would see no"
-            " picture."
+            "TURN_URLS is set and TURN_SECRET is not: visitors behind firewalls would see no video."
         )
         found.append(
             Error(message, hint="Set it to coturn's static-auth-secret.", id="telepresence.E003")

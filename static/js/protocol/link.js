@@ -6,6 +6,7 @@
 import { backoff } from "../lib/backoff.js";
 import { unixNow } from "../lib/clock.js";
 import { isStuck, judge } from "./link_health.js";
+import { createRelayRegions } from "./relay_regions.js";
 
 export class Link {
   /**
@@ -27,6 +28,7 @@ export class Link {
     /** @type {import("./peer.js").Peer | null} made but not yet offered */
     this.prepared = null;
     this.live = false;
+    this.regions = createRelayRegions();
     /** @type {number | null} Unix seconds since which a link is wanted and not there */
     this.lookingSince = null;
     /** whether the last peer that got so far had nothing to connect */
@@ -144,7 +146,7 @@ export class Link {
     this.prepared = null;
     this.peer = peer;
     this.onOpening(peer);
-    peer.start(iceServers).catch(() => {
+    peer.start(this.regions.nearest(iceServers)).catch(() => {
       if (peer === this.peer) {
         this.#lose("no_offer");
       }

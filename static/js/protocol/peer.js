@@ -53,9 +53,13 @@ export class Peer {
 
   /**
    * Offer, with the servers that the server named.
-   * @param {RTCIceServer[]} iceServers
+   * @param {RTCIceServer[] | Promise<RTCIceServer[]>} servers
    */
-  async start(iceServers) {
+  async start(servers) {
+    const iceServers = servers instanceof Promise ? await servers : servers;
+    if (this.isClosed) {
+      return;
+    }
     if (iceServers.length) {
       this.connection.setConfiguration({ ...this.connection.getConfiguration(), iceServers: iceServers.map(forBrowser) });
     }

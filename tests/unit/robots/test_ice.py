@@ -4,7 +4,7 @@ import base64
 import hashlib
 import hmac
 
-from robots.ice import LIFETIME_SECONDS, ice_servers
+from robots.ice import LIFETIME_SECONDS, ice_servers, relays_by_region
 
 
 def test_without_servers_the_list_is_empty_and_never_a_public_default(settings):
@@ -30,3 +30,24 @@ def test_turn_credentials_are_the_ones_that_coturn_checks(settings):
 def test_a_turn_server_without_its_secret_is_left_out(settings):
     settings.STUN_URLS, settings.TURN_URLS, settings.TURN_SECRET = [], ["turn:turn.example.org"], ""
     assert ice_servers("visitor", 0.0) == ()
+
+
+def test_the_relays_of_a_region_are_one_entry(settings):
+    settings.STUN_URLS, settings.TURN_SECRET = [], "secret"
+    settings.TURN_URLS = [
+        "eu=turn:eu.example.org?transport=udp",
+        "us = turn:us.example.org",
+        "eu=turns:eu.example.org?transport=tcp",
+    ]
+    eu, us = ice_servers("visitor", 0.0)
+    assert eu.urls == (
+        "turn:eu.example.org?transport=udp",
+        "turns:eu.example.org?transport=tcp",
+    )
+    assert us.urls == ("turn:us.example.org",)
+    assert us.credential == eu.credential
+
+
+def test_an_address_without_a_region_keeps_its_own_equals_sign():
+    words = ["turn:a.example.org?transport=udp", "turns:a.example.org?transport=tcp"]
+    assert relays_by_region(words) == {"": words}

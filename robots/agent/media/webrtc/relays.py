@@ -3,8 +3,9 @@ waits 5 s for one that is silent.
 
 All are tried at once: relays by asking for a relayed address and giving it back, address servers
 (STUN) by asking for ours. The first of the list that answers counts (UDP before TCP before TLS, as
-the server names them); a later one has to be quick only when the earlier ones are silent. What was
-found holds for some minutes, so that only the first visitor of a robot waits.
+the server names them); a later one has to be quick only when the earlier ones are silent. Where
+there are relays in several regions, the region counts whose answer came soonest. What was found
+holds for some minutes, so that only the first visitor of a robot waits.
 """
 
 import asyncio
@@ -121,16 +122,17 @@ class Relays:
     ) -> None:
         self.trust = trust
         self._probe, self._clock = probe or partial(answers, trust=trust), clock
-        self._known: dict[str, tuple[float, bool]] = {}
+        # by address: when it was asked, and the seconds that its answer took (infinite: none came)
+        self._known: dict[str, tuple[float, float]] = {}
         self._tries: dict[str, asyncio.Task[bool]] = {}
 
     async def usable(self, servers: tuple[IceServer, ...]) -> list[RTCIceServer]:
         """Return the servers for aiortc: of the address servers and of the relays the one to use,
         if any answers.
         """
-        tellers, relays = _split(servers)
+        tellers, regions = _split(servers)
         told = [self._ask(teller) for teller in tellers]
-        relay = await self._first(relays)
+        relay = await self._first(await self._nearest(regions))
         # An address is told in one message to and fro, and a relay takes two or more: who is silent
         # until then stays so.
         await _wait_for_one(told, HEAD_START if relay else None)
@@ -142,6 +144,15 @@ class Relays:
     def doubt(self) -> None:
         """Forget what was found: it took as long as if it were no longer so."""
         self._known.clear()
+
+    async def _nearest(self, regions: list[list[RTCIceServer]]) -> list[RTCIceServer]:
+        if len(regions) < 2:
+            return [relay for region in regions for relay in region]
+        await _wait_for_one([self._ask(relay) for region in regions for relay in region], None)
+        return min(regions, key=lambda region: min(map(self._seconds, region)))
+
+    def _seconds(self, relay: RTCIceServer) -> float:
+        return self._known.get(relay.urls[0], (0.0, float("inf")))[1]
 
     async def _first(self, relays: list[RTCIceServer]) -> RTCIceServer | None:
         asked = [self._ask(relay) for relay in relays]
@@ -161,12 +172,13 @@ class Relays:
         return running
 
     async def _find_out(self, server: RTCIceServer) -> bool:
-        url, now = server.urls[0], self._clock()
-        when, reachable = self._known.get(url, (float("-inf"), False))
-        if now - when > (HOLDS if reachable else FAILURE_HOLDS):
-            reachable = await self._probe(server)
-            self._known[url] = (self._clock(), reachable)
-        return reachable
+        url, began = server.urls[0], self._clock()
+        when, seconds = self._known.get(url, (float("-inf"), float("inf")))
+        if began - when > (FAILURE_HOLDS if seconds == float("inf") else HOLDS):
+            reachable, now = await self._probe(server), self._clock()
+            seconds = now - began if reachable else float("inf")
+            self._known[url] = (now, seconds)
+        return seconds < float("inf")
 
 
 def _says_yes(task: "asyncio.Task[bool]") -> bool:
@@ -183,14 +195,19 @@ async def _wait_for_one(tasks: list["asyncio.Task[bool]"], seconds: float | None
                 await asyncio.wait(silent, return_when=asyncio.FIRST_COMPLETED)
 
 
-def _split(servers: tuple[IceServer, ...]) -> tuple[list[RTCIceServer], list[RTCIceServer]]:
-    """Return (address servers, relays), one address each."""
+def _split(
+    servers: tuple[IceServer, ...],
+) -> tuple[list[RTCIceServer], list[list[RTCIceServer]]]:
+    """Return (address servers, relays by region), one address each."""
     tellers: list[RTCIceServer] = []
-    relays: list[RTCIceServer] = []
+    regions: list[list[RTCIceServer]] = []
     for server in servers:
+        relays: list[RTCIceServer] = []
         for url in server.urls:
             one = RTCIceServer(
                 urls=[url], username=server.username or None, credential=server.credential or None
             )
             (relays if url.startswith(("turn:", "turns:")) else tellers).append(one)
-    return tellers, relays
+        if relays:
+            regions.append(relays)
+    return tellers, regions

@@ -13,6 +13,7 @@ from robots.agent.media.webrtc.signalling import PageConnection
 from robots.api.messages import IceServer, SdpOffer
 from tests.support.coturn import Coturn
 from tests.support.site import free_port
+from tests.support.virtual_time import on_virtual_time
 
 pytestmark = pytest.mark.broker
 STUN = IceServer(urls=("stun:near.example.org", "stun:far.example.org"))
@@ -99,6 +100,40 @@ async def test_a_single_relay_that_is_silent_is_none_and_none_is_none():
         ["turn:a?transport=tcp"]
     ]
     assert await World().relays().usable(()) == []
+
+
+REGIONS = tuple(
+    IceServer(urls=(f"turn:{name}?transport=udp", f"turns:{name}"), username="u", credential="c")
+    for name in ("eu", "us")
+)
+
+
+@pytest.mark.parametrize(
+    ("delays", "wanted"),
+    [
+        ({"turn:eu": 0.12, "turns:eu": 0.24, "turn:us": 0.02, "turns:us": 0.04}, "turn:us"),
+        ({"turn:eu": 0.03, "turns:eu": 0.06, "turn:us": 0.12, "turns:us": 0.24}, "turn:eu"),
+        # no datagram passes
+        ({"turns:eu": 0.24, "turns:us": 0.06}, "turns:us"),
+        # the nearest is down
+        ({"turn:eu": 0.12}, "turn:eu"),
+    ],
+)
+def test_the_region_that_answers_soonest_is_taken_and_stays(delays, wanted):
+    @on_virtual_time
+    async def measure() -> None:
+        async def probe(server: RTCIceServer) -> bool:
+            delay = delays.get(server.urls[0].split("?")[0])
+            await asyncio.sleep(1.5 if delay is None else delay)
+            return delay is not None
+
+        relays = Relays(probe, asyncio.get_running_loop().time)
+        for _ in range(2):
+            (relay,) = await relays.usable(REGIONS)
+            assert relay.urls[0].split("?")[0] == wanted
+            await asyncio.sleep(2.0)
+
+    measure()
 
 
 async def test_what_is_doubted_is_asked_for_again():
