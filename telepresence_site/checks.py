@@ -78,8 +78,7 @@ def check_ice(**_: Any) -> list[CheckMessage]:
         ]
     if settings.TURN_URLS and not settings.TURN_SECRET:
         message = (
-            "TURN_URLS is set and TURN_SECRET is not: visitors behind firewalls would see no"
-            " picture."
+            "TURN_URLS is set and TURN_SECRET is not: visitors behind firewalls would see no video."
         )
         found.append(
             Error(message, hint="Set it to coturn's static-auth-secret.", id="telepresence.E003")
