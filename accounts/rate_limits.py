@@ -94,7 +94,7 @@ def who(request: HttpRequest) -> str:
 def too_many(request: HttpRequest, seconds: int, *, json: bool = False) -> HttpResponse:
     """Tell somebody to wait."""
     if json:
-        detail = f"Ask again in {seconds} seconds."
+        detail = f"Try again in {seconds} seconds."
         return JsonResponse(
             {"error": "too_many_attempts", "detail": detail},
             status=TOO_MANY,

@@ -385,7 +385,7 @@ def publish(row: Row, user: Any, reason: str, now: datetime.datetime) -> Row:
     if rehearsal is None and len(reason) < LEAST_REASON:
         wrong.append(
             f"No rehearsal of this definition has passed: say in at least {LEAST_REASON} characters"
-            " why it is published without."
+            " why it is published without one."
         )
     if wrong:
         raise NotPublishableError(wrong)

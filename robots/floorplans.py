@@ -207,7 +207,7 @@ def _problems(
         )
     if not 0.001 <= grid.transform.resolution <= 10.0:
         found.append(
-            f"A resolution of {grid.transform.resolution} m a pixel is not between 0.001 and 10."
+            f"A resolution of {grid.transform.resolution} m per pixel is not between 0.001 and 10."
         )
     if not 0.0 <= grid.free_thresh <= grid.occupied_thresh <= 1.0:
         found.append("The thresholds must be 0 ≤ free_thresh ≤ occupied_thresh ≤ 1.")

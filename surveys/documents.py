@@ -88,7 +88,7 @@ def _sentence(error: str, kinds: Collection[str], kind_name: str) -> str:
 def duplicates(what: str, names: Iterable[str]) -> Iterator[str]:
     """Yield a sentence for each name that stands more than once."""
     yield from (
-        f"The {what} {name} stands {count} times."
+        f"The {what} {name} appears {count} times."
         for name, count in Counter(names).items()
         if count > 1
     )

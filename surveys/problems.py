@@ -109,7 +109,7 @@ def _of_expected(condition: ItemCondition, question: Question) -> Iterator[str]:
     possible = {value for value, _label in question.labelled_values}
     if possible:
         yield from (
-            f"show_if expects {value}, which {question.key} cannot be."
+            f"show_if expects {value}, which is not a possible answer to {question.key}."
             for value in condition.one_of
             if value not in possible
         )
@@ -167,7 +167,7 @@ def _of_reversed(definition: Definition) -> Iterator[str]:
         if definition.scoring == "sus":
             yield f"{question.key}: scoring sus reverses the even statements; remove reverse."
         elif question.key not in scored:
-            yield f"{question.key} is reversed, but no score of this questionnaire has it."
+            yield f"{question.key} is reversed, but no score of this questionnaire uses it."
         elif {question.from_other_end(value) for value in values} != set(values):
             yield (
                 f"{question.key}: a scale with unequal distances from its two ends"

@@ -206,10 +206,10 @@ def main() -> None:
     parser.add_argument(
         "--broker",
         required=True,
-        help="Home Assistant's: mqtt:// or mqtts://user:password@host:port",
+        help="Home Assistant's broker: mqtt:// or mqtts://user:password@host:port",
     )
     parser.add_argument(
-        "--period", type=float, default=SECONDS, help="seconds between two looks (5)"
+        "--period", type=float, default=SECONDS, help="seconds between two polls (5)"
     )
     options = parser.parse_args()
     key = os.environ.get("TELEPRESENCE_KEY")

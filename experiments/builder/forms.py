@@ -158,7 +158,7 @@ class PublishForm(forms.Form):
     """Why a study is published without a rehearsal that passed."""
 
     reason = forms.CharField(
-        label=_("Reason for no rehearsal"),
+        label=_("Reason for publishing without a rehearsal"),
         required=False,
         max_length=2000,
         widget=forms.Textarea(attrs={"rows": 3}),

@@ -117,7 +117,7 @@ LABELS: dict[str, Words] = {
     "participants": _("Planned participants"),
     "rationale": _("Reason for the number of participants"),
     "stopping": _("Stopping rule"),
-    "power": _("Wanted power (0-1)"),
+    "power": _("Target power (0-1)"),
     "expected": _("Expected effects"),
     "measure": _("Measure"),
     "condition": _("Condition"),
@@ -154,8 +154,8 @@ HINTS: dict[str, Words] = {
         "conditions goes to someone else."
     ),
     "measures": _(
-        "Metrics such as task_time, or answers such as experience.q1 or experience.overall, with "
-        "commas between."
+        "Metrics such as task_time, or answers such as experience.q1 or experience.overall, "
+        "separated by commas."
     ),
     "contrasts": _("All contrasts of all measures are one family for Holm's correction."),
     "conditions": _("The conditions to compare if there are no contrasts. Leave blank for all."),
@@ -172,11 +172,11 @@ HINTS: dict[str, Words] = {
     ),
     "attention_checks": _("Participants who give another answer are excluded."),
     "speeders": _("Participants who answer a questionnaire this fast are excluded."),
-    "participants": _("Complete cases. Leave blank if it is not decided."),
-    "expected": _("In the unit of the measure. The power of the study is simulated from them."),
+    "participants": _("Number of complete cases. Leave blank if not decided."),
+    "expected": _("In the unit of the measure. The study's power is simulated from these values."),
     "effects": _(
         "For a mixed model: factors, interactions such as delay:help, condition, period, order; "
-        "with commas between."
+        "separated by commas."
     ),
     "docked": _("Otherwise the participant waits and the study's researchers get an e-mail."),
     "charge": _(
@@ -256,19 +256,19 @@ CHOICES: dict[str, dict[str, Words]] = {
     "direction": {
         "different": _("a difference"),
         "greater": _("first side greater"),
-        "less": _("first side less"),
+        "less": _("first side smaller"),
     },
     "incomplete": {
         "keep": _("kept"),
-        "drives": _("excluded without all drives"),
-        "answers": _("excluded without all drives and answers"),
+        "drives": _("excluded if a drive is missing"),
+        "answers": _("excluded if a drive or a questionnaire is missing"),
     },
     "coding": {
         "treatment": _("against the first level"),
         "sum": _("against the mean of all levels"),
     },
     "counts": {"first": _("the first"), "last": _("the last"), "all": _("all")},
-    "interval": {"normal": _("normal, as in the paper"), "t": _("Student's t")},
+    "interval": {"normal": _("normal distribution"), "t": _("Student's t")},
     "outcomes": {
         "completed": _("completed"),
         "timed_out": _("timed out"),

@@ -47,7 +47,7 @@ LONG = frozenset(
     }
 )
 MOST_LISTED = 500  # of anything that is sent; the classes have their own, smaller limits
-NOT_POINTS = "Write one point a line: x and y in metres."
+NOT_POINTS = "Write one point per line: x and y in metres."
 Offered = Mapping[str, Sequence[str]]
 NOTHING: Offered = MappingProxyType({})
 

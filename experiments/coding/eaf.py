@@ -175,7 +175,7 @@ class _Reading:
                 self.events[key] = event
         if lost:
             self.problems.append(
-                _("Tier “%(name)s”: %(n)d annotations without times were left out.")
+                _("Tier “%(name)s”: annotations left out because they have no times: %(n)d.")
                 % {"name": name, "n": lost}
             )
 

@@ -147,7 +147,7 @@ def _overlaps(events: Iterable[CodedEvent], known: Mapping[str, Code]) -> Iterat
         where = {"code": event.code, "at": f"{event.begin:.3f}"}
         if event.end is None:
             if last.get(event.code) == event.begin:
-                yield _("%(code)s at %(at)s s is there twice.") % where
+                yield _("%(code)s at %(at)s s appears twice.") % where
             last[event.code] = event.begin
             continue
         group = known[event.code].group

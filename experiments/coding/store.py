@@ -170,7 +170,9 @@ def save(coding: Coding, edits: Sequence[EventEdit], now: datetime.datetime) -> 
     """
     refuse_if_done(coding)
     if coding.edits.count() + len(edits) > MAX_EDITS:
-        raise BadCodingError([_("This coding has too many changes.")])
+        raise BadCodingError(
+            [_("Not saved: a coding can have at most %(n)d changes.") % {"n": MAX_EDITS}]
+        )
     scheme = read_scheme(coding.scheme)
     conflicts: list[str] = []
     refused: dict[str, str] = {}
@@ -316,7 +318,12 @@ def reopen(coding: Coding) -> None:
     """
     if is_revealed(coding.session_id, coding.scheme):
         raise BadCodingError(
-            [_("All coders are done and may have compared their codings, so this one stays.")]
+            [
+                _(
+                    "All coders are done and may have compared their codings, so this one can't be"
+                    " reopened."
+                )
+            ]
         )
     Coding.objects.filter(pk=coding.pk).update(done_at=None)
 

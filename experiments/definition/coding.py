@@ -92,7 +92,10 @@ def _modifier_problems(modifier: Modifier) -> Iterator[str]:
         yield f"the modifier “{modifier.name}” needs 1 to {MAX_VALUES} values."
     for text in (modifier.name, *modifier.values):
         if not text.strip() or text != text.strip() or len(text) > MAX_NAME:
-            yield f"the modifier “{modifier.name}” has an empty or a long text."
+            yield (
+                f"the modifier “{modifier.name}” has a text that is empty, too long, or has spaces"
+                " around it."
+            )
         elif not text.isprintable() or FORBIDDEN_IN_MODIFIERS & set(text) or text == "None":
             yield f"“{text}” cannot be used: it is “None”, or has one of ( | ) , ` ~."
     yield from _repeated("value", modifier.values)

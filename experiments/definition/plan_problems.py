@@ -104,7 +104,7 @@ def _of_rule(rule: AttentionCheck | Speeder, study: StudyDefinition) -> Iterator
         )
     if isinstance(rule, AttentionCheck):
         if not rule.answer.strip():
-            yield f"attention check {rule.questionnaire}.{rule.item}: there is no right answer."
+            yield f"attention check {rule.questionnaire}.{rule.item}: its right answer is missing."
     elif rule.seconds is None and rule.median_share is None:
         yield f"speeders of {rule.questionnaire}: give seconds, or a share of the median."
 

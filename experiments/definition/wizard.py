@@ -160,7 +160,10 @@ def obstacles(
     """Yield what a robot and its site cannot do of a script."""
     for step in wizard.steps:
         if isinstance(step.move, PlaceMove) and step.move.name not in places:
-            yield f"the wizard's step {step.key} goes to {step.move.name}, which is no place there."
+            yield (
+                f"the wizard's step {step.key} goes to {step.move.name}, which is not a"
+                " place there."
+            )
         need: Capability = "say" if step.move is None else NEEDS[type(step.move)]
         if need not in capabilities:
             yield f"the robot cannot do the wizard's step {step.key} ({need})."

@@ -125,7 +125,7 @@ class RepositoryClient:
         host, said = urlsplit(self.address).hostname, _said(error)
         if error.code == 401:
             return DepositError(
-                f"{host} does not accept the token: it is incomplete, expired, or of another "
+                f"{host} does not accept the token: it is incomplete, expired, or from another "
                 "service. A sandbox needs a token of its own."
             )
         if error.code in TOO_LARGE or any(word in said.lower() for word in FULL):
@@ -137,7 +137,7 @@ class RepositoryClient:
         if error.code in {404, 410}:
             return NotThereError(f"{host} does not have it (any more): {said}")
         if error.code == 429:
-            return DepositError(f"{host} asks for a pause. Wait a few minutes. {AGAIN}")
+            return DepositError(f"{host} gets too many requests. Wait a few minutes. {AGAIN}")
         if error.code >= 500:
             return DepositError(f"{host} has a fault ({error.code}). Try again later. {AGAIN}")
         return DepositError(f"{host} refused it ({error.code}): {said}")

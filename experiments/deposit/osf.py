@@ -66,7 +66,7 @@ class Osf(Repository):
         for one in self.client.ask("GET", address)["data"]:
             if one["attributes"]["provider"] == STORAGE:
                 return str(one["links"]["upload"]).partition("?")[0]
-        raise DepositError(f"The project {draft.url} has no storage of the OSF.")
+        raise DepositError(f"The project {draft.url} has no OSF storage.")
 
 
 def _stored(found: dict[str, Any]) -> StoredFile:

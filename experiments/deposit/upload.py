@@ -33,7 +33,7 @@ def draft_of(
         try:
             repository.update(known, record)
         except NotThereError:
-            tell(f"The draft {known.url} was deleted: a new one is made.")
+            tell(f"The draft {known.url} was deleted. Making a new one.")
         else:
             tell(f"Draft of an earlier run: {known.url}")
             return known
@@ -73,7 +73,7 @@ def _compare(stored: StoredFile, name: str, size: int, checksum: str) -> None:
             f"{name} has {stored.size} bytes there and {size} here. Run it again to replace it."
         )
     if stored.md5 != checksum:
-        raise DepositError(f"{name} has another checksum there. Run it again to replace it.")
+        raise DepositError(f"{name} has a different checksum there. Run it again to replace it.")
 
 
 def checksum_of(path: Path) -> str:

@@ -29,7 +29,7 @@ class Zenodo(Repository):
         if not record.details.authors:
             yield "Zenodo needs at least one author."
         if not record.details.license:
-            yield "Zenodo needs a licence for data that are open."
+            yield "Zenodo needs a licence for open data."
 
     def create(self, record: Record) -> DepositDraft:
         """Make an empty deposition, and describe it."""

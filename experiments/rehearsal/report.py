@@ -261,8 +261,7 @@ def _problems_of(study: StudyDefinition, report: RehearsalReport) -> list[str]:
                 f" {math.ceil(one.longest_seconds * SLOWEST / 60.0)}."
             )
         problems += [
-            f"Condition {one.key}: in force was something else than assigned: {name}."
-            for name in one.mismatches
+            f"Condition {one.key}: not applied as assigned: {name}." for name in one.mismatches
         ]
     if study.task is None:
         problems.append("There is no task to drive.")
@@ -282,7 +281,10 @@ def _stuck(diaries: Sequence[Diary]) -> list[str]:
     ]
     return [
         *sentences,
-        *(f"Bot {diary.number} did everything but got no code." for diary in unfinished),
+        *(
+            f"Bot {diary.number} finished the study but got no completion code."
+            for diary in unfinished
+        ),
     ]
 
 

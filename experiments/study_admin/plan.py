@@ -47,7 +47,7 @@ class PowerForm(forms.Form):
         )
         if not is_fine or not 1 <= len(words) <= MOST_SIZES:
             raise forms.ValidationError(
-                _("Write up to %(most)d numbers from 1 to %(greatest)d, with commas between.")
+                _("Write up to %(most)d numbers from 1 to %(greatest)d, separated by commas.")
                 % {"most": MOST_SIZES, "greatest": MOST_PARTICIPANTS}
             )
         return ",".join(words)

@@ -59,7 +59,7 @@ class AuthorForm(forms.Form):
         orcid = plain_orcid(self.cleaned_data["orcid"])
         if orcid and not is_orcid(orcid):
             raise forms.ValidationError(
-                gettext("%(orcid)s is not an ORCID iD: its check digit or its form is wrong.")
+                gettext("%(orcid)s is not an ORCID iD: its check digit or its format is wrong.")
                 % {"orcid": orcid}
             )
         return orcid
@@ -84,14 +84,14 @@ class PublicationForm(forms.Form):
         label=LABELS["license"],
         required=False,
         choices=[("", "–"), *((name, name) for name in LICENCES)],
-        help_text=_("The terms on which others may use the data, by its SPDX identifier."),
+        help_text=_("The licence under which others may use the data, as an SPDX identifier."),
     )
     funder = forms.CharField(
         label=LABELS["funder"],
         required=False,
         max_length=300,
         widget=forms.TextInput(attrs=WIDE),
-        help_text=_("The body that paid for the study, with the number of its grant."),
+        help_text=_("The organisation that funded the study, with the grant number."),
     )
     preregistration = forms.CharField(
         label=LABELS["preregistration"],

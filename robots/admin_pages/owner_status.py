@@ -53,7 +53,9 @@ def _away(robot: Robot, shown: RobotCard) -> tuple[Tone, str, str] | None:
             "robot's computer."
         )
         return "bad", shown.label, sentence
-    check = _("Check that its computer is on and has network, then run the command below.")
+    check = _(
+        "Check that its computer is on and connected to the network, then run the command below."
+    )
     return "bad", shown.label, f"{shown.detail} {check}"
 
 

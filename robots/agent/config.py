@@ -370,7 +370,7 @@ def _check_token(found: Mapping[str, Any]) -> None:
     if not (token.isascii() and token.isprintable()) or " " in token:
         raise ConfigError(
             "the robot's token (TELEPRESENCE_TOKEN, or token in the credentials file) contains"
-            " blanks, line ends or other characters that no token has: copy it again"
+            " spaces, line breaks or other characters that never occur in one: copy it again"
         )
 
 

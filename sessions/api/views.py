@@ -49,7 +49,7 @@ def _problem(status: int, error: str, detail: str) -> JsonResponse:
 
 
 def _too_many(error: str, seconds: int) -> JsonResponse:
-    answer = _problem(429, error, f"Ask again in {seconds} seconds.")
+    answer = _problem(429, error, f"Try again in {seconds} seconds.")
     answer["Retry-After"] = str(seconds)
     return answer
 

@@ -25,7 +25,7 @@ ROBOTS = (
     (
         "rhodon",
         "Rhodon",
-        "A sturdy PatrolBot with an arm, for drivers who know the way.",
+        "A sturdy PatrolBot with an arm, for experienced drivers.",
         "Un PatrolBot robusto con un brazo, para quien ya sabe conducir.",
         Robot.Access.OPEN,
     ),

@@ -91,7 +91,7 @@ class ServiceSupervisor:
             except StartFailed as error:
                 if service.part.is_essential:
                     raise
-                self._tell(f"{error} Going on without it until it is.")
+                self._tell(f"{error} Continuing without it until it is ready.")
                 service.died_at = service.died_at or service.started_at
 
     def _wait(self, service: _Service, deadline: float) -> None:

@@ -185,7 +185,7 @@ def _managers(rows: Sequence[ManagerBeat], now: datetime.datetime) -> Iterator[M
     held = [row for row in rows if row.holder] or rows
     yield _gauge(
         "session_manager_beat_age_seconds",
-        "Time since the last heartbeat of the session manager that is longest silent.",
+        "Time since the last heartbeat of the session manager that has been silent longest.",
         max((now - row.beat_at).total_seconds() for row in held),
     )
     yield _gauges(

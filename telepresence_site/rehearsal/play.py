@@ -139,7 +139,7 @@ def carry_out(told: Callable[[str], None]) -> None:
     study = sandbox.unpack()
     pace = own_pace()
     if pace is None:
-        raise PlayFailed("this command is started by run_bots and rehearse_study alone")
+        raise PlayFailed("this command is started by run_bots and rehearse_study only")
     with sandbox.running(study.as_definition(), Path(orders.sites)) as site:
         began, quick = pace.real(), timezone.now()
         diaries, report = _perform(study, orders, site, told, pace)

@@ -129,8 +129,8 @@ def problems(definition: StudyDefinition) -> list[str]:
     """
     series = sorted({condition.robot for condition in definition.conditions} - set(MODELS))
     return [
-        f"There is no simulation of {name}: bots can rehearse with {' and '.join(sorted(MODELS))}"
-        " alone."
+        f"There is no simulation of {name}: bots can rehearse only with"
+        f" {' and '.join(sorted(MODELS))}."
         for name in series
     ]
 

@@ -178,7 +178,7 @@ def described(study: StudyDefinition, condition: Condition) -> str:
 def _randomization(study: StudyDefinition) -> str:
     allocation = study.allocation
     told = (
-        "At the first grant of the robot, a participant is assigned to the cell with the fewest"
+        "On first getting the robot, a participant is assigned to the cell with the fewest"
         " places filled or in progress; ties are drawn with a seed that is kept."
     )
     if allocation.design == "within":

@@ -71,7 +71,7 @@ def reporting_sheet(
     for section, item, value in lines:
         rows.append((words("" if section == last else section), words(item), words(value)))
         last = section
-    note = "Unknown: neither the study's definition nor its data tell."
+    note = "Unknown: neither the study's definition nor its data say."
     return Table(NAME, "Reporting sheet.", ("Topic", "Item", "Value"), tuple(rows), (note,))
 
 

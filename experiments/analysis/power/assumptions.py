@@ -22,7 +22,7 @@ DIFFERENCE, SD, CORRELATION = 0.5, 1.0, 0.5
 REASONS = (
     (
         "Difference, if the plan expects none: 0.5 SD, which Cohen (1988) calls medium. That is a"
-        " convention and no knowledge of your effect."
+        " convention and says nothing about your effect."
     ),
     "SD, if none is given: 1, so that differences are in units of the SD.",
     (

@@ -26,7 +26,7 @@ METHOD = (
     ),
     (
         "Values are normal; answers are simulated as if continuous, measures as independent of each"
-        " other, and nobody is lost. Participants: in all, spread evenly over the cells."
+        " other, and nobody drops out. Participants: in all, spread evenly over the cells."
     ),
 )
 

@@ -14,13 +14,13 @@ from robots.api.network_words import spell
 # (median, 95th percentile) of a session, and what they are called.
 AGES = {
     "Command": ("command_age_median", "command_age_p95"),
-    "Picture on the page": ("frame_age", "frame_age_p95"),
-    "Picture at the wheels": ("answer_age", "answer_age_p95"),
+    "Video on the page": ("frame_age", "frame_age_p95"),
+    "Video at the wheels": ("answer_age", "answer_age_p95"),
 }
 BELOW = (
     "Ages in seconds: the medians over sessions of each session's median and 95th percentile.",
     (
-        "Command: from the visitor's hand to the wheels. Picture on the page: from the camera to"
+        "Command: from the visitor's hand to the wheels. Video on the page: from the camera to"
         " the eyes; at the wheels: from the camera over both."
     ),
     (
@@ -39,7 +39,7 @@ def ages(dataset: Dataset, measured: Sequence[Measured]) -> Table:
     head = ("Condition", "Network to the robot", "Network back", "Participants", "Sessions")
     return Table(
         "ages",
-        "Ages of commands and pictures.",
+        "Ages of commands and video.",
         (*head, *(f"{name}, {what}" for name in AGES for what in ("median", "p95"))),
         rows,
         BELOW,

@@ -22,7 +22,7 @@ from experiments.analysis.tables.table import Table, TableCell, amount, count, n
 
 COUNTED = "ended with an outcome"
 FLOW = ("arrived", "assigned", "exposed", COUNTED, "answered")
-STILL_THERE = "no word (yet)"
+STILL_THERE = "not continued (yet)"
 Row = tuple[TableCell, ...]
 
 
@@ -38,8 +38,8 @@ def flow(dataset: Dataset) -> Table:
         ]
     below = (
         (
-            "Every line is the one above it less those who are named between; withdrawn"
-            " participants are counted to the step at which they stood."
+            "Every line is the one above it minus the participants named in between; withdrawn"
+            " participants are counted at the last step they reached."
         ),
         *_about_ruled_out(dataset),
     )
@@ -155,8 +155,8 @@ def fault_sides(dataset: Dataset) -> Table:
         for ids in [[one.id for one in ended if (one.outcome, one.fault_side) == (outcome, side)]]
     )
     below = (
-        "Platform: the server was away when the connection was lost; network: the connection was"
-        " lost, and the visitor had not closed the page."
+        "Platform: the server was unavailable when the connection was lost; network: the"
+        " connection was lost, and the visitor had not closed the page."
     )
     return Table(
         "fault-sides",

@@ -50,7 +50,7 @@ NOTES = (
     ),
     (
         "Reverse-coded items are counted from the other end. An item that correlates negatively"
-        " with the sum of the others may be one that is not declared so."
+        " with the sum of the others may be reverse-coded but not declared so."
     ),
 )
 ALL = "all"

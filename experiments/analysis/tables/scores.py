@@ -112,7 +112,7 @@ def scores_table(dataset: Dataset, found: ScoredQuestionnaire) -> Table:
         RULES[dataset.study.analysis.counts],
         COLUMNS,
         INTERVALS[dataset.study.analysis.interval],
-        "A row is of one condition and one robot.",
+        "Each row is for one condition and one robot.",
     )
     title = f"Scores of {dataset.say(found.definition.title).removesuffix('.')} ({slug})."
     return Table(f"scores-{slug}", title, HEAD, rows, notes)
@@ -223,4 +223,4 @@ def _about_robots(found: ScoredQuestionnaire) -> Iterator[str]:
             yield f"{title} pools the robots {', '.join(own)}."
     if len({tuple(own) for own in robots.values()}) > 1:
         told = "; ".join(f"{title}: {', '.join(own)}" for title, own in robots.items())
-        yield f"Conditions have different robots, which a difference may come from: {told}."
+        yield f"Conditions use different robots, which may explain a difference: {told}."

@@ -46,8 +46,8 @@ AGREEMENT = (
     Column("figure", "", "alpha, kappa or agreement by time, or event_kappa"),
     Column("coders", "", "numbers of the coders, divided by |"),
     Column("value", "", "of the figure"),
-    Column("low", "", "begin of the 95 % confidence interval"),
-    Column("high", "", "end of the 95 % confidence interval"),
+    Column("low", "", "lower end of the 95 % confidence interval"),
+    Column("high", "", "upper end of the 95 % confidence interval"),
 )
 CONFUSION = (
     Column("scheme", "", "version of the coding scheme"),

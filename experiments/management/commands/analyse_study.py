@@ -39,7 +39,7 @@ class Command(BaseCommand):
         parser.add_argument(
             "--page",
             action="store_true",
-            help="also write what the analysis page shows, and no PNG",
+            help="also write the files that the analysis page shows, but no PNG files",
         )
         parser.add_argument(
             "--kind",

@@ -33,13 +33,18 @@ class Command(BaseCommand):
         parser.add_argument("files", type=Path, nargs="+", help="a file for each coder")
         parser.add_argument("--bin", type=float, default=1.0, help="width of a bin, s")
         parser.add_argument(
-            "--tolerance", type=float, default=0.5, help="between beginnings of events, s"
+            "--tolerance",
+            type=float,
+            default=0.5,
+            help="most seconds between the starts of two events that match",
         )
         parser.add_argument(
             "--duration", type=float, help="length of the session, s; default: the last event"
         )
         parser.add_argument(
-            "--observation", default="", help="its name in BORIS projects that have several"
+            "--observation",
+            default="",
+            help="the observation to read from BORIS projects that have several",
         )
 
     def handle(self, *_args: Any, **options: Any) -> None:

@@ -43,14 +43,12 @@ class Command(BaseCommand):
         parser.add_argument(
             "--to", choices=sorted(REPOSITORIES), required=True, help="the repository"
         )
-        parser.add_argument(
-            "--sandbox", action="store_true", help="the repository's server for tests"
-        )
+        parser.add_argument("--sandbox", action="store_true", help="the repository's test server")
         parser.add_argument(
             "--url", default="", help="API of another server with the same software"
         )
         parser.add_argument(
-            "--new", action="store_true", help="a new draft, also if an earlier run has made one"
+            "--new", action="store_true", help="make a new draft, even if an earlier run made one"
         )
 
     def handle(self, *_args: Any, **options: Any) -> None:

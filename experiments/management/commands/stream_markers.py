@@ -33,7 +33,9 @@ class Command(BaseCommand):
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         parser.add_argument("study", help="name of the study")
-        parser.add_argument("--name", default="", help="of the stream; default: telepresence-STUDY")
+        parser.add_argument(
+            "--name", default="", help="name of the stream; default: telepresence-STUDY"
+        )
         parser.add_argument(
             "--record",
             action="append",

@@ -462,7 +462,7 @@ class CommandDispatcher:
         elif RUNS_ON not in self.reports.errors:
             log.error("robot_runs_on", velocity=self.reports.reading.velocity)
             self.reports.errors[RUNS_ON] = (
-                f"{RUNS_ON}: the robot moves though it is told to stand still"
+                f"{RUNS_ON}: the robot keeps moving although it was told to stop"
             )
 
     def _look_after_call(self) -> None:

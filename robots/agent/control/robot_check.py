@@ -34,7 +34,7 @@ from robots.api.messages import Velocity
 Say = Callable[[str], None]
 WARNING = (
     "The robot will turn its wheels: {speed:g} m/s for {driving:g} s, then until it stops by"
-    " itself. Lift it so that no wheel touches the ground, and keep your hand at its emergency"
+    " itself. Lift it so that no wheel touches the ground, and keep your hand on its emergency"
     " button."
 )
 
@@ -95,7 +95,7 @@ def verdict(measured: float | None, stated: float, params: CheckParams) -> tuple
         " readings included"
     )
     if measured > stated + params.tolerance:
-        return False, f"{took}. The profile states a watchdog of {stated:g} s: state what is true."
+        return False, f"{took}. The profile states a watchdog of {stated:g} s: correct the profile."
     return True, f"{took}: it keeps the watchdog of {stated:g} s that the profile states."
 
 
@@ -106,7 +106,7 @@ def reported(
     as it should be.
     """
     if not states:
-        return [(False, "Readings: none came.")]
+        return [(False, "Readings: none received.")]
     last, has_scan = states[-1], any(state.scan is not None for state in states)
     knows_place = last.pose.localized or last.odometry is not None
     place = f"{last.pose.x:.2f}, {last.pose.y:.2f} m" if last.pose.localized else "unknown"
@@ -121,7 +121,7 @@ def reported(
         (True, f"Battery: {charge}{volts}."),
     ]
     if "scan" in capabilities:
-        lines.append((has_scan, f"Laser: {'yes' if has_scan else 'no scan came'}."))
+        lines.append((has_scan, f"Laser: {'yes' if has_scan else 'no scan received'}."))
     if last.estop:
         lines.append((False, "The robot's emergency button is pressed."))
     return [*lines, *((False, f"The robot reports: {error}") for error in last.errors)]
@@ -186,7 +186,7 @@ class RobotCheck:
             self._say(
                 "Camera: none here."
                 if video is None
-                else "Camera: the page of the robot's screen has it."
+                else "Camera: the page on the robot's screen provides it."
             )
             return True
         try:
@@ -194,7 +194,7 @@ class RobotCheck:
         except AdapterError as error:
             self._say(f"Camera: {error}")
             return False
-        self._say(f"Camera: {picture or f'no picture came within {self._params.picture:g} s'}.")
+        self._say(f"Camera: {picture or f'no video received within {self._params.picture:g} s'}.")
         return bool(picture)
 
     def _first_picture(self, video: VideoSource) -> str:
@@ -219,8 +219,8 @@ class RobotCheck:
             abs(sample.speed) > params.moving for sample in self._samples if sample.at <= silent_at
         ):
             self._say(
-                f"By its readings the base did not move, though it was told {speed:g} m/s for"
-                f" {params.driving:g} s. Nothing is measured."
+                f"According to its readings, the base did not move at {speed:g} m/s for"
+                f" {params.driving:g} s. Nothing was measured."
             )
             return False
         measured = await self._silence(silent_at)

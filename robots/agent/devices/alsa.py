@@ -36,8 +36,8 @@ CARDS = ("default", "pulse", "pipewire", "hw:")
 REASONS = {
     "No such file or directory": "there is no such device",
     "No such device": "there is no such device",
-    "Device or resource busy": "another program uses it",
-    "Connection refused": "the sound server does not run",
+    "Device or resource busy": "another program is using it",
+    "Connection refused": "the sound server is not running",
     "Input/output error": "it is gone",
     "Unable to install hw params": "it cannot be opened",
     "Permission denied": "the agent's user may not use it: add the user to the group audio",

@@ -46,7 +46,7 @@ class ReaderStage(Enum):
     """How far the opening of a device has come; the value says what is missing."""
 
     CALLED = "does not answer"
-    OPENED = "answers and sends nothing"
+    OPENED = "answers but sends nothing"
     SENDING = "has sent no key frame"
     SHOWN = ""
 
@@ -58,7 +58,7 @@ REASONS: tuple[tuple[type[Exception], str], ...] = (
     (av.HTTPNotFoundError, "it has no such stream (404)"),
     (av.HTTPServerError, "it reports an error of its own (5XX)"),
     (av.ConnectionRefusedError, "connection refused"),
-    (av.DecoderNotFoundError, "its codec is not known"),
+    (av.DecoderNotFoundError, "its codec is not supported"),
     (av.ExitError, "it does not answer"),
 )
 BROKEN = "input/output error: it was cut off, or TLS could not be agreed"  # FFmpeg's EIO
@@ -180,7 +180,7 @@ class _Run:
         if not streams:
             raise ValueError(f"it contains no {self.reader.kind}")
         if streams[0].codec_context is None:
-            raise ValueError("its codec is not known")
+            raise ValueError("its codec is not supported")
         self.stage = ReaderStage.OPENED
         for packet in container.demux(streams[0]):
             if self.stage is ReaderStage.OPENED:

@@ -57,7 +57,8 @@ class Command(BaseCommand):
         known = set(FloorPlan.objects.values_list("name", flat=True))
         plan = store_floor_plan(kept)
         self.stdout.write(
-            f"{'Replaced' if plan.name in known else 'Took'} the site {plan.name} ({plan.title})."
+            f"{'Replaced' if plan.name in known else 'Imported'} the site {plan.name}"
+            f" ({plan.title})."
         )
         self.stdout.write(
             "Assign it to a robot in the administration. To simulate a robot in "

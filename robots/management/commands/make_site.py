@@ -22,7 +22,7 @@ class Command(BaseCommand):
 
     help = (
         "Make a site from a ROS map: trace its walls and propose rooms, openings and charging"
-        " stations. A page of the administration completes it."
+        " stations. Finish it in the administration."
     )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
@@ -34,13 +34,13 @@ class Command(BaseCommand):
         parser.add_argument(
             "--occupied-thresh",
             type=float,
-            help="occupancy from 0 to 1 from which a cell is a wall, instead of that of the file;"
+            help="occupancy (0 to 1) at or above which a cell is a wall, instead of the file's;"
             " 0.35 for maps with grey walls",
         )
         parser.add_argument(
             "--free-thresh",
             type=float,
-            help="occupancy from 0 to 1 below which a cell is free, instead of that of the file",
+            help="occupancy (0 to 1) below which a cell is free, instead of the file's",
         )
         parser.add_argument(
             "--replace", action="store_true", help="replace the plan that has this map id"
@@ -58,7 +58,7 @@ class Command(BaseCommand):
             plan = propose(grid, name, options["title"] or name)
             row, kept = store_site(plan, grid)
         except FloorPlanRefusedError as error:
-            lines = (f"No site can be made of {path}:", *(f"  {p}" for p in error.problems))
+            lines = (f"No site can be made from {path}:", *(f"  {p}" for p in error.problems))
             raise CommandError("\n".join(lines)) from error
         except OSError as error:
             raise CommandError(f"{error.filename}: {error.strerror}.") from error

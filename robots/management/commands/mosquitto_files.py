@@ -82,7 +82,7 @@ class Command(BaseCommand):
         except (FilesError, UsersUnavailableError) as error:
             raise CommandError(str(error)) from error
         self.stdout.write(
-            f"{len(users)} users {'written to' if changed else 'as before in'}"
+            f"{len(users)} users {'written to' if changed else 'unchanged in'}"
             f" {options['directory']}"
         )
 

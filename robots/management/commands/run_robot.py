@@ -21,7 +21,7 @@ class Command(BaseCommand):
 
     help = (
         "Run the agent of a robot: on the robot's own computer with --server "
-        "and --credentials, here with its name only."
+        "and --credentials, or on the site's computer with its name only."
     )
     requires_system_checks: list[str] = []
 

@@ -205,7 +205,7 @@ class _LssConversion:
     def _rest(self) -> None:
         for table, words in _TABLES.items():
             if self.survey.others.get(table):
-                self.into.leave_out(words, _("This site has nothing like it."))
+                self.into.leave_out(words, _("This site has no equivalent."))
         if self.survey.others.get("defaultvalues"):
             self.into.leave_out(
                 "default values", _("Its default answer is not imported: no answer is preselected.")
@@ -213,7 +213,7 @@ class _LssConversion:
         for field in _TEXTS:
             for text in self._survey_text(field).values():
                 if text.strip():
-                    self.into.leave_out(field, _("This site has nothing like it."), text)
+                    self.into.leave_out(field, _("This site has no equivalent."), text)
                     break
 
 

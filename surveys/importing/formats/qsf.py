@@ -149,7 +149,7 @@ class _QsfConversion:
             "EmbeddedData": _("Embedded data is not imported: a study records its own data."),
         }
         name = _("Survey flow: %(name)s") % {"name": part.get("Description") or kind}
-        self.into.leave_out(name, reasons.get(kind, _("This site has nothing like it.")))
+        self.into.leave_out(name, reasons.get(kind, _("This site has no equivalent.")))
 
     # questions
 
@@ -225,12 +225,12 @@ class _QsfConversion:
             if str(element.get("Element")) not in _QUIET:
                 self.into.leave_out(
                     f"{element.get('Element')}: {element.get('PrimaryAttribute')}",
-                    _("This site has nothing like it."),
+                    _("This site has no equivalent."),
                 )
         options = _object(self._payload("SO"))
         for name in ("Header", "Footer", "EOSMessage"):
             if options.get(name):
-                self.into.leave_out(name, _("This site has nothing like it."), str(options[name]))
+                self.into.leave_out(name, _("This site has no equivalent."), str(options[name]))
         if _object(self._payload("SCO")).get("ScoringCategories"):
             self.into.leave_out(
                 _("Scoring"), _("Choose the scoring yourself, in the questionnaire.")

@@ -24,9 +24,7 @@ class Command(BaseCommand):
     def handle(self, *_args: Any, **options: Any) -> None:
         dry_run = options["dry_run"]
         for kind, count in forget_all(timezone.now(), dry_run=dry_run):
-            self.stdout.write(
-                f"{kind}: {count}{' would be forgotten' if dry_run else ' forgotten'}"
-            )
+            self.stdout.write(f"{kind}: {count}{' would be deleted' if dry_run else ' deleted'}")
             if count and not dry_run:
                 system_log.log("forgotten", kind=kind, count=count)
         if not dry_run:

@@ -24,4 +24,4 @@ class Command(BaseCommand):
         except (PlayFailed, StartFailed) as error:
             raise CommandError(str(error)) from error
         except KeyboardInterrupt:
-            raise CommandError("It was ended.") from None
+            raise CommandError("Stopped before the bots finished.") from None

@@ -40,12 +40,15 @@ class Command(BaseCommand):
             "--participants",
             type=_sizes,
             default=SIZES,
-            help="numbers of participants, with commas between [16,24,32,48,64]",
+            help="numbers of participants, separated by commas [16,24,32,48,64]",
         )
         parser.add_argument(
-            "--studies", type=int, default=STUDIES, help=f"simulated for each number [{STUDIES}]"
+            "--studies",
+            type=int,
+            default=STUDIES,
+            help=f"studies to simulate for each number [{STUDIES}]",
         )
-        parser.add_argument("--seed", type=int, default=1, help="of the simulation [1]")
+        parser.add_argument("--seed", type=int, default=1, help="random seed [1]")
         parser.add_argument(
             "--from-bots",
             type=Path,

@@ -73,8 +73,8 @@ class Command(BaseCommand):
             with interrupted_by_signals(), sandbox_folder(study.slug) as folder:
                 played = play(study, orders, folder, self.stdout.write)
         except (PlayFailed, KeyboardInterrupt) as error:
-            findings.keep(rehearsal, None, str(error) or "It was ended.")
-            raise CommandError(str(error) or "It was ended.") from error
+            findings.keep(rehearsal, None, str(error) or "Stopped before the rehearsal finished.")
+            raise CommandError(str(error) or "Stopped before the rehearsal finished.") from error
         findings.keep(rehearsal, played.report)
         self._tell(played.report, options["report"])
 
@@ -126,7 +126,7 @@ def line_of(one: ConditionReport) -> str:
     took = (
         f"{one.median_seconds / 60.0:.1f} min by bots, about {one.expected_minutes:g} by people"
         if one.median_seconds
-        else "nobody came to the end"
+        else "no bot finished"
     )
     return (
         f"{one.key:<24} {one.completed} of {one.drives} completed; {took}; limit"

@@ -64,7 +64,7 @@ class Command(BaseCommand):
         parser.add_argument(
             "--endings",
             default="usual",
-            help="usual, every, or names separated by commas: " + ", ".join(Ending),
+            help="how bots end: usual, every, or names separated by commas: " + ", ".join(Ending),
         )
         parser.add_argument(
             "--visits",
@@ -78,7 +78,7 @@ class Command(BaseCommand):
             action="append",
             default=[],
             metavar="E",
-            help="question@circumstance=value:size, such as easy@assist=steer:0.8",
+            help="shift answers: question@circumstance=value:size, such as easy@assist=steer:0.8",
         )
         parser.add_argument("--report", type=Path, help="a file for the bots' diaries, as JSON")
 
@@ -110,7 +110,7 @@ class Command(BaseCommand):
                 with interrupted_by_signals():
                     played = play(study, orders, folder, self.stdout.write)
             except (PlayFailed, KeyboardInterrupt) as error:
-                raise CommandError(str(error) or "It was ended.") from error
+                raise CommandError(str(error) or "Stopped before the bots finished.") from error
         times = played.seconds / max(played.real_seconds, 1e-6)
         for sentence in played.report.problems:
             self.stdout.write(f"  {sentence}")

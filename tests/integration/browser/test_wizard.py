@@ -73,7 +73,7 @@ def test_the_operator_speaks_and_drives_by_script_and_hand_and_stops(site, visit
     steps = [(data["step"], data["deviation"]) for kind, data in told if kind == "wizard_step"]
     assert steps == [("hello", ""), ("leave", "out_of_order")]
     latencies = sorted(data["latency"] for kind, data in told if kind == "wizard_reached")
-    print("from press to robot, s:", latencies)
+    print("from click or key to robot, s:", latencies)
     assert "operator" not in ana.page.locator("body").inner_text().lower()
 
 

@@ -130,7 +130,7 @@ def test_each_refusal_says_what_to_do(study, place, monkeypatch):
     shelf.quota = 2000
     assert "not enough space" in refusal(study, place)
     shelf.quota, shelf.garbles = 10**9, f"{study.slug}-{study.version}.zip"
-    assert "another checksum" in refusal(study, place)
+    assert "a different checksum" in refusal(study, place)
     shelf.garbles = ""
     assert "replaced and compared" in deposited(study, place)
     assert "lost" in refusal(study, (name, shelf, "http://127.0.0.1:9/api"))

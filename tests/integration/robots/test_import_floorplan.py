@@ -54,7 +54,7 @@ def take(folder: Path, *options: str) -> str:
 
 def test_a_site_is_taken_into_database_and_simulator(folder, var):
     said = take(folder)
-    assert "Took the site our-clinic (Our clinic)." in said
+    assert "Imported the site our-clinic (Our clinic)." in said
     assert f"plan={var / 'sites' / 'our-clinic'}" in said
     assert FloorPlan.objects.get().name == "our-clinic"
     site = load_site(str(var / "sites" / "our-clinic"))

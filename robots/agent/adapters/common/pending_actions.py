@@ -144,7 +144,7 @@ class PendingActions:
         if (drive.kind == "dock" and dock.docked) or (drive.kind == "undock" and not dock.touching):
             self._end(drive, "FINISHED", "")
         elif now > drive.deadline:
-            self._end(drive, "FAILED", "it takes too long")
+            self._end(drive, "FAILED", "it took too long")
             return drive
         return None
 
@@ -155,7 +155,7 @@ class PendingActions:
         if tilt is not None and abs(tilt - head.goal[0]) < TILT_REACHED:
             self._end(head, "FINISHED", "")
         elif now > head.deadline:
-            self._end(head, "FAILED", "the head does not get there")
+            self._end(head, "FAILED", "the head did not reach the angle in time")
 
     def _watch_position(self, now: float, pose: Pose, fixed_at: float) -> None:
         pending = self.localization
@@ -186,4 +186,4 @@ def _astray(pose: Pose, *, is_news: bool) -> str:
         return "the robot's localization does not answer"
     if not pose.localized:
         return "the robot still does not know where it is"
-    return f"the robot does not find itself there: it says that it is at {pose.x:.1f}, {pose.y:.1f}"
+    return f"the robot's localization disagrees: it reports {pose.x:.1f}, {pose.y:.1f}"

@@ -204,7 +204,7 @@ class MoosAdapter(RemoteAdapter):
             case "ERROR" if not by_plan:  # a plan tries again
                 self._give_up("navigation failed")
             case "NOWAY":
-                self._give_up("there is no way")
+                self._give_up("there is no route to the goal")
 
     def _give_up(self, reason: str) -> None:
         """Say that a journey has failed, and see to it that the robot does not go on with it."""
@@ -232,12 +232,12 @@ class MoosAdapter(RemoteAdapter):
             self.pending_actions.end(pending.action_id, "FINISHED")
         elif now - pending.over_at > LANDING:
             self.pending_actions.end(
-                pending.action_id, "FAILED", "the robot stopped before it was there"
+                pending.action_id, "FAILED", "the robot stopped before it arrived"
             )
         elif (
             pending.over_at > now and not pending.seen_running and now - pending.began > SETTING_OUT
         ):
-            self._give_up("the robot does not set out")
+            self._give_up("the robot does not start moving")
 
     def _is_there(self, pending: PendingAction) -> bool:
         if pending.goal is None:

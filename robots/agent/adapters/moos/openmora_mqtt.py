@@ -255,13 +255,15 @@ class OpenMoraMqttAdapter(RemoteAdapter):
                 self._finish(pending, status)
         elif pending.seen_running and not status.autonomous:
             self.pending_actions.end(
-                pending.action_id, "FAILED", "the robot stopped before it was there"
+                pending.action_id, "FAILED", "the robot stopped before it arrived"
             )
         elif not pending.seen_running and now - pending.began > SETTING_OUT:
-            self.pending_actions.end(pending.action_id, "FAILED", "the robot does not set out")
+            self.pending_actions.end(pending.action_id, "FAILED", "the robot does not start moving")
         elif stays > GIVEN_UP:
             self._command("StopGiraff")
-            self.pending_actions.end(pending.action_id, "FAILED", "the robot does not get there")
+            self.pending_actions.end(
+                pending.action_id, "FAILED", "the robot did not arrive in time"
+            )
 
     def _finish(self, pending: PendingAction, status: openmora.OpenMoraStatus) -> None:
         if status.autonomous:

@@ -52,7 +52,7 @@ class NavigationProcess:
         seed: int = 0,
     ) -> None:
         self.ready = False
-        self.problem = "no map of the site has come yet"
+        self.problem = "no map of the site has been received yet"
         self.starts = 0
         self._body, self._output, self._settled, self._seed = body, output, settled, seed
         self._area: FloorPlanUpdate | None = None
@@ -175,7 +175,7 @@ class NavigationProcess:
             self.problem = (
                 settled.problem
                 if isinstance(settled, wire.Settled)
-                else "it speaks another language"
+                else "it uses another version of the protocol"
             )
             if self.problem:
                 log.error("map_refused", reason=self.problem)

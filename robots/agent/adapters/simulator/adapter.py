@@ -487,7 +487,7 @@ class SimulatorAdapter:
         if abs(truth.tilt - self._tilting.target) < TILT_REACHED:
             self._end_tilt("FINISHED", "")
         elif time.monotonic() > self._tilting.deadline:
-            self._end_tilt("FAILED", "the head does not get there")
+            self._end_tilt("FAILED", "the head did not reach the angle in time")
 
     def _end_tilt(self, status: Any, reason: str) -> None:
         if self._tilting is not None:

@@ -25,8 +25,8 @@ SNAPSHOT_TIMEOUT, SNAPSHOT_ASKS = 3.0, 6
 # by which two clocks may differ; the fastest picture of long ago is forgotten as fast
 DRIFT = 0.001
 MISSING_VIDEO, MISSING_SOUND = (
-    "no page of the robot's screen gives video",
-    "no page of the robot's screen gives sound",
+    "no page on the robot's screen provides video",
+    "no page on the robot's screen provides sound",
 )
 OPENING = 5.0  # s in which the page of the robot's screen begins to give what somebody wants
 

@@ -160,7 +160,7 @@ def test_points_that_are_none_are_told_and_kept(path):
         ),
     )
     assert document["path"] == path
-    assert errors(Course, document) == {"path": "Write one point a line: x and y in metres."}
+    assert errors(Course, document) == {"path": "Write one point per line: x and y in metres."}
 
 
 def test_errors_inside_lists_say_which_part():

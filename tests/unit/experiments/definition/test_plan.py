@@ -69,7 +69,7 @@ def test_a_study_without_a_plan_has_the_digest_that_it_had_before_there_were_pla
         ),
         (
             plan_with(attention_checks=[{"questionnaire": "experience", "item": "q1"}]),
-            "attention check experience.q1: there is no right answer.",
+            "attention check experience.q1: its right answer is missing.",
         ),
         (
             plan_with(expected=[{"measure": "task_time", "condition": "x"}]),

@@ -81,7 +81,7 @@ def test_what_robot_and_site_cannot_do_of_a_script_is_said():
         frozenset({("experience", 1)}),
     )
     found = list(obstacles(study, known, unreachable))
-    assert any("goes to moon, which is no place there" in one for one in found)
+    assert any("goes to moon, which is not a place there" in one for one in found)
     assert any("step a (goto)" in one for one in found)
 
 

@@ -86,7 +86,7 @@ def test_a_form_that_leads_nowhere_is_told_with_the_bot_that_was_there():
 def test_a_bot_that_got_no_code_is_a_problem():
     bots = everybody()
     bots[2] = dataclasses.replace(bots[2], code="")
-    assert played(*bots).problems == ["Bot 2 did everything but got no code."]
+    assert played(*bots).problems == ["Bot 2 finished the study but got no completion code."]
 
 
 def test_what_was_in_force_otherwise_than_assigned_is_a_problem():
@@ -98,7 +98,7 @@ def test_what_was_in_force_otherwise_than_assigned_is_a_problem():
         for one in bots
     }
     assert judge(STUDY, bots, Findings(records)).problems == [
-        f"Condition {KEYS[0]}: in force was something else than assigned: assist."
+        f"Condition {KEYS[0]}: not applied as assigned: assist."
     ]
 
 

@@ -1,4 +1,4 @@
-"""How old commands and pictures were, by condition."""
+"""How old commands and video were, by condition."""
 
 import math
 
@@ -52,8 +52,8 @@ def test_a_condition_has_its_networks_in_words_and_the_medians_of_its_sessions()
     at = dict(zip(table.head, range(len(table.head)), strict=True))
     assert (first[at["Command, median"]].value, first[at["Command, p95"]].value) == (0.02, 0.1)
     assert (
-        second[at["Picture on the page, median"]].value,
-        second[at["Picture at the wheels, median"]].value,
+        second[at["Video on the page, median"]].value,
+        second[at["Video at the wheels, median"]].value,
     ) == (0.3, 0.5)
     assert second[at["Command, median"]].sessions == ("p1-" + WORSE,)
 

@@ -119,7 +119,7 @@ def test_assigned_exposed_ended_and_answered_are_four_facts():
     assert found["left: declined"] == 1
     assert found["left: withdrew"] == 1
     assert found["left: connection refused"] == 1
-    assert found["left: no word (yet)"] == 1
+    assert found["left: not continued (yet)"] == 1
 
 
 def test_outcomes_are_those_of_first_tasks():

@@ -281,11 +281,11 @@ def test_scores_of_different_items_are_not_compared():
     tables = tables_of(dataset)
     liking, animacy = tables["score-tests-impression"].rows
     remark = tables["score-tests-impression"].head.index("Remark")
-    assert liking[remark].text == "not the same items: nice only in By oneself (giraff)"
+    assert liking[remark].text == "not the same items: nice only in Without assistance (giraff)"
     assert animacy[remark].text == ""
     told = " ".join(tables["scores-impression"].notes)
     assert (
-        "Likeability is not of the same items in all rows: nice only in By oneself (giraff)."
+        "Likeability is not of the same items in all rows: nice only in Without assistance (giraff)."
         in told
     )
     found = row(tables["reliability"], Scale="Likeability", Condition="assisted")

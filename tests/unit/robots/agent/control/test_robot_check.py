@@ -104,10 +104,10 @@ def test_what_is_missing_is_named():
     state = still(battery=UNKNOWN_BATTERY, estop=True, errors=("laser disconnected",))
     lines = reported([state] * 30, ("velocity", "scan"), 3.0)
     assert (True, "Battery: unknown.") in lines
-    assert (False, "Laser: no scan came.") in lines
+    assert (False, "Laser: no scan received.") in lines
     assert (False, "The robot's emergency button is pressed.") in lines
     assert (False, "The robot reports: laser disconnected") in lines
-    assert reported([], (), 3.0) == [(False, "Readings: none came.")]
+    assert reported([], (), 3.0) == [(False, "Readings: none received.")]
 
 
 # --- trials ---------------------------------------------------------------------------------------

@@ -44,7 +44,10 @@ def test_other_rates_and_two_channels_become_mono_at_48_khz():
             ),
             "there is no such device",
         ),
-        ("aplay: main:831: audio open error: Device or resource busy\n", "another program uses it"),
+        (
+            "aplay: main:831: audio open error: Device or resource busy\n",
+            "another program is using it",
+        ),
         (
             "aplay: main:831: audio open error: Permission denied\n",
             "the agent's user may not use it: add the user to the group audio",

@@ -56,7 +56,7 @@ class TestGiraff(RcaConformance):
         await wait_for(adapter, lambda _: adapter._place == "Door")
         await adapter.start(Goto(action_id="g", stamp=0.0, place="Sofa"))
         last = (await heard(adapter, ended("g")))[-1]
-        assert (last.status, last.reason) == ("FAILED", "the robot stopped before it was there")
+        assert (last.status, last.reason) == ("FAILED", "the robot stopped before it arrived")
 
     async def test_bumpers_count_once_a_touch(self, adapter):
         before = (await some(adapter.states(), 1))[0].contacts

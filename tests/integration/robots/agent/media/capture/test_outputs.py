@@ -36,7 +36,9 @@ class Loudspeaker:
 
     def _do(self, what: str) -> None:
         if what in self.refuses:
-            raise AdapterError("the loudspeaker default cannot be used: another program uses it")
+            raise AdapterError(
+                "the loudspeaker default cannot be used: another program is using it"
+            )
 
 
 @pytest.fixture
@@ -66,7 +68,7 @@ def test_a_loudspeaker_that_refuses_is_let_go_of_and_tried_again_after_a_pause(q
     began = time.monotonic()
     assert talk(feed, lambda: speaker.starts == 3)
     assert time.monotonic() - began > 0.2 + 0.4 - 0.01, "pauses that grow"
-    assert feed.errors == ("the loudspeaker default cannot be used: another program uses it",)
+    assert feed.errors == ("the loudspeaker default cannot be used: another program is using it",)
     if what == "play":
         assert speaker.stops >= 2
     speaker.refuses = set()

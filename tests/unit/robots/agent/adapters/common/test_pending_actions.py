@@ -57,8 +57,8 @@ def test_what_takes_too_long_fails_with_the_reason():
     pending_actions.watch(6.0, dock=APART, tilt=0.1)
     pending_actions.watch(11.0, dock=APART, tilt=0.1)
     assert news[2:] == [
-        ("t", "FAILED", "the head does not get there"),
-        ("d", "FAILED", "it takes too long"),
+        ("t", "FAILED", "the head did not reach the angle in time"),
+        ("d", "FAILED", "it took too long"),
     ]
 
 
