@@ -89,7 +89,7 @@ def test_what_is_no_definition_at_all_is_told_apart(content, said):
         ({"colour": "red"}, "unknown field `colour`"),
         ({"pages": []}, "There is no page; add at least one."),
         ({"languages": []}, "There is no language; add at least one."),
-        ({"languages": ["en", "en"]}, "language en stands 2 times"),
+        ({"languages": ["en", "en"]}, "language en appears 2 times"),
         ({"languages": ["en", "es"]}, "q1.text has no text in es"),
         ({"title": {"en": "T", "fr": "T"}}, "fr, which is not among"),
         ({"title": {"en": "  "}}, "title has no text in en"),
@@ -119,7 +119,7 @@ def test_a_wrong_whole_is_told_with_its_place(change, said):
     ("items", "said"),
     [
         ([], "Page page1 has no items"),
-        ([likert(), likert()], "The key q1 stands 2 times"),
+        ([likert(), likert()], "The key q1 appears 2 times"),
         (
             [{**likert(), "kind": "essay"}],
             "$.pages[0].items[0]: there is no question type “essay”; choose one of ",
@@ -127,15 +127,15 @@ def test_a_wrong_whole_is_told_with_its_place(change, said):
         ([likert(requird=True)], "unknown field `requird`"),
         ([item("likert", "Q 1")], "items[0].key"),
         ([item("grid", "g", rows=[])], "g: the grid has no rows"),
-        ([item("grid", "g", rows=rows("g"))], "The key g stands 2 times"),
+        ([item("grid", "g", rows=rows("g"))], "The key g appears 2 times"),
         ([item("grid", "g", rows=[{"key": "r", "text": {"en": ""}}])], "r.text has no text"),
         ([item("single", "s", options=[])], "no options"),
-        ([item("single", "s", options=OPTIONS[:1] * 2)], "option a stands 2 times"),
+        ([item("single", "s", options=OPTIONS[:1] * 2)], "option a appears 2 times"),
         ([item("multiple", "m", at_least=3, at_most=2)], "do not fit the number of options"),
         ([item("multiple", "m", at_most=9)], "do not fit the number of options"),
         ([item("ranking", "r", options=[])], "r: there are no options"),
         ([item("ranking", "r", options=OPTIONS[:1])], "there must be 2 to 20"),
-        ([item("ranking", "r", options=OPTIONS[:1] * 2)], "option a stands 2 times"),
+        ([item("ranking", "r", options=OPTIONS[:1] * 2)], "option a appears 2 times"),
         (
             [item("ranking", "r", options=[*OPTIONS, OPTIONS[0] | {"alone": True}])],
             "cannot exclude the others (alone)",
@@ -161,7 +161,7 @@ def test_a_wrong_item_is_told_with_its_key(items, said):
         ({"is": [1]}, "needs item together with"),
         ({"item": "later", "is": ["a"]}, "not an earlier question"),
         ({"item": "own", "is": ["x"]}, "not an earlier question"),
-        ({"item": "q1", "is": [7]}, "expects 7, which q1 cannot be"),
+        ({"item": "q1", "is": [7]}, "expects 7, which is not a possible answer to q1"),
         ({"item": "s", "is": ["z"]}, "expects z"),
         ({"item": "s", "at_least": 2}, "is not a number"),
         ({"item": "r", "is": ["z"]}, "expects z"),
@@ -240,7 +240,7 @@ TOPIC = {"key": "t", "text": {"en": "T"}, "items": ["q1", "s"]}
 @pytest.mark.parametrize(
     ("items", "change", "said"),
     [
-        ([likert(reverse=True)], {}, "q1 is reversed, but no score of this questionnaire has it"),
+        ([likert(reverse=True)], {}, "q1 is reversed, but no score of this questionnaire uses it"),
         (
             [likert(reverse=True)],
             {"scoring": "likert", "scales": {"agree": UNEVEN}},

@@ -49,7 +49,7 @@ def test_a_study_without_a_plan_has_the_digest_that_it_had_before_there_were_pla
             with_hypotheses(hypothesis(effect="delay")),
             "hypothesis h1: the analysis driving has no effect delay.",
         ),
-        (with_hypotheses(hypothesis(), hypothesis()), "The hypothesis h1 stands 2 times."),
+        (with_hypotheses(hypothesis(), hypothesis()), "The hypothesis h1 appears 2 times."),
         (
             plan_with(families=[{"key": "f", "hypotheses": ["h2"]}]),
             "family f: there is no hypothesis h2.",

@@ -116,7 +116,7 @@ def test_the_second_study_has_everybody_drive_with_and_without_assistance():
             "no checkpoint besides the charging station",
         ),
         ({"courses": []}, "there is no course for giraff at cabin"),
-        ({"courses": STUDY["courses"] * 2}, "course of giraff at cabin stands 2 times"),
+        ({"courses": STUDY["courses"] * 2}, "course of giraff at cabin appears 2 times"),
         (
             changed("courses", 0, checkpoints=STUDY["courses"][0]["checkpoints"][::-1]),
             "numbered [2, 1, 0]",
@@ -126,7 +126,7 @@ def test_the_second_study_has_everybody_drive_with_and_without_assistance():
             "checkpoint 7, which does not exist",
         ),
         (changed("courses", 0, site="elsewhere"), "no condition uses it"),
-        (changed("conditions", 1, key="all_open"), "condition all_open stands 2 times"),
+        (changed("conditions", 1, key="all_open"), "condition all_open appears 2 times"),
         (changed("conditions", 0, controllers=[]), "nobody could drive"),
         (
             changed("conditions", 0, speed={"linear": 0.01}),

@@ -269,7 +269,7 @@ def test_robots_have_rows_of_their_own_and_what_is_pooled_is_said():
     ]
     told = " ".join(tables["score-tests-sus"].notes)
     assert "With assistance pools the robots giraff, rhodon." in told
-    assert "Conditions have different robots" in told
+    assert "Conditions use different robots" in told
     between = dataset_of(study_of("between"))
     table = tables_of(between)["reliability"]
     assert ("sus", "all", "24") in rows(table, "Questionnaire", "Condition", "n")
