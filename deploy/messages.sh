@@ -7,7 +7,7 @@ catalogue=locale/es/LC_MESSAGES/django.po
 awk '/^#: / { files = files (files ? " " : "#: ") substr($0, 4); next } files { print files; files = "" } { print }' \
     "$catalogue" >"$catalogue.joined"
 mv "$catalogue.joined" "$catalogue"
-"$1" manage.py compilemessages -l es
+"$1" manage.py compilemessages -l es -i .venv -i node_modules
 if grep -n "^#, fuzzy" "$catalogue"; then
     echo "Gettext has guessed these translations: correct each, and delete its '#, fuzzy' and '#|' lines." >&2
 fi

@@ -14,7 +14,7 @@ from django.urls import NoReverseMatch, URLPattern, path, reverse
 from django.utils import timezone
 from django.utils.html import format_html
 from django.utils.safestring import SafeString
-from django.utils.translation import gettext, ngettext
+from django.utils.translation import gettext, ngettext, pgettext
 from django.utils.translation import gettext_lazy as _
 from django.views.decorators.cache import never_cache
 
@@ -277,9 +277,9 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         if not robot.enabled:
             return gettext("disabled")
         if not robot.shown_to_visitors:
-            return gettext("hidden")
+            return pgettext("a robot", "hidden")
         return {
-            Robot.Access.OPEN: gettext("open"),
+            Robot.Access.OPEN: pgettext("a robot", "open"),
             Robot.Access.INVITATION: gettext("invited"),
             Robot.Access.TRAINED: gettext("trained"),
         }[robot.access]
@@ -348,7 +348,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
             return gettext("Save the robot first.")
         made = robot.screen_made_at
         state = (
-            gettext("none")
+            pgettext("an address", "none")
             if made is None
             else gettext("created %(when)s") % {"when": _moment(made)}
         )

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from django.utils.translation import gettext as _
-from django.utils.translation import gettext_lazy
+from django.utils.translation import gettext_lazy, pgettext_lazy
 
 from robots.readiness_text import in_words as readiness
 from sessions.leases import terms
@@ -50,7 +50,7 @@ FIELDS = {
     "minutes": gettext_lazy("about"),
     "on": gettext_lazy("on"),
     "open": gettext_lazy("open"),
-    "hidden": gettext_lazy("hidden"),
+    "hidden": pgettext_lazy("a page", "hidden"),
     "touch": gettext_lazy("touch screen"),
     "width": gettext_lazy("width"),
     "height": gettext_lazy("height"),
@@ -94,7 +94,7 @@ VALUES = {
     "stick": gettext_lazy("stick"),
     "gamepad": gettext_lazy("gamepad"),
     "open": gettext_lazy("open"),
-    "closed": gettext_lazy("closed"),
+    "closed": pgettext_lazy("a door", "closed"),
     "direct": gettext_lazy("direct connection"),
     "server": gettext_lazy("server"),
     "keep": gettext_lazy("keep"),
@@ -110,7 +110,7 @@ VALUES = {
     "prompt": gettext_lazy("not asked yet"),
     "WAITING": gettext_lazy("waiting"),
     "RUNNING": gettext_lazy("in progress"),
-    "FINISHED": gettext_lazy("finished"),
+    "FINISHED": pgettext_lazy("an action", "finished"),
     "FAILED": gettext_lazy("failed"),
     "CANCELLED": gettext_lazy("cancelled"),
     "goto": gettext_lazy("drive to a point"),

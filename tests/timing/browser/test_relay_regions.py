@@ -51,17 +51,22 @@ class Relay(threading.Thread):
 
 
 @pytest.fixture(scope="module")
-def page(playwright):
+def computer():
     with loopback_only() as computer:
         computer.plug()
-        handler = functools.partial(Quiet, directory=ROOT / "static" / "js")
-        with http.server.ThreadingHTTPServer((FIRST.partition("/")[0], 0), handler) as server:
-            threading.Thread(target=server.serve_forever, daemon=True).start()
-            with chromium(playwright) as browser:
-                page = browser.new_page()
-                page.goto("http://{}:{}/lib/clock.js".format(*server.server_address))
-                yield page
-            server.shutdown()
+        yield computer
+
+
+@pytest.fixture(scope="module")
+def page(computer, playwright):
+    handler = functools.partial(Quiet, directory=ROOT / "static" / "js")
+    with http.server.ThreadingHTTPServer((FIRST.partition("/")[0], 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        with chromium(playwright) as browser:
+            page = browser.new_page()
+            page.goto("http://{}:{}/lib/clock.js".format(*server.server_address))
+            yield page
+        server.shutdown()
 
 
 class Quiet(http.server.SimpleHTTPRequestHandler):
