@@ -294,7 +294,7 @@ class RcaConformance(AdapterConformance):
         )
         last = (await heard(adapter, ended("r")))[-1]
         assert last.status == "FAILED"
-        assert "itself there" in last.reason or "does not answer" in last.reason
+        assert "disagrees" in last.reason or "does not answer" in last.reason
 
     async def test_an_architecture_killed_while_it_drives_stops_the_robot_and_is_found_again(
         self, adapter: Adapter, monkeypatch: pytest.MonkeyPatch

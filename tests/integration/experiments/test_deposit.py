@@ -148,7 +148,7 @@ def test_a_draft_that_was_deleted_is_made_again_and_a_published_one_is_left_alon
     _, shelf, _ = place
     deposited(study, place)
     shelf.drafts.clear()
-    assert "was deleted: a new one" in deposited(study, place)
+    assert "was deleted. Making a new one" in deposited(study, place)
     for about in shelf.drafts.values():
         about |= {"submitted": True, "public": True}
     assert "Use --new" in refusal(study, place)

@@ -12,6 +12,7 @@ from experiments.dataset.freeze import freeze_of
 from experiments.models import Participant, Study, StudyMember
 from tests.integration.experiments.test_publishing import NOW
 from tests.support.html_page import read
+from tests.support.patience import patient
 from tests.support.people import person
 from tests.support.planned import PLAN, planned_study
 
@@ -92,6 +93,7 @@ def test_numbers_of_participants_are_checked(client, study):
 @pytest.mark.django_db(transaction=True)
 def test_the_power_is_simulated_on_the_page(client, study, monkeypatch):
     monkeypatch.setattr("experiments.study_admin.plan.STUDIES", 40)
+    monkeypatch.setattr("experiments.study_admin.plan.SECONDS", patient(60.0))
     researcher(client, study)
     shown = read(client.post(page(study, "power"), {"participants": "20, 40"}))
     cells = [cell.text for cell in shown.all("td")]

@@ -297,7 +297,7 @@ def test_states_of_one_group_do_not_overlap_and_points_are_not_there_twice():
     states = [{"code": "lost", "begin": 1, "end": 4}, {"code": "found", "begin": 3, "end": 5}]
     with pytest.raises(BadCodingError, match=r"found at 3\.000 s begins before"):
         events_from(states, CODES, 60.0)
-    with pytest.raises(BadCodingError, match="there twice"):
+    with pytest.raises(BadCodingError, match="appears twice"):
         events_from([{"code": "help", "begin": 1}] * 2, CODES, 60.0)
 
 
