@@ -39,6 +39,7 @@ const KNOWN = [
   [/^no_picture$/, "reason.camera"],
   [/^network$/, "reason.network"],
   [/^fault$/, "reason.fault"],
+  [/^the robot control architecture is not connected$/, "reason.not_connected"],
   [/^(?:no_answer|stale|clock_unknown|heartbeat_lost|future|failed|offline)$/, "reason.connection"],
   [/^(?:no_lease|observer|wrong_session|wrong_epoch|lease_changed)$/, "reason.not_yours"],
 ];
@@ -57,5 +58,5 @@ export const reasonFor = (reason) => {
       return name ? { word, values: { [name]: match[1] } } : { word };
     }
   }
-  return { word: "reason.other", values: { reason } };
+  return { word: "reason.other", values: { reason: reason.replace(/\.$/, "") } };
 };

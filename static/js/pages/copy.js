@@ -1,4 +1,4 @@
-/** Copies a text that stands on the page; without this script, or where the browser forbids it, the text can be marked by hand. */
+/** Buttons that copy what a field or another element contains; where the browser forbids it, the text is selected instead. `data-done` is what the button says then. */
 
 import { copy } from "../lib/clipboard.js";
 
@@ -7,8 +7,9 @@ for (const button of document.querySelectorAll("[data-copy]")) {
   button.hidden = false;
   button.addEventListener("click", async () => {
     const source = document.getElementById(button.dataset.copy);
-    if (!(await copy(source.textContent.trim()))) {
-      document.getSelection().selectAllChildren(source);
+    const isField = source instanceof HTMLInputElement || source instanceof HTMLTextAreaElement;
+    if (!(await copy((isField ? source.value : source.textContent).trim()))) {
+      isField ? source.select() : document.getSelection().selectAllChildren(source);
       return;
     }
     button.textContent = button.dataset.done;

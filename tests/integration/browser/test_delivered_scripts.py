@@ -119,7 +119,7 @@ def test_every_script_that_a_page_names_runs_on_it(opened, browser):
         "js/pages/live/page.js",
         "js/pages/wizard/page.js",
         "js/pages/replay/page.js",
-        "js/pages/admin/copy.js",
+        "js/pages/copy.js",
         "js/pages/admin/course.js",
         "js/pages/admin/plan.js",
         "js/pages/admin/robot.js",

@@ -306,6 +306,7 @@ describe("reasons", () => {
     "the robot has not found itself; drive it a little, or show it where it is": "reason.not_found",
     "navigation has stopped answering": "reason.navigation",
     no_answer: "reason.connection",
+    "the robot control architecture is not connected": "reason.not_connected",
     "the flux compensator hums": "reason.other",
   };
 
@@ -445,12 +446,18 @@ describe("the queue of a robot that is not ready", () => {
       ),
       Array(4).fill("queued.checked"),
     );
-    const unfit = ["no_picture", "network"].map((reason) => card(`paused: ${reason}`));
+    const reasons = [
+      "no_picture",
+      "network",
+      "the robot control architecture is not connected",
+    ];
+    const unfit = reasons.map((reason) => card(`paused: ${reason}`));
     assert.deepEqual(
       unfit.map(({ word, detail }) => [word, detail.word]),
       [
         ["queued.unfit", "reason.camera"],
         ["queued.unfit", "reason.network"],
+        ["queued.unfit", "reason.not_connected"],
       ],
     );
   });

@@ -137,7 +137,8 @@ class RosbridgeBus:
         try:
             await (await self._socket.ping())
         except (OSError, WebSocketException) as error:
-            raise AdapterError(f"the connection to {self.place} is lost: {error}") from error
+            why = getattr(error, "strerror", None) or error
+            raise AdapterError(f"the connection to {self.place} is lost: {why}") from error
 
     def cut(self) -> None:
         """Reset the connection."""

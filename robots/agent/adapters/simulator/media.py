@@ -112,7 +112,8 @@ class _Source:
             message = self._line.read(timeout)
         except (OSError, ValueError, framing.WireError) as error:
             self._hang_up()
-            raise AdapterError(f"the connection to the {self.role} is lost: {error}") from error
+            why = getattr(error, "strerror", None) or error
+            raise AdapterError(f"the connection to the {self.role} is lost: {why}") from error
         if isinstance(message, wire.RoleRefused):
             self._hang_up()
             raise AdapterError(f"the simulator refused the {self.role}: {message.reason}")

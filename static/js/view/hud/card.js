@@ -132,7 +132,8 @@ const queued = ({ place, pause }) => {
     return { word: `queued.${reason}` };
   }
   if (why === "paused") {
-    return { word: UNFIT.has(reason) ? "queued.unfit" : "queued.paused", detail: reasonFor(reason) };
+    const detail = reasonFor(reason);
+    return { word: UNFIT.has(reason) || detail?.word === "reason.not_connected" ? "queued.unfit" : "queued.paused", detail };
   }
   return { word: why === "returning" && CHECKS.has(reason) ? "queued.checked" : `queued.${why}` };
 };

@@ -60,5 +60,5 @@ const robotSays = ({ safety, refused, errors }) => {
     return { word: `stuck.${REFUSALS[most[0]]}` };
   }
   const error = errors?.find((/** @type {string} */ one) => !one.startsWith("disk_")); // a disk that fills up moves nothing and stops nothing
-  return error ? { word: "stuck.error", values: { error } } : null;
+  return error ? { word: "stuck.error", values: { error: error.replace(/\.$/, "") } } : null;
 };
