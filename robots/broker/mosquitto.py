@@ -64,9 +64,16 @@ def find() -> str | None:
 
 
 def configuration(
-    host: str, port: int, directory: Path, tls: Tls | None = None, user: str | None = None
+    host: str,
+    port: int,
+    directory: Path,
+    tls: Tls | None = None,
+    user: str | None = None,
+    websockets: tuple[str, int] | None = None,
 ) -> str:
-    """Return mosquitto.conf; `user` is whom to run as when started by root."""
+    """Return mosquitto.conf; `user` is whom to run as when started by root, `websockets` a second
+    address, without TLS, for the proxy.
+    """
     lines = [
         f"listener {port} {host}",
         "allow_anonymous false",
@@ -91,6 +98,8 @@ def configuration(
         lines += [f"certfile {tls.certificate}", f"keyfile {tls.key}"]
     if user is not None:
         lines.append(f"user {user}")
+    if websockets is not None:  # after the certificate, which is that of the listener above it
+        lines += [f"listener {websockets[1]} {websockets[0]}", "protocol websockets"]
     return "\n".join(lines) + "\n"
 
 
@@ -150,14 +159,22 @@ def usable_port(host: str, port: int) -> int:
 
 
 class MosquittoBroker:
-    """A Mosquitto on one port, with its files in `directory`."""
+    """A Mosquitto on one port, with its files in `directory`; and for MQTT over WebSocket on the
+    address `websockets`.
+    """
 
     name = "mosquitto"
 
     def __init__(
-        self, read_users: ReadUsers, directory: Path, *, poll: float = POLL_SECONDS
+        self,
+        read_users: ReadUsers,
+        directory: Path,
+        *,
+        poll: float = POLL_SECONDS,
+        websockets: tuple[str, int] | None = None,
     ) -> None:
         self._read_users, self._directory, self._poll = read_users, directory, poll
+        self._websockets = websockets
         self._users: dict[str, BrokerUser] = {}
         self._child: subprocess.Popen[bytes] | None = None
 
@@ -182,7 +199,7 @@ class MosquittoBroker:
         user = "root" if sys.platform != "win32" and os.geteuid() == 0 else None
         write_private(
             self._directory / "mosquitto.conf",
-            configuration(host, port, self._directory, tls, user),
+            configuration(host, port, self._directory, tls, user, self._websockets),
         )
         # A session of its own: Ctrl-C reaches us, and we end it in order.
         self._child = subprocess.Popen(  # noqa: ASYNC220 -- it dies with this thread
@@ -190,7 +207,8 @@ class MosquittoBroker:
             start_new_session=True,
             preexec_fn=tied_to_parent(),
         )
-        await self._answering(host, port)
+        for bound in [(host, port), *([self._websockets] if self._websockets else [])]:
+            await self._answering(*bound)
         return port
 
     async def wait(self) -> None:

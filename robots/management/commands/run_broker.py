@@ -43,6 +43,14 @@ class Command(BaseCommand):
         parser.add_argument("--certificate", type=Path, help="certificate chain (PEM), for TLS")
         parser.add_argument("--key", type=Path, help="key of the certificate (PEM)")
         parser.add_argument(
+            "--websockets",
+            metavar="HOST:PORT",
+            help=(
+                "also listen here for MQTT over WebSocket, without TLS, which the proxy adds; needs"
+                " Mosquitto"
+            ),
+        )
+        parser.add_argument(
             "--poll",
             type=float,
             default=POLL_SECONDS,
@@ -51,7 +59,7 @@ class Command(BaseCommand):
 
     def handle(self, *_args: Any, **options: Any) -> None:
         tls = _tls(options["certificate"], options["key"])
-        broker = _broker(options["require"], options["poll"])
+        broker = _broker(options["require"], options["poll"], _address(options["websockets"]))
         set_up_for_latency()
         try:
             asyncio.run(self._serve(broker, options["host"], options["port"], tls))
@@ -101,9 +109,24 @@ def _tls(certificate: Path | None, key: Path | None) -> Tls | None:
     return Tls(certificate.resolve(), key.resolve())
 
 
-def _broker(required: str | None, poll: float) -> EmbeddedBroker | MosquittoBroker:
+def _address(text: str | None) -> tuple[str, int] | None:
+    if text is None:
+        return None
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdecimal():
+        raise CommandError(f"--websockets is HOST:PORT, and not {text}.")
+    return host.strip("[]"), int(port)
+
+
+def _broker(
+    required: str | None, poll: float, websockets: tuple[str, int] | None
+) -> EmbeddedBroker | MosquittoBroker:
     if required == "mosquitto" or (required is None and mosquitto.find() is not None):
-        return MosquittoBroker(read_users, settings.VAR_DIR / "broker", poll=poll)
+        return MosquittoBroker(
+            read_users, settings.VAR_DIR / "broker", poll=poll, websockets=websockets
+        )
+    if websockets is not None:
+        raise CommandError("--websockets needs Mosquitto (Debian: apt install mosquitto).")
     return EmbeddedBroker(read_users, poll=poll)
 
 

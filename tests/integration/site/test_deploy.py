@@ -16,6 +16,7 @@ from django.conf import settings as site
 from robots.broker.mosquitto import Tls, configuration
 from telepresence_site.serving import APPLICATION, DAPHNE
 from telepresence_site.web.asgi_limits import MAX_BODY
+from tests.support.deployed import compose, kustomization
 from tests.support.server import certificate, program
 
 ROOT = Path(site.BASE_DIR)
@@ -40,12 +41,37 @@ def example():
     return dict(line.split("=", 1) for line in lines)
 
 
-def test_the_example_environment_passes_the_deployment_check_without_a_word(tmp_path):
+def told_in_compose():
+    environment = compose("compose.yaml")["web-1"].around["environment"]
+    return {
+        name: value.replace("${SITE_HOST:?}", "robots.example.org").replace(
+            "${POSTGRES_PASSWORD:?}", "x"
+        )
+        for name, value in environment.items()
+    }
+
+
+def told_in_kubernetes(folder):
+    made = [one for name in ("base", folder) for one in kustomization(name)["configMapGenerator"]]
+    return dict(line.split("=", 1) for one in made for line in one.get("literals", ()))
+
+
+@pytest.mark.parametrize(
+    "told",
+    [
+        pytest.param({}, id="machine"),
+        pytest.param(told_in_compose(), id="compose"),
+        pytest.param(told_in_kubernetes("one"), id="one"),
+        pytest.param(told_in_kubernetes("many"), id="many"),
+    ],
+)
+def test_the_example_environment_passes_the_deployment_check_without_a_word(told, tmp_path):
     (tmp_path / "static").mkdir()
     filled = {
         name: value.replace("CHANGE", "Changed-" + "aB3dE5gH7jK9" * 5)
         for name, value in example().items()
     }
+    filled |= told
     filled |= {
         "VAR_DIR": str(tmp_path / "var"),
         "STATIC_ROOT": str(tmp_path / "static"),
@@ -75,8 +101,12 @@ def test_every_name_in_the_example_environment_is_a_setting():
     assert set(example()) <= explained
 
 
-def test_caddy_takes_its_file(tmp_path):
+@pytest.mark.parametrize("place", ["machine", "compose"])
+def test_caddy_takes_its_file(place, tmp_path):
+    told = compose("compose.yaml")["proxy"].around["environment"] if place == "compose" else {}
     environment = {
+        **told,
+        **({"SITE_HOST": "robots.example.com"} if told else {}),
         "PATH": os.environ["PATH"],
         "HOME": str(tmp_path),
         "XDG_DATA_HOME": str(tmp_path),

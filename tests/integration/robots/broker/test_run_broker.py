@@ -14,6 +14,7 @@ import aiomqtt
 import pytest
 from asgiref.sync import sync_to_async
 from django.conf import settings
+from django.core.management import CommandError, call_command
 from django.db import connection
 from django.utils import timezone
 
@@ -23,6 +24,7 @@ from robots.models import Robot
 from tests.support.broker_rig import KINDS, ReceivedPacket, until_thrown_out
 from tests.support.patience import patient
 from tests.support.server import certificate
+from tests.support.site import free_port
 
 pytestmark = [pytest.mark.broker, pytest.mark.django_db(transaction=True)]
 SECONDS = 60.0
@@ -178,3 +180,45 @@ async def test_with_a_certificate_it_speaks_tls(kind, tmp_path):
             await heard.payload(of("giraff", "lease"), b"lease")
     finally:
         broker.end()
+
+
+async def test_mosquitto_also_listens_for_websockets_which_a_proxy_passes_on(tmp_path):
+    key, chain = certificate(tmp_path)
+    port = free_port()
+    broker = BrokerProcess(
+        *("--require", "mosquitto", "--websockets", f"127.0.0.1:{port}"),
+        *("--certificate", str(chain), "--key", str(key)),
+    )
+    try:
+        user, password = server_credentials("web")
+        tls = aiomqtt.TLSParameters(ca_certs=str(chain))
+        async with (
+            aiomqtt.Client(
+                "127.0.0.1",
+                port,
+                username=user,
+                password=password,
+                timeout=SECONDS,
+                transport="websockets",
+                websocket_path="/mqtt",
+            ) as by_web,
+            broker.client(user, password, tls_params=tls) as web,
+            ReceivedPacket(by_web) as heard,
+        ):
+            await by_web.subscribe("telepresence/v1/#", qos=1)
+            await web.publish(of("giraff", "lease"), b"lease", qos=1)
+            await heard.payload(of("giraff", "lease"), b"lease")
+    finally:
+        broker.end()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--require", "embedded", "--websockets", "127.0.0.1:8884"), "needs Mosquitto"),
+        (("--require", "mosquitto", "--websockets", "8884"), "HOST:PORT"),
+    ],
+)
+def test_websockets_that_cannot_be_had_are_one_clear_sentence(arguments, said):
+    with pytest.raises(CommandError, match=said):
+        call_command("run_broker", *arguments)
