@@ -17,11 +17,14 @@ from robots.api.messages import Point
 from surveys.documents import Text
 
 Document = dict[str, Any]
-DERIVED = {StudyCheckpoint: frozenset({"number"})}  # its place in the list says it
+Names = Mapping[type[Any], frozenset[str]]
+DERIVED: Names = {StudyCheckpoint: frozenset({"number"})}  # its place in the list says it
 # Lists whose parts have pages of their own: the form of what holds them does not ask for them.
-PAGED = {Wizard: frozenset({"stages"}), CodingScheme: frozenset({"codes"})}
+PAGED: Names = {Wizard: frozenset({"stages"}), CodingScheme: frozenset({"codes"})}
 # What a part does not have when it has another field in its place.
-INSTEAD = {WizardStep: {"move": frozenset({"line", "aloud"})}}
+INSTEAD: Mapping[type[Any], Mapping[str, frozenset[str]]] = {
+    WizardStep: {"move": frozenset({"line", "aloud"})}
+}
 
 
 @dataclass(frozen=True)
@@ -78,7 +81,7 @@ def _member(one: Any, cls: type[Any]) -> AskedField:
     )
     default = None if one.default is msgspec.NODEFAULT else msgspec.to_builtins(one.default)
     has_none = isinstance(shape, inspect.UnionType) and len(inner) < len(shape.types)
-    kinds = {kind.tag: kind.cls for kind in inner if isinstance(kind, inspect.StructType)}
+    kinds = {str(kind.tag): kind.cls for kind in inner if isinstance(kind, inspect.StructType)}
     several = kinds if len(kinds) > 1 else {}
     called = f"{cls.__name__}.{one.name}"
     return AskedField(
