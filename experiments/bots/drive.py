@@ -64,6 +64,8 @@ class BotDrive:
             clock,
         )
         self.study: dict[str, Any] = config.get("study", {})
+        # a hidden operator drives, and the page has no controllers
+        self._is_driven = self.study.get("controllers") == []
         sheet = config.get("factsheet") or {}
         self.limits = sheet.get("limits", {})
         self.series = sheet.get("series", config["robot"])
@@ -228,9 +230,11 @@ class BotDrive:
         self.cockpit.note("photo_answer", id=about or uuid.uuid4().hex, choice=choice)
 
     def _with_pauses(self, speed: SpeedSetting) -> SpeedSetting:
-        """Let go where the robot waits for that, as the page says; who lets the time run out drives
-        for a while and then looks at the picture.
+        """Let go where somebody else drives, and where the robot waits for that, as the page says;
+        who lets the time run out drives for a while and then looks at the picture.
         """
+        if self._is_driven:
+            return STAND
         if self.view.state is not None and self.view.state.safety.inhibited == "stopped":
             return STAND
         if self.ending == Ending.LETS_TIME_RUN_OUT and self._driven_for() > 30.0:

@@ -2,6 +2,7 @@
 for what may be chosen.
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 from django.utils.functional import Promise
@@ -127,6 +128,34 @@ LABELS: dict[str, Words] = {
     "blinding": _("Blinding"),
     "missing_data": _("Missing data"),
     "notes": _("Anything else"),
+    "wizard": _("Hidden operator"),
+    "stages": _("Stages of the script"),
+    "steps": _("Steps"),
+    "codes": _("Codes"),
+    "Wizard.conditions": _("Conditions with a hidden operator"),
+    "blind": _("Blind"),
+    "participant_view": _("Show the instruction on the participant's page to the operator"),
+    "by_hand": _("The operator may also drive by hand"),
+    "Wizard.order": _("Order of the script"),
+    "shortcut": _("Key on the operator's page"),
+    "line": _("Line"),
+    "aloud": _("Read aloud"),
+    "within": _("At most after the step before (s)"),
+    "PlaceMove.name": _("Place"),
+    "angle": _("Angle (rad)"),
+    "DriveMove.seconds": _("Duration (s)"),
+    "StudyDefinition.coding": _("Coding of replays"),
+    "bin": _("Bin (s)"),
+    "tolerance": _("Tolerance (s)"),
+    "code": _("Short name"),
+    "Code.name": _("Name"),
+    "Code.kind": _("Kind"),
+    "Code.key": _("Key on the replay"),
+    "description": _("Description"),
+    "group": _("Group"),
+    "modifiers": _("Modifiers"),
+    "Modifier.name": _("Name"),
+    "values": _("Values"),
 }
 
 HINTS: dict[str, Words] = {
@@ -202,9 +231,28 @@ HINTS: dict[str, Words] = {
     ),
     "source": _("Origin of the study; shown with its data."),
     "operator": _("Required in a study with a hidden operator: a person drove the robot."),
+    "wizard": _("A person drives the robot and speaks for it, and participants are not told."),
+    "Wizard.conditions": _("Leave all blank for every condition."),
+    "Wizard.blind": _("The operator is not told the condition."),
+    "Wizard.order": _("Steps in another order are recorded as deviations."),
+    "shortcut": _("A letter or digit. W, A, S and D drive the robot."),
+    "line": _("The robot's screen shows it."),
+    "within": _("Later is recorded as a deviation. Leave blank for no limit."),
+    "TiltMove.angle": _("Positive looks down."),
+    "TurnMove.angle": _("Positive is counter-clockwise."),
+    "DriveMove.linear": _("Negative drives backwards."),
+    "DriveMove.angular": _("Positive is counter-clockwise."),
+    "StudyDefinition.coding": _("What coders note on the replays. It is frozen with the study."),
+    "CodingScheme.blind": _("Coders see neither the condition nor what would give it away."),
+    "bin": _("Agreement by time is computed in bins of this length."),
+    "tolerance": _("Events of two coders match if they begin at most this far apart."),
+    "code": _("Lower-case letters, digits and underscores. Used in files."),
+    "Code.key": _("One character. The player already uses k, + and −."),
+    "group": _("State events of one group end each other."),
+    "values": _("With commas between."),
 }
 
-# By the key of the field, then by value.
+# By the field, then by value.
 CHOICES: dict[str, dict[str, Words]] = {
     "minors": {"refused": _("cannot take part"), "guardian": _("need a guardian's consent")},
     "access": {"open": _("anyone with the link"), "invitation": _("invited participants")},
@@ -248,6 +296,16 @@ CHOICES: dict[str, dict[str, Words]] = {
         "all": _("all orders"),
         "balanced": _("counterbalanced orders"),
     },
+    "Wizard.order": {"stages": _("as it is written"), "free": _("as the operator sees fit")},
+    "move": {
+        "place": _("Go to a place"),
+        "dock": _("Dock"),
+        "undock": _("Leave the charging station"),
+        "tilt": _("Tilt the head"),
+        "turn": _("Turn on the spot"),
+        "drive": _("Drive"),
+    },
+    "Code.kind": {"point": _("point event"), "interval": _("state event")},
     "test": {
         "means": _("means: t tests, analysis of variance"),
         "ranks": _("ranks: Wilcoxon, Mann-Whitney, Friedman, Kruskal-Wallis"),
@@ -291,24 +349,40 @@ ITEMS: dict[str, Words] = {
     "attention_checks": _("Attention check"),
     "speeders": _("Rule on fast answers"),
     "expected": _("Expected effect"),
+    "steps": _("Step"),
+    "stages": _("Stage"),
+    "codes": _("Code"),
+    "modifiers": _("Modifier"),
 }
+# Parts of a list that are added as one of several kinds, by the list.
+KINDS: dict[str, dict[str, Words]] = {"WizardStage.steps": {"": _("Line")} | CHOICES["move"]}
 
 NOTHING = _("none")
 
 
-def label(key: str) -> Any:
+def _of(words: Mapping[str, Any], called: str, otherwise: Any) -> Any:
+    """Return what is said of a field, `key` or `Class.key`: of this class, or of any."""
+    return words.get(called, words.get(called.rpartition(".")[2], otherwise))
+
+
+def label(called: str) -> Any:
     """Return what a field is called."""
-    return LABELS.get(key, key)
+    return _of(LABELS, called, called.rpartition(".")[2])
 
 
-def hint(key: str) -> Any:
+def hint(called: str) -> Any:
     """Return what is said below a field; empty for most."""
-    return HINTS.get(key, "")
+    return _of(HINTS, called, "")
 
 
-def item(key: str) -> Any:
+def item(called: str) -> Any:
     """Return what one part of a list is called."""
-    return ITEMS.get(key, label(key))
+    return _of(ITEMS, called, label(called))
+
+
+def kinds(called: str) -> list[tuple[str, Any]]:
+    """Return the kinds of which a part of a list is added, and their words; none for most."""
+    return list(KINDS.get(called, {}).items())
 
 
 def language(code: str) -> str:
@@ -319,8 +393,8 @@ def language(code: str) -> str:
         return code
 
 
-def word(key: str, value: str) -> Any:
+def word(called: str, value: str) -> Any:
     """Return what a choice is called."""
-    if key == "languages":
+    if called.rpartition(".")[2] == "languages":
         return language(value)
-    return CHOICES.get(key, {}).get(value, value or NOTHING)
+    return _of(CHOICES, called, {}).get(value, value or NOTHING)

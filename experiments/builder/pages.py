@@ -12,10 +12,12 @@ import msgspec
 
 from experiments.builder.parts import Document, in_languages, renumber
 from experiments.definition.analyses import DeclaredAnalysis
+from experiments.definition.coding import Code
 from experiments.definition.design import Factor
 from experiments.definition.plan import StudyPlan
 from experiments.definition.schema import Condition, Course, StudyDefinition
 from experiments.definition.steps import KINDS
+from experiments.definition.wizard import WizardStage
 from robots.api.floorplan import FloorPlan
 from robots.api.messages import Point
 
@@ -26,17 +28,24 @@ PAGES: Mapping[str, Collection[str]] = {
         "languages",
     ),
     "rules": ("allocation", "start", "refill", "quality", "analysis"),
+    "wizard": ("wizard",),
+    "coding": ("coding",),
 }
 PLAN = "plan"  # the page of an optional part of the study: one without content is none
 LISTS = ("steps", "factors", "conditions", "courses", "analyses")
+# Lists inside an optional part of the study, on whose page they are shown.
+INNER_LISTS: Mapping[str, str] = {"stages": "wizard", "codes": "coding"}
 CLASSES: Mapping[str, type[Any]] = {
     "factors": Factor,
     "conditions": Condition,
     "courses": Course,
     "analyses": DeclaredAnalysis,
+    "stages": WizardStage,
+    "codes": Code,
 }
 NEW_ZONE = 1.0  # metres: the sides of a zone before it is drawn
 BEGINNINGS = {
+    "wizard": ("Wizard: ", *(f"The {one} of the wizard" for one in ("stage", "step", "key"))),
     "steps": (
         "The consent",
         "The debriefing",
@@ -53,9 +62,10 @@ BEGINNINGS = {
     "analyses": ("The analysis",),
     PLAN: ("Plan: ", "The plan"),
     "rules": ("The refill", "The statements", "The assignment"),
+    "coding": ("The coding", "A coding", "The code “", "The name “", "The key “"),
 }
 _OF_A_PART = re.compile(
-    r"(Step|Factor|Condition|Analysis) (?P<key>[a-z][a-z0-9_]*): "
+    r"(Step|Factor|Condition|Analysis|Wizard step|Code) (?P<key>[a-z][a-z0-9_]*): "
     r"|(?P<text>[a-z][a-z0-9_]*)(\.[a-z_\[\]0-9]+)+[: ]"
 )
 _OF_A_COURSE = re.compile(r"Course of (?P<robot>\S+) at (?P<site>\S+): ")
@@ -77,7 +87,7 @@ class BuilderPlace:
             return (whole.get(PLAN) or {}) if self.index is None else None
         if self.index is None:
             return whole if self.section in PAGES else None
-        parts = whole[self.section] if self.section in LISTS else ()
+        parts = parts_in(whole, self.section) if self.section in {*LISTS, *INNER_LISTS} else []
         return parts[self.index] if self.index < len(parts) else None
 
     def cls(self, part: Document) -> type[Any]:
@@ -100,19 +110,44 @@ class BuilderPlace:
             return {**whole, PLAN: said or None}
         if self.index is None:
             kept = {key: value for key, value in whole.items() if key not in self.only}
-            changed = {**kept, **part}
+            changed = {**kept, **_with_inner_lists(part, whole)}
             return (
                 in_languages(StudyDefinition, changed, part["languages"])
                 if "languages" in part
                 else changed
             )
-        parts = list(whole[self.section])
+        parts = list(parts_in(whole, self.section))
         kind = {"kind": parts[self.index]["kind"]} if self.section == "steps" else {}
         parts[self.index] = {
             **kind,
             **(renumber(part) if self.section == "courses" else part),
         }
-        return {**whole, self.section: parts}
+        return with_parts(whole, self.section, parts)
+
+
+def parts_in(whole: Document, section: str) -> list[Document]:
+    """Return the parts of a list of the study, or of one inside an optional part of it."""
+    around = whole if section in LISTS else whole.get(INNER_LISTS[section]) or {}
+    found: list[Document] = around.get(section, [])
+    return found
+
+
+def with_parts(whole: Document, section: str, parts: list[Document]) -> Document:
+    """Return a study with these parts in a list of it."""
+    if section in LISTS:
+        return {**whole, section: parts}
+    owner = INNER_LISTS[section]
+    return {**whole, owner: {**(whole.get(owner) or {}), section: parts}}
+
+
+def _with_inner_lists(part: Document, whole: Document) -> Document:
+    """Return what a form said with the lists that have pages of their own."""
+    found = {
+        owner: {**part[owner], section: parts_in(whole, section)}
+        for section, owner in INNER_LISTS.items()
+        if part.get(owner) is not None
+    }
+    return part | found
 
 
 def place_of(problem: str, study: StudyDefinition) -> BuilderPlace | None:
@@ -151,12 +186,19 @@ def _place_of_key(key: str, study: StudyDefinition) -> BuilderPlace | None:
         "factors": [factor.key for factor in study.factors],
         "conditions": [condition.key for condition in study.conditions],
         "analyses": [analysis.key for analysis in study.analyses],
+        "codes": [code.code for code in study.coding.codes] if study.coding else [],
+        "stages": [stage.key for stage in study.wizard.stages] if study.wizard else [],
     }
     found = [BuilderPlace(name, own.index(key)) for name, own in keys.items() if key in own]
     found += [
         BuilderPlace("factors", n)
         for n, factor in enumerate(study.factors)
         if key in {level.key for level in factor.levels}
+    ]
+    found += [
+        BuilderPlace("stages", n)
+        for n, stage in enumerate(study.wizard.stages if study.wizard else ())
+        if key in {step.key for step in stage.steps}
     ]
     return found[0] if found else None
 
@@ -201,6 +243,34 @@ def new_factor(whole: Document) -> Document:
 def new_analysis(whole: Document) -> Document:
     """Return an analysis that measures nothing yet."""
     return {"key": _free("analysis", [one["key"] for one in whole["analyses"]]), "title": {}}
+
+
+def new_stage(whole: Document) -> Document:
+    """Return a stage of a script, without steps."""
+    return {"key": _free("stage", [one["key"] for one in parts_in(whole, "stages")]), "title": {}}
+
+
+def new_script_step(stage: Document, kind: str, places: Sequence[str]) -> Document | None:
+    """Return a step of a script: a line, or a move of a kind; None for another kind."""
+    key = _free(f"{stage['key']}_1", [one["key"] for one in stage.get("steps", ())])
+    moves: dict[str, Document] = {
+        "place": {"name": next(iter(places), "place")},
+        "dock": {},
+        "undock": {},
+        "tilt": {"angle": 0.0},
+        "turn": {},
+        "drive": {"linear": 0.2, "seconds": 2.0},
+    }
+    if kind and kind not in moves:
+        return None
+    move = {"move": {"kind": kind, **moves[kind]}} if kind else {}
+    return {"key": key, "title": {}, **move}
+
+
+def new_code(whole: Document) -> Document:
+    """Return a code for points."""
+    code = _free("code", [one["code"] for one in parts_in(whole, "codes")])
+    return {"code": code, "name": "", "kind": "point"}
 
 
 def new_course(whole: Document, at_hand: AtHand) -> Document:
@@ -252,6 +322,7 @@ def new_part(key: str, n: int, at: Point) -> Document | None:
         "attention_checks": {"questionnaire": "questionnaire", "item": "item"},
         "speeders": {"questionnaire": "questionnaire", "seconds": 30.0},
         "expected": {"measure": "task_time"},
+        "modifiers": {"name": f"modifier {n + 1}", "values": []},
         "checkpoints": {"number": n, "x": round(x, 2), "y": round(y, 2)},
         "zones": {
             "name": f"zone_{n + 1}",
@@ -273,12 +344,22 @@ def middle_of(plan: FloorPlan | None) -> Point:
 
 
 def copied(section: str, part: Document, whole: Document) -> Document:
-    """Return a copy of a part of a list, under a key of its own."""
-    return (
-        {**part, "key": _free(part["key"], [one["key"] for one in whole[section]])}
-        if "key" in part
-        else part
-    )
+    """Return a copy of a part of a list, under a key of its own; what is pressed stays with the
+    original.
+    """
+    parts = parts_in(whole, section)
+    if section == "courses":
+        return part
+    if section == "codes":
+        return {**part, "code": _free(part["code"], [one["code"] for one in parts]), "key": ""}
+    copy = {**part, "key": _free(part["key"], [one["key"] for one in parts])}
+    if section == "stages":
+        taken = [step["key"] for one in parts for step in one.get("steps", ())]
+        copy["steps"] = [
+            {**step, "key": _free(step["key"], taken), "shortcut": ""}
+            for step in part.get("steps", ())
+        ]
+    return copy
 
 
 def _free(key: str, taken: Collection[str]) -> str:

@@ -32,6 +32,7 @@ from experiments.builder.parts import (
     Document,
     choices_of,
     is_numbered,
+    left_out,
     members,
     read_number,
     read_points,
@@ -43,9 +44,11 @@ from surveys.documents import Text
 LONG = frozenset(
     {
         *("text", "intro", "source", "recruitment", "compensation", "question", "rationale"),
-        *("stopping", "blinding", "missing_data", "notes"),
+        *("stopping", "blinding", "missing_data", "notes", "line", "description"),
     }
 )
+# names that may have spaces: only commas are between them
+SPACED = frozenset({"values"})
 MOST_LISTED = 500  # of anything that is sent; the classes have their own, smaller limits
 NOT_POINTS = "Write one point per line: x and y in metres."
 Offered = Mapping[str, Sequence[str]]
@@ -71,8 +74,8 @@ class ValueField(forms.Field):
         super().__init__(
             required=False,
             widget=widget,
-            label=labels.label(member.key),
-            help_text="" if language else labels.hint(member.key),
+            label=labels.label(member.called),
+            help_text="" if language else labels.hint(member.called),
         )
 
     def prepare_value(self, value: Any) -> Any:
@@ -148,6 +151,8 @@ class NamesField(ValueField):
     def to_python(self, value: Any) -> list[str]:
         """Return the names."""
         values = [value] if isinstance(value, str) else value or ()
+        if self.member.key in SPACED:
+            return [name.strip() for one in values for name in one.split(",") if name.strip()]
         return [name for one in values for name in one.replace(",", " ").split()]
 
 
@@ -187,7 +192,8 @@ def field_of(member: AskedField, value: Any = None, offered: Offered = NOTHING) 
     """Return the field of a value that is no part, no list of parts and no text in languages.
     `offered` is what may be chosen, by key; `value` stays among it.
     """
-    shape, choices = member.shape, choices_of(member) or tuple(offered.get(member.key, ()))
+    offers = offered.get(member.called, offered.get(member.key, ()))
+    shape, choices = member.shape, choices_of(member) or tuple(offers)
     if isinstance(shape, inspect.VarTupleType):
         if not isinstance(shape.item_type, inspect.LiteralType | inspect.StrType):
             return PointsField(member, "points", _box(5))
@@ -222,7 +228,7 @@ def _box(lines: int) -> forms.Textarea:
 
 
 def _named(member: AskedField, choices: Iterable[str]) -> list[tuple[str, Any]]:
-    return [(choice, labels.word(member.key, choice)) for choice in choices]
+    return [(choice, labels.word(member.called, choice)) for choice in choices]
 
 
 def text_of(value: Any) -> str:
@@ -238,15 +244,18 @@ def text_of(value: Any) -> str:
 @dataclass(frozen=True)
 class Group:
     """Fields that belong together: a part, an optional part (`switch` is the name of its box to
-    tick), or a list of parts.
+    tick), a part of one `kind` among several, or a list of parts. `words` is by what its words are
+    looked up.
     """
 
     name: str
     key: str
+    words: str
     parts: "list[forms.BoundField | Group]" = field(default_factory=list)
     switch: str = ""
     is_on: bool = True
     is_list: bool = False
+    kind: str = ""
     number: int | None = None  # of a part in a list, from 1
     is_last: bool = False
     is_group: bool = True  # a field has no such thing
@@ -261,17 +270,25 @@ class Group:
     @property
     def label(self) -> Any:
         """What it is called; a part of a list by what one of them is called."""
-        return labels.item(self.key) if self.number is not None else labels.label(self.key)
+        if self.kind:
+            return labels.word(self.words, self.kind)
+        return labels.item(self.words) if self.number is not None else labels.label(self.words)
 
     @property
     def item(self) -> Any:
         """What one part of the list is called."""
-        return labels.item(self.key)
+        return labels.item(self.words)
+
+    @property
+    def added(self) -> list[tuple[str, Any]]:
+        """What can be added to the list: what its button sends, and what that is called."""
+        kinds = labels.kinds(self.words)
+        return [(f"{self.key}:{kind}", word) for kind, word in kinds] or [(self.key, self.item)]
 
     @property
     def hint(self) -> Any:
         """What is said below it."""
-        return "" if self.number is not None else labels.hint(self.key)
+        return "" if self.number is not None else labels.hint(self.words)
 
 
 class PartForm(forms.Form):
@@ -306,18 +323,23 @@ class PartForm(forms.Form):
     def _parts(
         self, cls: type[Any], document: Document, prefix: str, only: Collection[str] = ()
     ) -> "Iterator[forms.BoundField | Group]":
+        absent = left_out(cls, document.get)
         for member in members(cls, only):
             value, name = document.get(member.key, member.default), prefix + member.key
-            if member.part is not None:
+            if member.key in absent:
+                continue
+            if member.kinds:
+                yield from self._of_a_kind(member, value, name)
+            elif member.part is not None:
                 switch = f"{name}.on" if member.has_none else ""
                 inner = list(self._parts(member.part, value or {}, f"{name}."))
                 is_on = not switch or value is not None
                 if not is_on:
                     self._leave_out(f"{name}.")
-                yield Group(name, member.key, inner, switch=switch, is_on=is_on)
+                yield Group(name, member.key, member.called, inner, switch=switch, is_on=is_on)
             elif member.listed is not None:
                 inner = list(self._items(member, value or [], name))
-                yield Group(name, member.key, inner, is_list=True)
+                yield Group(name, member.key, member.called, inner, is_list=True)
             elif member.annotation == Text:
                 written = dict(value or {})
                 for language in dict.fromkeys((*self._languages, *written)):
@@ -327,6 +349,12 @@ class PartForm(forms.Form):
                 yield from self._levels(member, dict(value or {}), name)
             else:
                 yield self._add(name, field_of(member, value, self._offered), value)
+
+    def _of_a_kind(self, member: AskedField, value: Any, name: str) -> Iterator[Group]:
+        if value is not None:
+            kind = value["kind"]
+            inner = list(self._parts(member.kinds[kind], value, f"{name}."))
+            yield Group(name, member.key, member.called, inner, kind=kind)
 
     def _levels(
         self, member: AskedField, chosen: dict[str, str], name: str
@@ -341,7 +369,8 @@ class PartForm(forms.Form):
         for n, value in enumerate(values):
             inner = list(self._parts(member.listed, value, f"{name}.{n}."))
             last = n == len(values) - 1
-            yield Group(f"{name}.{n}", member.key, inner, number=n + 1, is_last=last)
+            one = f"{name}.{n}"
+            yield Group(one, member.key, member.called, inner, number=n + 1, is_last=last)
 
     def _add(self, name: str, one: ValueField, value: Any) -> forms.BoundField:
         self.fields[name], self.initial[name] = one, value
@@ -357,7 +386,10 @@ def read(cls: type[Any], sent: Any, *, only: Collection[str] = (), prefix: str =
     as it was typed.
     """
     document: Document = {}
+    absent = left_out(cls, lambda key: f"{prefix}{key}.kind" in sent)
     for member in members(cls, only):
+        if member.key in absent:
+            continue
         value = _read(member, sent, prefix + member.key)
         if value is not msgspec.UNSET and (member.is_required or value != member.default):
             document[member.key] = value
@@ -365,6 +397,10 @@ def read(cls: type[Any], sent: Any, *, only: Collection[str] = (), prefix: str =
 
 
 def _read(member: AskedField, sent: Any, name: str) -> Any:
+    if member.kinds:
+        kind = sent.get(f"{name}.kind")
+        cls = member.kinds.get(kind)
+        return None if cls is None else {"kind": kind} | read(cls, sent, prefix=f"{name}.")
     if member.part is not None:
         is_off = member.has_none and f"{name}.on" not in sent
         return None if is_off else read(member.part, sent, prefix=f"{name}.")

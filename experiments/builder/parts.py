@@ -3,25 +3,35 @@ them: plain dicts and lists, as in JSON.
 """
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, get_args
 
 import msgspec
 from msgspec import inspect
 
+from experiments.definition.coding import CodingScheme
 from experiments.definition.schema import StudyCheckpoint
+from experiments.definition.wizard import Wizard, WizardStep
 from robots.api.messages import Point
 from surveys.documents import Text
 
 Document = dict[str, Any]
-DERIVED = {StudyCheckpoint: frozenset({"number"})}  # its place in the list says it
+Names = Mapping[type[Any], frozenset[str]]
+DERIVED: Names = {StudyCheckpoint: frozenset({"number"})}  # its place in the list says it
+# Lists whose parts have pages of their own: the form of what holds them does not ask for them.
+PAGED: Names = {Wizard: frozenset({"stages"}), CodingScheme: frozenset({"codes"})}
+# What a part does not have when it has another field in its place.
+INSTEAD: Mapping[type[Any], Mapping[str, frozenset[str]]] = {
+    WizardStep: {"move": frozenset({"line", "aloud"})}
+}
 
 
 @dataclass(frozen=True)
 class AskedField:
     """A field of a class: `shape` is what it holds, without None; `has_none` tells whether it may
-    hold nothing.
+    hold nothing; `kinds` are the classes of a part that may be of several, by their tags; `called`
+    is by what its words are looked up.
     """
 
     key: str
@@ -30,6 +40,8 @@ class AskedField:
     has_none: bool
     default: Any
     is_required: bool
+    kinds: Mapping[str, type[Any]]
+    called: str
 
     @property
     def part(self) -> type[Any] | None:
@@ -49,12 +61,18 @@ class AskedField:
 
 def members(cls: type[Any], only: Collection[str] = ()) -> list[AskedField]:
     """Return what of a class is asked for, in its order."""
-    hidden = DERIVED.get(cls, frozenset())
-    found = [_member(one) for one in msgspec.structs.fields(cls) if one.name not in hidden]
+    hidden = DERIVED.get(cls, frozenset()) | PAGED.get(cls, frozenset())
+    found = [_member(one, cls) for one in msgspec.structs.fields(cls) if one.name not in hidden]
     return [one for one in found if not only or one.key in only]
 
 
-def _member(one: Any) -> AskedField:
+def left_out(cls: type[Any], has: Callable[[str], Any]) -> frozenset[str]:
+    """Return the fields that a part does not have; `has` tells whether it has another."""
+    instead = INSTEAD.get(cls, {})
+    return frozenset().union(*(others for key, others in instead.items() if has(key)))
+
+
+def _member(one: Any, cls: type[Any]) -> AskedField:
     shape = inspect.type_info(one.type)
     inner = (
         [kind for kind in shape.types if not isinstance(kind, inspect.NoneType)]
@@ -62,8 +80,13 @@ def _member(one: Any) -> AskedField:
         else [shape]
     )
     default = None if one.default is msgspec.NODEFAULT else msgspec.to_builtins(one.default)
-    has_none = len(inner) != 1 or inner[0] is not shape
-    return AskedField(one.name, one.type, inner[0], has_none, default, one.required)
+    has_none = isinstance(shape, inspect.UnionType) and len(inner) < len(shape.types)
+    kinds = {str(kind.tag): kind.cls for kind in inner if isinstance(kind, inspect.StructType)}
+    several = kinds if len(kinds) > 1 else {}
+    called = f"{cls.__name__}.{one.name}"
+    return AskedField(
+        one.name, one.type, inner[0], has_none, default, one.required, several, called
+    )
 
 
 def choices_of(member: AskedField) -> tuple[str, ...]:
@@ -160,7 +183,7 @@ def in_languages(cls: type[Any], document: Document, languages: Collection[str])
 def _in_languages(one: Any, value: Any, languages: Collection[str]) -> Any:
     if one.type == Text:
         return {language: text for language, text in value.items() if language in languages}
-    shape = _member(one).shape
+    shape = _member(one, type(None)).shape
     if isinstance(shape, inspect.StructType) and value is not None:
         return in_languages(shape.cls, value, languages)
     inner = shape.item_type if isinstance(shape, inspect.VarTupleType) else None

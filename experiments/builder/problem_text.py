@@ -2,12 +2,14 @@
 names it, once for all languages in which it is missing. Other problems are sentences already.
 """
 
+import itertools
 import re
 from collections.abc import Iterable
 
 from django.utils.translation import gettext as _
 
 from experiments.builder import labels
+from experiments.builder.pages import parts_in
 from experiments.builder.parts import Document
 
 _MISSING = re.compile(r"(?P<place>\S+) has no text in (?P<language>\S+)\.")
@@ -44,9 +46,11 @@ def _name_of(place: str, whole: Document) -> str:
     elif head != "study":
         parts = (
             part
-            for section in ("steps", "factors", "conditions", "analyses")
-            for part in whole[section]
+            for section in ("steps", "factors", "conditions", "analyses", "stages")
+            for part in parts_in(whole, section)
         )
+        lines = (step for stage in parts_in(whole, "stages") for step in stage.get("steps", ()))
+        parts = itertools.chain(parts, lines)
         names.append(next((title_of(one, whole) for one in parts if one["key"] == head), head))
     return " · ".join([*names, *(_segment(one) for one in path)])
 
@@ -66,6 +70,8 @@ def title_of(part: Document, whole: Document) -> str:
     said = next((texts[language] for language in whole["languages"] if texts.get(language)), "")
     return (
         said
+        or part.get("name")
+        or part.get("code")
         or part.get("key")
         or _("%(robot)s at %(site)s")
         % {

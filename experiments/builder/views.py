@@ -10,7 +10,7 @@ way to be saved.
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from experiments import publishing
 from experiments.access import may
 from experiments.builder import labels
 from experiments.builder.pages import (
+    INNER_LISTS,
     LISTS,
     PAGES,
     PLAN,
@@ -37,12 +38,17 @@ from experiments.builder.pages import (
     copied,
     middle_of,
     new_analysis,
+    new_code,
     new_condition,
     new_course,
     new_factor,
     new_part,
+    new_script_step,
+    new_stage,
     new_step,
+    parts_in,
     place_of,
+    with_parts,
 )
 from experiments.builder.part_form import PartForm, read
 from experiments.builder.parts import Document, change, new_point, renumber
@@ -53,6 +59,7 @@ from experiments.definition.steps import KINDS
 from experiments.models import Study as Row
 from experiments.participation.steps import page_type
 from experiments.research.study_access import study_for
+from robots.api.floorplan import FloorPlan as Plan
 from robots.floorplans import plan_content
 from robots.models import FloorPlan
 from sessions.interfaces import INTERFACES
@@ -67,6 +74,8 @@ TITLES = {
     "analyses": gettext_lazy("Analyses"),
     PLAN: gettext_lazy("Plan"),
     "rules": gettext_lazy("Rules"),
+    "wizard": gettext_lazy("Hidden operator"),
+    "coding": gettext_lazy("Coding of replays"),
 }
 MEANWHILE = gettext_lazy(
     "Not saved: someone else changed this study. If your change still applies, submit it again."
@@ -104,7 +113,8 @@ def whole_of(row: Row) -> Document:
 def address(row: Row, place: BuilderPlace) -> str:
     """Return the address of a page of the builder."""
     if place.index is None:
-        return reverse("admin:experiments_study_section", args=[row.pk, place.section])
+        page = INNER_LISTS.get(place.section, place.section)
+        return reverse("admin:experiments_study_section", args=[row.pk, page])
     return reverse("admin:experiments_study_part", args=[row.pk, place.section, place.index])
 
 
@@ -169,6 +179,11 @@ def offered(whole: Document, part: Document) -> dict[str, Sequence[str]]:
             )
         ),
         "interface": INTERFACES,
+        "PlaceMove.name": _places(
+            here.sites[site]
+            for site in dict.fromkeys(one["site"] for one in whole["conditions"])
+            if site in here.sites
+        ),
         "analysis": tuple(one["key"] for one in whole["analyses"]),
         "condition": tuple(one["key"] for one in whole["conditions"]),
         "hypotheses": tuple(one["key"] for one in part.get("hypotheses", ())),
@@ -181,6 +196,11 @@ def offered(whole: Document, part: Document) -> dict[str, Sequence[str]]:
         },
         "picture": tuple(sorted(file.stem for file in PICTURES.glob("*.svg"))),
     }
+
+
+def _places(plans: Iterable[Plan]) -> tuple[str, ...]:
+    """Return the names of the places of sites."""
+    return tuple(dict.fromkeys(place.name for plan in plans for place in plan.places))
 
 
 class BuilderPages:
@@ -209,10 +229,12 @@ class BuilderPages:
         row = study_for(request, pk, "viewer")
         if section in PAGES or section == PLAN:
             return self._form(request, row, BuilderPlace(section))
-        if section not in LISTS:
+        if section not in LISTS and section not in INNER_LISTS:
             raise Http404
         if request.method == "POST":
             return self._change_list(request, _to_change(request, row), section)
+        if section in INNER_LISTS:
+            return HttpResponseRedirect(address(row, BuilderPlace(section)))
         return self._render(
             request,
             row,
@@ -299,6 +321,14 @@ class BuilderPages:
             "part_title": title_of(former, whole) if place.index is not None else "",
             "kind": page_type(former["kind"]).label if place.section == "steps" else "",
         }
+        inner = next((one for one, page in INNER_LISTS.items() if page == place.section), None)
+        if inner is not None and whole.get(place.section) is not None:
+            context |= {
+                "list_title": labels.label(inner),
+                "list_address": reverse("admin:experiments_study_section", args=[row.pk, inner]),
+                "parts": list(_listed(row, inner)),
+                "kinds": _kinds(inner),
+            }
         if place.section == "courses":
             context |= {
                 "course": _drawn(part),
@@ -332,11 +362,11 @@ class BuilderPages:
         context = (
             self.admin_site.each_context(request)
             | {  # type: ignore[attr-defined]
-                "title": _title(section),
+                "title": _title(INNER_LISTS.get(section, section)),
                 "opts": self.opts,
                 "study": row,
                 "study_tab": "builder",
-                "section": section,  # type: ignore[attr-defined]
+                "section": INNER_LISTS.get(section, section),  # type: ignore[attr-defined]
                 "sections": sections(row),
                 "problems": mine[:MOST_SHOWN],
                 "elsewhere": len(found) - len(mine),
@@ -353,13 +383,14 @@ class BuilderPages:
     def _change_list(self, request: HttpRequest, row: Row, section: str) -> HttpResponse:
         verb, _colon, what = request.POST.get("do", "").partition(":")
         whole = whole_of(row)
-        parts = whole[section]
+        parts = changed = parts_in(whole, section)
         if verb == "add":
-            whole[section] = [*parts, _new(section, what, whole)]
+            changed = [*parts, _new(section, what, whole)]
         elif what.isascii() and what.isdigit():
-            whole[section] = change(parts, verb, int(what[:6]))
-            if verb == "copy" and len(whole[section]) > len(parts):
-                whole[section][int(what) + 1] = copied(section, parts[int(what)], whole)
+            changed = change(parts, verb, int(what[:6]))
+            if verb == "copy" and len(changed) > len(parts):
+                changed[int(what) + 1] = copied(section, parts[int(what)], whole)
+        whole = with_parts(whole, section, changed)
         saved = _keep(row, whole) if request.POST.get("sha256") == row.sha256 else str(MEANWHILE)
         if isinstance(saved, str):
             messages.error(request, saved)
@@ -405,6 +436,10 @@ def _press(part: Document, sent: Any) -> str:
     verb, _colon, what = sent.get("do", "save").partition(":")
     key, _colon, n = what.partition(":")
     values = part.get(key, [])
+    if verb == "add" and key == "steps":
+        step = new_script_step(part, n, _places(publishing.sites().values()))
+        part[key] = [*values, step] if step else values
+        return f"{key}.{len(values)}"
     if verb == "add" and key in labels.ITEMS:
         at = new_point(sent.get("at", ""), middle_of(publishing.sites().get(part.get("site", ""))))
         part[key] = [*values, new_part(key, len(values), at)]
@@ -450,13 +485,15 @@ def _kinds(section: str) -> list[tuple[str, Any]]:
         "conditions": _("Condition"),
         "courses": _("Course"),
         "analyses": _("Analysis"),
+        "stages": labels.item("stages"),
+        "codes": labels.item("codes"),
     }
     return [("", named[section])]
 
 
 def _listed(row: Row, section: str) -> Iterator[dict[str, Any]]:
     whole = whole_of(row)
-    for n, part in enumerate(whole[section]):
+    for n, part in enumerate(parts_in(whole, section)):
         yield {
             "url": address(row, BuilderPlace(section, n)),
             "n": n,
@@ -477,6 +514,13 @@ def _about(section: str, part: Document, whole: Document) -> Iterator[Any]:
     elif section == "analyses":
         yield labels.word("test", part.get("test", "means"))
         yield ", ".join(part.get("measures", ()))
+    elif section == "stages":
+        n = len(part.get("steps", ()))
+        yield ngettext("%(n)d step", "%(n)d steps", n) % {"n": n}
+    elif section == "codes":
+        yield labels.word("Code.kind", part["kind"])
+        yield part.get("key", "")
+        yield part.get("group", "")
     elif section == "conditions":
         yield ", ".join(part.get("levels", {}).values())
         yield _("%(robot)s at %(site)s") % {"robot": part["robot"], "site": part["site"]}
@@ -503,10 +547,14 @@ def _new(section: str, kind: str, whole: Document) -> Document:
         if kind not in KINDS:
             raise Http404
         return new_step(kind, page_type(kind).blank, whole)
-    if section == "factors":
-        return new_factor(whole)
-    if section == "analyses":
-        return new_analysis(whole)
+    blank = {
+        "factors": new_factor,
+        "analyses": new_analysis,
+        "stages": new_stage,
+        "codes": new_code,
+    }
+    if section in blank:
+        return blank[section](whole)
     return (
         new_condition(whole, at_hand()) if section == "conditions" else new_course(whole, at_hand())
     )

@@ -13,12 +13,14 @@ from django.utils.translation import gettext_lazy as _
 @dataclass(frozen=True)
 class AnalysisTopic:
     """A page, `key` in its address. `names` are those of figures and tables in the order in which
-    they are shown; one that ends in a hyphen stands for all that begin so.
+    they are shown; one that ends in a hyphen stands for all that begin so. A topic that `is_text`
+    has sentences, not numbers of sessions.
     """
 
     key: str
     title: str | Promise
     names: tuple[str, ...]
+    is_text: bool = False
 
     def holds(self, name: str) -> bool:
         """Tell whether a figure or table belongs here."""
@@ -80,7 +82,9 @@ TOPICS = (
     AnalysisTopic(
         "network", _("Network"), ("ages", "safety-limits", "network-effects", "network-classes")
     ),
-    AnalysisTopic("reporting", _("Reporting sheet"), ("reporting-sheet", "exclusions")),
+    AnalysisTopic(
+        "reporting", _("Reporting sheet"), ("reporting-sheet", "exclusions"), is_text=True
+    ),
     AnalysisTopic("data-quality", _("Data quality"), ("quality", "sessions", "software")),
 )
 

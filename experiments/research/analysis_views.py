@@ -78,6 +78,7 @@ def page(request: HttpRequest, slug: str, topic: str = TOPICS[0].key) -> HttpRes
     parts = [*summary["figures"], *summary["tables"]]
     context = _about(asked, stored) | {
         "topic": here,
+        "parts": len(here.of(parts)),
         "topics": [
             {"key": one.key, "label": one.title, "url": _page_of(asked, one)}
             for one in TOPICS

@@ -62,7 +62,7 @@ def _estimate(one: ReliabilityEstimate, *, percent: bool = False) -> str:
         return "–"
     scale, decimals, unit = (100.0, 0, " %") if percent else (1.0, 2, "")
     value, *interval = (
-        number_format(number * scale, decimals)
+        number_format(round(number * scale, decimals) + 0.0, decimals)  # no minus zero
         for number in (one.value, one.low, one.high)
         if number is not None
     )

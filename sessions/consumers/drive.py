@@ -7,10 +7,7 @@ import random
 import secrets
 import time
 import uuid
-from collections.abc import Coroutine
-from typing import Any
 
-import msgspec
 import structlog
 from channels.db import database_sync_to_async
 from django.conf import settings
@@ -20,37 +17,29 @@ from django.utils import timezone
 from robots import log_ids
 from robots.api import picture
 from robots.api.messages import Action, Message
-from robots.bridge import bridge
 from robots.bridge.delivery import FAULTS, LINK, ReceivedMessage
 from robots.ice import ice_servers
 from sessions import page_channel, protocol
 from sessions.consumers import queries, relay
 from sessions.consumers.authorization import (
     Authorization,
-    Close,
-    DenyFrame,
     Effect,
-    Halt,
     Publish,
     ReportFrame,
     Spare,
-    Verb,
 )
-from sessions.consumers.backpressure import IS_FULL, never_full
-from sessions.consumers.base import DirectConsumer
 from sessions.consumers.page_session import PageSession
 from sessions.consumers.peers import part, peers_of
-from sessions.consumers.sender import Sender
+from sessions.consumers.robot_page import WELCOME_EVERY, RobotPageConsumer
 from sessions.devices import device_of, headers_of_scope
 from sessions.leases.policy import PAGE_SEEN_EVERY
 
 log = structlog.stdlib.get_logger(__name__)
 
-WELCOME_EVERY = 60.0
 SPREAD_SECONDS = 2.0
 
 
-class RobotConsumer(DirectConsumer):
+class RobotConsumer(RobotPageConsumer):
     """One page at one robot. Until the page is let in there is no visit, and whatever it says is
     ignored.
     """
@@ -78,9 +67,7 @@ class RobotConsumer(DirectConsumer):
 
     def _register(self, context: queries.ConnectionContext) -> None:
         user, self.name = self.scope["user"], context.robot.name
-        self.tasks: set[asyncio.Task[Any]] = set()
-        self.bridge = bridge.current()
-        self.known = self.bridge.listen(self.name, self)
+        self._join()
         self.authorization = Authorization(
             secrets.token_urlsafe(12),
             user.shown_name,
@@ -88,7 +75,6 @@ class RobotConsumer(DirectConsumer):
             ice_servers(self.name, time.time()),
         )
         self.sparing = relay.Sparing()
-        self.sender = Sender(self._send_frame, self.close, self.scope.get(IS_FULL, never_full))
         self.peers = peers_of(self.name)
         self.peers.waiting = context.waiting
         client = self.scope.get("client") or ("",)
@@ -137,7 +123,7 @@ class RobotConsumer(DirectConsumer):
         )
         if stop is not None:
             self.bridge.send_stop(self.name, stop)
-        self._stop_listening(self.page_session)
+        self._stop_listening()
         await self.page_session.page_gone(code)
         log.info(
             "page_left",
@@ -147,73 +133,34 @@ class RobotConsumer(DirectConsumer):
             dropped=self.sender.queue.dropped,
         )
 
-    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
-        """Live from the first to the last frame, and leave nothing behind however it ends:
-        `disconnect` is not called after a failure.
-        """
-        try:
-            await super().__call__(scope, receive, send)
-        finally:
-            if self.page_session is not None:
-                self._stop_listening(self.page_session)
-                self.page_session.forget()
-                for task in self.tasks:
-                    task.cancel()
+    async def _gone(self) -> None:
+        await super()._gone()
+        if self.page_session is not None:
+            self.page_session.forget()
 
-    def _stop_listening(self, page_session: PageSession) -> None:
-        # a connection to the robot lives without this socket, and nobody would look after it
-        page_session.stop_watching()
-        self.sender.abandon()
-        self.bridge.ignore(self.name, self)
-        part(self.name, page_session)
-        self.peers.changed()
+    def _stop_listening(self) -> None:
+        super()._stop_listening()
+        if self.page_session is not None:
+            # a connection to the robot lives without this socket, and nobody would look after it
+            self.page_session.stop_watching()
+            part(self.name, self.page_session)
+            self.peers.changed()
 
     # --- what the page says -----------------------------------------------------------------------
 
-    async def receive(self, text_data: str | None = None, bytes_data: bytes | None = None) -> None:
-        """Decide about a frame and do what was decided."""
-        if self.page_session is not None and not self.sender.closed:
-            frame = text_data if text_data is not None else bytes_data or b""
-            effects = self.authorization.receive(frame, self.known.lease, time.monotonic())
-            self._perform(effects)
-            if any(isinstance(effect, Verb) for effect in effects):
-                # what is asked for begins before the next frame, which may be the last
-                await asyncio.sleep(0)
-
-    def _perform(self, effects: tuple[Effect, ...]) -> None:
-        for effect in effects:
-            match effect:
-                case Publish(message=Action(role="owner" | "staff")):
-                    self._launch(self._publish_of_operator(effect))
-                case Publish():
-                    self._publish(effect)
-                case Halt(message):
-                    self.bridge.send_stop(self.name, message)
-                case Verb(message):
-                    self._ask(message)
-                case ReportFrame(message):
-                    self.bridge.report(protocol.page_reports(message.session), message)
-                case Spare(direct):
-                    self.sparing.direct = direct
-                case DenyFrame(suffix, reason):
-                    self.sender.post("denied", protocol.Denied(suffix=suffix, reason=reason))
-                case Close(code):
-                    self.sender.end(code)
+    def _do(self, effect: Effect) -> None:
+        match effect:
+            case ReportFrame(message):
+                self.bridge.report(protocol.page_reports(message.session), message)
+            case Spare(direct):
+                self.sparing.direct = direct
 
     def _publish(self, publish: Publish) -> None:
-        message = publish.message
-        if isinstance(message, Action) and message.role != "driver":
-            # The robot knows the driver's clock from heartbeats, and of everybody else only the
-            # server's.
-            message = msgspec.structs.replace(message, stamp=time.time())
-        reachable = self.known.online is not False and self.bridge.send(
-            self.name, publish.suffix, message
-        )
-        if publish.wanted and not reachable:
-            suffix = (
-                protocol.SIGNAL if publish.suffix.startswith(protocol.SIGNAL) else publish.suffix
-            )
-            self._perform(self.authorization.deny(suffix, "robot_unreachable", time.monotonic()))
+        match publish:
+            case Publish(message=Action(role="owner" | "staff")):
+                self._launch(self._publish_of_operator(publish))
+            case _:
+                super()._publish(publish)
 
     async def _publish_of_operator(self, publish: Publish) -> None:
         """Send what somebody asks who operates the robot, if they still do: that may be over since
@@ -222,7 +169,7 @@ class RobotConsumer(DirectConsumer):
         assert self.page_session is not None
         async with self.page_session.turn:
             if await self.page_session.still_welcome() and self.authorization.operator is not None:
-                self._publish(publish)
+                super()._publish(publish)
             else:
                 self._perform(
                     self.authorization.deny(publish.suffix, "not_allowed", time.monotonic())
@@ -252,7 +199,7 @@ class RobotConsumer(DirectConsumer):
             unsure = self.page_session.lost_lease(inbound.message)
         elif inbound.suffix in {LINK, "connection"}:
             unsure = inbound.suffix == LINK and inbound.message
-            self._presence_changed(link=inbound.message is not False)
+            self._tell_presence(inbound)
         elif inbound.suffix == FAULTS:
             self.sender.put(relay.status(inbound.message, self.known, time.monotonic()))
         elif picture.is_picture(inbound.suffix):
@@ -282,12 +229,6 @@ class RobotConsumer(DirectConsumer):
             and (out := relay.relayed(inbound, self.authorization.peer)) is not None
         ):
             self.sender.put(out)
-
-    def _presence_changed(self, *, link: bool) -> None:
-        presence = relay.presence(self.known, link=link)
-        if presence is not None and presence != self.presence:
-            self.presence = presence
-            self.sender.post("robot", presence)
 
     # --- what Django code says --------------------------------------------------------------------
 
@@ -335,14 +276,3 @@ class RobotConsumer(DirectConsumer):
                             page_session.vouch()
             except (DatabaseError, InterfaceError) as error:
                 log.warning("page_not_checked", robot=self.name, reason=str(error))
-
-    async def _send_frame(self, frame: str | bytes) -> None:
-        if isinstance(frame, bytes):
-            await self.send(bytes_data=frame)
-        else:
-            await self.send(text_data=frame)
-
-    def _launch(self, work: Coroutine[Any, Any, None]) -> None:
-        task = asyncio.get_running_loop().create_task(work)
-        self.tasks.add(task)
-        task.add_done_callback(self.tasks.discard)

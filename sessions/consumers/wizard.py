@@ -10,7 +10,6 @@ import asyncio
 import secrets
 import time
 import uuid
-from collections.abc import Coroutine
 from typing import Any
 
 import structlog
@@ -20,25 +19,14 @@ from django.utils import timezone
 
 from robots import log_ids
 from robots.api.errors import Rejection
-from robots.api.messages import Action, Bye, Lease, Message, Say, Stay
-from robots.bridge import bridge
+from robots.api.messages import Action, Bye, Lease, Message, Say
 from robots.bridge.delivery import FAULTS, LINK, NOTICE, ReceivedMessage
 from robots.ice import ice_servers
 from robots.models import Robot
 from sessions import protocol as pages
 from sessions.consumers import queries, relay, wizard_relay
-from sessions.consumers.authorization import (
-    Close,
-    DenyFrame,
-    Effect,
-    FrameRefused,
-    Halt,
-    Publish,
-    Verb,
-)
-from sessions.consumers.backpressure import IS_FULL, never_full
-from sessions.consumers.base import DirectConsumer
-from sessions.consumers.sender import Sender
+from sessions.consumers.authorization import FrameRefused, Publish
+from sessions.consumers.robot_page import RobotPageConsumer
 from sessions.consumers.wizard_authorization import SCRIPT, WizardAuthorization
 from sessions.wizard import leases, operators, protocol
 from sessions.wizard.operators import OperatedSession
@@ -46,13 +34,11 @@ from sessions.wizard.script import Press, ScriptProgress, action_of
 
 log = structlog.stdlib.get_logger(__name__)
 
-POLL_INTERVAL_S = 2.0  # s between two looks at which session is at the robot
-WELCOME_EVERY = 60.0  # s between two looks at whether the operator may stay
 HAND_PAUSE = 2.0  # s without a velocity by hand after which the next is a new deviation
 TURN_SECONDS = 30.0  # for which a step that turns the robot may take
 
 
-class WizardConsumer(DirectConsumer):
+class WizardConsumer(RobotPageConsumer):
     """One operator's page at one robot. Until the operator was found to be one there is no room,
     and whatever the page says is ignored.
     """
@@ -77,13 +63,10 @@ class WizardConsumer(DirectConsumer):
 
     def _register(self, robot: Robot) -> None:
         self.robot = robot
-        self.bridge = bridge.current()
-        self.known = self.bridge.listen(self.name, self)
+        self._join()
         servers = ice_servers(str(self.user.pk), time.time())
         self.authorization = WizardAuthorization(secrets.token_urlsafe(12), servers)
-        self.sender = Sender(self._send_frame, self.close, self.scope.get(IS_FULL, never_full))
         self.turn = asyncio.Lock()
-        self.tasks: set[asyncio.Task[Any]] = set()
         self.shown: protocol.SessionToOperate | None = None
         self.at: tuple[str, OperatedSession] | None = None  # the session at the robot
         self.progress: ScriptProgress | None = None
@@ -98,26 +81,18 @@ class WizardConsumer(DirectConsumer):
         )
         self.sender.post("wizard/hello", hello)
         self.changed.set()
-        self._launch(self._tick())
+        self._launch(self._keep_looking(self.changed, self._look_in_turn, self._is_welcome))
         log.info("wizard_joined", robot=self.name)
 
-    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
-        """Live from the first to the last frame; however it ends, the robot is stopped."""
-        try:
-            await super().__call__(scope, receive, send)
-        finally:
-            if self.authorization is not None:
-                await self._gone(self.authorization)
-
-    async def _gone(self, authorization: WizardAuthorization) -> None:
+    async def _gone(self) -> None:
+        """Stop the robot, however the page went."""
+        authorization = self.authorization
+        assert authorization is not None
         stop = authorization.last_stop(uuid.uuid4().hex, time.time(), self.known.lease)
         if stop is not None:
             self.bridge.send_stop(self.name, stop)
-        for task in self.tasks:
-            task.cancel()
-        self.sender.abandon()
-        self._signal(authorization, Bye(reason="left"))
-        self.bridge.ignore(self.name, self)
+        self._signal(Bye(reason="left"))
+        await super()._gone()
         self._unfollow()
         session = authorization.session
         authorization.let_go()
@@ -134,33 +109,9 @@ class WizardConsumer(DirectConsumer):
 
     # --- what the page says -----------------------------------------------------------------------
 
-    async def receive(self, text_data: str | None = None, bytes_data: bytes | None = None) -> None:
-        """Decide about a frame and do what was decided."""
-        if self.authorization is not None and not self.sender.closed:
-            frame = text_data if text_data is not None else bytes_data or b""
-            effects = self.authorization.receive(frame, self.known.lease, time.monotonic())
-            self._perform(self.authorization, effects)
-
-    def _perform(self, authorization: WizardAuthorization, effects: tuple[Effect, ...]) -> None:
-        for effect in effects:
-            match effect:
-                case Publish(suffix, message, wanted):
-                    self._notice_hand(message)
-                    if not self._publish(suffix, message) and wanted:
-                        now = time.monotonic()
-                        refused = authorization.deny(suffix, "robot_unreachable", now)
-                        self._perform(authorization, refused)
-                case Halt(message):
-                    self.bridge.send_stop(self.name, message)
-                case Verb(message):
-                    self._ask(authorization, message)
-                case DenyFrame(suffix, reason):
-                    self.sender.post("denied", pages.Denied(suffix=suffix, reason=reason))
-                case Close(code):
-                    self.sender.end(code)
-
-    def _publish(self, suffix: str, message: Message) -> bool:
-        return self.known.online is not False and self.bridge.send(self.name, suffix, message)
+    def _publish(self, publish: Publish) -> None:
+        self._notice_hand(publish.message)
+        super()._publish(publish)
 
     def _notice_hand(self, message: Any) -> None:
         """Note that the operator drives by hand, once for each time."""
@@ -172,16 +123,18 @@ class WizardConsumer(DirectConsumer):
             self._launch(self._note(self._session(), leases.BY_HAND, method=method))
         self.hand_at = now
 
-    def _ask(self, authorization: WizardAuthorization, message: Message) -> None:
-        match message:
+    def _ask(self, verb: Message) -> None:
+        authorization = self.authorization
+        assert authorization is not None
+        match verb:
             case protocol.TakeOver():
-                self._launch(self._take(authorization, message))
+                self._launch(self._take(authorization, verb))
             case protocol.StopOperating():
                 self._launch(self._let_go(authorization))
             case protocol.BeginStep():
-                self._step(authorization, message)
+                self._step(authorization, verb)
             case protocol.FreeLine():
-                self._line(authorization, message)
+                self._line(authorization, verb)
             case protocol.Reached(action_id=key, latency=latency):
                 self._launch(
                     self._note(self._session(), leases.REACHED, id=key, latency=round(latency, 4))
@@ -268,7 +221,7 @@ class WizardConsumer(DirectConsumer):
             stamped = authorization.stamped(action, self.known.lease)
         except FrameRefused as refused:
             return str(refused)
-        return "" if self._publish("command/action", stamped) else "robot_unreachable"
+        return "" if self._send_to_robot("command/action", stamped) else "robot_unreachable"
 
     def _line(self, authorization: WizardAuthorization, ask: protocol.FreeLine) -> None:
         """Say what is not in the script, which is a deviation."""
@@ -316,10 +269,7 @@ class WizardConsumer(DirectConsumer):
         elif inbound.suffix == "lease":
             self._lease_changed(authorization, inbound.message)
         elif inbound.suffix in {LINK, "connection"}:
-            link = inbound.message is not False if inbound.suffix == LINK else True
-            presence = relay.presence(self.known, link=link)
-            if presence is not None:
-                self.sender.post("robot", presence)
+            self._tell_presence(inbound)
         elif inbound.suffix == FAULTS:
             self.sender.put(relay.status(inbound.message, self.known, time.monotonic()))
         elif (out := wizard_relay.for_wizard(inbound, authorization.peer)) is not None:
@@ -349,34 +299,13 @@ class WizardConsumer(DirectConsumer):
 
     # --- what time brings -------------------------------------------------------------------------
 
-    async def _tick(self) -> None:
-        """Say which session is at the robot whenever that changes, and ask every minute whether the
-        operator may stay.
-        """
-        asked = time.monotonic()
-        while True:
-            try:
-                async with asyncio.timeout(POLL_INTERVAL_S):
-                    await self.changed.wait()
-            except TimeoutError:
-                pass
-            self.changed.clear()
-            try:
-                async with self.turn:
-                    await self._look()
-                if time.monotonic() - asked >= WELCOME_EVERY:
-                    asked = time.monotonic()
-                    await self._welcome()
-            except (DatabaseError, InterfaceError) as error:
-                log.warning("wizard_not_checked", robot=self.name, reason=str(error))
+    async def _look_in_turn(self) -> None:
+        async with self.turn:
+            await self._look()
 
-    async def _welcome(self) -> None:
+    async def _is_welcome(self) -> bool:
         key = self.scope["session"].session_key
-        welcome = await database_sync_to_async(_is_welcome)(key, self.user, self.name)
-        if not welcome:
-            self.sender.end(pages.NOT_ALLOWED)
-        elif self.authorization is not None:
-            self._signal(self.authorization, Stay())
+        return await database_sync_to_async(_is_welcome)(key, self.user, self.name)
 
     async def _look(self) -> None:
         authorization = self.authorization
@@ -410,18 +339,6 @@ class WizardConsumer(DirectConsumer):
     def _unfollow(self) -> None:
         if self.at is not None:
             self.bridge.unfollow(self.at[0], self)
-
-    def _signal(self, authorization: WizardAuthorization, signal: Bye | Stay) -> None:
-        self.bridge.send(self.name, f"{pages.SIGNAL}/{authorization.peer}", signal)
-
-    async def _send_frame(self, frame: str | bytes) -> None:
-        assert isinstance(frame, str)
-        await self.send(text_data=frame)
-
-    def _launch(self, work: Coroutine[Any, Any, None]) -> None:
-        task = asyncio.get_running_loop().create_task(work)
-        self.tasks.add(task)
-        task.add_done_callback(self.tasks.discard)
 
 
 def _fields(message: Message) -> dict[str, Any]:

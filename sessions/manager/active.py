@@ -84,7 +84,7 @@ class ActiveManager:
         self._prepared: tuple[int, ...] = ()
         self._loop = loop = asyncio.get_running_loop()
         self.recorder = Recorder(
-            functools.partial(loop.call_soon_threadsafe, self._ask_again),
+            self._ask_from_its_thread,
             clock=clock,
             ownership=ownership,
         )
@@ -229,6 +229,9 @@ class ActiveManager:
                 await connection.serve()
             finally:
                 self._connection = None
+
+    def _ask_from_its_thread(self, robot: str, boot: str, first: int, last: int) -> None:
+        self._loop.call_soon_threadsafe(self._ask_again, robot, boot, first, last)
 
     def _ask_again(self, robot: str, boot: str, first: int, last: int) -> None:
         if self._connection is not None:

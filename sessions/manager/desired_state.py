@@ -132,10 +132,10 @@ def _config(
     return Config(
         stamp=0.0,
         assist=fixed.assist or robot.assist,
-        doors={**untouched, **robot.doors, **fixed.doors},  # type: ignore[arg-type]
+        doors={**untouched, **robot.doors, **fixed.doors},
         control_network=fixed.control_network,
         video_network=fixed.video_network,
-        calls=robot.calls,  # type: ignore[arg-type]
+        calls=robot.calls,
         network_session=str(session.pk) if session is not None and impaired else None,
     )
 

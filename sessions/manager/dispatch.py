@@ -44,7 +44,8 @@ def _robot_of(item: Fresh) -> str | None:
         session = Session.objects.filter(pk=uuid.UUID(item.report.session))
     except ValueError:
         return None
-    return session.values_list("robot__name", flat=True).first()
+    name: str | None = session.values_list("robot__name", flat=True).first()
+    return name
 
 
 def _send_item(item: Fresh, offsets: Mapping[str, float | None]) -> None:

@@ -120,7 +120,7 @@ class Intake:
 
     def receive(self, message: aiomqtt.Message) -> None:
         """Take a message of the broker."""
-        topic, payload = str(message.topic), bytes(message.payload or b"")  # type: ignore[arg-type]
+        topic, payload = str(message.topic), bytes(message.payload or b"")
         try:
             self._on_message(topic, payload, retained=message.retain)
         except Rejection as rejection:

@@ -189,13 +189,14 @@ class Membership:
         ownership.confirm(began)
 
     def _take_due(self, members: list[ManagerSlot]) -> list[Holding]:
-        held = self._table.holdings()
+        held: list[Holding] = self._table.holdings()
         due = claims(held, members, self.slot)
         if not due:
             return held
         self._table.take_over(due, {one.owner for one in held if one.number in due}, self.holder)
         logger.info("shards_taken", holder=self.holder, shards=len(due), of=N_SHARDS)
-        return self._table.holdings()
+        now_held: list[Holding] = self._table.holdings()
+        return now_held
 
     def _release(self, numbers: Collection[int]) -> None:
         ownership = self.ownership

@@ -11,6 +11,7 @@ import math
 import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import structlog
 
@@ -192,7 +193,7 @@ def _action(kind: Kind, known: _Known, now: datetime.datetime) -> messages.Actio
     )
 
 
-def _signature(now: datetime.datetime) -> dict[str, object]:
+def _signature(now: datetime.datetime) -> dict[str, Any]:
     return {
         "action_id": f"{ORDERED}{secrets.token_hex(8)}",
         "stamp": now.timestamp(),

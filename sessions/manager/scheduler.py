@@ -368,7 +368,7 @@ class Scheduler:
         here until there is room.
         """
         epoch, counted = self._counted.get(lease.robot.name, (lease.epoch, 0))
-        renewal = max(lease.renewal, counted if epoch == lease.epoch else 0) + 1
+        renewal: int = max(lease.renewal, counted if epoch == lease.epoch else 0) + 1
         try:
             same = Lease.objects.filter(robot=lease.robot, epoch=lease.epoch)
             if not same.filter(self._ownership.condition(lease.robot.name)).update(renewal=renewal):

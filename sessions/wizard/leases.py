@@ -86,7 +86,8 @@ def release(session: str, peer: str, now: datetime.datetime) -> m.Lease | None:
 
 def _lease_of(session: str) -> Lease | None:
     living = Lease.objects.filter(session_id=session, session__state__in=LIVE)
-    return living.select_related("robot", "session__visitor").first()
+    found: Lease | None = living.select_related("robot", "session__visitor").first()
+    return found
 
 
 def _change(lease: Lease, peer: str, user: User | None) -> bool:

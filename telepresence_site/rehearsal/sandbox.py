@@ -35,6 +35,10 @@ from telepresence_site.serving import APPLICATION, DAPHNE
 
 STUDY_FILE = "study.json"
 START_SECONDS = 600.0  # for each part: whoever rehearses may have other work for the computer
+WITH_OPERATOR = (
+    "The study has a hidden operator, whose page drives by WebRTC: bots cannot rehearse it. "
+    "docs/howto/rehearse.md describes how to rehearse it with a person who operates."
+)
 FPS = "6"  # of the cameras: bots take four pictures a second, and drawing them is what costs most
 LEFT_BEHIND = (
     "DATABASE_URL",
@@ -125,10 +129,12 @@ def _make_robots(definition: StudyDefinition) -> None:
 
 def problems(definition: StudyDefinition) -> list[str]:
     """Return why a study cannot be played in a sandbox, in sentences: it needs robots that nobody
-    simulates.
+    simulates, or a person who operates them.
     """
     series = sorted({condition.robot for condition in definition.conditions} - set(MODELS))
-    return [
+    # An operator's page drives by WebRTC alone, and bots have none.
+    operated = [] if definition.wizard is None else [WITH_OPERATOR]
+    return operated + [
         f"There is no simulation of {name}: bots can rehearse only with"
         f" {' and '.join(sorted(MODELS))}."
         for name in series

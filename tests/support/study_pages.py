@@ -6,8 +6,8 @@ from tests.support.html_page import read
 
 
 def form_of(response) -> QueryDict:
-    """Return what a browser would send of the last form of a page, as it is shown, without its
-    buttons.
+    """Return what a browser would send of the builder's form of a page, or else of the last one, as
+    it is shown, without its buttons.
     """
     page = read(response)
     data = QueryDict(mutable=True)
@@ -16,8 +16,11 @@ def form_of(response) -> QueryDict:
         for n, element in enumerate(page.elements)
         if element.tag == "form" and element.attributes.get("method") == "post"
     ]
+    built = [n for n in starts if page.elements[n].attributes.get("id") == "part"]
+    start = (built or starts)[-1]
+    end = next((n for n in starts if n > start), None)
     select = ""
-    for element in page.elements[starts[-1] :]:
+    for element in page.elements[start:end]:
         a = element.attributes
         if element.tag == "select":
             select = a["name"]

@@ -271,10 +271,10 @@ async def test_a_dot_that_cannot_reach_the_robot_is_dropped_without_a_word(bridg
 
 
 async def test_a_replaced_key_sends_the_display_away(bridge, robot, key, monkeypatch):
-    from sessions.consumers import robot_screen
+    from sessions.consumers import robot_page
 
-    monkeypatch.setattr(robot_screen, "WELCOME_EVERY", 0.0)
-    monkeypatch.setattr(robot_screen, "POLL_INTERVAL_S", 0.05)
+    monkeypatch.setattr(robot_page, "WELCOME_EVERY", 0.0)
+    monkeypatch.setattr(robot_page, "POLL_INTERVAL_S", 0.05)
     async with Display(key) as display:
         await display.expect("screen")
         await sync_to_async(revoke_screen_key)(robot)
@@ -284,10 +284,10 @@ async def test_a_replaced_key_sends_the_display_away(bridge, robot, key, monkeyp
 async def test_the_server_speaks_for_a_display_while_its_socket_lives_and_no_longer(
     bridge, robot, key, monkeypatch
 ):
-    from sessions.consumers import robot_screen
+    from sessions.consumers import robot_page
 
-    monkeypatch.setattr(robot_screen, "WELCOME_EVERY", 0.0)
-    monkeypatch.setattr(robot_screen, "POLL_INTERVAL_S", 0.05)
+    monkeypatch.setattr(robot_page, "WELCOME_EVERY", 0.0)
+    monkeypatch.setattr(robot_page, "POLL_INTERVAL_S", 0.05)
     async with Display(key) as display:
         peer = (await display.expect("hello")).peer
         await until(lambda: bridge.commands(f"signal/{peer}").count(m.Stay()) >= 3)

@@ -18,6 +18,7 @@ from surveys.models import Questionnaire
 from telepresence_site.children import StartFailed
 from telepresence_site.rehearsal import sandbox
 from tests.support.site import wait_for
+from tests.support.wizard_study import wizard_study
 
 
 @pytest.mark.django_db(transaction=True)
@@ -79,6 +80,11 @@ def test_a_study_with_a_robot_that_nobody_simulates_is_refused_before_anything_i
             call_command(*command)
     assert not list((tmp_path / "sandboxes").rglob("*.json"))
     assert sentence in str(Rehearsal.objects.get().report)
+
+
+def test_a_study_with_a_hidden_operator_is_refused_with_what_it_needs():
+    told = sandbox.problems(wizard_study())
+    assert [text for text in told if "hidden operator" in text] == [sandbox.WITH_OPERATOR]
 
 
 def test_what_this_computers_own_agent_is_told_does_not_reach_the_simulated_ones(tmp_path):

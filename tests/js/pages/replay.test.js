@@ -188,7 +188,7 @@ test("each strip has an axis with its unit, and the lines stand between the axes
     { fillText: (text, x) => texts.push([text, x]), measureText: (text) => ({ width: 6 * text.length }) },
     { get: (target, name) => target[name] ?? (() => {}), set: () => true },
   );
-  const canvas = { clientWidth: 600, getContext: () => context };
+  const canvas = { clientWidth: 600, style: {}, getContext: () => context };
   globalThis.devicePixelRatio = 1;
   globalThis.getComputedStyle = () => ({ fontFamily: "sans", getPropertyValue: () => "black" });
   const record = {
@@ -207,4 +207,11 @@ test("each strip has an axis with its unit, and the lines stand between the axes
     assert.ok(of(text) < 0, text);
   }
   assert.ok(of("40 1/s") > width);
+  const whole = parseInt(canvas.style.blockSize, 10);
+  texts.length = 0;
+  const blinded = { ...record, network: { t: [], fps: [], roundTrip: [], loss: [] } };
+  drawStrips(canvas, blinded, { speed: "speed", trip: "round trip", fps: "frames/s", loss: "packet loss", method: (name) => name }, new Set());
+  assert.ok(of("0.5 m/s") < 0);
+  assert.equal(of("packet loss"), undefined, "who is blind to the network has no strip of it");
+  assert.ok(parseInt(canvas.style.blockSize, 10) < whole);
 });

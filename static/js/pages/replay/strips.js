@@ -15,8 +15,6 @@ const TEXT = 11; // CSS pixels
 const METHODS = 6; // --strip-method-0 … -5
 const SOURCES = ["task", "server", "robot", "page", "lab"];
 
-const HEIGHT = Object.values(ROWS).reduce((sum, each) => sum + each);
-
 /** @typedef {{context: CanvasRenderingContext2D, width: number, top: number, height: number, colour: (name: string) => string, duration: number}} Row */
 
 /**
@@ -29,18 +27,24 @@ export const drawStrips = (canvas, record, words, sources) => {
   if (!context || !width) {
     return;
   }
+  // A coder who is blind to it has no network.
+  const rows = record.network.t.length ? ROWS : { ...ROWS, network: 0, loss: 0 };
+  const whole = Object.values(rows).reduce((sum, each) => sum + each);
+  canvas.style.blockSize = `${whole}px`;
   canvas.width = Math.round(canvas.clientWidth * devicePixelRatio);
-  canvas.height = Math.round(HEIGHT * devicePixelRatio);
+  canvas.height = Math.round(whole * devicePixelRatio);
   context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, AXIS * devicePixelRatio, 0);
   const style = getComputedStyle(canvas);
   const colour = remembered((name) => style.getPropertyValue(`--${name}`).trim());
   context.font = `600 ${TEXT}px ${style.fontFamily}`;
   const row = (/** @type {number} */ top, /** @type {number} */ height) => ({ context, width, top, height, colour, duration: record.duration });
-  drawEvents(row(0, ROWS.events), record.events.filter(([, source]) => sources.has(source)));
-  drawSpeed(row(ROWS.events, ROWS.speed), record, words);
-  drawNetwork(row(ROWS.events + ROWS.speed, ROWS.network), record, words);
-  drawLoss(row(ROWS.events + ROWS.speed + ROWS.network, ROWS.loss), record, words);
-  drawTime(row(HEIGHT - ROWS.time, ROWS.time));
+  drawEvents(row(0, rows.events), record.events.filter(([, source]) => sources.has(source)));
+  drawSpeed(row(rows.events, rows.speed), record, words);
+  if (rows.network) {
+    drawNetwork(row(rows.events + rows.speed, rows.network), record, words);
+    drawLoss(row(rows.events + rows.speed + rows.network, rows.loss), record, words);
+  }
+  drawTime(row(whole - rows.time, rows.time));
 };
 
 /** Ask once for each name: a browser computes a style each time that it is asked. @param {(name: string) => string} ask @returns {(name: string) => string} */

@@ -1,10 +1,12 @@
 """The study builder: a study made page by page, without JSON and without JavaScript."""
 
+import msgspec
 import pytest
 from django.urls import reverse
 
 from experiments import publishing
 from experiments.builder.pages import BuilderPlace, place_of
+from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped
 from experiments.models import ParticipantKind, Study
 from tests.integration.experiments.test_publishing import NOW
@@ -14,9 +16,13 @@ from tests.support.people import person
 from tests.support.studies import STUDY, small_study
 from tests.support.study_pages import form_of
 from tests.support.study_site import cabin_with_giraff
+from tests.support.wizard_study import WIZARD, wizard_document
 
 pytestmark = pytest.mark.django_db
-SECTIONS = ("about", "steps", "factors", "conditions", "courses", "analyses", "plan", "rules")
+SECTIONS = (
+    *("about", "steps", "factors", "conditions", "courses", "analyses", "plan", "rules"),
+    *("wizard", "coding"),
+)
 
 
 @pytest.fixture
@@ -153,6 +159,72 @@ def test_a_plan_is_declared_without_json(client, study):
     plan = stored().plan
     assert (plan.hypotheses[0].analysis, plan.participants) == ("doors", 40)
     assert publishing.problems_of(Study.objects.get()) == []
+
+
+def add_to(client, row: Study, name: str) -> None:
+    client.post(section(row, name), {"do": "add:", "sha256": Study.objects.get().sha256})
+
+
+def test_a_script_is_written_without_json(client, study):
+    send(client, section(study, "wizard"), wizard__on="on", wizard__conditions=["shut"])
+    assert stored().wizard.conditions == ("shut",)
+    add_to(client, study, "stages")
+    page = section(study, "stages", 0)
+    for kind in ("", "place", "dock", "undock", "tilt", "turn", "drive"):
+        send(client, page, f"add:steps:{kind}")
+    assert send(client, page, "add:steps:fly").status_code == 302
+    names = {f"steps__{n}__title__en": f"Step {n}" for n in range(7)}
+    said = {"steps__0__line__en": "Hello, I am here.", "steps__0__shortcut": "1"}
+    send(client, page, title__en="Welcome", steps__4__move__angle="0,3", **names, **said)
+    (stage,) = stored().wizard.stages
+    assert len({step.key for step in stage.steps}) == 7
+    assert (stage.steps[0].line, stage.steps[0].move) == ({"en": "Hello, I am here."}, None)
+    moves = [step.move.__struct_config__.tag for step in stage.steps[1:]]
+    assert moves == ["place", "dock", "undock", "tilt", "turn", "drive"]
+    assert stage.steps[4].move.angle == 0.3
+    send(client, page, "remove:steps:1")  # the cabin has no place to go to
+    assert publishing.problems_of(Study.objects.get())[0].startswith("The debriefing must tell")
+    # the settings of the script have a page of their own, and saving it leaves the stages alone
+    assert send(client, section(study, "wizard"), wizard__blind="on").status_code == 302
+    assert (stored().wizard.blind, len(stored().wizard.stages[0].steps)) == (True, 6)
+    assert read(client.get(section(study, "wizard"))).text.count("6 steps") == 1
+    client.post(section(study, "stages"), {"do": "copy:0", "sha256": Study.objects.get().sha256})
+    assert not [text for text in publishing.problems_of(Study.objects.get()) if "stands" in text]
+    form = form_of(client.get(section(study, "wizard")))
+    del form["wizard.on"]
+    client.post(section(study, "wizard"), dict(form.lists()) | {"do": "save"})
+    assert stored().wizard is None
+
+
+def test_a_coding_scheme_is_written_without_json(client, study):
+    send(client, section(study, "coding"), coding__on="on", coding__bin="0,5")
+    assert publishing.problems_of(Study.objects.get()) == ["The coding scheme has no codes."]
+    add_to(client, study, "codes")
+    page = section(study, "codes", 0)
+    send(client, page, "add:modifiers", code="help", name="Asks for help", key="h")
+    values = {"modifiers__0__name": "whom", "modifiers__0__values": "the robot, a visitor"}
+    send(client, page, description="Asks anybody.", **values)
+    (code,) = stored().coding.codes
+    assert (code.code, code.name, code.kind, code.key) == ("help", "Asks for help", "point", "h")
+    assert code.modifiers[0].values == ("the robot", "a visitor")
+    assert stored().coding.bin == 0.5
+    assert publishing.problems_of(Study.objects.get()) == []
+    client.post(section(study, "codes"), {"do": "copy:0", "sha256": Study.objects.get().sha256})
+    assert [one.code for one in stored().coding.codes] == ["help", "help_2"]
+    assert publishing.problems_of(Study.objects.get()) == [
+        "The name “asks for help” is used 2 times."
+    ]
+    shown = read(client.get(section(study, "coding"))).text
+    assert "Asks for help" in shown
+    assert "is used 2 times" in shown
+
+
+def test_a_text_of_a_script_that_is_missing_leads_to_its_stage(client, study):
+    whole = {**wizard_document(), "languages": ["en", "es"]}
+    document = msgspec.convert(whole, StudyDefinition)
+    row = publishing.save_draft(study, document)
+    shown = read(client.get(section(row, "stages", 0))).text
+    assert "Greet · Line (Spanish) is missing." in shown
 
 
 @pytest.mark.parametrize("slug", ["exploration", "assistance"])
@@ -441,12 +513,23 @@ def test_nobody_else_may_ask_for_a_check(client, study):
             BuilderPlace("steps"),
         ),
         ("The refill rule needs both outcomes and a number.", BuilderPlace("rules")),
+        ("Wizard: there is no condition ajar.", BuilderPlace("wizard")),
+        ("The step of the wizard hello stands 2 times.", BuilderPlace("wizard")),
+        ("Wizard step home: it needs either a line or a move.", BuilderPlace("stages", 1)),
+        ("tour.title has no text in es.", BuilderPlace("stages", 1)),
+        ("The coding scheme has no codes.", BuilderPlace("coding")),
+        ("The key “h” is used 2 times.", BuilderPlace("coding")),
+        ("Code help: the group's name is too long.", BuilderPlace("codes", 0)),
         ("Something that nobody foresaw.", None),
     ],
 )
 def test_each_problem_leads_to_the_page_where_it_is_mended(problem, place):
     levels = [{"key": key, "title": {"en": key}} for key in ("ajar", "closed")]
-    study = small_study(factors=[{"key": "doors", "title": {"en": "Doors"}, "levels": levels}])
+    study = small_study(
+        factors=[{"key": "doors", "title": {"en": "Doors"}, "levels": levels}],
+        wizard=WIZARD,
+        coding={"codes": [{"code": "help", "name": "Asks for help", "kind": "point"}]},
+    )
     assert place_of(problem, study) == place
 
 

@@ -35,7 +35,9 @@ from tests.support.studies import STUDY
 from tests.support.study_site import ALL, cabin_with_giraff
 from tests.support.wizard_study import OPERATOR_TEXT, wizard_study
 
-pytestmark = pytest.mark.django_db(transaction=True)
+pytestmark = pytest.mark.django_db
+# A socket asks the database in a thread of its own; emptying all tables afterwards takes long.
+sockets = pytest.mark.django_db(transaction=True)
 
 
 class Console(Page):
@@ -131,6 +133,7 @@ async def recorded(kind, count=1):
     return found
 
 
+@sockets
 async def test_the_operator_drives_and_speaks_and_the_participant_does_not_drive(
     bridge, operator, participant
 ):
@@ -165,6 +168,7 @@ async def test_the_operator_drives_and_speaks_and_the_participant_does_not_drive
         assert scene.participant == participant.code
 
 
+@sockets
 async def test_who_operates_is_recorded_with_every_step_deviation_and_latency(
     bridge, operator, participant
 ):
@@ -203,6 +207,7 @@ def _leaves_as_a_pseudonym(operator):
     assert {row.data.get("step") for row in rows} >= {"hello", "leave", "look"}
 
 
+@sockets
 async def test_a_console_that_is_gone_stops_the_robot_and_this_is_told(
     bridge, operator, participant, study
 ):
@@ -226,6 +231,7 @@ async def test_a_console_that_is_gone_stops_the_robot_and_this_is_told(
         assert "wizard" not in repr(page.seen)
 
 
+@sockets
 async def test_of_two_operators_one_drives(bridge, operator, participant, study):
     other = await sync_to_async(person)("researcher")
     member = StudyMember(slug=study.slug, user=other, role=StudyMember.Role.RESEARCHER)
@@ -250,6 +256,7 @@ async def test_of_two_operators_one_drives(bridge, operator, participant, study)
         assert {one.epoch for one in told_to_robot(bridge, m.VelocityCommand)} == {wheel.epoch}
 
 
+@sockets
 async def test_nothing_tells_a_blind_operator_the_condition(bridge, operator, participant, client):
     state = words.state(boot="b1", assist="steer", mode="assisted")
     async with Page("giraff", participant.user) as page, Console("giraff", operator) as console:
@@ -279,6 +286,7 @@ def test_nobody_but_an_operator_opens_the_page(client, study, role):
     assert client.get(f"/studies/{study.slug}/wizard/").status_code == 404
 
 
+@sockets
 async def test_nobody_but_an_operator_opens_the_socket(bridge, study, participant):
     console = Console("giraff", participant.user)
     await console.open()

@@ -6,10 +6,13 @@ from django.http import QueryDict
 
 from experiments.builder import part_form, parts
 from experiments.builder.part_form import Group, PartForm, read
+from experiments.definition.coding import Code
 from experiments.definition.schema import Condition, Course, StudyCheckpoint, StudyDefinition
 from experiments.definition.shipped import shipped
 from experiments.definition.steps.instructions import Instructions
 from experiments.definition.steps.task import TaskStep
+from experiments.definition.wizard import Wizard, WizardStage
+from tests.support.wizard_study import WIZARD
 
 BOTH = ("en", "es")
 
@@ -250,3 +253,48 @@ def test_a_level_whose_factor_is_gone_is_shown_until_somebody_empties_it():
     form = PartForm(Condition, document, languages=BOTH)
     assert choices(form, "levels.old") == ["", "a"]
     assert read(Condition, sent(form, levels__old=""))["levels"] == {}
+
+
+def test_a_step_of_a_script_has_a_line_or_the_fields_of_its_move():
+    for stage in WIZARD["stages"]:
+        form = PartForm(WizardStage, stage, languages=["en"])
+        data = sent(form)
+        data.update(kinds_of(form))
+        told = read(WizardStage, data)
+        assert msgspec.convert(told, WizardStage) == msgspec.convert(stage, WizardStage)
+    form = PartForm(WizardStage, WIZARD["stages"][0], languages=["en"])
+    assert {"steps.0.line.en", "steps.0.aloud", "steps.1.move.angle"} <= set(form.fields)
+    assert not {"steps.1.line.en", "steps.1.aloud"} & set(form.fields)
+
+
+def kinds_of(form: PartForm) -> QueryDict:
+    """What the hidden fields of a form send of moves."""
+    data = QueryDict(mutable=True)
+    for group in groups(form):
+        if group.kind:
+            data[f"{group.name}.kind"] = group.kind
+    return data
+
+
+def test_a_move_of_a_kind_that_is_none_is_no_move():
+    data = QueryDict("key=a&steps.0=&steps.0.key=b&steps.0.move.kind=fly")
+    assert "move" not in read(WizardStage, data)["steps"][0]
+
+
+def test_what_has_pages_of_its_own_is_not_asked_for():
+    assert "stages" not in [member.key for member in parts.members(Wizard)]
+
+
+def test_values_of_a_modifier_may_have_spaces_and_have_commas_between():
+    code = {"code": "help", "name": "Help", "kind": "point"}
+    whom = {"name": "whom", "values": ["the robot", "a visitor"]}
+    form = PartForm(Code, code | {"modifiers": [whom]})
+    assert form["modifiers.0.values"].value() == "the robot, a visitor"
+    assert read(Code, sent(form))["modifiers"] == [whom]
+
+
+def test_a_word_of_one_class_comes_before_that_of_all():
+    member = {one.key: one for one in parts.members(Code)}["key"]
+    label = str(part_form.field_of(member).label)
+    assert label == "Key on the replay"
+    assert str(part_form.field_of(parts.members(WizardStage)[0]).label) == "Short name"

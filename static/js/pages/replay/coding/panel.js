@@ -174,7 +174,11 @@ export class CodingPanel {
   #select(event) {
     this.selected = event;
     this.#renderList(this.events);
-    this.element("coding-events").querySelector("[aria-expanded=true]")?.scrollIntoView({ block: "nearest" });
+    const list = this.element("coding-events");
+    const row = list.querySelector("[aria-expanded=true]")?.parentElement;
+    if (row) {
+      scrollInside(list, row);
+    }
   }
 
   #listen() {
@@ -260,6 +264,12 @@ export class CodingPanel {
     box.hidden = !text;
   }
 }
+
+/** Bring a row into sight without moving the page, on which somebody watches the map. @param {Element} list @param {Element} row */
+const scrollInside = (list, row) => {
+  const [box, own] = [list.getBoundingClientRect(), row.getBoundingClientRect()];
+  list.scrollTop += own.top < box.top ? own.top - box.top : Math.max(0, Math.min(own.bottom - box.bottom, own.top - box.top));
+};
 
 /** Storage may be forbidden. @returns {Storage | null} */
 const storageOf = () => {

@@ -1,0 +1,174 @@
+"""The WebSocket of any page at one robot: what the drive page, a hidden operator's page and the
+robot's own display have in common. Each has an authorization of its own, which decides about every
+frame; here is done what it decided.
+"""
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable, Coroutine
+from typing import Any
+
+import msgspec
+import structlog
+from django.db import DatabaseError, InterfaceError
+
+from robots.api.messages import Action, Bye, Lease, Message, Stay
+from robots.bridge import bridge
+from robots.bridge.delivery import ReceivedMessage
+from sessions import protocol
+from sessions.consumers import relay
+from sessions.consumers.authorization import Close, DenyFrame, Effect, Halt, Publish, Verb
+from sessions.consumers.backpressure import IS_FULL, never_full
+from sessions.consumers.base import DirectConsumer
+from sessions.consumers.sender import Sender
+
+log = structlog.stdlib.get_logger(__name__)
+
+POLL_INTERVAL_S = 2.0  # s between two looks at what is at the robot
+WELCOME_EVERY = 60.0  # s between two looks at whether a page may stay
+
+
+class RobotPageConsumer(DirectConsumer):
+    """One page at one robot. Until the page is let in it has no authorization, and whatever it says
+    is ignored.
+    """
+
+    authorization: Any = None  # with the methods `receive` and `deny` of Authorization
+    name: str
+
+    # --- coming and going -------------------------------------------------------------------------
+
+    def _join(self, *, needs: bool = True) -> None:
+        """Hear the robot from now on; `needs` is whether it is to speak more while the page is
+        there.
+        """
+        self.tasks: set[asyncio.Task[Any]] = set()
+        self.presence: protocol.RobotPresence | None = None
+        self.bridge = bridge.current()
+        self.known = self.bridge.listen(self.name, self, needs=needs)
+        self.sender = Sender(self._send_frame, self.close, self.scope.get(IS_FULL, never_full))
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        """Live from the first to the last frame, and leave nothing behind however it ends:
+        `disconnect` is not called after a failure.
+        """
+        try:
+            await super().__call__(scope, receive, send)
+        finally:
+            if self.authorization is not None:
+                await self._gone()
+
+    async def _gone(self) -> None:
+        """Leave nothing behind."""
+        for task in self.tasks:
+            task.cancel()
+        self._stop_listening()
+
+    def _stop_listening(self) -> None:
+        self.sender.abandon()
+        self.bridge.ignore(self.name, self)
+
+    # --- what the page says -----------------------------------------------------------------------
+
+    async def receive(self, text_data: str | None = None, bytes_data: bytes | None = None) -> None:
+        """Decide about a frame and do what was decided."""
+        if self.authorization is not None and not self.sender.closed:
+            frame = text_data if text_data is not None else bytes_data or b""
+            effects = self.authorization.receive(frame, self._lease(), time.monotonic())
+            self._perform(effects)
+            if any(isinstance(effect, Verb) for effect in effects):
+                # what is asked for begins before the next frame, which may be the last
+                await asyncio.sleep(0)
+
+    def _lease(self) -> Lease | None:
+        """Return the lease by which frames are decided about."""
+        return self.known.lease
+
+    def _perform(self, effects: tuple[Effect, ...]) -> None:
+        for effect in effects:
+            match effect:
+                case Publish():
+                    self._publish(effect)
+                case Halt(message):
+                    self.bridge.send_stop(self.name, message)
+                case Verb(message):
+                    self._ask(message)
+                case DenyFrame(suffix, reason):
+                    self.sender.post("denied", protocol.Denied(suffix=suffix, reason=reason))
+                case Close(code):
+                    self.sender.end(code)
+                case _:
+                    self._do(effect)
+
+    def _ask(self, verb: Message) -> None:
+        """Do what the page asks of the server."""
+
+    def _do(self, effect: Effect) -> None:
+        """Do what is decided for this kind of page alone."""
+
+    def _publish(self, publish: Publish) -> None:
+        message = publish.message
+        if isinstance(message, Action) and message.role != "driver":
+            # The robot knows the driver's clock from heartbeats, and of everybody else only the
+            # server's.
+            message = msgspec.structs.replace(message, stamp=time.time())
+        if not self._send_to_robot(publish.suffix, message) and publish.wanted:
+            is_signal = publish.suffix.startswith(protocol.SIGNAL)
+            suffix = protocol.SIGNAL if is_signal else publish.suffix
+            self._perform(self.authorization.deny(suffix, "robot_unreachable", time.monotonic()))
+
+    def _send_to_robot(self, suffix: str, message: Message) -> bool:
+        return self.known.online is not False and self.bridge.send(self.name, suffix, message)
+
+    def _signal(self, signal: Bye | Stay) -> None:
+        self.bridge.send(self.name, f"{protocol.SIGNAL}/{self.authorization.peer}", signal)
+
+    # --- what the page is told --------------------------------------------------------------------
+
+    def _tell_presence(self, inbound: ReceivedMessage) -> None:
+        """Tell whether the robot is there, whenever that changes."""
+        presence = relay.presence(self.known, link=inbound.message is not False)
+        if presence is not None and presence != self.presence:
+            self.presence = presence
+            self.sender.post("robot", presence)
+
+    async def _send_frame(self, frame: str | bytes) -> None:
+        if isinstance(frame, bytes):
+            await self.send(bytes_data=frame)
+        else:
+            await self.send(text_data=frame)
+
+    # --- what time brings -------------------------------------------------------------------------
+
+    async def _keep_looking(
+        self,
+        changed: asyncio.Event,
+        look: Callable[[], Awaitable[None]],
+        welcome: Callable[[], Awaitable[bool]],
+    ) -> None:
+        """Look at once when something changed and now and then; ask every minute whether the page
+        may stay, and tell the robot so.
+        """
+        asked = time.monotonic()
+        while True:
+            try:
+                async with asyncio.timeout(POLL_INTERVAL_S):
+                    await changed.wait()
+            except TimeoutError:
+                pass
+            changed.clear()
+            try:
+                await look()
+                if time.monotonic() - asked >= WELCOME_EVERY:
+                    asked = time.monotonic()
+                    if await welcome():
+                        self._signal(Stay())
+                    else:
+                        self.sender.end(protocol.NOT_ALLOWED)
+            except (DatabaseError, InterfaceError) as error:
+                log.warning("page_not_checked", robot=self.name, reason=str(error))
+
+    def _launch(self, work: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.get_running_loop().create_task(work)
+        self.tasks.add(task)
+        task.add_done_callback(self.tasks.discard)
