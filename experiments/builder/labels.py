@@ -9,6 +9,7 @@ from django.utils.functional import Promise
 from django.utils.text import capfirst
 from django.utils.translation import get_language_info, pgettext_lazy
 from django.utils.translation import gettext_lazy as _
+from django.utils.translation import pgettext_lazy
 
 Words = str | Promise
 
@@ -31,7 +32,7 @@ LABELS: dict[str, Words] = {
     "minutes": _("Time limit (minutes)"),
     "last_minutes": _("Show time left in the last (minutes)"),
     "docked_seconds": _("Charger contact that counts as docked (s)"),
-    "site": _("Site"),
+    "site": pgettext_lazy("a building", "Site"),
     "access": _("Eligible participants"),
     "control_way": _("Command channel"),
     "controllers": _("Input devices"),
