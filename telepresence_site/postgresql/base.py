@@ -8,6 +8,7 @@ primary. A slow statement is not cut off: only silence of the whole server is.
 
 import functools
 import time
+import weakref
 from collections.abc import Callable, Generator
 from typing import Any
 
@@ -18,29 +19,54 @@ from telepresence_site.postgresql import CONNECT_SECONDS
 
 QUIET_SECONDS = 2.0  # without an answer, after which the server is asked whether it lives
 Waiting = Generator[Any, Any, Any]
-# (host, port) that answered last: each new connection tries it first, since a machine that is gone
-# costs every attempt its whole time
-_newest: tuple[str, str] | None = None
+Server = tuple[str, str]  # host, port
+
+
+class Order:
+    """In which order this process tries servers: the one that answered last comes first, and one
+    that said nothing last, since a machine that is gone costs each attempt its whole time.
+    """
+
+    def __init__(self) -> None:
+        self._newest: Server | None = None
+        self._silent: Server | None = None
+
+    def answered(self, server: Server) -> None:
+        """Note who is the primary."""
+        self._newest = server
+        if self._silent == server:
+            self._silent = None
+
+    def was_silent(self, server: Server) -> None:
+        """Note who does not answer any more."""
+        self._silent = server
+
+    def sort(self, servers: list[Server]) -> list[Server]:
+        """Return servers as they are to be tried, otherwise in the order of the setting."""
+        return sorted(servers, key=lambda one: (one == self._silent, one != self._newest))
+
+
+_order = Order()  # of the process: each thread has connections of its own
 
 
 class DatabaseWrapper(base.DatabaseWrapper):
     """Django's own, for several hosts."""
 
     def get_connection_params(self) -> dict[str, Any]:
-        """Return psycopg's parameters, with the host first that answered last."""
+        """Return psycopg's parameters, with the hosts in the order in which they are to be tried."""
         params: dict[str, Any] = super().get_connection_params()
-        servers = list(zip(params["host"].split(","), params["port"].split(","), strict=True))
-        servers.sort(key=lambda server: server != _newest)
-        params["host"], params["port"] = map(",".join, zip(*servers, strict=True))
-        return params
+        servers = zip(params["host"].split(","), params["port"].split(","), strict=True)
+        hosts, ports = zip(*_order.sort(list(servers)), strict=True)
+        return params | {"host": ",".join(hosts), "port": ",".join(ports)}
 
     def get_new_connection(self, conn_params: dict[str, Any]) -> Any:
         """Connect to the primary."""
-        global _newest  # noqa: PLW0603 -- of the process: each thread has connections of its own
         connection: Any = super().get_new_connection(conn_params)
-        _newest = (connection.info.host, str(connection.info.port))
-        here = conn_params | dict(zip(("host", "port"), _newest, strict=True))
-        connection.wait = functools.partial(_wait, connection, here)
+        server = connection.info.host, str(connection.info.port)
+        _order.answered(server)
+        here = conn_params | {"host": server[0], "port": server[1]}
+        # a proxy, since a connection that nobody has any more closes itself at once
+        connection.wait = functools.partial(_wait, weakref.proxy(connection), here)
         return connection
 
     def is_usable(self) -> bool:
@@ -90,5 +116,6 @@ def _check(connection: psycopg.Connection, here: dict[str, Any]) -> None:
     try:
         psycopg.connect(**here | {"connect_timeout": CONNECT_SECONDS}).close()
     except psycopg.Error as error:
+        _order.was_silent((here["host"], here["port"]))
         connection.close()
         raise psycopg.OperationalError(f"the database server is away: {error}") from error

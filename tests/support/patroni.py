@@ -63,6 +63,11 @@ class Node(Postgres):
         process.terminate()
         process.wait(patient(20))
 
+    def restart(self) -> None:
+        """Start it as it was left by `kill`."""
+        self.patroni.pop().wait(patient(10))
+        self.start()
+
     @property
     def is_running(self) -> bool:
         return bool(self.patroni) and self.patroni[-1].poll() is None

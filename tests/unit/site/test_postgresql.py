@@ -3,7 +3,7 @@
 import pytest
 
 from telepresence_site import postgresql
-from telepresence_site.postgresql.base import QUIET_SECONDS, watch
+from telepresence_site.postgresql.base import QUIET_SECONDS, Order, watch
 
 
 def test_several_hosts_are_tried_in_their_order_for_the_one_that_may_write():
@@ -90,3 +90,16 @@ def test_a_server_that_does_not_live_is_given_up():
     with pytest.raises(ConnectionError):
         silent.run(gone)
     assert silent.now == pytest.approx(QUIET_SECONDS, abs=0.2)
+
+
+def test_the_primary_is_tried_first_and_who_said_nothing_last():
+    order, one, two, three = Order(), ("db-1", "1"), ("db-2", "1"), ("db-3", "1")
+    assert order.sort([one, two, three]) == [one, two, three]
+    order.answered(two)
+    assert order.sort([one, two, three]) == [two, one, three]
+    order.was_silent(two)
+    assert order.sort([one, two, three]) == [one, three, two]
+    order.answered(three)
+    assert order.sort([one, two, three]) == [three, one, two]
+    order.answered(two)
+    assert order.sort([one, two, three]) == [two, one, three]
