@@ -2,8 +2,8 @@
 
 A server that dies closes its connections, and a standby refuses those that want to write. A server
 that is frozen, or whose machine is gone, says nothing at all, and a client would wait for its
-answer for ever. So whoever waits for long asks whether the server still takes a connection as a
-primary. A slow statement is not cut off: only silence of the whole server is.
+answer for ever. So a thread that waits for long asks whether the server still takes a connection as
+a primary. A slow statement is not cut off: only silence of the whole server is.
 """
 
 import functools
@@ -22,7 +22,7 @@ Waiting = Generator[Any, Any, Any]
 Server = tuple[str, str]  # host, port
 
 
-class Order:
+class ServerOrder:
     """In which order this process tries servers: the one that answered last comes first, and one
     that said nothing last, since a machine that is gone costs each attempt its whole time.
     """
@@ -46,14 +46,14 @@ class Order:
         return sorted(servers, key=lambda one: (one == self._silent, one != self._newest))
 
 
-_order = Order()  # of the process: each thread has connections of its own
+_order = ServerOrder()  # of the process: each thread has connections of its own
 
 
 class DatabaseWrapper(base.DatabaseWrapper):
     """Django's own, for several hosts."""
 
     def get_connection_params(self) -> dict[str, Any]:
-        """Return psycopg's parameters, with the hosts in the order in which they are to be tried."""
+        """Return psycopg's parameters, with the hosts in the order of their trial."""
         params: dict[str, Any] = super().get_connection_params()
         servers = zip(params["host"].split(","), params["port"].split(","), strict=True)
         hosts, ports = zip(*_order.sort(list(servers)), strict=True)

@@ -29,7 +29,7 @@ PASSWORD = "tests-only"
 
 
 @dataclass(frozen=True)
-class Node(Postgres):
+class PatroniNode(Postgres):
     """Patroni and the server that it runs; `kill` and `hold` mean the whole machine."""
 
     name: str = ""
@@ -165,11 +165,11 @@ def _etcd() -> Iterator[int]:
 
 
 @contextlib.contextmanager
-def running_patroni() -> Iterator[tuple[Node, Node]]:
+def running_patroni() -> Iterator[tuple[PatroniNode, PatroniNode]]:
     """Start a primary with all tables and nothing in them, and a synchronous standby."""
     with _etcd() as etcd, _folder() as one, _folder() as other:
         nodes = tuple(
-            Node(folder, free_port(), name=name, etcd_port=etcd)
+            PatroniNode(folder, free_port(), name=name, etcd_port=etcd)
             for name, folder in (("one", one), ("other", other))
         )
         primary, standby = nodes

@@ -3,7 +3,7 @@
 import pytest
 
 from telepresence_site import postgresql
-from telepresence_site.postgresql.base import QUIET_SECONDS, Order, watch
+from telepresence_site.postgresql.base import QUIET_SECONDS, ServerOrder, watch
 
 
 def test_several_hosts_are_tried_in_their_order_for_the_one_that_may_write():
@@ -93,7 +93,7 @@ def test_a_server_that_does_not_live_is_given_up():
 
 
 def test_the_primary_is_tried_first_and_who_said_nothing_last():
-    order, one, two, three = Order(), ("db-1", "1"), ("db-2", "1"), ("db-3", "1")
+    order, one, two, three = ServerOrder(), ("db-1", "1"), ("db-2", "1"), ("db-3", "1")
     assert order.sort([one, two, three]) == [one, two, three]
     order.answered(two)
     assert order.sort([one, two, three]) == [two, one, three]
