@@ -81,6 +81,10 @@ class PatroniNode(Postgres):
                 return next((one for one in members if one["name"] == self.name), {})
         return {}
 
+    def log(self) -> str:
+        """Return the end of what Patroni says."""
+        return (self.directory / "patroni.log").read_text(errors="replace")[-3000:]
+
     def has_role(self, role: str) -> bool:
         status = self.status()
         return status.get("role") == role and status.get("state") in {"running", "streaming"}
@@ -176,9 +180,9 @@ def running_patroni() -> Iterator[tuple[PatroniNode, PatroniNode]]:
         try:
             primary.adopt()
             primary.start()
-            wait_for(lambda: primary.has_role("leader"), 60, "a primary", primary.status)
+            wait_for(lambda: primary.has_role("leader"), 60, "a primary", primary.log)
             standby.start()
-            wait_for(lambda: standby.has_role("sync_standby"), 90, "a standby", standby.status)
+            wait_for(lambda: standby.has_role("sync_standby"), 90, "a standby", standby.log)
             yield primary, standby
         finally:
             for node in reversed(nodes):

@@ -4,6 +4,7 @@ standby is promoted, and the drive goes on with every state that it ever had.
 
 import asyncio
 import contextlib
+import functools
 import time
 
 import pytest
@@ -52,8 +53,8 @@ def site_on(folder, broker, servers):
         site.stop_all()
 
 
-async def reached(condition, within, what):
-    return await asyncio.to_thread(wait_for, condition, within, what)
+async def reached(condition, within, what, state=str):
+    return await asyncio.to_thread(wait_for, condition, within, what, state)
 
 
 @contextlib.asynccontextmanager
@@ -110,7 +111,8 @@ async def test_patroni_has_the_standby_take_over_and_the_old_primary_follow_it(t
                     pass
                 await goes_on(site, client, robot)
                 await asyncio.to_thread(old.go_on if fails == "hold" else old.restart)
-                await reached(lambda old=old: old.has_role("sync_standby"), 60, "a standby")
+                follows = functools.partial(old.has_role, "sync_standby")
+                await reached(follows, 60, "a standby", old.log)
 
 
 @contextlib.asynccontextmanager
