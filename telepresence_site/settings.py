@@ -11,7 +11,7 @@ import dj_database_url
 from csp.constants import NONCE, NONE, SELF
 
 from telepresence_site import environment as env
-from telepresence_site import mongodb
+from telepresence_site import mongodb, postgresql
 
 BASE_DIR = Path(__file__).resolve().parent.parent
 VAR_DIR = env.private_folder(Path(env.text("VAR_DIR", str(BASE_DIR / "var"))).resolve())
@@ -85,6 +85,8 @@ if mongodb.is_address(env.text("DATABASE_URL")):
     INSTALLED_APPS = mongodb.apps(INSTALLED_APPS)
     MIGRATION_MODULES = mongodb.MIGRATION_MODULES
     DEFAULT_AUTO_FIELD = mongodb.KEY
+elif postgresql.is_address(env.text("DATABASE_URL")):
+    DATABASES = {"default": postgresql.database(env.text("DATABASE_URL"))}
 else:
     DATABASES = {
         "default": dj_database_url.parse(

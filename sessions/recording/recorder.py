@@ -26,7 +26,7 @@ logger = structlog.stdlib.get_logger(__name__)
 LIMIT = 100_000
 BATCH = 2000
 LINGER = 0.25  # s between two writes when little comes
-FIRST_RETRY, LAST_RETRY = 0.1, 5.0
+FIRST_RETRY, LAST_RETRY = 0.1, 2.0
 REPORT_SECONDS = 10.0
 
 

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import structlog
 from channels.db import database_sync_to_async
 from django.conf import settings
-from django.db import DatabaseError
+from django.db import DatabaseError, InterfaceError
 from django.http import HttpRequest, JsonResponse
 from django.utils import timezone
 from django.views.decorators.cache import never_cache
@@ -55,7 +55,7 @@ async def readyz(_request: HttpRequest) -> JsonResponse:
 def _of_the_database(now: datetime.datetime) -> tuple[str, str]:
     try:
         rows = list(ManagerBeat.objects.filter(name__startswith=NAME))
-    except DatabaseError as error:
+    except (DatabaseError, InterfaceError) as error:
         log.warning("database_away", reason=str(error))
         return "away", "unknown"
     return WELL, managers_state(rows, now)

@@ -10,14 +10,17 @@ import pwd
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import psutil
+import psycopg
 
 from tests.support.kept_folder import kept_folder
-from tests.support.site import MIGRATIONS, Site, free_port
+from tests.support.patience import patient
+from tests.support.site import MIGRATIONS, Site, free_port, wait_for
 
 OWNER = "postgres"
 PROGRAMS = Path("/usr/lib/postgresql")
@@ -63,15 +66,42 @@ class Postgres:
         """End it as a crash does: without asking its clients. `fast` ends it in order."""
         _run(program("pg_ctl"), "-D", self.data, "-m", mode, "-w", "stop", cwd=self.directory)
 
+    def kill(self) -> None:
+        """End it as a machine does that loses its power."""
+        psutil.wait_procs(self._each(psutil.Process.kill), patient(10))
+
     def hold(self) -> None:
         """Stop every process of it, which keeps all connections."""
-        for process in self._processes():
-            process.suspend()
+        self._each(psutil.Process.suspend)
 
     def go_on(self) -> None:
         """Let them go on."""
-        for process in self._processes():
-            process.resume()
+        self._each(psutil.Process.resume)
+
+    def _each(self, act: Callable[[psutil.Process], None]) -> list[psutil.Process]:
+        processes = self._processes()
+        for process in processes:
+            with contextlib.suppress(psutil.NoSuchProcess):  # those of connections come and go
+                act(process)
+        return processes
+
+    def promote(self) -> None:
+        """Have a standby become the primary."""
+        _run(program("pg_ctl"), "-D", self.data, "-w", "promote", cwd=self.directory)
+
+    def ask(self, sql: str, *values: Any) -> list[tuple[Any, ...]]:
+        """Return the rows of a query, or none of a statement without any."""
+        with psycopg.connect(self.url, autocommit=True, connect_timeout=5) as connection:
+            answer = connection.execute(sql, values)
+            return answer.fetchall() if answer.description else []
+
+    @property
+    def is_running(self) -> bool:
+        """Whether it has neither been ended nor killed."""
+        try:
+            return self._processes()[0].status() != psutil.STATUS_ZOMBIE
+        except (FileNotFoundError, psutil.NoSuchProcess):
+            return False
 
     def _processes(self) -> list[psutil.Process]:
         postmaster = psutil.Process(
@@ -91,7 +121,8 @@ def program(name: str) -> str:
     return str(found[-1])
 
 
-def _identity() -> dict[str, int]:
+def identity() -> dict[str, int]:
+    """Return whom to run a server as."""
     if os.geteuid() != 0:
         return {}
     owner = pwd.getpwnam(OWNER)
@@ -100,7 +131,7 @@ def _identity() -> dict[str, int]:
 
 def _run(*command: str, cwd: Path) -> None:
     done = subprocess.run(
-        command, cwd=cwd, capture_output=True, text=True, timeout=120, check=False, **_identity()
+        command, cwd=cwd, capture_output=True, text=True, timeout=120, check=False, **identity()
     )
     assert done.returncode == 0, done.stdout + done.stderr
 
@@ -109,12 +140,37 @@ def _run(*command: str, cwd: Path) -> None:
 def running_postgres() -> Iterator[Postgres]:
     """Start a server whose database has all tables and nothing in them."""
     with _server() as server:
-        subprocess.run(["cp", "-a", _migrated(), server.data], check=True)
+        subprocess.run(["cp", "-a", migrated(), server.data], check=True)
         server.start()
         try:
             yield server
         finally:
-            server.stop()
+            if server.is_running:
+                server.stop()
+
+
+@contextlib.contextmanager
+def running_pair() -> Iterator[tuple[Postgres, Postgres]]:
+    """Start a server as `running_postgres` does, and a standby that has whatever the first one has
+    acknowledged.
+    """
+    with running_postgres() as primary, _server() as standby:
+        copy = ("-h", "127.0.0.1", "-p", str(primary.port), "-U", OWNER, "-D", standby.data)
+        quickly = ("--checkpoint=fast", "--no-sync", "--write-recovery-conf")
+        _run(program("pg_basebackup"), *copy, *quickly, cwd=standby.directory)
+        standby.start()
+        try:
+            primary.ask("ALTER SYSTEM SET synchronous_standby_names = '*'")
+            primary.ask("SELECT pg_reload_conf()")
+            wait_for(
+                lambda: primary.ask("SELECT 1 FROM pg_stat_replication WHERE sync_state = 'sync'"),
+                20,
+                "a synchronous standby",
+            )
+            yield primary, standby
+        finally:
+            if standby.is_running:
+                standby.stop()
 
 
 @contextlib.contextmanager
@@ -128,7 +184,7 @@ def _server() -> Iterator[Postgres]:
         shutil.rmtree(directory, ignore_errors=True)
 
 
-def _migrated() -> Path:
+def migrated() -> Path:
     """Return the data folder of a server that has ended, made once for the migrations as they
     are.
     """

@@ -90,7 +90,7 @@ def session(
     live_key = (
         f"{robot.pk}:{visitor.pk}"
         if seconds is None
-        else f"{robot.pk}:{visitor.pk}:{granted.timestamp()}"
+        else f"{robot.pk.hex}{visitor.pk.hex}:{granted.timestamp():.3f}"  # 80 at most
     )
     return Session.objects.create(
         robot=robot, visitor=visitor, live_key=live_key, **{**fields, **more}

@@ -290,8 +290,11 @@ class Site:
         """Start all three at once: whoever is there before the broker tries again."""
         self._begin_broker()
         self.start("session-manager", ["manage.py", "run_session_manager"])
-        self.start("web", [*DAPHNE, "-b", self.bind, "-p", str(self.web_port), APPLICATION])
+        self.start_web()
         wait_for(lambda: self.web_answers("readyz"), 30, "a server with all its parts")
+
+    def start_web(self) -> None:
+        self.start("web", [*DAPHNE, "-b", self.bind, "-p", str(self.web_port), APPLICATION])
 
     def start_broker(self) -> None:
         self._begin_broker()

@@ -11,7 +11,7 @@ from importlib import import_module
 from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError
-from django.db import DatabaseError, close_old_connections
+from django.db import DatabaseError, InterfaceError, close_old_connections
 
 from experiments.markers.incoming import record
 from experiments.markers.marker import ForeignMarker
@@ -102,7 +102,7 @@ class _Loop:
         self._tell(self._outlet.news())
         try:
             self._use_database(now)
-        except DatabaseError as error:
+        except (DatabaseError, InterfaceError) as error:
             close_old_connections()
             if self._has_database:
                 self._say(f"The database does not answer ({error}). Markers are kept.")

@@ -17,7 +17,14 @@ from django.db import connection
 from telepresence_site.ops.backup.archive import BackupError
 
 MEMBERS = {"sqlite": "database.sqlite3", "postgresql": "database.pgdump"}
-SSL_OPTIONS = ("sslmode", "sslrootcert", "sslcert", "sslkey", "service", "passfile")
+OPTIONS = {
+    **{
+        name: f"PG{name.upper()}"
+        for name in ("sslmode", "sslrootcert", "sslcert", "sslkey", "service", "passfile")
+    },
+    "connect_timeout": "PGCONNECT_TIMEOUT",
+    "target_session_attrs": "PGTARGETSESSIONATTRS",  # of several servers the primary
+}
 
 
 def member() -> str:
@@ -115,8 +122,8 @@ def _environment() -> dict[str, str]:
     }
     variables = {variable: str(given[name]) for variable, name in names.items() if given.get(name)}
     options = {
-        f"PG{name.upper()}": str(given["OPTIONS"][name])
-        for name in SSL_OPTIONS
+        variable: str(given["OPTIONS"][name])
+        for name, variable in OPTIONS.items()
         if given.get("OPTIONS", {}).get(name)
     }
     return variables | options
