@@ -16,7 +16,7 @@ from experiments.bots.cockpit import Cockpit
 from experiments.bots.diary import Leg
 from experiments.bots.driver import Driver, Guide, Intent
 from experiments.bots.endings import Ending
-from experiments.bots.persona import Persona
+from experiments.bots.persona import DRIVE, Persona
 from experiments.bots.socket import SocketClosed
 from experiments.bots.steering import STAND, SpeedSetting
 from experiments.bots.view import ENDED, View
@@ -46,6 +46,7 @@ class BotDrive:
         persona: who drives.
         ending: how it ends.
         clock: Unix seconds.
+        number: which of the bot's drives it is, from 1.
     """
 
     def __init__(
@@ -55,6 +56,7 @@ class BotDrive:
         persona: Persona,
         ending: Ending,
         clock: Callable[[], float] = time.time,
+        number: int = 1,
     ) -> None:
         self.browser, self.config, self.persona, self.ending, self.clock = (
             browser,
@@ -63,6 +65,7 @@ class BotDrive:
             ending,
             clock,
         )
+        self.number = number
         self.study: dict[str, Any] = config.get("study", {})
         sheet = config.get("factsheet") or {}
         self.limits = sheet.get("limits", {})
@@ -134,14 +137,15 @@ class BotDrive:
         )
 
     def _circumstances(self) -> dict[str, str]:
-        """What a driver sees of a condition: the robot, the assistance in force, the doors that
-        were found closed.
+        """What a driver sees of a condition, the robot, the assistance in force and the page, and
+        which of their drives it is.
         """
         assist = self.study.get("assist") or max(self.view.assists - {"off"}, default="off")
         return {
             "robot": str(self.series),
             "assist": str(assist),
             "interface": str(self.study.get("interface") or ""),
+            DRIVE: str(self.number),
         }
 
     # --- the queue --------------------------------------------------------------------------------
