@@ -13,9 +13,10 @@ csv <- function(...) read.csv(file.path(folder, "data", paste0(..., "_data.csv")
 json <- function(...) fromJSON(file.path(folder, ...), simplifyVector = FALSE)
 
 told <- new.env(); told$rows <- list()
-tell <- function(table, row, ...) {
-  for (column in names(list(...)))
-    told$rows[[length(told$rows) + 1]] <- list(table, row, column, list(...)[[column]])
+tell <- function(.table, .row, ...) {
+  found <- list(...)
+  for (column in names(found))
+    told$rows[[length(told$rows) + 1]] <- list(.table, .row, column, found[[column]])
 }
 
 # --- the data: sessions that count, and answers to them ------------------------------------------
@@ -179,6 +180,11 @@ title_of <- function(slug, key) {
   if (key == "overall") return(switch(asked[[slug]]$scoring, sus = "SUS", tlx_raw = "Raw TLX", "Overall"))
   for (page in asked[[slug]]$pages) for (item in page$items) if (item$key == key) return(item$text$en)
 }
+ends_of <- function(slug, keys) {  # what the score can be
+  if (asked[[slug]]$scoring %in% c("sus", "tlx_raw")) return(c(0, 100))
+  for (page in asked[[slug]]$pages) for (item in page$items) if (item$key %in% keys)
+    return(range(sapply(asked[[slug]]$scales[[item$scale]], `[[`, "value")))
+}
 half_width <- function(x, level) qt(.5 + level / 2, length(x) - 1) * sd(x) / sqrt(length(x))
 for (slug in names(responses)) {
   scored <- scales(slug)
@@ -186,9 +192,9 @@ for (slug in names(responses)) {
   if (!length(scored)) next
   measures <- paste0(slug, ".", names(scored)); labels <- sapply(names(scored), title_of, slug = slug)
   for (n in seq_along(measures)) for (key in conditions) {
-    x <- by_condition(measures[n])[[key]]; slack <- half_width(x, .95)
+    ends <- ends_of(slug, scored[[n]]); x <- by_condition(measures[n])[[key]]; slack <- half_width(x, .95)
     tell(paste0("scores-", slug), paste(labels[n], key, "giraff", sep = "|"), n = length(x), Mean = mean(x),
-      SD = sd(x), `CI95: from` = mean(x) - slack, `CI95: to` = mean(x) + slack, Median = median(x), IQR = IQR(x))
+      SD = sd(x), `CI95: from` = mean(x) - slack, `CI95: to` = mean(x) + slack, Median = median(x), IQR = IQR(x), Least = ends[1], Greatest = ends[2])
   }
   if (slug != "experience") compare_table(paste0("score-tests-", slug), measures, labels, TRUE)
 }
@@ -212,6 +218,18 @@ for (key in conditions) table_5(paste0("table-5-", key), subset(responses$experi
 omega_of <- function(parameters, k) {
   common <- sum(parameters[1:k])^2; common / (common + sum(parameters[k + 1:k]))
 }
+one_factor <- function(x) {  # loadings and variances of their own, by maximum likelihood
+  k <- ncol(x)
+  if (k == 3) {  # three covariances give three loadings
+    s <- cov(x); l <- sqrt(c(s[1, 2] * s[1, 3] / s[2, 3], s[1, 2] * s[2, 3] / s[1, 3], s[1, 3] * s[2, 3] / s[1, 2]))
+    if (all(s > 0) && all(diag(s) - l^2 > .0051 * diag(s))) return(list(loadings = l, own = diag(s) - l^2))
+  }
+  fit <- tryCatch(factanal(x, 1, rotation = "none",
+    control = list(lower = .005, nstart = 5, opt = list(factr = 10, maxit = 1000))), error = function(e) NULL)
+  if (is.null(fit)) return(NULL)
+  loadings <- fit$loadings[, 1] * apply(x, 2, sd)
+  list(loadings = if (sum(loadings) < 0) -loadings else loadings, own = fit$uniquenesses * apply(x, 2, var))
+}
 for (slug in names(responses)) for (name in names(scales(slug))) for (key in conditions) {
   keys <- scales(slug)[[name]]; k <- length(keys); if (k < 2) next
   x <- as.matrix(na.omit(subset(responses[[slug]], condition == key)[keys])); n <- nrow(x)
@@ -221,13 +239,10 @@ for (slug in names(responses)) for (name in names(scales(slug))) for (key in con
     `α: from` = 1 - (1 - alpha) * qf(.975, n - 1, (n - 1) * (k - 1)),
     `α: to` = 1 - (1 - alpha) * qf(.025, n - 1, (n - 1) * (k - 1)))
   if (k < 3) next
-  fit <- tryCatch(factanal(x, 1, rotation = "none",
-    control = list(lower = .005, nstart = 5, opt = list(factr = 10, maxit = 1000))), error = function(e) NULL)
-  if (is.null(fit)) next
-  loadings <- fit$loadings[, 1] * apply(x, 2, sd); if (sum(loadings) < 0) loadings <- -loadings
-  own <- fit$uniquenesses * apply(x, 2, var); parameters <- c(loadings, own); omega <- omega_of(parameters, k)
+  fit <- one_factor(x); if (is.null(fit)) next
+  loadings <- fit$loadings; own <- fit$own; parameters <- c(loadings, own); omega <- omega_of(parameters, k)
   tell("reliability", row, `ω` = omega)
-  if (any(fit$uniquenesses < .0051)) next
+  if (any(own < .0051 * apply(x, 2, var))) next
   inverse <- solve(tcrossprod(loadings) + diag(own))
   slopes <- lapply(1:(2 * k), function(p) {
     change <- matrix(0, k, k)
@@ -353,7 +368,8 @@ ours <- function(names, keys, sums) {  # R's names of coefficients as ours: peri
 }
 for (one in study$analyses) {
   table <- paste0("analysis-", gsub("_", "-", one$key)); measures <- unlist(one$measures)
-  if (one$test == "mixed") {
+  test <- if (is.null(one$test)) "means" else one$test
+  if (test == "mixed") {
     effects <- unlist(one$effects); keys <- unique(unlist(strsplit(effects, ":"))); sums <- identical(one$coding, "sum")
     family <- list()
     for (measure in measures) {
@@ -391,7 +407,7 @@ for (one in study$analyses) {
   } else {
     sides <- lapply(one$contrasts, function(it) list(title = it$title$en, first = unlist(it$first), second = unlist(it$second)))
     if (!length(sides)) {
-      tell_family(table, setNames(lapply(measures, function(it) compared(by_condition(it), one$test)), paste(measures, "all", sep = "|")),
+      tell_family(table, setNames(lapply(measures, function(it) compared(by_condition(it), test)), paste(measures, "all", sep = "|")),
         lapply(measures, by_condition))
       if (isTRUE(one$post_hoc)) sides <- combn(conditions, 2, simplify = FALSE,
         FUN = function(two) list(title = paste(two[1], "−", two[2]), first = two[1], second = two[2]))
@@ -401,12 +417,12 @@ for (one in study$analyses) {
       averaged <- function(keys) { both <- complete(by_condition(measure, keys)); setNames(rowMeans(as.matrix(both)), rownames(both)) }
       groups <- list(first = averaged(side$first), second = averaged(side$second)); row <- paste(measure, side$title, sep = "|")
       for (name in names(groups)) do.call(tell, c(list(table, row), describe(groups[[name]], paste0(name, ": "), TRUE)))
-      found[[row]] <- compared(groups, one$test); data[[row]] <- groups
+      found[[row]] <- compared(groups, test); data[[row]] <- groups
     }
     if (length(found)) tell_family(table, found, data)
   }
 }
 
-out <- as.data.frame(do.call(rbind, lapply(told$rows, function(one) c(one[[1]], one[[2]], one[[3]], format(as.numeric(one[[4]]), digits = 17)))))
+out <- as.data.frame(do.call(rbind, lapply(told$rows, function(one) c(one[[1]], one[[2]], one[[3]], format(as.numeric(one[[4]]), digits = 12)))))
 names(out) <- c("table", "row", "column", "value")
 write.csv(out, arguments[3], row.names = FALSE, fileEncoding = "UTF-8")
