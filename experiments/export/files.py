@@ -36,9 +36,9 @@ wrote it, and run in the source's folder, with Python 3.11 or newer,
     .venv/bin/pip install -r requirements.lock
     .venv/bin/python manage.py analyse_study --dataset THIS_FOLDER --out report
 
-The report is on the participants; `--kind pilot` or `--kind bot` makes one on those. It has the same
-bytes again with the same versions of Python, NumPy, SciPy and Matplotlib, which its table `software`
-names.
+The report is on the participants; `--kind pilot` or `--kind bot` makes one on those. It has the
+same bytes again with the same versions of Python, NumPy, SciPy and Matplotlib, which its table
+`software` names.
 """
 
 

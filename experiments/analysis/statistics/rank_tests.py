@@ -77,7 +77,11 @@ def signed_ranks(first: Floats, second: Floats) -> Test:
 def _left_out(pairs: int) -> str:
     if not pairs:
         return ""
-    said = "1 pair without a difference does" if pairs == 1 else f"{pairs} pairs without a difference do"
+    said = (
+        "1 pair without a difference does"
+        if pairs == 1
+        else f"{pairs} pairs without a difference do"
+    )
     return f"{said} not count"
 
 

@@ -141,11 +141,12 @@ def _orders(options: dict[str, Any]) -> Orders:
         raise CommandError(
             f"--speed takes 1 to {FASTEST:g}; --participants, --at-once and --visits at least 1."
         )
-    dataset = options["dataset"]
-    if dataset is not None and options["speed"] is None:
-        raise CommandError("--dataset is of a sandbox: give --speed, or use export_study.")
-    if dataset is not None and dataset.exists() and (not dataset.is_dir() or any(dataset.iterdir())):
-        raise CommandError(f"{dataset} already exists: choose another --dataset.")
+    dataset: Path | None = options["dataset"]
+    if dataset is not None:
+        if options["speed"] is None:
+            raise CommandError("--dataset is of a sandbox: give --speed, or use export_study.")
+        if dataset.exists() and (not dataset.is_dir() or any(dataset.iterdir())):
+            raise CommandError(f"{dataset} already exists: choose another --dataset.")
     try:
         for text in options["effect"]:
             effect(text)

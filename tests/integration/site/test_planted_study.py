@@ -61,7 +61,9 @@ def test_every_planted_effect_is_found_and_nothing_else(study):
     assert found_in(report, "analysis-answers", BY_CHANCE) <= PLANTED
     assert ("speed", "page") in found_in(report, "analysis-driving")
     confirmed = hypotheses_in(report)
-    assert {key: confirmed[key] for key in ("h1", "h2", "h3")} == dict.fromkeys(("h1", "h2", "h3"), "yes")
+    assert {key: confirmed[key] for key in ("h1", "h2", "h3")} == dict.fromkeys(
+        ("h1", "h2", "h3"), "yes"
+    )
 
 
 @pytest.mark.skipif(not has_r(), reason=f"R is missing: apt-get install {PACKAGES}")

@@ -89,25 +89,25 @@ def differing(ours: Numbers, theirs: Numbers) -> Iterator[str]:
     for key in sorted(set(ours) ^ set(theirs)):
         where = "the report" if key in ours else "R"
         yield f"{' / '.join(key)}: only in {where} ({(ours | theirs)[key]!r})"
+    fitted = {table for table, _row, column in ours if column in {"Observations", "SE"}}
     for key in sorted(set(ours) & set(theirs)):
-        if not _agree(key, ours[key], theirs[key], ours):
+        table, row, column = key
+        is_fitted = table in fitted or column.startswith("ω")
+        is_resampled = (
+            column in {"Size: from", "Size: to"}
+            and (table, row, "Difference") not in ours
+            and table != "network-effects"
+        )
+        if not _agree(ours[key], theirs[key], column, is_fitted, is_resampled):
             yield f"{' / '.join(key)}: {ours[key]!r}, R {theirs[key]!r}"
 
 
-def _agree(key: tuple[str, str, str], ours: float, theirs: float, report: Numbers) -> bool:
-    table, row, column = key
-    is_resampled = column in {"Size: from", "Size: to"} and (table, row, "Difference") not in report
-    if is_resampled and table not in {"network-effects"}:
+def _agree(ours: float, theirs: float, column: str, is_fitted: bool, is_resampled: bool) -> bool:
+    if is_resampled:
         return abs(ours - theirs) <= CHANCE
-    is_fitted = column.startswith("ω") or (table, row.split("|")[0]) in _fitted(report)
     if is_fitted and column.startswith("p"):
         # so far out, a p value moves with every digit of F
         return math.isclose(ours, theirs, rel_tol=50.0 * FITTED, abs_tol=1e-15)
-    relative = FITTED if is_fitted else RELATIVE
-    return math.isclose(ours, theirs, rel_tol=relative, abs_tol=relative if is_fitted else ABSOLUTE)
-
-
-def _fitted(report: Numbers) -> set[tuple[str, str]]:
-    """The tables of mixed models with the measures in them."""
-    tables = {table for table, _row, column in report if column in {"Observations", "SE"}}
-    return {(table, row.split("|")[0]) for table, row, _ in report if table in tables}
+    if is_fitted:
+        return math.isclose(ours, theirs, rel_tol=FITTED, abs_tol=FITTED)
+    return math.isclose(ours, theirs, rel_tol=RELATIVE, abs_tol=ABSOLUTE)

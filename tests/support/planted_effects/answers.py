@@ -30,7 +30,12 @@ from experiments.participation.assignment import cells
 from robots.world.sites import load_plan
 from surveys.definition import Definition
 from surveys.item import Viewing
-from tests.support.planted_effects.study import ASKED, effects, planted_questionnaires, planted_study
+from tests.support.planted_effects.study import (
+    ASKED,
+    effects,
+    planted_questionnaires,
+    planted_study,
+)
 from tests.support.study_dataset import ROBOTS, drive, link, registration
 
 NOW = datetime.datetime(2026, 5, 1, tzinfo=datetime.UTC)
@@ -50,7 +55,9 @@ def planted_dataset(participants: int = 24, seed: int = SEED) -> Dataset:
         persona, who = Persona(number, seed, effects()), f"P{number:03d}"
         order = orders[number % len(orders)]
         age = float(NOW.year - persona.birth_year)
-        people.append(ParticipantRecord(who, age=age, cell=order.key, reached="thanks", finished=True))
+        people.append(
+            ParticipantRecord(who, age=age, cell=order.key, reached="thanks", finished=True)
+        )
         pages += [PageRecord(who, one.key, seconds=30.0) for one in study.steps]
         responses.append(registration(who, rng))
         for place, key in enumerate(order.conditions, start=1):

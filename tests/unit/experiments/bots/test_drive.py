@@ -39,7 +39,9 @@ def test_a_bot_sees_its_first_condition_by_the_grant_as_its_page_is_older():
     granted._take("", protocol.Granted(session="s1", epoch=1, peer="p1", terms=terms), 0.0)
     bot = bot_on({"assist": None, "interface": None}, granted, 3)
     assert bot._circumstances() == {
-        **{"robot": "giraff", "assist": "steer", "interface": "novice"},
+        "robot": "giraff",
+        "assist": "steer",
+        "interface": "novice",
         "drive": "3",
     }
 

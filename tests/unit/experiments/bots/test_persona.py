@@ -92,7 +92,17 @@ def test_the_order_of_drives_changes_nothing_but_what_is_planted_on_it():
 
 
 @pytest.mark.parametrize(
-    "text", ["", "easy", "easy:", "easy@assist:0.8", "easy@assist=steer", "easy@assist=steer,:1", "Easy:1", "easy:much"]
+    "text",
+    [
+        "",
+        "easy",
+        "easy:",
+        "easy@assist:0.8",
+        "easy@assist=steer",
+        "easy@assist=steer,:1",
+        "Easy:1",
+        "easy:much",
+    ],
 )
 def test_what_is_no_effect_is_refused_with_an_example(text):
     with pytest.raises(EffectError, match="such as"):
