@@ -306,4 +306,6 @@ LOGGING = {
         }
     },
     "root": {"handlers": ["console"], "level": env.text("LOG_LEVEL", "INFO")},
+    # it tells of every table of the font that each figure embeds
+    "loggers": {"fontTools": {"level": "WARNING"}},
 }

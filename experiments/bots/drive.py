@@ -16,7 +16,7 @@ from experiments.bots.cockpit import Cockpit
 from experiments.bots.diary import Leg
 from experiments.bots.driver import Driver, Guide, Intent
 from experiments.bots.endings import Ending
-from experiments.bots.persona import Persona
+from experiments.bots.persona import DRIVE, Persona
 from experiments.bots.socket import SocketClosed
 from experiments.bots.steering import STAND, SpeedSetting
 from experiments.bots.view import ENDED, View
@@ -46,6 +46,7 @@ class BotDrive:
         persona: who drives.
         ending: how it ends.
         clock: Unix seconds.
+        number: which of the bot's drives it is, from 1.
     """
 
     def __init__(
@@ -55,6 +56,7 @@ class BotDrive:
         persona: Persona,
         ending: Ending,
         clock: Callable[[], float] = time.time,
+        number: int = 1,
     ) -> None:
         self.browser, self.config, self.persona, self.ending, self.clock = (
             browser,
@@ -63,6 +65,7 @@ class BotDrive:
             ending,
             clock,
         )
+        self.number = number
         self.study: dict[str, Any] = config.get("study", {})
         # a hidden operator drives, and the page has no controllers
         self._is_driven = self.study.get("controllers") == []
@@ -104,6 +107,7 @@ class BotDrive:
             driver = await self._prepare()
             await self.cockpit.connect()
             if await self._wait_for_turn():
+                driver.fastest = self._fastest()
                 await self._drive(driver)
                 self.leg.closed, self.leg.no_way = tuple(sorted(driver.closed)), driver.no_way
         except (SocketClosed, OSError, BrowserError) as error:
@@ -116,10 +120,6 @@ class BotDrive:
     async def _prepare(self) -> Driver:
         answer = await asyncio.to_thread(self.browser.get, self.config["floorplan"])
         plan = floorplan.decode(json.dumps(json.loads(answer.body)["plan"]))
-        pace = self.persona.pace(self._circumstances())
-        fastest = SpeedSetting(
-            pace * self.limits.get("linear", 0.5), 0.9 * self.limits.get("angular", 0.7)
-        )
         skips, early, practises = (
             self.ending == Ending.SKIPS_PHOTO,
             self.ending == Ending.DOCKS_EARLY,
@@ -129,21 +129,29 @@ class BotDrive:
         return Driver(
             plan,
             guide,
-            fastest,
+            self._fastest(),
             skips_photo=skips,
             practises=practises,
             docks_early=early and not practises,
         )
 
+    def _fastest(self) -> SpeedSetting:
+        """Return how fast the bot drives, which depends on what it sees."""
+        pace = self.persona.pace(self._circumstances())
+        linear, angular = self.limits.get("linear", 0.5), self.limits.get("angular", 0.7)
+        return SpeedSetting(pace * linear, 0.9 * angular)
+
     def _circumstances(self) -> dict[str, str]:
-        """What a driver sees of a condition: the robot, the assistance in force, the doors that
-        were found closed.
+        """What a driver sees of a condition, the robot, the assistance in force and the page, and
+        which of their drives it is. A page that is made before the first grant does not know the
+        condition yet: the terms that come with the grant do.
         """
-        assist = self.study.get("assist") or max(self.view.assists - {"off"}, default="off")
+        seen = max(self.view.assists - {"off"}, default="off")
         return {
             "robot": str(self.series),
-            "assist": str(assist),
-            "interface": str(self.study.get("interface") or ""),
+            "assist": str(self.view.assist or self.study.get("assist") or seen),
+            "interface": str(self.view.interface or self.study.get("interface") or ""),
+            DRIVE: str(self.number),
         }
 
     # --- the queue --------------------------------------------------------------------------------

@@ -57,6 +57,7 @@ class BotParticipant:
     drive: BotDrive | None = None
     _left: bool = False
     _visits: int = 1
+    _tasks: int = 0
 
     def __post_init__(self) -> None:
         self.diary = Diary(self.persona.number, str(self.ending))
@@ -235,8 +236,11 @@ class BotParticipant:
     async def _drive(self, here: HttpAnswer) -> HttpAnswer | None:
         config = here.page.json["config"]
         again = self.ending if self._visits == 1 and not self.diary.legs else Ending.COMPLETES
-        self.drive = BotDrive(self.browser, config, self.persona, again, self.clock)
+        is_task = config.get("study", {}).get("kind") == "task"
+        number = self._tasks + is_task  # a practice is before the drive that it is for
+        self.drive = BotDrive(self.browser, config, self.persona, again, self.clock, number)
         leg = await self.drive.run()
+        self._tasks = number
         self.diary.legs.append(leg)
         self.circumstances = leg.circumstances
         self.drive = None

@@ -3,9 +3,9 @@ planted on purpose.
 
 An opinion on a question is normal with mean 0 and variance 1 over many bots: part of it is the
 person's own and the same in all of their answers, the rest belongs to the answer. An effect moves
-it by so many standard deviations where its circumstances hold; one of size 0 is a planted null.
-Bots know no condition: circumstances are what a driver sees (the robot, the assistance in force,
-…).
+it by so many standard deviations where all of its circumstances hold; one of size 0 is a planted
+null. Bots know no condition: circumstances are what a driver sees (the robot, the assistance in
+force, …) and how many times they have driven, `drive`.
 """
 
 import math
@@ -35,10 +35,11 @@ AGENTS = (
 )
 MARK = " TelepresenceBot/1.0"
 FORM = re.compile(
-    r"^(?P<item>[a-z][a-z0-9_]*)(@(?P<name>[a-z_]+)=(?P<value>[^:@=]+))?"
+    r"^(?P<item>[a-z][a-z0-9_]*)(@(?P<where>[a-z_]+=[^:@=,]+(,[a-z_]+=[^:@=,]+)*))?"
     r":(?P<size>[-+]?[0-9]*\.?[0-9]+)$"
 )
 PACE = "pace"  # the one name of an effect that is no question: how fast the bot drives
+DRIVE = "drive"  # the circumstance that is no condition: which of the bot's drives it is, from 1
 
 
 class EffectError(ValueError):
@@ -47,23 +48,22 @@ class EffectError(ValueError):
 
 @dataclass(frozen=True)
 class Effect:
-    """`size` standard deviations on a question, or on the `pace` of driving, where `name` of the
-    circumstances is `value`.
+    """`size` standard deviations on a question, or on the `pace` of driving, where each
+    circumstance of `where` has its value.
     """
 
     item: str
     size: float
-    name: str = ""
-    value: str = ""
+    where: Mapping[str, str] = field(default_factory=dict)
 
     def holds(self, circumstances: Mapping[str, str]) -> bool:
         """Tell whether it works now."""
-        return not self.name or circumstances.get(self.name) == self.value
+        return all(circumstances.get(name) == value for name, value in self.where.items())
 
 
 def effect(text: str) -> Effect:
     """Return the effect that is written as `question@circumstance=value:size`, such as
-    `easy@assist=steer:0.8`.
+    `easy@assist=steer:0.8`; several circumstances have commas between, `easy@assist=steer,drive=2`.
 
     Raises:
         EffectError: it is not written so.
@@ -74,7 +74,8 @@ def effect(text: str) -> Effect:
             f"“{text}” is not an effect: write question:size or "
             "question@circumstance=value:size, such as easy@assist=steer:0.8."
         )
-    return Effect(found["item"], float(found["size"]), found["name"] or "", found["value"] or "")
+    where = (one.split("=") for one in (found["where"] or "").split(",") if one)
+    return Effect(found["item"], float(found["size"]), dict(where))
 
 
 @dataclass
@@ -106,18 +107,13 @@ class Persona:
         return np.random.default_rng(np.array(words, dtype=np.uint32))
 
     def opinion(self, item: str, circumstances: Mapping[str, str]) -> float:
-        """Return how much the bot agrees, in standard deviations of all bots."""
-        noise = float(
-            self._rng(
-                "opinion", item, *sorted(f"{k}={v}" for k, v in circumstances.items())
-            ).standard_normal()
-        )
-        shift = sum(
-            effect.size
-            for effect in self.effects
-            if effect.item == item and effect.holds(circumstances)
-        )
-        return math.sqrt(OWN_SHARE) * self._own + math.sqrt(1.0 - OWN_SHARE) * noise + shift
+        """Return how much the bot agrees, in standard deviations of all bots. The order of its
+        drives changes nothing but what is planted on it.
+        """
+        about = sorted(f"{k}={v}" for k, v in circumstances.items() if k != DRIVE)
+        noise = float(self._rng("opinion", item, *about).standard_normal())
+        own = math.sqrt(OWN_SHARE) * self._own + math.sqrt(1.0 - OWN_SHARE) * noise
+        return own + self._shift(item, circumstances)
 
     def point(self, item: str, count: int, circumstances: Mapping[str, str]) -> int:
         """Return which of `count` ordered points is chosen: 0 is the lowest. Without effects each
@@ -143,12 +139,15 @@ class Persona:
 
     def pace(self, circumstances: Mapping[str, str]) -> float:
         """Return the share of full speed at which the bot drives."""
-        shift = sum(
+        return float(np.clip(self._pace + 0.1 * self._shift(PACE, circumstances), 0.4, 1.0))
+
+    def _shift(self, item: str, circumstances: Mapping[str, str]) -> float:
+        """Return what the effects on something come to."""
+        return sum(
             effect.size
             for effect in self.effects
-            if effect.item == PACE and effect.holds(circumstances)
+            if effect.item == item and effect.holds(circumstances)
         )
-        return float(np.clip(self._pace + 0.1 * shift, 0.4, 1.0))
 
     def seconds(self, matter: str, low: float, high: float) -> float:
         """Return how long the bot takes for something."""

@@ -37,6 +37,7 @@ class View:
     peer: str | None = None
     granted: bool = False
     interface: str = ""  # the profile of the page that the terms of the visit fix
+    assist: str = ""  # the assistance that they fix
     queued: bool = False
     turn: bool = False
     refused: str = ""
@@ -94,7 +95,9 @@ class View:
                     True,
                     False,
                 )
-                self.interface = message.terms.interface if message.terms is not None else ""
+                terms = message.terms
+                self.interface = terms.interface if terms is not None else ""
+                self.assist = (terms.assist or "") if terms is not None else ""
             case protocol.Queued():
                 self.session, self.queued, self.turn = message.session, True, False
             case protocol.Offered():

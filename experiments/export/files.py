@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 from hashlib import sha256
 
 from experiments.analysis.dataset.records import Dataset
+from experiments.analysis.tables.software import PROGRAM, versions
 from experiments.dataset.build import dataset_of, release_of
 from experiments.dataset.selection import Selection
 from experiments.dataset.sessions import drives_of
@@ -26,11 +27,18 @@ names. An empty cell or `nan` is a missing value.
 The dataset contains all sessions, including failed, empty, practice and excluded ones, and those of
 pilots and bots: the columns `kind`, `practice`, `outcome` and `excluded` distinguish them.
 
-To make the tables and figures from this folder alone, run
-
-    python manage.py analyse_study --dataset . --out ../report
-
 `sha256sum -c SHA256SUMS` checks that every file is unchanged.
+
+To make the tables and figures from this folder alone, get the source of {program} {release}, which
+wrote it, and run in the source's folder, with Python 3.11 or newer,
+
+    python3 -m venv .venv
+    .venv/bin/pip install -r requirements.lock
+    .venv/bin/python manage.py analyse_study --dataset THIS_FOLDER --out report
+
+The report is on the participants; `--kind pilot` or `--kind bot` makes one on those. It has the
+same bytes again with the same versions of Python, NumPy, SciPy and Matplotlib, which its table
+`software` names.
 """
 
 
@@ -51,6 +59,8 @@ def read_me(dataset: Dataset) -> str:
         title=definition.title.get("en") or definition.slug,
         slug=definition.slug,
         version=definition.version,
+        program=PROGRAM,
+        release=versions()[PROGRAM],
         missing=f"\nNot filled in by its owners: {missing}.\n" if missing else "",
     )
 

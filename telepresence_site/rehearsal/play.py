@@ -6,6 +6,7 @@ the second in the one that it starts.
 """
 
 import asyncio
+import collections
 import json
 import os
 import subprocess
@@ -26,7 +27,10 @@ from experiments.bots.diary import Diary
 from experiments.bots.endings import ABOUT_PHOTO, Ending
 from experiments.bots.pace import Pace, own_pace
 from experiments.bots.persona import effect
+from experiments.dataset.selection import Selection
 from experiments.definition.schema import Condition, StudyDefinition
+from experiments.export.archive import unpacked
+from experiments.export.files import export_files
 from experiments.models import Drive, ParticipantKind, Study
 from experiments.participation import links
 from experiments.publishing import obstacles_here
@@ -48,7 +52,7 @@ class PlayFailed(Exception):
 @dataclass(frozen=True)
 class Orders:
     """What is to be played. `endings` are values of Ending, `effects` as they are written on a
-    command line.
+    command line; `dataset` is the folder for what was recorded, empty for none.
     """
 
     endings: list[str]
@@ -59,6 +63,7 @@ class Orders:
     explore: bool = False
     visits: int = 1
     sites: str = ""
+    dataset: str = ""
 
 
 @dataclass(frozen=True)
@@ -159,6 +164,8 @@ def _perform(
     diaries = asyncio.run(crowd_of(study, orders, site, told, pace).run())
     _settle(study)
     pace.set(1.0)
+    if orders.dataset:
+        collections.deque(unpacked(export_files(study, Selection()), Path(orders.dataset)), 0)
     return diaries, judge(definition, diaries, findings.findings(study))
 
 

@@ -4,6 +4,7 @@ each participant, the mean and its 95 % confidence interval.
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from math import ceil
 from textwrap import fill
 
 import numpy as np
@@ -38,6 +39,8 @@ DRAWN = (
     " each small dot below is a participant."
 )
 LABEL, NO_CONDITION = 40, "all"  # characters of a line of a condition's name
+TALLEST = 9.0  # inches: what a page has room for; two columns of panels where one would be higher
+TITLE, TITLE_LINE = (95, 42), 0.15  # characters of a line of a panel's title, and its inches
 Behind = dict[str, tuple[str, ...]]
 
 
@@ -57,18 +60,19 @@ def score_figure(dataset: Dataset, found: ScoredQuestionnaire) -> Drawing:
         robot: (ROBOTS[at % len(ROBOTS)], MARKERS[at % len(MARKERS)])
         for at, robot in enumerate(robots)
     }
-    panels, rows = len(found.scales), len(found.groups)
+    rows = len(found.groups)
     behind: Behind = {}
     with house_style():
-        height = 0.4 + panels * (AROUND + ROW * rows)
-        figure = Figure(figsize=(WIDTH, height), layout="constrained")
-        axes = figure.subplots(panels, 1, squeeze=False)[:, 0]
+        figure, axes, columns = _panels(len(found.scales), rows)
         for at, (scale, panel) in enumerate(zip(found.scales, axes, strict=True)):
             own = table.rows[at * rows : (at + 1) * rows]
-            panel.set_title(label_of_scale(dataset, found.definition, scale), loc="left", wrap=True)
+            label = label_of_scale(dataset, found.definition, scale)
+            panel.set_title(fill(label, TITLE[columns - 1]), loc="left", fontsize=10.0 - columns)
             _frame(panel, scale, found.groups)
             for place, (group, cells) in enumerate(zip(found.groups, own, strict=True)):
                 behind |= _draw_group(panel, place, scale, group, cells, looks[group.robot])
+            if at % columns:
+                panel.tick_params(labelleft=False)  # the panel beside it names the conditions
         _share_limits(list(axes), found.scales)
         handles = [
             Line2D(
@@ -84,6 +88,21 @@ def score_figure(dataset: Dataset, found: ScoredQuestionnaire) -> Drawing:
     return Drawing(
         name, title, figure, Table(name, title, HEAD, table.rows, (DRAWN, *table.notes)), behind
     )
+
+
+def _panels(count: int, rows: int) -> tuple[Figure, list[Axes], int]:
+    """Return a figure with so many panels of so many rows each, and its columns: no higher than a
+    page, if two are enough for that.
+    """
+    columns = 1 if 0.4 + count * (AROUND + ROW * rows) <= TALLEST else 2
+    lines = ceil(count / columns)
+    around = AROUND + (columns - 1) * TITLE_LINE
+    height = 0.4 + lines * (around + ROW * rows)
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    axes = figure.subplots(lines, columns, squeeze=False).ravel().tolist()
+    for empty in axes[count:]:
+        empty.set_axis_off()
+    return figure, axes[:count], columns
 
 
 def _share_limits(axes: Sequence[Axes], scales: Sequence[ScoredScale]) -> None:

@@ -70,8 +70,19 @@ def signed_ranks(first: Floats, second: Floats) -> Test:
         _median(walsh, n * (n + 1.0) / 4.0 - slack),
         "r",
         _biserial(2.0 * positive / largest - 1.0, error),
-        f"{n - count} pairs without a difference do not count" if count < n else "",
+        _left_out(n - count),
     )
+
+
+def _left_out(pairs: int) -> str:
+    if not pairs:
+        return ""
+    said = (
+        "1 pair without a difference does"
+        if pairs == 1
+        else f"{pairs} pairs without a difference do"
+    )
+    return f"{said} not count"
 
 
 def _signed_rank_p(moved: Floats, ranks: Floats) -> float:

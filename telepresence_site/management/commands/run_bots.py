@@ -78,7 +78,16 @@ class Command(BaseCommand):
             action="append",
             default=[],
             metavar="E",
-            help="shift answers: question@circumstance=value:size, such as easy@assist=steer:0.8",
+            help=(
+                "shift answers: question@circumstance=value:size, such as"
+                " easy@assist=steer:0.8; separate several circumstances by commas"
+            ),
+        )
+        parser.add_argument(
+            "--dataset",
+            type=Path,
+            metavar="DIR",
+            help="with --speed, a new folder for the dataset of the bots",
         )
         parser.add_argument("--report", type=Path, help="a file for the bots' diaries, as JSON")
 
@@ -132,6 +141,12 @@ def _orders(options: dict[str, Any]) -> Orders:
         raise CommandError(
             f"--speed takes 1 to {FASTEST:g}; --participants, --at-once and --visits at least 1."
         )
+    dataset: Path | None = options["dataset"]
+    if dataset is not None:
+        if options["speed"] is None:
+            raise CommandError("--dataset is of a sandbox: give --speed, or use export_study.")
+        if dataset.exists() and (not dataset.is_dir() or any(dataset.iterdir())):
+            raise CommandError(f"{dataset} already exists: choose another --dataset.")
     try:
         for text in options["effect"]:
             effect(text)
@@ -149,6 +164,7 @@ def _orders(options: dict[str, Any]) -> Orders:
         options["effect"],
         visits=options["visits"],
         sites=str(settings.VAR_DIR / "sites"),
+        dataset="" if dataset is None else str(dataset.absolute()),
     )
 
 

@@ -6,9 +6,11 @@ import pytest
 
 from experiments.bots.drive import BotDrive
 from experiments.bots.endings import Ending
+from experiments.bots.persona import Effect, Persona
 from experiments.bots.steering import STAND, SpeedSetting
 from experiments.bots.view import View
 from robots.api import messages as m
+from sessions import protocol
 from tests.support import words
 
 AHEAD = SpeedSetting(0.3, 0.1)
@@ -37,3 +39,32 @@ def test_a_page_without_controllers_is_that_of_somebody_who_is_driven(study, is_
     config = {"robot": "giraff", "socket": "/", **({"study": study} if study else {})}
     persona = SimpleNamespace(method="keyboard")
     assert BotDrive(None, config, persona, Ending.COMPLETES)._is_driven == is_driven
+
+
+def bot_on(page, view, number=1, *effects):
+    """A bot whose page was told so much of the study, with what its view knows."""
+    config = {"robot": "giraff", "socket": "/ws/", "study": page, "factsheet": {"series": "giraff"}}
+    bot = BotDrive(None, config, Persona(1, 7, effects), Ending.COMPLETES, number=number)
+    bot.cockpit.view = view
+    return bot
+
+
+def test_a_bot_sees_its_first_condition_by_the_grant_as_its_page_is_older():
+    granted = View()
+    terms = protocol.GrantedTerms(assist="steer", interface="novice")
+    granted._take("", protocol.Granted(session="s1", epoch=1, peer="p1", terms=terms), 0.0)
+    bot = bot_on({"assist": None, "interface": None}, granted, 3)
+    assert bot._circumstances() == {
+        "robot": "giraff",
+        "assist": "steer",
+        "interface": "novice",
+        "drive": "3",
+    }
+
+
+def test_a_bot_that_is_to_be_slow_on_a_page_is_so_from_its_first_drive_on():
+    slow = Effect("pace", -2.0, {"interface": "novice"})
+    bot = bot_on({}, View(), 1, slow)
+    before = bot._fastest()
+    bot.view.interface = "novice"
+    assert bot._fastest().linear < before.linear

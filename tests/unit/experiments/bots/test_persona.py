@@ -30,7 +30,7 @@ def test_an_opinion_has_the_mean_and_variance_that_effects_are_measured_in():
 
 
 def test_a_planted_effect_is_found_where_it_was_planted_and_nowhere_else():
-    planted = Effect("easy", 0.8, "assist", "steer")
+    planted = Effect("easy", 0.8, HELPED)
     helped, alone = opinions("easy", HELPED, planted), opinions("easy", ALONE, planted)
     assert (helped.mean() - alone.mean()) == pytest.approx(0.8, abs=0.2)
     assert stats.ttest_rel(helped, alone).pvalue < 1e-6
@@ -41,7 +41,7 @@ def test_a_planted_effect_is_found_where_it_was_planted_and_nowhere_else():
 
 
 def test_a_planted_null_is_significant_as_often_as_chance_makes_it():
-    null = Effect("easy", 0.0, "assist", "steer")
+    null = Effect("easy", 0.0, HELPED)
     found, studies = 0, repetitions(120, thorough=400)
     for study in range(studies):
         helped = [Persona(number, study, [null]).opinion("easy", HELPED) for number in range(12)]
@@ -68,12 +68,41 @@ def test_those_who_explore_choose_every_option_in_turn():
 
 
 def test_an_effect_is_read_as_it_is_written():
-    assert effect("easy@assist=steer:0.8") == Effect("easy", 0.8, "assist", "steer")
+    assert effect("easy@assist=steer:0.8") == Effect("easy", 0.8, HELPED)
     assert effect("pace:-0.5") == Effect("pace", -0.5)
+    both = {"assist": "steer", "drive": "2"}
+    assert effect("easy@assist=steer,drive=2:.5") == Effect("easy", 0.5, both)
+
+
+def test_an_effect_of_several_circumstances_needs_all_of_them():
+    planted = Effect("easy", 0.8, {"assist": "steer", "interface": "novice"})
+    both = {"assist": "steer", "interface": "novice"}
+    for circumstances, shift in ((both, 0.8), (HELPED, 0.0), ({**both, "assist": "off"}, 0.0)):
+        with_it = Persona(1, 7, [planted]).opinion("easy", circumstances)
+        assert with_it - Persona(1, 7).opinion("easy", circumstances) == pytest.approx(shift)
+
+
+def test_the_order_of_drives_changes_nothing_but_what_is_planted_on_it():
+    first, second = ({**HELPED, "drive": number} for number in "12")
+    better = [Effect("easy", 0.5, {"drive": "2"})]
+    plain = Persona(1, 7).opinion("easy", HELPED)
+    assert [Persona(1, 7).opinion("easy", one) for one in (first, second)] == [plain, plain]
+    assert Persona(1, 7, better).opinion("easy", first) == plain
+    assert Persona(1, 7, better).opinion("easy", second) == pytest.approx(plain + 0.5)
 
 
 @pytest.mark.parametrize(
-    "text", ["", "easy", "easy:", "easy@assist:0.8", "easy@assist=steer", "Easy:1", "easy:much"]
+    "text",
+    [
+        "",
+        "easy",
+        "easy:",
+        "easy@assist:0.8",
+        "easy@assist=steer",
+        "easy@assist=steer,:1",
+        "Easy:1",
+        "easy:much",
+    ],
 )
 def test_what_is_no_effect_is_refused_with_an_example(text):
     with pytest.raises(EffectError, match="such as"):

@@ -29,6 +29,11 @@ def test_signed_ranks_are_those_of_scipy_and_pairs_without_a_difference_do_not_c
     assert found.effect.low < found.effect.value < found.effect.high
 
 
+def test_one_pair_without_a_difference_is_said_in_the_singular():
+    found = signed_ranks(np.array([1.0, 2.0, 4.0, 8.0]), np.array([1.0, 1.0, 2.0, 3.0]))
+    assert found.remark == "1 pair without a difference does not count"
+
+
 def test_rank_sums_are_those_of_scipy_and_r_is_how_much_more_often_one_is_greater():
     rng = np.random.default_rng(2)
     first, second = rng.normal(0.5, 1.0, 14), rng.normal(0.0, 1.0, 11)

@@ -1,0 +1,428 @@
+# What a stranger computes from an exported study alone, by the code book in its
+# dataset_description.json: every statistic of the report that R has a function or a textbook
+# formula for. It reads data/, questionnaires/ and study.json, and writes a CSV with
+# table, row, column, value.
+#
+#   Rscript stranger.R DATASET KIND OUT.csv        (KIND: participant or bot)
+#
+# Debian: r-base-core r-cran-lme4 r-cran-nlme r-cran-jsonlite
+suppressPackageStartupMessages({library(lme4); library(nlme); library(jsonlite)})
+arguments <- commandArgs(TRUE)
+folder <- arguments[1]; kind <- arguments[2]
+csv <- function(...) read.csv(file.path(folder, "data", paste0(..., "_data.csv")), check.names = FALSE)
+json <- function(...) fromJSON(file.path(folder, ...), simplifyVector = FALSE)
+
+told <- new.env(); told$rows <- list()
+tell <- function(.table, .row, ...) {
+  found <- list(...)
+  for (column in names(found))
+    told$rows[[length(told$rows) + 1]] <- list(.table, .row, column, found[[column]])
+}
+
+# --- the data: sessions that count, and answers to them ------------------------------------------
+
+study <- json("study.json")
+people <- subset(csv("description-participants"), kind == get("kind", globalenv()) & withdrawn == 0)
+sessions <- subset(csv("description-sessions"),
+  participant %in% people$id & practice == 0 & !(fault_side %in% "platform"))
+metrics <- merge(sessions[c("id", "participant", "number", "condition", "robot", "outcome", "os", "browser")],
+  csv("description-metrics"), by.x = "id", by.y = "session")
+conditions <- sapply(study$conditions, `[[`, "key")
+orders <- setNames(strsplit(people$cell, "-"), people$id)
+
+asked <- list()
+for (path in list.files(file.path(folder, "questionnaires"))) {
+  one <- json("questionnaires", path); asked[[one$slug]] <- one
+}
+items_of <- function(one) unlist(lapply(one$pages, function(page) lapply(page$items, `[[`, "key")))
+answers <- subset(csv("description-answers"), finished == 1 & session %in% sessions$id)
+wide <- function(slug) {
+  own <- answers[answers$questionnaire == slug, ]
+  own$value <- suppressWarnings(as.numeric(own$value))
+  found <- reshape(own[c("response", "participant", "session", "item", "value")], direction = "wide",
+    idvar = c("response", "participant", "session"), timevar = "item")
+  names(found) <- sub("^value[.]", "", names(found))
+  found <- merge(found, sessions[c("id", "condition", "robot", "number")], by.x = "session", by.y = "id")
+  found[order(found$participant, found$number), ]
+}
+# SUS: odd items count x - 1, even ones 5 - x; the sum times 2.5 (Brooke, 1996)
+recoded <- function(slug, found) {
+  one <- asked[[slug]]
+  if (slug == "sus") for (n in 1:10) {
+    key <- paste0("sus", n); found[[key]] <- if (n %% 2 == 1) found[[key]] - 1 else 5 - found[[key]]
+  }
+  for (page in one$pages) for (item in page$items) if (isTRUE(item$reverse)) {
+    points <- sapply(one$scales[[item$scale]], `[[`, "value")
+    found[[item$key]] <- max(points) + min(points) - found[[item$key]]
+  }
+  found
+}
+responses <- lapply(setNames(nm = intersect(names(asked), unique(answers$questionnaire))),
+  function(slug) recoded(slug, wide(slug)))
+topics_of <- function(slug) {
+  found <- asked[[slug]]$topics
+  setNames(lapply(found, function(topic) unlist(topic$items)), sapply(found, `[[`, "key"))
+}
+scales <- function(slug) {
+  switch(asked[[slug]]$scoring,
+    sus = list(overall = paste0("sus", 1:10)), tlx_raw = list(overall = items_of(asked[[slug]])),
+    likert = c(list(overall = items_of(asked[[slug]])), topics_of(slug)), topics = topics_of(slug), list())
+}
+score <- function(slug, keys, found) {
+  if (asked[[slug]]$scoring == "sus" && length(keys) == 10) 2.5 * rowSums(found[keys])
+  else if (asked[[slug]]$scoring == "tlx_raw") rowMeans(found[keys])
+  else { value <- rowMeans(found[keys], na.rm = TRUE); value[is.nan(value)] <- NA; value }
+}
+# a measure as participant, condition, value: the mean over a participant's sessions of a condition
+measured <- function(name) {
+  parts <- strsplit(name, ".", fixed = TRUE)[[1]]
+  if (length(parts) == 1) {
+    own <- data.frame(participant = metrics$participant, condition = metrics$condition, value = metrics[[name]])
+  } else {
+    found <- responses[[parts[1]]]
+    keys <- scales(parts[1])[[parts[2]]]; if (is.null(keys)) keys <- parts[2]
+    own <- data.frame(participant = found$participant, condition = found$condition,
+      value = score(parts[1], keys, found))
+  }
+  own <- own[is.finite(own$value), ]
+  if (nrow(own)) aggregate(value ~ participant + condition, own, mean) else own
+}
+by_condition <- function(name, keys = conditions) {
+  own <- measured(name)
+  lapply(setNames(nm = keys), function(key) with(own[own$condition == key, ], setNames(value, participant)))
+}
+
+# --- textbook statistics -------------------------------------------------------------------------
+
+describe <- function(x, prefix = "", ordinal = FALSE) {
+  found <- list(n = length(x), mean = mean(x), SD = sd(x))
+  if (ordinal) found <- c(found, list(median = median(x), IQR = IQR(x)))
+  setNames(found, paste0(prefix, names(found)))
+}
+same <- function(x) diff(range(x)) <= 1e-9 * max(abs(x), 0)
+complete <- function(groups) {
+  shared <- Reduce(intersect, lapply(groups, names)); sapply(groups, function(one) one[shared])
+}
+d_z <- function(t, n) {  # the interval by the noncentral t distribution (Steiger and Fouladi, 1997)
+  bound <- function(tail) uniroot(function(ncp) pt(t, n - 1, ncp) - tail, t + c(-9, 9), tol = 1e-12, extendInt = "yes")$root
+  list(Size = t / sqrt(n), `Size: from` = suppressWarnings(bound(.975)) / sqrt(n),
+    `Size: to` = suppressWarnings(bound(.025)) / sqrt(n))
+}
+paired_means <- function(x, y) {
+  if (same(x - y)) return(list(`n tested` = length(x), Difference = mean(x - y)))
+  found <- t.test(x, y, paired = TRUE)
+  c(list(`n tested` = length(x), Statistic = found$statistic, df = found$parameter, p = found$p.value,
+    Difference = mean(x - y), `Difference: from` = found$conf.int[1], `Difference: to` = found$conf.int[2]),
+    d_z(unname(found$statistic), length(x)))
+}
+paired_ranks <- function(x, y) {
+  difference <- round(x - y, 9); moved <- difference[difference != 0]; n <- length(difference); m <- length(moved)
+  if (!m) return(list(`n tested` = n, Difference = 0))
+  ties <- anyDuplicated(abs(moved)) > 0
+  found <- suppressWarnings(wilcox.test(moved, exact = m <= 50 && !ties, correct = FALSE))
+  p <- found$p.value
+  if (ties && m <= 13) {  # every way to give signs to the ranks
+    ranks <- rank(abs(moved)); signs <- as.matrix(expand.grid(rep(list(0:1), m))); sums <- signs %*% ranks
+    at <- sum(ranks[moved > 0]); p <- min(1, 2 * min(mean(sums <= at), mean(sums >= at)))
+  }
+  walsh <- outer(difference, difference, "+"); walsh <- sort(walsh[lower.tri(walsh, diag = TRUE)] / 2)
+  place <- max(0, floor(n * (n + 1) / 4 - qnorm(.975) * sqrt(n * (n + 1) * (2 * n + 1) / 24)))
+  total <- m * (m + 1) / 2; r <- 2 * unname(found$statistic) / total - 1
+  slack <- qnorm(.975) * sqrt((2 * m^3 + 3 * m^2 + m) / 6) / total
+  result <- list(`n tested` = n, Statistic = found$statistic, p = p, Difference = median(walsh),
+    `Difference: from` = walsh[place + 1], `Difference: to` = walsh[length(walsh) - place], Size = r)
+  if (abs(r) < 1) result <- c(result, list(`Size: from` = tanh(atanh(r) - slack), `Size: to` = tanh(atanh(r) + slack)))
+  result
+}
+kendall <- function(ranks) {  # of ranks within rows, with ties
+  n <- nrow(ranks); k <- ncol(ranks)
+  sum((colSums(ranks) - n * (k + 1) / 2)^2) / (n * (sum(ranks^2) - n * k * (k + 1)^2 / 4))
+}
+friedman <- function(groups) {
+  table <- round(complete(groups), 9); n <- nrow(table)
+  if (all(table == table[, 1])) return(list(`n tested` = n))
+  found <- friedman.test(table); ranks <- t(apply(table, 1, rank))
+  set.seed(1)  # the interval is by chance: compared with a tolerance
+  drawn <- replicate(2000, kendall(ranks[sample(n, n, TRUE), ]))
+  bounds <- quantile(drawn[is.finite(drawn)], c(.025, .975))
+  list(`n tested` = n, Statistic = found$statistic, df = found$parameter, p = found$p.value,
+    Size = unname(found$statistic) / (n * (ncol(table) - 1)), `Size: from` = bounds[[1]], `Size: to` = bounds[[2]])
+}
+compared <- function(groups, test) {
+  if (length(groups) > 2) friedman(groups)
+  else { both <- complete(groups); (if (test == "ranks") paired_ranks else paired_means)(both[, 1], both[, 2]) }
+}
+# p values of a table by Holm's method, in which rows of the same data are one test
+tell_family <- function(table, found, data) {
+  ps <- sapply(found, function(one) if (is.null(one$p)) NA else one$p)
+  codes <- sapply(data, function(one) paste(deparse(lapply(one, function(x) round(x[order(names(x))], 9))), collapse = ""))
+  first <- !duplicated(codes) & !is.na(ps); adjusted <- rep(NA, length(ps)); adjusted[first] <- p.adjust(ps[first], "holm")
+  for (n in seq_along(found)) {
+    known <- if (is.na(ps[n])) list() else list(`p (Holm)` = adjusted[first][match(codes[n], codes[first])])
+    do.call(tell, c(list(table, names(found)[n]), found[[n]], known))
+  }
+}
+compare_table <- function(table, measures, labels, ordinal, keys = conditions, test = "means") {
+  groups <- lapply(measures, by_condition, keys = keys)
+  for (n in seq_along(measures)) for (key in keys)
+    do.call(tell, c(list(table, labels[n]), describe(groups[[n]][[key]], paste0(key, ": "), ordinal)))
+  tell_family(table, setNames(lapply(groups, compared, test), labels), groups)
+}
+
+# --- tables by condition -------------------------------------------------------------------------
+
+compared_metrics <- c("total_time", "task_time", "time_to_motion", "docking_time", "path", "efficiency",
+  "speed", "stops", "collisions", "near_seconds")
+compare_table("conditions", compared_metrics, compared_metrics, FALSE)
+
+title_of <- function(slug, key) {
+  for (topic in asked[[slug]]$topics) if (topic$key == key) return(topic$text$en)
+  if (key == "overall") return(switch(asked[[slug]]$scoring, sus = "SUS", tlx_raw = "Raw TLX", "Overall"))
+  for (page in asked[[slug]]$pages) for (item in page$items) if (item$key == key) return(item$text$en)
+}
+ends_of <- function(slug, keys) {  # what the score can be
+  if (asked[[slug]]$scoring %in% c("sus", "tlx_raw")) return(c(0, 100))
+  for (page in asked[[slug]]$pages) for (item in page$items) if (item$key %in% keys)
+    return(range(sapply(asked[[slug]]$scales[[item$scale]], `[[`, "value")))
+}
+half_width <- function(x, level) qt(.5 + level / 2, length(x) - 1) * sd(x) / sqrt(length(x))
+for (slug in names(responses)) {
+  scored <- scales(slug)
+  if (asked[[slug]]$scoring == "tlx_raw") for (key in items_of(asked[[slug]])) scored[[key]] <- key
+  if (!length(scored)) next
+  measures <- paste0(slug, ".", names(scored)); labels <- sapply(names(scored), title_of, slug = slug)
+  for (n in seq_along(measures)) for (key in conditions) {
+    ends <- ends_of(slug, scored[[n]]); x <- by_condition(measures[n])[[key]]; slack <- half_width(x, .95)
+    tell(paste0("scores-", slug), paste(labels[n], key, "giraff", sep = "|"), n = length(x), Mean = mean(x),
+      SD = sd(x), `CI95: from` = mean(x) - slack, `CI95: to` = mean(x) + slack, Median = median(x), IQR = IQR(x), Least = ends[1], Greatest = ends[2])
+  }
+  if (slug != "experience") compare_table(paste0("score-tests-", slug), measures, labels, TRUE)
+}
+
+# the statements of Table 5: percentages of all answers, the rest of the respondents' means
+statements <- c(scales("experience"), setNames(nm = items_of(asked$experience)))
+labels <- sapply(names(statements), function(key) if (key %in% items_of(asked$experience)) toupper(key) else title_of("experience", key))
+compare_table("answers", paste0("experience.", names(statements)), labels, TRUE)
+table_5 <- function(name, found) for (n in seq_along(statements)) {
+  given <- unlist(found[statements[[n]]]); given <- given[!is.na(given)]
+  x <- score("experience", statements[[n]], found); x <- x[!is.na(x)]
+  share <- setNames(as.list(100 * tabulate(given + 3, 5) / length(given)), paste("%", c("−2", "−1", "0", "+1", "+2")))
+  do.call(tell, c(list(name, labels[n]), share, n = length(x), Mean = mean(x), SD = sd(x),
+    CI95 = half_width(x, .95), CI99 = half_width(x, .99), Median = median(x), IQR = IQR(x)))
+}
+table_5("table-5", responses$experience)
+for (key in conditions) table_5(paste0("table-5-", key), subset(responses$experience, condition == key))
+
+# --- reliability: Cronbach's alpha with Feldt's interval, McDonald's omega with the delta method --
+
+omega_of <- function(parameters, k) {
+  common <- sum(parameters[1:k])^2; common / (common + sum(parameters[k + 1:k]))
+}
+one_factor <- function(x) {  # loadings and variances of their own, by maximum likelihood
+  k <- ncol(x)
+  if (k == 3) {  # three covariances give three loadings
+    s <- cov(x); l <- sqrt(c(s[1, 2] * s[1, 3] / s[2, 3], s[1, 2] * s[2, 3] / s[1, 3], s[1, 3] * s[2, 3] / s[1, 2]))
+    if (all(s > 0) && all(diag(s) - l^2 > .0051 * diag(s))) return(list(loadings = l, own = diag(s) - l^2))
+  }
+  fit <- tryCatch(factanal(x, 1, rotation = "none",
+    control = list(lower = .005, nstart = 5, opt = list(factr = 10, maxit = 1000))), error = function(e) NULL)
+  if (is.null(fit)) return(NULL)
+  loadings <- fit$loadings[, 1] * apply(x, 2, sd)
+  list(loadings = if (sum(loadings) < 0) -loadings else loadings, own = fit$uniquenesses * apply(x, 2, var))
+}
+for (slug in names(responses)) for (name in names(scales(slug))) for (key in conditions) {
+  keys <- scales(slug)[[name]]; k <- length(keys); if (k < 2) next
+  x <- as.matrix(na.omit(subset(responses[[slug]], condition == key)[keys])); n <- nrow(x)
+  alpha <- k / (k - 1) * (1 - sum(apply(x, 2, var)) / var(rowSums(x)))
+  row <- paste(slug, title_of(slug, name), key, "giraff", sep = "|")
+  tell("reliability", row, Items = k, n = n, `α` = alpha,
+    `α: from` = 1 - (1 - alpha) * qf(.975, n - 1, (n - 1) * (k - 1)),
+    `α: to` = 1 - (1 - alpha) * qf(.025, n - 1, (n - 1) * (k - 1)))
+  if (k < 3) next
+  fit <- one_factor(x); if (is.null(fit)) next
+  loadings <- fit$loadings; own <- fit$own; parameters <- c(loadings, own); omega <- omega_of(parameters, k)
+  tell("reliability", row, `ω` = omega)
+  if (any(own < .0051 * apply(x, 2, var))) next
+  inverse <- solve(tcrossprod(loadings) + diag(own))
+  slopes <- lapply(1:(2 * k), function(p) {
+    change <- matrix(0, k, k)
+    if (p <= k) { change[p, ] <- loadings; change[, p] <- change[, p] + loadings } else change[p - k, p - k] <- 1
+    inverse %*% change
+  })
+  information <- outer(1:(2 * k), 1:(2 * k), Vectorize(function(i, j) n / 2 * sum(slopes[[i]] * t(slopes[[j]]))))
+  gradient <- sapply(1:(2 * k), function(p) {
+    step <- 1e-6 * pmax(1, abs(parameters[p])); up <- down <- parameters; up[p] <- up[p] + step; down[p] <- down[p] - step
+    (omega_of(up, k) - omega_of(down, k)) / (2 * step)
+  })
+  error <- sqrt(drop(gradient %*% solve(information, gradient))) / (omega * (1 - omega))
+  tell("reliability", row, `ω: from` = plogis(qlogis(omega) - qnorm(.975) * error),
+    `ω: to` = plogis(qlogis(omega) + qnorm(.975) * error))
+}
+
+# --- driving: spreads, outcomes, the network, what is learnt -------------------------------------
+
+for (name in names(csv("description-metrics"))[-(1:3)]) {
+  x <- metrics[[name]]; x <- x[is.finite(x)]
+  tell("metrics", name, n = length(x))
+  if (length(x)) tell("metrics", name, Mean = mean(x), p5 = quantile(x, .05), Median = median(x),
+    p95 = quantile(x, .95), IQR = IQR(x))
+  if (length(x) > 1) tell("metrics", name, SD = sd(x))
+}
+wilson <- function(k, n) as.list(100 * prop.test(k, n, correct = FALSE)$conf.int)
+for (key in c(conditions, "all")) {
+  own <- if (key == "all") sessions else sessions[sessions$condition == key, ]
+  done <- sum(own$outcome == "completed"); bounds <- suppressWarnings(wilson(done, nrow(own)))
+  counts <- as.list(table(own$outcome)); names(counts)[names(counts) == ""] <- "not ended"
+  do.call(tell, c(list("outcomes", key, Participants = length(unique(own$participant)), Sessions = nrow(own),
+    `% completed` = 100 * done / nrow(own), from = bounds[[1]], to = bounds[[2]]), counts))
+}
+mean_of <- function(name) {
+  own <- metrics[is.finite(metrics[[name]]), ]; tapply(own[[name]], own$participant, mean)
+}
+causes <- c("round_trip", "loss", "command_age", "frame_age", "fps")
+pairs <- expand.grid(driving = compared_metrics, network = causes, stringsAsFactors = FALSE)
+correlations <- lapply(seq_len(nrow(pairs)), function(n) {
+  x <- mean_of(pairs$network[n]); y <- mean_of(pairs$driving[n]); shared <- intersect(names(x), names(y))
+  list(x = x[shared], y = y[shared])
+})
+spearman <- lapply(correlations, function(one) {
+  n <- length(one$x); found <- list(`n tested` = n)
+  if (n < 4 || same(one$x) || same(one$y)) return(found)
+  rho <- cor(rank(signif(one$x, 11)), rank(signif(one$y, 11))); t <- rho * sqrt((n - 2) / (1 - rho^2))
+  slack <- qnorm(.975) * sqrt((1 + rho^2 / 2) / (n - 3))  # Bonett and Wright (2000)
+  c(found, list(Statistic = rho, df = n - 2, p = 2 * pt(-abs(t), n - 2), Size = rho,
+    `Size: from` = tanh(atanh(rho) - slack), `Size: to` = tanh(atanh(rho) + slack)))
+})
+names(spearman) <- paste(pairs$network, pairs$driving, sep = "|")
+tell_family("network-effects", spearman, correlations)
+
+learnt <- c("total_time", "task_time", "efficiency", "speed", "stops", "near_seconds", "collisions")
+class_row <- function(table, row, own) {
+  if (!nrow(own)) return(tell(table, row, Participants = 0, Sessions = 0))
+  medians <- setNames(lapply(learnt, function(name) median(own[[name]], na.rm = TRUE)), paste0(learnt, ", median"))
+  do.call(tell, c(list(table, row, Participants = length(unique(own$participant)), Sessions = nrow(own),
+    `% completed` = 100 * mean(own$outcome == "completed")), medians[!is.na(medians)]))
+}
+edges <- list(round_trip = c(.05, .1, .2, .4), loss = c(.001, .01, .05), command_age = c(.05, .1, .2, .4),
+  frame_age = c(.1, .2, .4, 1), fps = c(5, 10, 15, 25))
+for (cause in causes) {
+  at <- c(-Inf, edges[[cause]], Inf)
+  for (n in seq_len(length(at) - 1)) {
+    label <- if (n == 1) paste("<", at[2]) else if (n == length(at) - 1) paste("≥", at[n]) else paste(at[n], "–", at[n + 1])
+    class_row("network-classes", paste(cause, label, sep = "|"), metrics[metrics[[cause]] >= at[n] & metrics[[cause]] < at[n + 1] & !is.na(metrics[[cause]]), ])
+  }
+}
+for (way in c("datachannel", "mqtt"))
+  class_row("network-classes", paste("control way", way, sep = "|"), metrics[which(metrics[[paste0("share_", way)]] > .5), ])
+for (number in sort(unique(metrics$number)))
+  class_row("learning", paste("session", number, sep = "|"), metrics[metrics$number == number, ])
+of_session <- function(name, number) {
+  own <- metrics[metrics$number == number & is.finite(metrics[[name]]), ]; setNames(own[[name]], own$participant)
+}
+turns <- lapply(learnt, function(name) list(second = of_session(name, 2), first = of_session(name, 1)))
+for (n in seq_along(learnt)) for (turn in names(turns[[n]]))
+  do.call(tell, c(list("learning-tests", learnt[n]), describe(turns[[n]][[turn]], paste0(turn, ": "))))
+tell_family("learning-tests", setNames(lapply(turns, compared, "means"), learnt), turns)
+
+middle <- function(own, name) { x <- own[[name]]; if (all(is.na(x))) NULL else median(x, na.rm = TRUE) }
+for (condition in study$conditions) {
+  own <- metrics[metrics$condition == condition$key, ]
+  seen <- list(`Command` = c("command_age_median", "command_age_p95"), `Picture on the page` = c("frame_age", "frame_age_p95"),
+    `Picture at the wheels` = c("answer_age", "answer_age_p95"))
+  row <- paste(condition$key, "clean", "clean", sep = "|")
+  tell("ages", row, Participants = length(unique(own$participant)), Sessions = nrow(own))
+  for (name in names(seen)) for (n in 1:2) {
+    value <- middle(own, seen[[name]][n]); if (is.null(value)) next
+    do.call(tell, c(list("ages", row), setNames(list(value), paste0(name, ", ", c("median", "p95")[n]))))
+  }
+  average <- function(name) { x <- own[[name]]; if (all(is.na(x))) NULL else mean(x, na.rm = TRUE) }
+  do.call(tell, Filter(Negate(is.null), list("safety-limits", condition$key, Sessions = nrow(own), Commands = sum(own$commands, na.rm = TRUE),
+    `% refused` = 100 * average("share_refused"), `% too old` = 100 * average("share_too_old"),
+    `% slowed` = if (is.null(average("share_slowed"))) NULL else 100 * average("share_slowed"),
+    `Asked (m/s)` = average("asked_speed"), `Allowed (m/s)` = average("allowed_speed"), `Applied (m/s)` = average("applied_speed"),
+    `Command age (s)` = average("command_age_median"), `Command age, p95 (s)` = average("command_age_p95"))))
+}
+
+# --- the declared analyses -----------------------------------------------------------------------
+
+levels_of <- function(name) {
+  for (factor in study$factors) if (factor$key == name) return(sapply(factor$levels, `[[`, "key"))
+  if (name == "condition") return(conditions)
+  as.character(seq_along(conditions))  # period
+}
+long <- function(measure) {
+  own <- measured(measure)
+  for (factor in study$factors) {
+    level <- sapply(study$conditions, function(one) one$levels[[factor$key]])
+    own[[factor$key]] <- level[match(own$condition, conditions)]
+  }
+  own$period <- mapply(function(who, key) match(key, orders[[who]]), own$participant, own$condition)
+  own
+}
+ours <- function(names, keys, sums) {  # R's names of coefficients as ours: period1 is "period 1"
+  for (key in keys) {
+    own <- levels_of(key); own <- if (sums) head(own, -1) else own[-1]
+    for (n in seq_along(own)) names <- gsub(paste0("\\b", key, if (sums) n else own[n], "\\b"), paste(key, own[n]), names)
+  }
+  sub("(Intercept)", "(intercept)", names, fixed = TRUE)
+}
+for (one in study$analyses) {
+  table <- paste0("analysis-", gsub("_", "-", one$key)); measures <- unlist(one$measures)
+  test <- if (is.null(one$test)) "means" else one$test
+  if (test == "mixed") {
+    effects <- unlist(one$effects); keys <- unique(unlist(strsplit(effects, ":"))); sums <- identical(one$coding, "sum")
+    family <- list()
+    for (measure in measures) {
+      own <- long(measure)
+      for (key in keys) {
+        own[[key]] <- factor(own[[key]], levels = levels_of(key))
+        contrasts(own[[key]]) <- if (sums) contr.sum(nlevels(own[[key]])) else contr.treatment(levels(own[[key]]))
+      }
+      right <- paste(effects, collapse = " + ")
+      fit <- suppressMessages(lmer(as.formula(paste("value ~", right, "+ (1 | participant)")), own,
+        control = lmerControl(optimizer = "bobyqa", optCtrl = list(rhoend = 1e-11))))
+      degrees <- lme(as.formula(paste("value ~", right)), own, ~ 1 | participant)  # for its degrees of freedom
+      estimates <- coef(summary(fit)); freedom <- summary(degrees)$tTable[, "DF"]
+      rownames(estimates) <- ours(rownames(estimates), keys, sums)
+      for (n in seq_len(nrow(estimates))) {
+        value <- estimates[n, 1]; error <- estimates[n, 2]; df <- freedom[[n]]; slack <- qt(.975, df) * error
+        tell(paste0(table, "-coefficients"), paste(measure, rownames(estimates)[n], sep = "|"), Estimate = value,
+          from = value - slack, to = value + slack, SE = error, t = value / error, df = df, p = 2 * pt(-abs(value / error), df))
+      }
+      spread <- as.data.frame(VarCorr(fit))$sdcor
+      for (n in 1:3) tell(paste0(table, "-coefficients"), paste(measure, c("SD participants", "SD residual", "ICC")[n], sep = "|"),
+        Estimate = c(spread, spread[1]^2 / sum(spread^2))[n])
+      marginal <- anova(degrees, type = "marginal"); assigned <- attr(getME(fit, "X"), "assign")
+      if (is.null(assigned)) assigned <- attr(model.matrix(fit), "assign")
+      terms <- attr(terms(fit), "term.labels"); covariance <- as.matrix(vcov(fit))
+      for (n in seq_along(terms)) {  # Wald's F with the estimates of lme4
+        at <- which(assigned == n); b <- fixef(fit)[at]
+        f <- drop(b %*% solve(covariance[at, at, drop = FALSE], b)) / length(at); df <- marginal[terms[n], c("numDF", "denDF")]
+        family[[paste(measure, terms[n], sep = "|")]] <- list(Participants = length(unique(own$participant)),
+          Observations = nrow(own), Statistic = f, df = df[[1]], `df 2` = df[[2]], p = pf(f, df[[1]], df[[2]], lower.tail = FALSE))
+      }
+    }
+    adjusted <- p.adjust(sapply(family, `[[`, "p"), "holm")
+    for (n in seq_along(family)) do.call(tell, c(list(table, names(family)[n]), family[[n]], `p (Holm)` = adjusted[[n]]))
+  } else {
+    sides <- lapply(one$contrasts, function(it) list(title = it$title$en, first = unlist(it$first), second = unlist(it$second)))
+    if (!length(sides)) {
+      tell_family(table, setNames(lapply(measures, function(it) compared(by_condition(it), test)), paste(measures, "all", sep = "|")),
+        lapply(measures, by_condition))
+      if (isTRUE(one$post_hoc)) sides <- combn(conditions, 2, simplify = FALSE,
+        FUN = function(two) list(title = paste(two[1], "−", two[2]), first = two[1], second = two[2]))
+    }
+    found <- list(); data <- list()
+    for (measure in measures) for (side in sides) {
+      averaged <- function(keys) { both <- complete(by_condition(measure, keys)); setNames(rowMeans(as.matrix(both)), rownames(both)) }
+      groups <- list(first = averaged(side$first), second = averaged(side$second)); row <- paste(measure, side$title, sep = "|")
+      for (name in names(groups)) do.call(tell, c(list(table, row), describe(groups[[name]], paste0(name, ": "), TRUE)))
+      found[[row]] <- compared(groups, test); data[[row]] <- groups
+    }
+    if (length(found)) tell_family(table, found, data)
+  }
+}
+
+out <- as.data.frame(do.call(rbind, lapply(told$rows, function(one) c(one[[1]], one[[2]], one[[3]], format(as.numeric(one[[4]]), digits = 12)))))
+names(out) <- c("table", "row", "column", "value")
+write.csv(out, arguments[3], row.names = FALSE, fileEncoding = "UTF-8")
