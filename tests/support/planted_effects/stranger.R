@@ -327,8 +327,8 @@ tell_family("learning-tests", setNames(lapply(turns, compared, "means"), learnt)
 middle <- function(own, name) { x <- own[[name]]; if (all(is.na(x))) NULL else median(x, na.rm = TRUE) }
 for (condition in study$conditions) {
   own <- metrics[metrics$condition == condition$key, ]
-  seen <- list(`Command` = c("command_age_median", "command_age_p95"), `Picture on the page` = c("frame_age", "frame_age_p95"),
-    `Picture at the wheels` = c("answer_age", "answer_age_p95"))
+  seen <- list(`Command` = c("command_age_median", "command_age_p95"), `Video on the page` = c("frame_age", "frame_age_p95"),
+    `Video at the wheels` = c("answer_age", "answer_age_p95"))
   row <- paste(condition$key, "clean", "clean", sep = "|")
   tell("ages", row, Participants = length(unique(own$participant)), Sessions = nrow(own))
   for (name in names(seen)) for (n in 1:2) {

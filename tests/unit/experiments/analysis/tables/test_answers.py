@@ -89,13 +89,15 @@ def said(table, label, column="p"):
 @pytest.mark.parametrize("study", [BETWEEN, WITHIN])
 def test_an_effect_planted_in_the_bots_answers_is_found_in_its_row(study):
     key = study.conditions[-1].key
-    table = compare_answers(study_of(study, bots(study, 5, Effect("q2", -1.5, "condition", key))))
+    table = compare_answers(study_of(study, bots(study, 5, Effect("q2", -1.5, {"condition": key}))))
     assert said(table, "Q2", "p (Holm)") < 0.05
     assert (
         said(table, "Q2", f"{key}: mean")
         < said(table, "Q2", f"{study.conditions[0].key}: mean") - 0.5
     )
-    nothing = compare_answers(study_of(study, bots(study, 5, Effect("q2", 0.0, "condition", key))))
+    nothing = compare_answers(
+        study_of(study, bots(study, 5, Effect("q2", 0.0, {"condition": key})))
+    )
     assert said(nothing, "Q2") > 0.05
 
 
