@@ -34,6 +34,7 @@ from sessions.consumers.authorization import (
     Publish,
     ReportFrame,
     Spare,
+    ToSfu,
     Verb,
 )
 from sessions.consumers.backpressure import IS_FULL, never_full
@@ -181,24 +182,31 @@ class RobotConsumer(DirectConsumer):
                 await asyncio.sleep(0)
 
     def _perform(self, effects: tuple[Effect, ...]) -> None:
+        assert self.page_session is not None
         for effect in effects:
             match effect:
-                case Publish(message=Action(role="owner" | "staff")):
-                    self._launch(self._publish_of_operator(effect))
                 case Publish():
-                    self._publish(effect)
+                    self._publish_if_allowed(effect)
                 case Halt(message):
                     self.bridge.send_stop(self.name, message)
                 case Verb(message):
                     self._ask(message)
                 case ReportFrame(message):
                     self.bridge.report(protocol.page_reports(message.session), message)
+                case ToSfu(message):
+                    self.page_session.tell_sfu(message)
                 case Spare(direct):
                     self.sparing.direct = direct
                 case DenyFrame(suffix, reason):
                     self.sender.post("denied", protocol.Denied(suffix=suffix, reason=reason))
                 case Close(code):
                     self.sender.end(code)
+
+    def _publish_if_allowed(self, publish: Publish) -> None:
+        if isinstance(publish.message, Action) and publish.message.role in {"owner", "staff"}:
+            self._launch(self._publish_of_operator(publish))
+        else:
+            self._publish(publish)
 
     def _publish(self, publish: Publish) -> None:
         message = publish.message
@@ -270,15 +278,19 @@ class RobotConsumer(DirectConsumer):
             self._launch(self.page_session.confirm())
 
     def _relay(self, inbound: ReceivedMessage) -> None:
+        assert self.page_session is not None
+        if self.page_session.moves_to_sfu(inbound):
+            return
+        now, by_sfu = time.monotonic(), self.authorization.by_sfu
         if (out := relay.for_driver(inbound, self.known.lease)) is not None:
             # What visitor and people at the robot write to each other, and where they point, is no
             # business of those who watch.
             if self.authorization.holds(self.known.lease) and self.sparing.passes(
-                inbound.suffix, time.monotonic()
+                inbound.suffix, now
             ):
                 self.sender.put(out)
         elif (
-            self.sparing.passes(inbound.suffix, time.monotonic())
+            self.sparing.passes(inbound.suffix, now, by_sfu=by_sfu)
             and (out := relay.relayed(inbound, self.authorization.peer)) is not None
         ):
             self.sender.put(out)
