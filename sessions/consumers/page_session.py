@@ -204,6 +204,8 @@ class PageSession:
     def tell_sfu(self, message: ToSfu) -> None:
         """Tell the SFU what the page says to it."""
         broadcast = broadcasts.broadcast_of(self.robot.name, self.bridge)
+        # it may be another one than that which the page came to
+        broadcast.join(self.authorization.peer, self._tell_of_sfu)
         broadcast.take(self.authorization.peer, message)
 
     def _tell_of_sfu(self, message: SdpOffer | Bye) -> None:

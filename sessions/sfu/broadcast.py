@@ -102,6 +102,7 @@ class Broadcast:
         self._tasks: set[asyncio.Task[None]] = set()
         self._known = bridge.listen(robot, self)
         self._task = asyncio.ensure_future(self._run())
+        self._task.add_done_callback(self._ended)
 
     # --- pages ------------------------------------------------------------------------------------
 
@@ -123,7 +124,7 @@ class Broadcast:
             case Bye():
                 self._hang_up(viewer)
             case SdpAnswer() | Candidate() if viewer.handle is not None:
-                self._launch(self._pass_on(viewer, viewer.handle, message))
+                self._launch(self._pass_on, viewer, viewer.handle, message)
 
     def leave(self, peer: str) -> None:
         """Let a page watch no more."""
@@ -143,7 +144,7 @@ class Broadcast:
         """Take what the robot says to its side of the connection."""
         leg = self._leg
         if leg is not None and inbound.suffix == f"{leg.suffix}/reply":
-            self._launch(self._take_reply(leg, inbound.message))
+            self._launch(self._take_reply, leg, inbound.message)
         elif inbound.suffix == "connection":
             self._wake.set()
 
@@ -166,6 +167,12 @@ class Broadcast:
             for task in self._tasks:
                 task.cancel()
             self._on_over()
+
+    def _ended(self, task: asyncio.Task[None]) -> None:
+        """Let no error of ours end it silently: its pages ask again, and get another one."""
+        if not task.cancelled() and (error := task.exception()) is not None:
+            log.error("sfu_failed", robot=self._robot, exc_info=error)
+            self._lose()
 
     def _lose(self) -> None:
         """Tell everybody that Janus is gone; what they ask for meanwhile is refused."""
@@ -295,7 +302,7 @@ class Broadcast:
         for viewer in self._viewers.values():
             if viewer.wants:
                 viewer.wants = False
-                self._launch(self._offer(session, viewer))
+                self._launch(self._offer, session, viewer)
 
     async def _offer(self, session: janus.JanusSession, viewer: SfuViewer) -> None:
         """Have Janus offer to a page; what it had before is over."""
@@ -337,18 +344,18 @@ class Broadcast:
     def _hang_up(self, viewer: SfuViewer) -> None:
         handle, viewer.handle = viewer.handle, None
         if handle is not None:
-            self._launch(handle.detach())
+            self._launch(handle.detach)
 
-    def _launch(self, work: Coroutine[Any, Any, None]) -> None:
-        task = asyncio.ensure_future(_unless_lost(work))
+    def _launch(self, work: Callable[..., Coroutine[Any, Any, None]], *values: Any) -> None:
+        task = asyncio.ensure_future(_unless_lost(work, *values))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
 
-async def _unless_lost(work: Coroutine[Any, Any, None]) -> None:
+async def _unless_lost(work: Callable[..., Coroutine[Any, Any, None]], *values: Any) -> None:
     # whoever looks after the connection tells everybody
     with contextlib.suppress(janus.JanusLostError):
-        await work
+        await work(*values)
 
 
 def _candidate(message: Candidate) -> dict[str, Any]:

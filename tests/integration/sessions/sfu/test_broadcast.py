@@ -131,3 +131,13 @@ async def test_two_web_processes_share_one_stream_and_the_second_takes_over(rig,
     await until(lambda: other.byes, 20.0, "the end of what it watched")
     await other.watch()
     assert rig.over == 1
+
+
+async def test_an_error_of_ours_is_told_to_pages_which_may_ask_again(rig, monkeypatch):
+    page = rig.page(rig.broadcast())
+    await page.watch()
+    monkeypatch.setattr(rig, "send", None)
+    page.broadcast._next_leg_at, page.broadcast._leg.ended = 0.0, "tried"
+    await until(lambda: page.byes == ["sfu_lost"], 10.0, "why")
+    assert rig.over == 1
+    monkeypatch.undo()
