@@ -9,6 +9,7 @@ from pathlib import Path
 FOLDER = Path(__file__).parent
 BENCHMARKS = (
     "media",
+    "audience",
     "control",
     "page_floods",
     "relay",

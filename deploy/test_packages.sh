@@ -1,7 +1,7 @@
 #!/bin/sh
 # The Debian packages that the tests drive for real. As root they are installed; otherwise the exact line is named.
 set -eu
-packages="chromium-headless-shell firefox-esr systemd openssl mosquitto postgresql patroni etcd-server redis-server nginx-light caddy coturn iproute2 nftables nodejs npm fonts-dejavu-core"
+packages="chromium-headless-shell firefox-esr systemd openssl mosquitto postgresql patroni etcd-server redis-server nginx-light caddy coturn janus iproute2 nftables nodejs npm fonts-dejavu-core"
 # Real sound servers for microphone and loudspeaker, and a real RTSP server for cameras: 67 MB to download.
 packages="$packages alsa-utils libasound2-plugins pulseaudio pulseaudio-utils pipewire pipewire-pulse wireplumber dbus-daemon"
 packages="$packages python3-gi gir1.2-gst-rtsp-server-1.0 gstreamer1.0-plugins-base gstreamer1.0-plugins-good gstreamer1.0-plugins-ugly"

@@ -131,6 +131,12 @@ class PageNetwork(Message, frozen=True, kw_only=True):
     path: Name = ""
 
 
+class WantOffer(Message, frozen=True, kw_only=True, tag_field="type", tag="want"):
+    """`signal`, of a page that watches through the SFU: offer me a connection. The server answers
+    with an SdpOffer, and the page with an SdpAnswer.
+    """
+
+
 class Direct(Message, frozen=True, kw_only=True):
     """`page/direct`: whether what the robot says comes over the data channel as well, so that the
     server can leave most of it out.
@@ -189,9 +195,10 @@ class Granted(Message, frozen=True, kw_only=True):
 
 
 class Observing(Message, frozen=True, kw_only=True):
-    """`session/observing`: you watch."""
+    """`session/observing`: you watch; `sfu`: not the robot itself, but through the server's SFU."""
 
     ice_servers: tuple[IceServer, ...] = ()
+    sfu: bool = False
 
 
 class Refused(Message, frozen=True, kw_only=True):
@@ -437,7 +444,8 @@ TO_SERVER: dict[str, type] = {
     "page/network": PageNetwork,
     "page/direct": Direct,
 }
-# page → server: Offer, Candidate, Bye; server → page: `signal/reply` with Answer, Candidate, Bye
+# page → server: Offer, Candidate, Bye; server → page: `signal/reply` with Answer, Candidate, Bye.
+# With the SFU the server offers, when the page wants it.
 SIGNAL = "signal"
 TO_PAGE: dict[str, Any] = {
     "hello": Hello,
@@ -449,13 +457,13 @@ TO_PAGE: dict[str, Any] = {
     "screen": Screen,
     "denied": Denied,
     "server/status": ServerStatus,
-    "signal/reply": SdpAnswer | Candidate | Bye,
+    "signal/reply": SdpAnswer | Candidate | Bye | SdpOffer,
     **{f"{_NOTICE}{name}": kind for name, kind in NOTICES.items()},
 }
 _DECODERS: dict[str, msgspec.json.Decoder[Any]] = {
     suffix: msgspec.json.Decoder(kind) for suffix, kind in TO_SERVER.items()
 }
-_DECODERS[SIGNAL] = msgspec.json.Decoder(SdpOffer | Candidate | Bye)
+_DECODERS[SIGNAL] = msgspec.json.Decoder(SdpOffer | Candidate | Bye | WantOffer | SdpAnswer)
 __all__ = [
     "MAX_FRAME",
     "PATH",

@@ -91,6 +91,19 @@ def check_ice(**_: Any) -> list[CheckMessage]:
     return found
 
 
+def check_sfu(**_: Any) -> list[CheckMessage]:
+    """The SFU's address is that of a WebSocket (E009)."""
+    if not settings.JANUS_URL or settings.JANUS_URL.startswith(("ws://", "wss://")):
+        return []
+    return [
+        Error(
+            f"JANUS_URL is {settings.JANUS_URL!r}.",
+            hint="It must begin with ws:// or wss://",
+            id="telepresence.E009",
+        )
+    ]
+
+
 def check_mail(**_: Any) -> list[CheckMessage]:
     """The word for verification is one (E004), and mail that everybody must
     receive is sent (W002).
@@ -299,6 +312,7 @@ ALWAYS: dict[str, tuple[Callable[..., list[CheckMessage]], ...]] = {
     "telepresence": (
         check_disk,
         check_ice,
+        check_sfu,
         check_mail,
         check_metrics,
         check_numbers,

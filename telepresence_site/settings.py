@@ -188,6 +188,11 @@ CREDENTIALS_DIR = VAR_DIR / "credentials"
 STUN_URLS = env.words("STUN_URLS")
 TURN_URLS = env.words("TURN_URLS")
 TURN_SECRET = env.text("TURN_SECRET")
+# The SFU for robots that many people watch: the address of Janus' WebSocket, and its api_secret.
+JANUS_URL = env.text("JANUS_URL")
+JANUS_SECRET = env.text("JANUS_SECRET")
+# how many watch a robot directly where there is an SFU, as far as the robot has places
+DIRECT_WATCHERS = int(env.text("DIRECT_WATCHERS", "8"))
 
 TURN_MINUTES = float(env.text("TURN_MINUTES", "15"))
 TURN_WARNING_SECONDS = float(env.text("TURN_WARNING_SECONDS", "120"))

@@ -930,7 +930,12 @@ class Stay(Message, frozen=True, kw_only=True, tag_field="type", tag="stay"):
     The robot closes the connection of a page for which it has received neither an offer nor this
     for 150 s; the lease covers the driver's connection. A page could keep its connection after its
     socket has closed, and must not continue to watch that way.
+
+    `viewers` is how many people watch over this connection: one, but for that of an SFU, which
+    passes the stream on. A state counts them all.
     """
+
+    viewers: Count = 1
 
 
 Signal = SdpOffer | Candidate | Bye | Stay

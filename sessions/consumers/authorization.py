@@ -35,6 +35,7 @@ from robots.api.messages import (
     Relocalize,
     ResendStates,
     Say,
+    SdpAnswer,
     SdpOffer,
     Stop,
     VelocityCommand,
@@ -82,6 +83,13 @@ class ReportFrame:
 
 
 @dataclass(frozen=True)
+class ToSfu:
+    """Tell the page's side of the SFU."""
+
+    message: protocol.WantOffer | SdpAnswer | Candidate | Bye
+
+
+@dataclass(frozen=True)
 class Spare:
     """Leave out what the page hears directly from its robot, or do so no longer."""
 
@@ -103,7 +111,7 @@ class Close:
     code: int
 
 
-Effect = Publish | Halt | Verb | ReportFrame | Spare | DenyFrame | Close
+Effect = Publish | Halt | Verb | ReportFrame | ToSfu | Spare | DenyFrame | Close
 
 
 class FrameRefused(Exception):
@@ -134,6 +142,7 @@ class Authorization:
         self.ice_servers = ice_servers
         self.standing: Standing = "guest"
         self.watches = False
+        self.by_sfu = False  # watches, but has no connection to the robot
         self.session: str | None = None
         self.epoch = 0
         self.velocity_seq = 0
@@ -154,20 +163,26 @@ class Authorization:
             peer,
             False,
         )
+        self.by_sfu = False
         self.velocity_seq = 0
 
     def wait(self, session: str) -> None:
         """The page waits for the robot; meanwhile it may watch."""
         self.standing, self.session, self.epoch = "waiting", session, 0
 
-    def observe(self) -> None:
-        """The page watches."""
-        self.watches = True
+    def observe(self, *, by_sfu: bool = False) -> None:
+        """The page watches, the robot itself or through the SFU."""
+        self.watches, self.by_sfu = True, by_sfu
+
+    def look_away(self) -> None:
+        """The page watches no more."""
+        self.watches = self.by_sfu = False
 
     def leave(self) -> None:
         """The page neither drives nor waits nor watches any more."""
         self.awaits_picture = False
-        self.standing, self.session, self.epoch, self.watches = "guest", None, 0, False
+        self.standing, self.session, self.epoch = "guest", None, 0
+        self.look_away()
 
     def holds(self, lease: Lease | None) -> bool:
         """Tell whether this page is the one that the lease names."""
@@ -246,8 +261,8 @@ class Authorization:
                 return self._picture(message, lease)
             case PointCommand():
                 return self._point(suffix, message, lease)
-            case SdpOffer() | Candidate() | Bye():
-                return Publish(f"signal/{self.peer}", self._stamp_signal(message, lease))
+            case protocol.WantOffer() | SdpAnswer() | SdpOffer() | Candidate() | Bye():
+                return self._signal(message, lease)
             case protocol.PageEvent() | protocol.PageNetwork():
                 return ReportFrame(self._report(suffix, message))
             case protocol.Direct():
@@ -289,6 +304,9 @@ class Authorization:
         )
 
     def _picture(self, request: PictureRequest, lease: Lease | None) -> Publish:
+        if self.by_sfu:
+            # single frames come from the robot, for which there are too many pages
+            raise FrameRefused("sfu")
         if not (self.watches or self.holds(lease)):
             raise FrameRefused("not_driver" if self.standing == "driver" else "no_role")
         self.awaits_picture = True
@@ -336,6 +354,17 @@ class Authorization:
             role="visitor" if is_visitor else "driver",
             user=self.who,
         )
+
+    def _signal(
+        self,
+        signal: protocol.WantOffer | SdpAnswer | SdpOffer | Candidate | Bye,
+        lease: Lease | None,
+    ) -> Publish | ToSfu:
+        if self.by_sfu and not isinstance(signal, SdpOffer):
+            return ToSfu(signal)
+        if self.by_sfu or isinstance(signal, protocol.WantOffer | SdpAnswer):
+            raise FrameRefused("no_role")
+        return Publish(f"signal/{self.peer}", self._stamp_signal(signal, lease))
 
     def _stamp_signal(self, signal: SdpOffer | Candidate | Bye, lease: Lease | None) -> Message:
         drives = self.holds(lease)

@@ -27,6 +27,7 @@ from sessions.consumers.authorization import (
     Publish,
     ReportFrame,
     Spare,
+    ToSfu,
 )
 from sessions.consumers.page_session import PageSession
 from sessions.consumers.peers import part, peers_of
@@ -149,9 +150,12 @@ class RobotConsumer(RobotPageConsumer):
     # --- what the page says -----------------------------------------------------------------------
 
     def _do(self, effect: Effect) -> None:
+        assert self.page_session is not None
         match effect:
             case ReportFrame(message):
                 self.bridge.report(protocol.page_reports(message.session), message)
+            case ToSfu(message):
+                self.page_session.tell_sfu(message)
             case Spare(direct):
                 self.sparing.direct = direct
 
@@ -217,15 +221,19 @@ class RobotConsumer(RobotPageConsumer):
             self._launch(self.page_session.confirm())
 
     def _relay(self, inbound: ReceivedMessage) -> None:
+        assert self.page_session is not None
+        if self.page_session.moves_to_sfu(inbound):
+            return
+        now, by_sfu = time.monotonic(), self.authorization.by_sfu
         if (out := relay.for_driver(inbound, self.known.lease)) is not None:
             # What visitor and people at the robot write to each other, and where they point, is no
             # business of those who watch.
             if self.authorization.holds(self.known.lease) and self.sparing.passes(
-                inbound.suffix, time.monotonic()
+                inbound.suffix, now
             ):
                 self.sender.put(out)
         elif (
-            self.sparing.passes(inbound.suffix, time.monotonic())
+            self.sparing.passes(inbound.suffix, now, by_sfu=by_sfu)
             and (out := relay.relayed(inbound, self.authorization.peer)) is not None
         ):
             self.sender.put(out)

@@ -15,8 +15,9 @@ from django.utils import timezone
 
 from accounts.models import User
 from robots.api.errors import Rejection
-from robots.api.messages import Bye, Lease, Message, Stay
+from robots.api.messages import Bye, Lease, Message, SdpOffer, Stay
 from robots.bridge.bridge import Bridge
+from robots.bridge.delivery import ReceivedMessage
 from robots.bridge.known import KnownRobot
 from robots.ice import ice_servers
 from robots.models import Robot
@@ -30,9 +31,12 @@ from sessions.consumers.sender import Sender
 from sessions.leases import store
 from sessions.leases.terms import Terms
 from sessions.models import Session
+from sessions.sfu import broadcasts
+from sessions.sfu.broadcast import ToSfu
 
 log = structlog.stdlib.get_logger(__name__)
 MAX_WAITING_VERBS = 5
+ROOM_SECONDS = 2.0  # between two looks at who is here, for a page that watches through the SFU
 
 
 @dataclass(eq=False)
@@ -56,6 +60,7 @@ class PageSession:
     turn: asyncio.Lock = field(default_factory=asyncio.Lock)
     waiting_verbs: int = 0
     described: protocol.RoomState | None = None
+    described_at: float = 0.0
 
     # --- verbs ------------------------------------------------------------------------------------
 
@@ -120,6 +125,7 @@ class PageSession:
 
     def _granted(self, granted: store.TakeGranted) -> None:
         self._follow(granted.session)
+        self._leave_sfu()
         self.authorization.drive(granted.session, granted.epoch, granted.peer)
         if granted.resumed:
             self.peers.replace(granted.peer, self)
@@ -163,13 +169,52 @@ class PageSession:
     def _observe(self) -> None:
         if not self.may_observe:
             self.sender.post("session/refused", protocol.Refused(reason="not_allowed"))
-        elif not self.authorization.watches and not self.peers.has_place(self.known):
-            self.sender.post("session/refused", protocol.Refused(reason="observers_full"))
-        else:
-            self.authorization.observe()
-            self.sender.post(
-                "session/observing", protocol.Observing(ice_servers=self._ice_servers())
-            )
+            return
+        by_sfu = self.authorization.by_sfu
+        if not self.authorization.watches:
+            operates = self.authorization.operator is not None
+            sfu = broadcasts.is_set_up()
+            by_sfu = sfu and not self.peers.has_place_beside_sfu(self.known, operates=operates)
+            if not sfu and not self.peers.has_place(self.known):
+                self.sender.post("session/refused", protocol.Refused(reason="observers_full"))
+                return
+        self._watch(by_sfu=by_sfu)
+
+    def _watch(self, *, by_sfu: bool) -> None:
+        self.authorization.observe(by_sfu=by_sfu)
+        if by_sfu:
+            broadcast = broadcasts.broadcast_of(self.robot.name, self.bridge)
+            broadcast.join(self.authorization.peer, self._tell_of_sfu)
+        observing = protocol.Observing(ice_servers=self._ice_servers(), sfu=by_sfu)
+        self.sender.post("session/observing", observing)
+
+    def moves_to_sfu(self, inbound: ReceivedMessage) -> bool:
+        """Watch through the SFU from now on if the robot says that it has no place: this process
+        does not know who watches it through others.
+        """
+        page, reply = self.authorization, inbound.message
+        is_full = isinstance(reply, Bye) and reply.reason == "full"
+        is_ours = inbound.suffix == f"{protocol.SIGNAL}/{page.peer}/reply"
+        if not (is_full and is_ours and page.watches and not page.by_sfu):
+            return False
+        if broadcasts.is_set_up():
+            self._watch(by_sfu=True)
+        return page.by_sfu
+
+    def tell_sfu(self, message: ToSfu) -> None:
+        """Tell the SFU what the page says to it."""
+        broadcast = broadcasts.broadcast_of(self.robot.name, self.bridge)
+        # it may be another one than that which the page came to
+        broadcast.join(self.authorization.peer, self._tell_of_sfu)
+        broadcast.take(self.authorization.peer, message)
+
+    def _tell_of_sfu(self, message: SdpOffer | Bye) -> None:
+        self.sender.post("signal/reply", message)
+
+    def _leave_sfu(self) -> None:
+        if self.authorization.by_sfu:
+            broadcast = broadcasts.broadcast_of(self.robot.name, self.bridge)
+            broadcast.leave(self.authorization.peer)
 
     async def _leave(self, verb: protocol.Leave) -> None:
         session, drove = self.authorization.session, self.authorization.standing == "driver"
@@ -321,7 +366,11 @@ class PageSession:
 
     def peers_changed(self) -> None:
         """Tell the page who is here, if that is news."""
-        described = self.peers.describe(self.known, time.monotonic())
+        now = time.monotonic()
+        if self.authorization.by_sfu and now - self.described_at < ROOM_SECONDS:
+            return  # of a thousand who come one after the other, a thousand hear now and then
+        self.described_at = now
+        described = self.peers.describe(self.known, now)
         if described != self.described:
             self.described = described
             self.sender.post("room", described)
@@ -330,6 +379,7 @@ class PageSession:
         """Another socket of this page has come: this one is dead, and must neither stop the robot
         nor report the page gone.
         """
+        self._leave_sfu()
         self.forget()
         self.sender.end(protocol.REPLACED)
 
@@ -355,7 +405,9 @@ class PageSession:
 
     def hang_up(self) -> None:
         """Tell the robot that this page wants no more pictures, and must get none."""
-        if self.authorization.watches or self.authorization.standing == "driver":
+        if self.authorization.by_sfu:
+            self.stop_watching()
+        elif self.authorization.watches or self.authorization.standing == "driver":
             self.bridge.send(
                 self.robot.name, f"{protocol.SIGNAL}/{self.authorization.peer}", Bye(reason="left")
             )
@@ -364,15 +416,19 @@ class PageSession:
         """End the page's pictures when it watches; whoever drives may do so without the server, and
         is ended by the lease.
         """
-        if self.authorization.watches:
-            self.authorization.watches = False
+        if not self.authorization.watches:
+            return
+        if self.authorization.by_sfu:
+            self._leave_sfu()
+        else:
             self.bridge.send(
                 self.robot.name, f"{protocol.SIGNAL}/{self.authorization.peer}", Bye(reason="left")
             )
+        self.authorization.look_away()
 
     def vouch(self) -> None:
         """Tell the robot that this page may go on watching."""
-        if self.authorization.watches:
+        if self.authorization.watches and not self.authorization.by_sfu:
             self.bridge.send(
                 self.robot.name, f"{protocol.SIGNAL}/{self.authorization.peer}", Stay()
             )

@@ -3,6 +3,8 @@
 from collections import Counter
 from typing import Protocol
 
+from django.conf import settings
+
 from robots.bridge.known import KnownRobot
 from sessions.consumers.authorization import Authorization
 from sessions.protocol import RoomState
@@ -52,8 +54,19 @@ class Peers:
 
     def has_place(self, known: KnownRobot) -> bool:
         """Tell whether one more may watch; the robot's last place is kept for its driver."""
-        limit = known.factsheet.viewers if known.factsheet is not None else 8
-        return self.observers < limit - 1
+        return self.observers < _places(known) - 1
+
+    def has_place_beside_sfu(self, known: KnownRobot, *, operates: bool) -> bool:
+        """Tell whether one more may watch the robot itself where an SFU has it too: places are kept
+        for the driver, the SFU, and somebody who operates the robot.
+        """
+        direct = sum(
+            member.authorization.watches and not member.authorization.by_sfu
+            for member in self.members
+        )
+        if operates:
+            return direct < _places(known) - 2
+        return direct < min(_places(known) - 3, settings.DIRECT_WATCHERS)
 
     def replace(self, peer: str, by: Member) -> None:
         """Let a page's new socket take the place of its old one, which may not know yet that it is
@@ -67,6 +80,10 @@ class Peers:
         """Tell everybody that the company has changed."""
         for member in tuple(self.members):
             member.peers_changed()
+
+
+def _places(known: KnownRobot) -> int:
+    return known.factsheet.viewers if known.factsheet is not None else 8
 
 
 _peers: dict[str, Peers] = {}

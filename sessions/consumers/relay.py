@@ -20,6 +20,8 @@ KEPT = frozenset({"event", "action"})
 # What a page that hears its robot directly is spared; of states it gets one now and then, in case
 # the direct way falls silent.
 SPARED = frozenset({"pose", "scan", "pointer"})
+# What pages that watch through the SFU are spared besides: there may be a thousand of them.
+SPARED_BY_SFU = SPARED | {"heartbeat"}
 STATE_SECONDS = 1.9  # states come four times a second: every eighth
 # Why a robot is not there, in `robot`.
 BROKER_AWAY = "server"
@@ -43,12 +45,14 @@ class Sparing:
         self.direct = False
         self._state_at = float("-inf")
 
-    def passes(self, suffix: str, now: float) -> bool:
+    def passes(self, suffix: str, now: float, *, by_sfu: bool = False) -> bool:
         """Tell whether a message goes to the page; `now` is monotonic."""
         if suffix == "state":
-            if self.direct and now - self._state_at < STATE_SECONDS:
+            if (self.direct or by_sfu) and now - self._state_at < STATE_SECONDS:
                 return False
             self._state_at = now
+        if by_sfu:
+            return suffix not in SPARED_BY_SFU
         return not (self.direct and suffix in SPARED)
 
 

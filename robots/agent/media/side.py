@@ -204,9 +204,10 @@ class MediaSide:
 
     @property
     def connected(self) -> int:
-        """Return how many pages are connected, or are sent pictures through the server."""
-        slow = self._slow.watching() if self._slow is not None else frozenset()
-        return len(self._pages.connected() | slow)
+        """Return how many people watch: on pages that are connected or are sent pictures through
+        the server, and through an SFU.
+        """
+        return self._pages.viewers(self._slow.watching() if self._slow is not None else frozenset())
 
     @property
     def screens(self) -> int:

@@ -12,6 +12,7 @@ import { createNetworkReport } from "../protocol/network_report.js";
 import { Peer } from "../protocol/peer.js";
 import { ON_DATA_CHANNEL, Rejection, decodePacket, encodePacket } from "../protocol/robot_api.js";
 import { roleOf } from "../protocol/session.js";
+import { SfuPeer } from "../protocol/sfu_peer.js";
 import { Socket } from "../protocol/socket.js";
 import { TransportRouter } from "../protocol/transport_router.js";
 
@@ -127,8 +128,10 @@ const newSocket = (page, receive, heard) =>
 /** @param {import("./registry.js").Page} page @param {Socket} socket @param {(packet: unknown, transport: any) => void} receive */
 const newLink = (page, socket, receive) => {
   const link = new Link({
-    makePeer: (role) =>
-      new Peer({ role, onSignal: (message) => socket.send(encodePacket("signal", message)), onPacket: (packet) => receive(packet, "datachannel") }),
+    makePeer: (role) => {
+      const onSignal = (/** @type {object} */ message) => void socket.send(encodePacket("signal", message));
+      return role === "sfu" ? new SfuPeer({ onSignal }) : new Peer({ role, onSignal, onPacket: (packet) => receive(packet, "datachannel") });
+    },
     onDropping: () => page.emit("linkDropping"),
     onOpening: (peer) => page.emit("linkOpening", peer),
     onLive: () => {

@@ -8,11 +8,14 @@ import { unixNow } from "../lib/clock.js";
 import { isStuck, judge } from "./link_health.js";
 import { createRelayRegions } from "./relay_regions.js";
 
+/** @typedef {import("./peer.js").Peer | import("./sfu_peer.js").SfuPeer} AnyPeer */
+/** @typedef {"driver" | "observer" | "sfu"} LinkRole `sfu` watches through the server's SFU */
+
 export class Link {
   /**
    * @param {object} options
-   * @param {(role: "driver" | "observer", link: Link) => import("./peer.js").Peer} options.makePeer
-   * @param {(peer: import("./peer.js").Peer) => void} options.onOpening a new peer is about to offer
+   * @param {(role: LinkRole, link: Link) => AnyPeer} options.makePeer
+   * @param {(peer: AnyPeer) => void} options.onOpening a new peer is about to offer, or to answer the SFU
    * @param {() => void} options.onDropping its picture is about to go black
    * @param {() => void} options.onLive
    * @param {(why: string) => void} options.onLost
@@ -23,9 +26,9 @@ export class Link {
     this.onDropping = onDropping;
     this.onLive = onLive;
     this.onLost = onLost;
-    /** @type {import("./peer.js").Peer | null} */
+    /** @type {AnyPeer | null} */
     this.peer = null;
-    /** @type {import("./peer.js").Peer | null} made but not yet offered */
+    /** @type {AnyPeer | null} made but not yet offered */
     this.prepared = null;
     this.live = false;
     this.regions = createRelayRegions();
@@ -41,7 +44,7 @@ export class Link {
     this.next = undefined;
   }
 
-  /** Spend the time until the server's answer on making an offer. @param {"driver" | "observer"} role */
+  /** Spend the time until the server's answer on making an offer. @param {LinkRole} role */
   prepare(role) {
     if (isSupported() && this.prepared?.role !== role) {
       this.prepared?.close();
@@ -49,7 +52,7 @@ export class Link {
     }
   }
 
-  /** @param {"driver" | "observer"} role @param {RTCIceServer[]} iceServers @param {number} attempt 0 opens at once */
+  /** @param {LinkRole} role @param {RTCIceServer[]} iceServers @param {number} attempt 0 opens at once */
   open(role, iceServers, attempt) {
     clearTimeout(this.timer);
     this.lookingSince ??= unixNow();
@@ -98,7 +101,9 @@ export class Link {
     }
     try {
       const outcome = await peer.signal(message);
-      if (peer === this.peer && (outcome === "bye" || outcome === "unexpected")) {
+      if (peer === this.peer && outcome === "offered") {
+        this.onOpening(peer);
+      } else if (peer === this.peer && (outcome === "bye" || outcome === "unexpected")) {
         this.#lose(outcome === "bye" ? `bye_${message.reason}` : "unexpected_answer");
       }
     } catch (error) {
@@ -139,13 +144,19 @@ export class Link {
     }
   }
 
-  /** @param {"driver" | "observer"} role @param {RTCIceServer[]} iceServers */
+  /** @param {LinkRole} role @param {RTCIceServer[]} iceServers */
   #open(role, iceServers) {
     this.#drop();
-    const peer = this.prepared?.role === role ? this.prepared : this.makePeer(role, this);
+    const prepared = this.prepared?.role === role ? this.prepared : null;
+    if (!prepared) {
+      this.prepared?.close();
+    }
+    const peer = prepared ?? this.makePeer(role, this);
     this.prepared = null;
     this.peer = peer;
-    this.onOpening(peer);
+    if (peer.video) {
+      this.onOpening(peer); // what the SFU sends is known when it has offered
+    }
     peer.start(this.regions.nearest(iceServers)).catch(() => {
       if (peer === this.peer) {
         this.#lose("no_offer");

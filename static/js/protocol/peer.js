@@ -147,4 +147,4 @@ export class Peer {
 }
 
 /** An empty user name is not the same as none. @param {RTCIceServer} server @returns {RTCIceServer} */
-const forBrowser = ({ urls, username, credential }) => (username ? { urls, username, credential } : { urls });
+export const forBrowser = ({ urls, username, credential }) => (username ? { urls, username, credential } : { urls });

@@ -214,6 +214,7 @@ const TO_PAGE = {
       answer: object({ sdp: text(64000) }),
       candidate: object({ candidate: optional(text(2000), ""), sdpMid: absent(text(64)), sdpMLineIndex: absent(integer(0, 64)) }),
       bye: object({ reason: optional(reason, "") }),
+      offer: object({ sdp: text(64000) }),
     }),
   ],
   hello: [
@@ -261,7 +262,7 @@ const TO_PAGE = {
   ],
   "session/queued": [KIB, object({ session: id, place: count, minutes: notNegative, reason: optional(reason, "") })],
   "session/offered": [KIB, object({ session: id, seconds })],
-  "session/observing": [16 * KIB, object({ iceServers })],
+  "session/observing": [16 * KIB, object({ iceServers, sfu: optional(flag, false) })],
   "session/refused": [
     KIB,
     object({

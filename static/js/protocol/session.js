@@ -30,6 +30,8 @@
  * @property {boolean} takeover this very tab left the session a moment ago, so it may take it back without asking
  * @property {boolean} fresh start again without a session when the remembered one is over
  * @property {RTCIceServer[]} iceServers
+ * @property {boolean} sfu whether the page watches through the server's SFU, and not the robot itself
+ * @property {boolean} sfuLost the SFU does not work at the moment
  * @property {{linear: number | null, angular: number | null, frameAge: number | null}} limits of the lease
  * @property {any} terms what somebody has fixed for the visit: sessions/protocol.py GrantedTerms; null for nothing
  * @property {number} attempt how many links in a row have failed
@@ -66,6 +68,8 @@ export const newVisit = () => ({
   takeover: false,
   fresh: false,
   iceServers: [],
+  sfu: false,
+  sfuLost: false,
   limits: { linear: null, angular: null, frameAge: null },
   terms: null,
   attempt: 0,
@@ -152,6 +156,8 @@ const OVER = /** @type {const} */ ({
   signingUntil: null,
   turnEnds: null,
   terms: null,
+  sfu: false,
+  sfuLost: false,
   attempt: 0,
 });
 
@@ -197,6 +203,8 @@ const HANDLERS = {
         limits: message.limits,
         terms: message.terms ?? null,
         iceServers: message.iceServers,
+        sfu: false,
+        sfuLost: false,
         link: kept ? "live" : "connecting",
         returning: false,
         takeover: false,
@@ -227,8 +235,9 @@ const HANDLERS = {
       return [{}];
     }
     const waits = visit.phase === "queued" || visit.phase === "turn";
-    const changes = { iceServers: message.iceServers, link: /** @type {const} */ ("connecting"), reason: "" };
-    return [waits ? changes : { ...changes, phase: "watching", wanted: "watch" }, [openLink("observer", message.iceServers, 0)]];
+    const { iceServers, sfu } = message;
+    const changes = { iceServers, sfu, sfuLost: false, link: /** @type {const} */ ("connecting"), reason: "" };
+    return [waits ? changes : { ...changes, phase: "watching", wanted: "watch" }, [openLink(sfu ? "sfu" : "observer", iceServers, 0)]];
   },
   "session/refused": (visit, { message }) => {
     if (message.reason === "elsewhere") {
@@ -257,9 +266,12 @@ const HANDLERS = {
   },
   robot: (visit, { message }) => {
     const back = message.online && !visit.online && visit.link === "lost";
-    return [{ online: message.online, serverBlind: !message.online && message.reason === "server" }, back && roleOf(visit) ? [openLink(roleOf(visit), visit.iceServers, 0)] : []];
+    return [{ online: message.online, serverBlind: !message.online && message.reason === "server" }, back && roleOf(visit) ? [openLink(linkRoleOf(visit), visit.iceServers, 0)] : []];
   },
   "signal/reply": (visit, { message }) => {
+    if (message.type === "bye" && message.reason === "sfu_lost") {
+      return [{ sfuLost: true }];
+    }
     if (message.type !== "bye" || message.reason !== "full" || visit.phase === "driving") {
       return [{}];
     }
@@ -289,12 +301,12 @@ const HANDLERS = {
   back: (visit) => (["ended", "refused", "elsewhere"].includes(visit.phase) ? over("lobby", "") : [{}]),
   turn_missed: (visit) => (visit.phase === "turn" ? over("ended", "turn_missed", [send("session/leave")]) : [{}]),
 
-  link_live: (visit) => (roleOf(visit) ? [{ link: "live", attempt: 0 }] : [{}]),
+  link_live: (visit) => (roleOf(visit) ? [{ link: "live", attempt: 0, sfuLost: false }] : [{}]),
   link_lost: (visit) => {
     if (!roleOf(visit) || visit.link === "none") {
       return [{}];
     }
-    return [{ link: "lost", attempt: visit.attempt + 1 }, [openLink(roleOf(visit), visit.iceServers, visit.attempt)]];
+    return [{ link: "lost", attempt: visit.attempt + 1 }, [openLink(linkRoleOf(visit), visit.iceServers, visit.attempt)]];
   },
 };
 
@@ -314,3 +326,6 @@ export const roleOf = ({ phase, link }) => {
   }
   return phase === "watching" || ((phase === "queued" || phase === "turn") && link !== "none") ? "observer" : "";
 };
+
+/** Over which link the page does that. @param {Visit} visit @returns {"driver" | "observer" | "sfu" | ""} */
+const linkRoleOf = (visit) => (roleOf(visit) === "observer" && visit.sfu ? "sfu" : roleOf(visit));

@@ -154,6 +154,14 @@ def test_ice_servers_are_checked(settings):
     assert found_by(checks.check_ice) == ["telepresence.E002"]
 
 
+def test_the_sfu_is_reached_over_a_websocket(settings):
+    for url in ("", "ws://127.0.0.1:8188", "wss://janus.example.org"):
+        settings.JANUS_URL = url
+        assert found_by(checks.check_sfu) == []
+    settings.JANUS_URL = "http://127.0.0.1:8088/janus"
+    assert found_by(checks.check_sfu) == ["telepresence.E009"]
+
+
 def test_verification_by_mail_is_checked(settings):
     settings.ACCOUNT_EMAIL_VERIFICATION, settings.EMAIL_HOST = "mandatory", ""
     assert found_by(checks.check_mail) == ["telepresence.W002"]

@@ -245,6 +245,18 @@ describe("queue and turn", () => {
     assert.equal(roleOf(watching.visit), "observer");
   });
 
+  test("whoever watches through the SFU comes back to it, hears why it is gone, and drives without it", () => {
+    const watching = play(...OPEN, { type: "watch" }, message("session/observing", { iceServers: [], sfu: true }));
+    assert.deepEqual(watching.effects.map(({ type, role }) => [type, role]), [["open_link", "sfu"]]);
+    const told = after(watching.visit, message("signal/reply", { type: "bye", reason: "sfu_lost" }));
+    assert.equal(told.visit.sfuLost, true);
+    const lost = after(told.visit, { type: "link_lost" });
+    assert.equal(lost.effects[0].role, "sfu");
+    assert.equal(after(lost.visit, { type: "link_live" }).visit.sfuLost, false);
+    const left = after(told.visit, { type: "leave" });
+    assert.deepEqual([left.visit.sfu, left.visit.sfuLost], [false, false]);
+  });
+
   test("waiting goes on without a picture when all places are taken", () => {
     const { visit } = play(
       ...OPEN,

@@ -142,6 +142,13 @@ describe("cards", () => {
     assert.equal(alertFor(lost).word, "alert.link_driver");
   });
 
+  test("whoever watches through the SFU reads that it is down, or has lost the robot", () => {
+    const watching = { phase: "watching", link: "lost", online: true, sfu: true };
+    assert.equal(alertFor(state({ ...watching, sfuLost: true }, { robot: ROBOT })).word, "alert.sfu_lost");
+    const still = state({ ...watching, link: "live" }, { robot: ROBOT, playing: true, still: true });
+    assert.equal(alertFor(still).word, "alert.link_observer");
+  });
+
   test("whoever has tried a simulated robot is invited to sign up", () => {
     const card = cardFor(state({ phase: "ended", reason: "timed_out" }, { guest: true }));
     assert.deepEqual([card.word, card.main.action], ["ended.guest", "sign_up"]);

@@ -67,7 +67,7 @@ def test_a_page_report_keeps_the_pages_own_words():
     [
         ("session/take", '{"session":"a b"}'),
         ("page/event", "{}"),
-        ("signal", '{"type":"answer","sdp":""}'),
+        ("signal", '{"type":"stay"}'),
     ],
 )
 def test_what_is_not_a_word_of_the_page_is_malformed(suffix, payload):

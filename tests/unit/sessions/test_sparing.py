@@ -14,6 +14,18 @@ def test_a_page_gets_everything_until_it_hears_its_robot_directly():
     )
 
 
+def test_a_page_that_watches_through_the_sfu_gets_few_states_and_no_heartbeats():
+    sparing = Sparing()
+    passed = [
+        suffix
+        for n in range(32)
+        for suffix in (*EVERYTHING, "pointer")
+        if sparing.passes(suffix, 0.25 * n, by_sfu=True)
+    ]
+    assert passed.count("state") == 4
+    assert set(passed) == {"state", "path", "event", "action"}
+
+
 def test_a_page_that_hears_its_robot_gets_a_state_now_and_then_and_what_must_not_be_lost():
     sparing = Sparing()
     sparing.direct = True

@@ -64,6 +64,7 @@ class Connections:
         self._screens: set[str] = set()
         # hidden operators, who are told of the robot by the server alone, and count for nobody
         self._wizards: set[str] = set()
+        self._passed_on: dict[str, int] = {}  # of an SFU: how many watch through it
         self._flooded: dict[str, float] = {}  # pages that were sent away for it: refused until
         self._tasks: set[asyncio.Task[None]] = set()
         self._closing = False
@@ -99,6 +100,11 @@ class Connections:
             if viewer.is_connected and peer not in self._screens | self._wizards
         )
 
+    def viewers(self, others: frozenset[str] = frozenset()) -> int:
+        """Return how many people watch: over these connections, and `others`."""
+        passed_on = self._passed_on
+        return sum(passed_on.get(peer, 1) for peer in self.connected() | others)
+
     @property
     def screens(self) -> int:
         """How many of the robot's own displays are connected."""
@@ -120,6 +126,8 @@ class Connections:
             self._take_offer(peer, message)
         elif isinstance(message, Stay):
             self._registry.vouch(peer, time.monotonic())
+            if peer in self._viewers:
+                self._passed_on[peer] = message.viewers
         elif isinstance(message, Candidate):
             viewer = self._viewers.get(peer)
             if viewer is None or not viewer.takes_candidates:
@@ -223,6 +231,7 @@ class Connections:
         viewer = self._viewers.pop(peer)
         self._screens.discard(peer)
         self._wizards.discard(peer)
+        self._passed_on.pop(peer, None)
         self._registry.leave(peer)
         log.info("peer_ended", peer=peer, reason=reason or "bye", **viewer.statistics())
         if reason is not None:

@@ -247,7 +247,7 @@ document.addEventListener("pointerdown", () => void hear(), { once: true });
 // --- what they see ---------------------------------------------------------------------------------------------------
 
 const show = () => {
-  const { scene, name, study, sound, whole, canPoint, canWrite, canHangUp, knock: rings, stopped } = sceneFor(told, unixNow());
+  const { scene, name, study, sound, whole, canPoint, canWrite, canHangUp, knock: rings, watching, stopped } = sceneFor(told, unixNow());
   const shownName = name || words.say("somebody");
   const robot = titleOf(told.screen, document.documentElement.lang) || config.title;
   const face = element("face");
@@ -259,6 +259,8 @@ const show = () => {
   element("answers").hidden = scene !== "ringing";
   element("name").hidden = scene !== "seen";
   write(element("name-text"), words.say("visiting.title", { name: shownName }));
+  element("watching").hidden = watching === 0;
+  write(element("watching"), watching ? words.say("watching", { n: watching }) : "");
   element("notice").hidden = !study;
   element("trouble").hidden = mediaSender.trouble === "";
   write(element("trouble"), mediaSender.trouble && words.say(mediaSender.trouble === "refused" ? "give.refused" : "give.missing"));

@@ -22,7 +22,7 @@ const UNCONFIRMED = 2;
 /**
  * @param {Told} told @param {number} now
  * @returns {{scene: "starting" | "no_key" | "offline" | "idle" | "ringing" | "seen" | "speaking" | "visiting", name: string, study: boolean,
- *   sound: number, whole: boolean, canPoint: boolean, canWrite: boolean, canHangUp: boolean, knock: string, stopped: "" | "ours" | "other" | "wait" | "unconfirmed"}}
+ *   sound: number, whole: boolean, canPoint: boolean, canWrite: boolean, canHangUp: boolean, knock: string, watching: number, stopped: "" | "ours" | "other" | "wait" | "unconfirmed"}}
  */
 export const sceneFor = (told, now) => {
   const { screen, state } = told;
@@ -42,6 +42,7 @@ export const sceneFor = (told, now) => {
     canWrite: visited,
     canHangUp: visited && through && (call.audio || call.video),
     knock: visited && scene !== "offline" && state?.knock?.status === "ringing" ? state.knock.actionId : "",
+    watching: scene === "offline" || scene === "no_key" ? 0 : Math.max(0, (state?.viewers ?? 0) - (state?.session ? 1 : 0)),
     stopped: stoppedBy(told, now),
   };
 };

@@ -68,16 +68,22 @@ const robotAlert = (state) => {
 };
 
 /** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
-const linkAlert = ({ visit, robot, roundTrip, slow, playing, stuck, serverSilent }) => {
+const linkAlert = ({ visit, robot, roundTrip, slow, playing, still, stuck, serverSilent }) => {
   const cutOff = visit.socket === "lost" || serverSilent;
   if (cutOff && visit.link !== "live" && visit.phase === "driving") {
     return { word: "alert.server_driver", tone: "danger" };
+  }
+  if (visit.sfuLost) {
+    return { word: "alert.sfu_lost", tone: "busy" };
   }
   if (visit.link === "lost" && !(slow && playing)) {
     return { word: visit.phase === "driving" ? "alert.link_driver" : "alert.link_observer", tone: "busy" };
   }
   if (robot?.cameraStatus?.reason && playing) {
     return { word: "alert.camera", tone: "danger" };
+  }
+  if (still) {
+    return { word: "alert.link_observer", tone: "busy" };
   }
   if (stuck) {
     return null;

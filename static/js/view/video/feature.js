@@ -9,6 +9,8 @@ import { ShownFrame } from "./capture_stamp.js";
 import { JpegFallback } from "./jpeg_fallback.js";
 import { Viewport } from "./viewport.js";
 
+const STILL_SECONDS = 3;
+
 const newSlice = () => ({
   /** seconds since the frame on the screen was taken, null while unknown */
   frameAge: /** @type {number | null} */ (null),
@@ -16,6 +18,8 @@ const newSlice = () => ({
   playing: false,
   /** whether frames come through the server, slowly and without sound, because no direct connection to the robot was found */
   slow: false,
+  /** whether the SFU is connected and has brought no frame for a while: it has lost the robot */
+  still: false,
   /** whether the visitor wants to hear the robot */
   sound: false,
 });
@@ -94,10 +98,14 @@ const newListeners = (page, { viewport, fallback, shown, frameAge }) => ({
  */
 const watch = ({ store, connection, driving }, { viewport, fallback, shown }, now) => {
   const { link } = connection;
-  const { visit, playing } = store.get();
+  const { visit, playing, still } = store.get();
+  const isStill = visit.sfu && link.live && !document.hidden && shown.rtp !== null && now - shown.at > STILL_SECONDS;
+  if (isStill !== still) {
+    store.update({ still: isStill });
+  }
   // A black frame, which Chromium draws when an attempt ends, has no time stamp.
   const isWatchable = link.live && viewport.isPlaying && shown.rtp !== null;
-  const wanted = roleOf(visit) !== "" && visit.online && (fallback.on ? !isWatchable : link.isStuck(now));
+  const wanted = roleOf(visit) !== "" && !visit.sfu && visit.online && (fallback.on ? !isWatchable : link.isStuck(now));
   if (wanted !== fallback.on) {
     link.patient = wanted;
     if (wanted) {

@@ -17,6 +17,7 @@ from sessions.consumers.authorization import (
     Halt,
     Publish,
     ReportFrame,
+    ToSfu,
     Verb,
 )
 from tests.support import words
@@ -195,6 +196,45 @@ def test_a_drivers_offer_is_made_anew_by_the_server():
             ),
         ),
     )
+
+
+def through_sfu():
+    authorization = observer()
+    authorization.observe(by_sfu=True)
+    return authorization
+
+
+SFU_SIGNALS = [
+    protocol.WantOffer(),
+    m.SdpAnswer(sdp="v=0"),
+    m.Candidate(candidate="candidate:1"),
+    m.Bye(reason="left"),
+]
+
+
+@pytest.mark.parametrize("signal", SFU_SIGNALS)
+def test_what_a_page_says_that_watches_through_the_sfu_goes_there_and_not_to_the_robot(signal):
+    assert say(through_sfu(), "signal", signal) == (ToSfu(signal),)
+
+
+def test_a_page_that_watches_through_the_sfu_offers_the_robot_nothing_and_asks_it_for_no_frame():
+    page = through_sfu()
+    assert say(page, "signal", m.SdpOffer(sdp="v=0")) == (DenyFrame("signal", "no_role"),)
+    assert say(page, "command/picture", m.PictureRequest(stamp=1.0), now=2.0) == (
+        DenyFrame("command/picture", "sfu"),
+    )
+
+
+@pytest.mark.parametrize("signal", SFU_SIGNALS[:2])
+@pytest.mark.parametrize("page", [driver, observer])
+def test_nobody_else_speaks_to_the_sfu(page, signal):
+    assert say(page(), "signal", signal) == (DenyFrame("signal", "no_role"),)
+
+
+def test_whoever_is_granted_the_robot_watches_it_no_longer_through_the_sfu():
+    page = through_sfu()
+    page.drive(SESSION, 7, PEER)
+    assert not page.by_sfu
 
 
 def test_an_observers_offer_says_observer_whatever_the_page_says():

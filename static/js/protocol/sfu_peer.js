@@ -1,0 +1,98 @@
+/**
+ * One media link to the server's SFU, for a page that watches a robot which too many others watch: like a Peer, but the SFU offers and
+ * this page answers, and there is no data channel. What the robot says comes through the server.
+ */
+
+import { unixNow } from "../lib/clock.js";
+import { forBrowser } from "./peer.js";
+
+export class SfuPeer {
+  /** @param {{onSignal: (message: object) => void}} options what to tell the SFU through the server */
+  constructor({ onSignal }) {
+    this.role = /** @type {const} */ ("sfu");
+    this.onSignal = onSignal;
+    /** @type {number | null} when the offer was asked for */
+    this.offeredAt = null;
+    /** @type {number | null} when it came */
+    this.answeredAt = null;
+    /** @type {number | null} */
+    this.openedAt = null;
+    this.connectedAt = -Infinity;
+    /** @type {RTCRtpReceiver | null} */
+    this.audio = null;
+    /** @type {RTCRtpReceiver | null} */
+    this.video = null;
+    this.isOpen = false; // there is no data channel
+    this.connection = new RTCPeerConnection({ bundlePolicy: "max-bundle" });
+    this.connection.onicecandidate = ({ candidate }) => this.#trickle(candidate);
+    this.connection.onconnectionstatechange = () => {
+      if (this.connection.connectionState === "connected") {
+        this.openedAt ??= unixNow();
+      }
+    };
+  }
+
+  /** @param {RTCIceServer[] | Promise<RTCIceServer[]>} servers */
+  async start(servers) {
+    const iceServers = await servers;
+    if (iceServers.length) {
+      this.connection.setConfiguration({ ...this.connection.getConfiguration(), iceServers: iceServers.map(forBrowser) });
+    }
+    this.offeredAt = unixNow();
+    this.onSignal({ type: "want" });
+  }
+
+  /**
+   * @param {{type: string, sdp?: string, reason?: string}} message
+   * @returns {Promise<"taken" | "offered" | "unexpected" | "bye">}
+   */
+  async signal({ type, sdp }) {
+    if (type === "bye") {
+      return "bye";
+    }
+    if (type !== "offer" || this.answeredAt !== null) {
+      return type === "candidate" ? "taken" : "unexpected";
+    }
+    this.answeredAt = unixNow();
+    await this.connection.setRemoteDescription({ type, sdp: sdp ?? "" });
+    const receiver = (/** @type {string} */ kind) => this.connection.getReceivers().find(({ track }) => track.kind === kind) ?? null;
+    this.audio = receiver("audio");
+    this.video = receiver("video");
+    await this.connection.setLocalDescription();
+    this.onSignal({ type: "answer", sdp: this.connection.localDescription?.sdp });
+    return "offered";
+  }
+
+  /** The last moment at which the connection was there; asked for by whoever judges the link, twenty times a second. */
+  get heardAt() {
+    if (this.connection.connectionState === "connected") {
+      this.connectedAt = unixNow();
+    }
+    return this.connectedAt;
+  }
+
+  get isClosed() {
+    return this.connection.signalingState === "closed";
+  }
+
+  /** Whether there is nothing to connect; only a link to the robot has another way. */
+  isBarren() {
+    return false;
+  }
+
+  send() {
+    return false;
+  }
+
+  close() {
+    this.connection.onicecandidate = null;
+    this.connection.onconnectionstatechange = null;
+    this.connection.close();
+  }
+
+  /** @param {RTCIceCandidate | null} candidate */
+  #trickle(candidate) {
+    const { candidate: line = "", sdpMid = null, sdpMLineIndex = null } = candidate ?? {};
+    this.onSignal({ type: "candidate", candidate: line, sdpMid, sdpMLineIndex });
+  }
+}

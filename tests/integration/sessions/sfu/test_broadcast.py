@@ -1,0 +1,143 @@
+"""A robot's stream through the real Janus to pages that are aiortc's."""
+
+import asyncio
+from collections.abc import AsyncIterator, Iterator
+
+import pytest
+
+from sessions.sfu import broadcast as module
+from tests.support.janus import Janus
+from tests.support.loopback_peer import until
+from tests.support.patience import patient
+from tests.support.sfu_rig import SfuRig
+
+pytestmark = pytest.mark.timeout(180)
+
+
+@pytest.fixture
+def janus(tmp_path) -> Iterator[Janus]:
+    with Janus(tmp_path / "janus") as running:
+        yield running
+
+
+@pytest.fixture
+async def rig(janus, monkeypatch) -> AsyncIterator[SfuRig]:
+    monkeypatch.setattr(module, "STEP_SECONDS", 0.2)
+    monkeypatch.setattr(module, "LINGER_SECONDS", 0.5)
+    async with SfuRig(janus) as made:
+        yield made
+
+
+async def test_the_robot_sends_once_however_many_watch(rig):
+    broadcast = rig.broadcast()
+    pages = [rig.page(broadcast) for _ in range(30)]
+    for number in (1, 8, 30):
+        for page in pages[:number]:
+            if not page.frames:
+                await page.watch()
+        assert rig.connections() == 1
+        await until(lambda n=number: rig.told_viewers()[-1:] == [n], 10.0, "the count")
+        assert rig.media.connected == number
+    assert all(page.sounds for page in pages)
+    assert not any(page.byes for page in pages)
+
+
+async def test_it_ends_when_nobody_watches_and_begins_anew(rig):
+    for round_ in (1, 2):
+        page = rig.page(rig.broadcast())
+        await page.watch()
+        await page.close()
+        await until(lambda n=round_: rig.over == n, 10.0, "the end")
+        await until(lambda: rig.connections() == 0, 10.0, "the robot's rest")
+
+
+async def test_a_page_that_asks_again_gets_another_connection(rig):
+    page = rig.page(rig.broadcast())
+    await page.watch()
+    await page.watch()
+    assert len(page.offers) == 2
+    await until(lambda: rig.told_viewers()[-1:] == [1], 10.0, "one viewer")
+
+
+async def test_pages_hear_why_when_janus_dies_and_get_it_back(rig, janus):
+    page = rig.page(rig.broadcast())
+    await page.watch()
+    janus.kill()
+    await until(lambda: page.byes == ["sfu_lost"], 10.0, "why")
+    page.want()
+    assert page.byes == ["sfu_lost"] * 2
+    await until(lambda: rig.connections() == 0, 10.0, "the robot's rest")
+    janus.start()
+    await until(lambda: not rig.broadcasts[0].fault, 10.0, "Janus")
+    await page.watch()
+    assert rig.connections() == 1
+
+
+async def test_a_janus_that_is_silent_is_as_good_as_dead(rig, janus):
+    page = rig.page(rig.broadcast())
+    await page.watch()
+    janus.stop()
+    await until(lambda: page.byes == ["sfu_lost"], 20.0, "why")
+    janus.go_on()
+    await until(lambda: not rig.broadcasts[0].fault, 20.0, "Janus")
+    await page.watch()
+
+
+async def test_without_janus_pages_are_told_and_wait(rig, janus):
+    janus.kill()
+    page = rig.page(rig.broadcast())
+    page.want()
+    await until(lambda: page.byes == ["sfu_lost"], 10.0, "why")
+    janus.start()
+    await until(lambda: not rig.broadcasts[0].fault, 10.0, "Janus")
+    await page.watch()
+
+
+async def test_a_robot_that_ends_the_connection_gets_another_and_pages_keep_theirs(rig):
+    page = rig.page(rig.broadcast())
+    await page.watch()
+    (peer,) = rig.media.statistics()
+    await asyncio.to_thread(rig.media.close)
+    rig.renew_media()
+    before = await page.packets()
+    async with asyncio.timeout(patient(20.0)):
+        while await page.packets() < before + 20:
+            await asyncio.sleep(0.1)
+    assert not page.byes
+    assert len(page.offers) == 1
+    assert peer not in rig.media.statistics()
+
+
+async def test_a_robot_without_a_place_turns_the_pages_away(janus, monkeypatch):
+    monkeypatch.setattr(module, "STEP_SECONDS", 0.2)
+    async with SfuRig(janus, viewers=1) as rig:
+        first = rig.page(rig.broadcast())
+        await first.watch()
+        other = rig.page(rig.broadcast(name="another-robot"))
+        other.want()
+        await until(lambda: other.byes == ["full"], 20.0, "why")
+
+
+async def test_two_web_processes_share_one_stream_and_the_second_takes_over(rig, monkeypatch):
+    monkeypatch.setattr(module, "UNSIGNED_SECONDS", 2.0)
+    first = rig.broadcast()
+    one = rig.page(first)
+    await one.watch()
+    other = rig.page(rig.broadcast())
+    await other.watch()
+    assert rig.connections() == 1
+    await until(lambda: rig.told_viewers()[-1:] == [2], 10.0, "both")
+    await first.close()  # like a process that was killed: it says no goodbye
+    await until(lambda: other.byes, 20.0, "the end of what it watched")
+    await other.watch()
+    assert rig.over == 1
+
+
+async def test_an_error_of_ours_is_told_to_pages_which_may_ask_again(rig, monkeypatch):
+    page = rig.page(rig.broadcast())
+    await page.watch()
+    monkeypatch.setattr(rig, "send", None)
+    page.broadcast._next_leg_at, page.broadcast._leg.ended = 0.0, "tried"
+    await until(lambda: page.byes == ["sfu_lost"], 10.0, "why")
+    assert rig.over == 1
+    monkeypatch.undo()

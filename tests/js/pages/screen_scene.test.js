@@ -1,0 +1,23 @@
+import assert from "node:assert/strict";
+import test from "node:test";
+
+import { sceneFor } from "../../../static/js/pages/screen/scene.js";
+
+const told = (state, changes = {}) => ({
+  keyed: true,
+  online: true,
+  heardAt: 100,
+  stop: null,
+  screen: { title: "Giraff", session: "s1", visitor: "Ada", study: false },
+  state: { viewers: 0, session: null, call: null, safety: { estop: false }, ...state },
+  ...changes,
+});
+const watching = (...given) => sceneFor(told(...given), 100).watching;
+
+test("people at the robot are told how many watch, without the one who drives", () => {
+  assert.equal(watching({ viewers: 12 }), 12);
+  assert.equal(watching({ viewers: 13, session: "s1" }), 12);
+  assert.equal(watching({ viewers: 0, session: "s1" }), 0);
+  assert.equal(watching({ viewers: 12 }, { online: false }), 0);
+  assert.equal(watching({}, { state: null }), 0);
+});
