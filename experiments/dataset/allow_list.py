@@ -233,7 +233,7 @@ KEPT_BACK: frozenset[type] = frozenset(
         *get_args(m.AnyAction),
         *(p.Take, p.Observe, p.Leave, p.Assist, p.Direct, p.Hello, p.GrantedTerms, p.Granted),
         *(p.Observing, p.Refused, p.RoomState, p.Screen, p.RobotPresence, p.Fault),
-        *(p.ServerStatus, p.Denied, p.Queued, p.Task, p.PageReport),
+        *(p.ServerStatus, p.Denied, p.Queued, p.Task, p.PageReport, p.WantOffer),
     }
 )
 
