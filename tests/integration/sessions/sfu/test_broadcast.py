@@ -38,7 +38,7 @@ async def test_the_robot_sends_once_however_many_watch(rig):
         assert rig.connections() == 1
         await until(lambda n=number: rig.told_viewers()[-1:] == [n], 10.0, "the count")
         assert rig.media.connected == number
-    assert all(page.sounds for page in pages)
+    await until(lambda: all(page.sounds for page in pages), 10.0, "sound for everybody")
     assert not any(page.byes for page in pages)
 
 
