@@ -6,9 +6,10 @@
 import { backoff } from "../lib/backoff.js";
 import { unixNow } from "../lib/clock.js";
 import { isStuck, judge } from "./link_health.js";
-import { createRelayRegions } from "./relay_regions.js";
+import { isRelay } from "./peer.js";
 
 /** @typedef {import("./peer.js").Peer | import("./sfu_peer.js").SfuPeer} AnyPeer */
+/** @typedef {import("./relay_regions.js").createRelayRegions} CreateRelayRegions */
 /** @typedef {"driver" | "observer" | "sfu"} LinkRole `sfu` watches through the server's SFU */
 
 export class Link {
@@ -31,7 +32,8 @@ export class Link {
     /** @type {AnyPeer | null} made but not yet offered */
     this.prepared = null;
     this.live = false;
-    this.regions = createRelayRegions();
+    /** @type {Promise<ReturnType<CreateRelayRegions>> | null} fetched where there are several regions */
+    this.regions = null;
     /** @type {number | null} Unix seconds since which a link is wanted and not there */
     this.lookingSince = null;
     /** whether the last peer that got so far had nothing to connect */
@@ -157,11 +159,20 @@ export class Link {
     if (peer.video) {
       this.onOpening(peer); // what the SFU sends is known when it has offered
     }
-    peer.start(this.regions.nearest(iceServers)).catch(() => {
+    peer.start(this.#nearest(iceServers)).catch(() => {
       if (peer === this.peer) {
         this.#lose("no_offer");
       }
     });
+  }
+
+  /** @param {RTCIceServer[]} iceServers @returns {RTCIceServer[] | Promise<RTCIceServer[]>} with the relays of the nearest region alone */
+  #nearest(iceServers) {
+    if (iceServers.filter(isRelay).length < 2) {
+      return iceServers;
+    }
+    this.regions ??= fetchRegions();
+    return this.regions.then((regions) => regions.nearest(iceServers)).catch(() => iceServers);
   }
 
   /** @param {string} why */
@@ -183,3 +194,4 @@ export class Link {
 /** Whether this browser can carry a picture at all. */
 export const isSupported = () => typeof RTCPeerConnection === "function";
 
+const fetchRegions = async () => (await import("./relay_regions.js")).createRelayRegions();

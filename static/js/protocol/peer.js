@@ -146,5 +146,8 @@ export class Peer {
   }
 }
 
+/** Whether a server of a list relays, for which there is one entry a region. @param {RTCIceServer} server */
+export const isRelay = ({ urls }) => [urls].flat().some((url) => /^turns?:/.test(url));
+
 /** An empty user name is not the same as none. @param {RTCIceServer} server @returns {RTCIceServer} */
 export const forBrowser = ({ urls, username, credential }) => (username ? { urls, username, credential } : { urls });

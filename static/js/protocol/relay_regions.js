@@ -4,14 +4,12 @@
  */
 
 import { unixNow } from "../lib/clock.js";
+import { isRelay } from "./peer.js";
 
 const PATIENCE_S = 0.4; // a relay that answers later than this is far, or behind a firewall
 
 /** @param {RTCIceServer} server @returns {string[]} */
 const urlsOf = (server) => [server.urls].flat();
-
-/** @param {RTCIceServer} server */
-const isRelay = (server) => urlsOf(server).some((url) => /^turns?:/.test(url));
 
 /**
  * A relay answers the question for one's address, too, without credentials, where datagrams pass.

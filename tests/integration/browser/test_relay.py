@@ -38,7 +38,9 @@ def relay(computer):
 
 @pytest.fixture(scope="module")
 def site(relay, tmp_path_factory):
-    turn = ",".join(relay.server("udp", "tcp").urls)
+    # Where no datagram passes, a page cannot tell which region is near, and tries both.
+    here = [f"here={url}" for url in relay.server("udp", "tcp").urls]
+    turn = ",".join([*here, f"away=turn:{relay.address}:9?transport=tcp"])
     # An address server that nobody hears here is on every site with a relay: neither side may wait
     # for it.
     stun = f"stun:{relay.address}:{relay.port}"

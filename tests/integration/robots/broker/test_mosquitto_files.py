@@ -116,7 +116,7 @@ async def test_watching_it_writes_by_itself_and_tells_mosquitto(mosquitto, tmp_p
 def test_what_has_not_changed_is_not_written_again(tmp_path):
     assert "2 users written" in write(tmp_path)
     before = {name: (tmp_path / name).stat().st_mtime_ns for name in ("passwords", "permissions")}
-    assert "as before" in write(tmp_path)
+    assert "users unchanged" in write(tmp_path)
     assert before == {name: (tmp_path / name).stat().st_mtime_ns for name in before}
 
 
@@ -128,7 +128,7 @@ def test_for_nats_the_same_users_are_in_one_file_which_is_written_when_they_chan
     names = ("giraff", "server.web", "server.session-manager")
     assert all(f'"user": "{name}"' in text for name in names)
     assert token not in text
-    assert "as before" in write(tmp_path, "--engine", "nats")
+    assert "users unchanged" in write(tmp_path, "--engine", "nats")
     assert [path.name for path in tmp_path.iterdir()] == ["users.conf"]
 
 
