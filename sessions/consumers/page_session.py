@@ -193,9 +193,10 @@ class PageSession:
         does not know who watches it through others.
         """
         page, reply = self.authorization, inbound.message
-        is_full = isinstance(reply, Bye) and reply.reason == "full"
+        if not (isinstance(reply, Bye) and reply.reason == "full"):
+            return False  # as of nearly all that a robot says
         is_ours = inbound.suffix == f"{protocol.SIGNAL}/{page.peer}/reply"
-        if not (is_full and is_ours and page.watches and not page.by_sfu):
+        if not is_ours or not page.watches or page.by_sfu:
             return False
         if broadcasts.is_set_up():
             self._watch(by_sfu=True)

@@ -60,9 +60,7 @@ export class Peer {
     if (this.isClosed) {
       return;
     }
-    if (iceServers.length) {
-      this.connection.setConfiguration({ ...this.connection.getConfiguration(), iceServers: iceServers.map(forBrowser) });
-    }
+    useServers(this.connection, iceServers);
     const offer = await this.offer;
     if (this.isClosed) {
       return;
@@ -141,10 +139,22 @@ export class Peer {
       }
       return;
     }
-    const { candidate: line = "", sdpMid = null, sdpMLineIndex = null } = candidate ?? {};
-    this.onSignal({ type: "candidate", candidate: line, sdpMid, sdpMLineIndex });
+    this.onSignal(messageOf(candidate));
   }
 }
+
+/** What the other side is told of a candidate, or of their end. @param {RTCIceCandidate | null} candidate */
+export const messageOf = (candidate) => {
+  const { candidate: line = "", sdpMid = null, sdpMLineIndex = null } = candidate ?? {};
+  return { type: "candidate", candidate: line, sdpMid, sdpMLineIndex };
+};
+
+/** Have a connection that was made before ask the servers that the server named. @param {RTCPeerConnection} connection @param {RTCIceServer[]} iceServers */
+export const useServers = (connection, iceServers) => {
+  if (iceServers.length) {
+    connection.setConfiguration({ ...connection.getConfiguration(), iceServers: iceServers.map(forBrowser) });
+  }
+};
 
 /** Whether a server of a list relays, for which there is one entry a region. @param {RTCIceServer} server */
 export const isRelay = ({ urls }) => [urls].flat().some((url) => /^turns?:/.test(url));

@@ -4,7 +4,7 @@
  */
 
 import { unixNow } from "../lib/clock.js";
-import { forBrowser } from "./peer.js";
+import { messageOf, useServers } from "./peer.js";
 
 export class SfuPeer {
   /** @param {{onSignal: (message: object) => void}} options what to tell the SFU through the server */
@@ -24,7 +24,7 @@ export class SfuPeer {
     this.video = null;
     this.isOpen = false; // there is no data channel
     this.connection = new RTCPeerConnection({ bundlePolicy: "max-bundle" });
-    this.connection.onicecandidate = ({ candidate }) => this.#trickle(candidate);
+    this.connection.onicecandidate = ({ candidate }) => this.onSignal(messageOf(candidate));
     this.connection.onconnectionstatechange = () => {
       if (this.connection.connectionState === "connected") {
         this.openedAt ??= unixNow();
@@ -34,10 +34,7 @@ export class SfuPeer {
 
   /** @param {RTCIceServer[] | Promise<RTCIceServer[]>} servers */
   async start(servers) {
-    const iceServers = await servers;
-    if (iceServers.length) {
-      this.connection.setConfiguration({ ...this.connection.getConfiguration(), iceServers: iceServers.map(forBrowser) });
-    }
+    useServers(this.connection, await servers);
     this.offeredAt = unixNow();
     this.onSignal({ type: "want" });
   }
@@ -88,11 +85,5 @@ export class SfuPeer {
     this.connection.onicecandidate = null;
     this.connection.onconnectionstatechange = null;
     this.connection.close();
-  }
-
-  /** @param {RTCIceCandidate | null} candidate */
-  #trickle(candidate) {
-    const { candidate: line = "", sdpMid = null, sdpMLineIndex = null } = candidate ?? {};
-    this.onSignal({ type: "candidate", candidate: line, sdpMid, sdpMLineIndex });
   }
 }
