@@ -116,7 +116,8 @@ def test_a_robot_that_does_not_live_keeps_nobody_waiting_and_is_tried_on(
         within=2.0,
     )
     assert any(
-        "is not ready yet: " in sentence and "Continuing without it" in sentence for sentence in told
+        "is not ready yet: " in sentence and "Continuing without it" in sentence
+        for sentence in told
     )
     look_until(
         supervisor, lambda: len([sentence for sentence in told if "no such site" in sentence]) > 6
