@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from scipy import stats
+import scipy
 
 Design = Literal["between", "within"]
 SMALL, MEDIUM, LARGE = 0.2, 0.5, 0.8  # Cohen's words for standardized differences
@@ -44,10 +44,10 @@ def power(effect: float, participants: int, design: Design, alpha: float = 0.05)
     noncentrality = abs(effect) * math.sqrt(
         participants / 2.0 if design == "between" else participants
     )
-    critical = stats.t.isf(alpha / 2.0, freedom)
+    critical = scipy.stats.t.isf(alpha / 2.0, freedom)
     return float(
-        stats.nct.sf(critical, freedom, noncentrality)
-        + stats.nct.cdf(-critical, freedom, noncentrality)
+        scipy.stats.nct.sf(critical, freedom, noncentrality)
+        + scipy.stats.nct.cdf(-critical, freedom, noncentrality)
     )
 
 

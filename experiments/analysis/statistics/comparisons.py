@@ -23,7 +23,7 @@ from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+import scipy
 from scipy.special import chdtrc, fdtrc, ncfdtrinc, nctdtrinc, ndtri, stdtr, stdtrit
 
 from experiments.analysis.dataset.records import Floats
@@ -276,7 +276,7 @@ def friedman(table: Floats) -> tuple[Floats, Floats]:
     NaN where no participant has two different values.
     """
     n, k = table.shape[-2:]
-    ranks = stats.rankdata(table, axis=-1)
+    ranks = scipy.stats.rankdata(table, axis=-1)
     sums = ranks.sum(axis=-2)
     # the ranks' variance is less with ties: Conover, Practical Nonparametric Statistics, 5.8
     spread = (ranks**2).sum(axis=(-1, -2)) - n * k * (k + 1.0) ** 2 / 4.0
@@ -288,7 +288,7 @@ def friedman(table: Floats) -> tuple[Floats, Floats]:
 def _concordance(size: float, table: Floats) -> IntervalEstimate:
     """Return W with the 2.5 and 97.5 % quantiles of the W of resampled participants."""
     n, k = table.shape
-    ranks = stats.rankdata(table, axis=1)
+    ranks = scipy.stats.rankdata(table, axis=1)
     ties = np.array([_tie_term(row) for row in ranks])
     drawn = np.random.default_rng(SEED).multinomial(n, np.full(n, 1.0 / n), RESAMPLES)
     sums = drawn @ ranks
@@ -320,7 +320,7 @@ def correlation(first: Floats, second: Floats) -> Test:
         return Test("Spearman ρ", n, remark="fewer than four participants")
     if (x == x[0]).all() or (y == y[0]).all():
         return Test("Spearman ρ", n, remark=NO_VARIANCE)
-    found = stats.spearmanr(x, y)
+    found = scipy.stats.spearmanr(x, y)
     rho = float(found.statistic)
     return Test(
         "Spearman ρ",

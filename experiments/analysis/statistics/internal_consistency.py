@@ -14,7 +14,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize
+import scipy
 from scipy.special import expit, fdtri, logit, ndtri
 
 from experiments.analysis.dataset.records import Floats
@@ -112,7 +112,7 @@ def one_factor(covariances: Floats) -> OneFactor:
     if np.linalg.eigvalsh(correlations)[0] < 1e-9:
         raise UndefinedCoefficientError("an item follows from the others")
     start = (1.0 - 0.5 / len(sd)) / np.diag(np.linalg.inv(correlations))
-    found = minimize(
+    found = scipy.optimize.minimize(
         _discrepancy,
         start,
         args=(correlations,),

@@ -24,7 +24,7 @@ from itertools import product
 from typing import Any, Literal
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import scipy
 from scipy.special import fdtrc, stdtr, stdtrit
 
 from experiments.analysis.dataset.records import Floats
@@ -264,7 +264,7 @@ def _best_ratio(sums: _Sums) -> float:
     where none is better than that.
     """
     place = int(np.argmin(_deviances(sums, np.exp(GRID))))
-    found = minimize_scalar(
+    found = scipy.optimize.minimize_scalar(
         lambda power: _profile(sums, math.exp(power)).deviance,
         bounds=(GRID[max(place - 1, 0)], GRID[min(place + 1, len(GRID) - 1)]),
         method="bounded",

@@ -18,7 +18,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import stats
+import scipy
 from scipy.special import chdtrc, ndtri
 
 from experiments.analysis.dataset.records import Floats
@@ -54,7 +54,7 @@ def signed_ranks(first: Floats, second: Floats) -> Test:
     moved = differences[differences != 0.0]
     if not len(moved):
         return Test(SIGNED, n, difference=IntervalEstimate(0.0), remark=EQUAL_DIFFERENCES)
-    ranks = stats.rankdata(np.abs(moved))
+    ranks = scipy.stats.rankdata(np.abs(moved))
     positive = float(ranks[moved > 0.0].sum())
     count = len(moved)
     largest = count * (count + 1) / 2.0
@@ -133,7 +133,7 @@ def several_ranked(groups: Sequence[Floats]) -> Test:
     h, p = (float(one) for one in kruskal(parts))
     rng = np.random.default_rng(SEED)
     drawn = np.concatenate([rng.choice(one, (RESAMPLES, len(one))) for one in parts], axis=1)
-    resampled = _h(stats.rankdata(drawn, axis=1), sizes) / (n - 1.0)
+    resampled = _h(scipy.stats.rankdata(drawn, axis=1), sizes) / (n - 1.0)
     low, high = np.quantile(resampled[np.isfinite(resampled)], (LOWER, UPPER)).tolist()
     return Test(
         KRUSKAL,
@@ -148,12 +148,14 @@ def several_ranked(groups: Sequence[Floats]) -> Test:
 
 def signed_rank_p(differences: Floats) -> Floats:
     """Return the p values of Wilcoxon's test of differences, (…, n), none of which is 0."""
-    return np.asarray(stats.wilcoxon(differences, correction=False, method="auto", axis=-1).pvalue)
+    return np.asarray(
+        scipy.stats.wilcoxon(differences, correction=False, method="auto", axis=-1).pvalue
+    )
 
 
 def rank_sum_u(first: Floats, second: Floats) -> tuple[Floats, Floats]:
     """Return Mann and Whitney's U of the first group and its p value, along the last axis."""
-    found = stats.mannwhitneyu(
+    found = scipy.stats.mannwhitneyu(
         first, second, alternative="two-sided", use_continuity=False, axis=-1
     )
     return np.asarray(found.statistic), np.asarray(found.pvalue)
@@ -162,7 +164,7 @@ def rank_sum_u(first: Floats, second: Floats) -> tuple[Floats, Floats]:
 def kruskal(groups: Sequence[Floats]) -> tuple[Floats, Floats]:
     """Return Kruskal and Wallis's H of groups and its p value, along the last axis."""
     sizes = [group.shape[-1] for group in groups]
-    ranks = stats.rankdata(np.concatenate(groups, axis=-1), axis=-1)
+    ranks = scipy.stats.rankdata(np.concatenate(groups, axis=-1), axis=-1)
     h = _h(np.atleast_2d(ranks), sizes).reshape(ranks.shape[:-1])
     return h, np.asarray(chdtrc(len(groups) - 1.0, h))
 
