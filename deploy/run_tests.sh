@@ -1,7 +1,7 @@
 #!/bin/sh
 # What is checked before a change lands: run_tests.sh lint|check|integration|test|soak. BIN names the virtual environment's bin folder.
 #   lint          style, types, and the direction of imports
-#   check         lint and the unit lane, for every change
+#   check         lint and the unit lane, for every change: without slow tests, and with fewer examples
 #   integration   the integration lane and the timing lane: what make test runs after check
 #   test          everything that proves function
 #   soak          the unit lane with many more examples, and everything that proves endurance, before a release
@@ -40,7 +40,10 @@ pytest() {
     [ "$code" -eq 5 ]
 }
 side_by_side() { pytest --dist loadfile --no-loadscope-reorder -n "$@"; }
-unit() { side_by_side logical tests/unit; }
+unit() {
+    if [ "$1" = quick ]; then set -- -m "not slow" --hypothesis-profile=quick; else set --; fi
+    side_by_side logical "$@" tests/unit
+}
 servers() {
     side_by_side "$cores" -m "$1" tests/integration --ignore tests/integration/browser --ignore tests/integration/accounts \
         --ignore tests/integration/experiments --ignore tests/integration/surveys
@@ -112,7 +115,7 @@ case "${1:-test}" in
         ;;
     lint) lint ;;
     check)
-        together "style, types and the unit lane" lint quick unit ""
+        together "style, types and the unit lane" lint quick unit quick
         ;;
     test)
         step "node --test"

@@ -19,7 +19,7 @@ pytest.register_assert_rewrite("tests.support.adapter_conformance", "tests.suppo
 
 # A busy computer is slow at everything: an example that takes long is no finding. The same examples
 # every time, so that a change is judged by what it changes; `pytest --hypothesis-profile=search`
-# looks for others, and for more of them.
+# looks for others, and for more of them, and `quick` for a few, as `make check` does.
 settings.register_profile(
     "search",
     deadline=None,
@@ -29,6 +29,7 @@ settings.register_profile(
 settings.register_profile(
     "same", settings.get_profile("search"), derandomize=True, max_examples=100
 )
+settings.register_profile("quick", settings.get_profile("same"), max_examples=20)
 settings.load_profile("same")
 
 

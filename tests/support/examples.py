@@ -1,5 +1,5 @@
-"""How often a test tries something: a number for every change, and a larger one for a thorough run,
-`pytest --hypothesis-profile=search`, which `make soak` does too.
+"""How often a test tries something: an ordinary number in `make test`, a fifth of it in `make check`,
+and a larger one for a thorough run, `pytest --hypothesis-profile=search`, which `make soak` does.
 """
 
 from typing import Any
@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import settings
 from scipy.special import bdtr
 
-THOROUGH = "search"  # the profile; tests/conftest.py registers it
+THOROUGH, QUICK = "search", "quick"  # profiles; tests/conftest.py registers them
 BY_CHANCE = 0.996  # of all runs of a true rate fall into its band
 
 
@@ -23,7 +23,9 @@ def examples(ordinary: int, *, thorough: int, **others: Any) -> settings:
     """Return the settings of a property that Hypothesis tries with so many examples; `others` are
     more of its settings.
     """
-    return settings(max_examples=repetitions(ordinary, thorough=thorough), **others)
+    quick = settings.get_current_profile_name() == QUICK
+    number = max(ordinary // 5, 5) if quick else repetitions(ordinary, thorough=thorough)
+    return settings(max_examples=number, **others)
 
 
 def binomial_band(rate: float, runs: int) -> tuple[float, float]:

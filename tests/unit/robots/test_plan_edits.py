@@ -77,6 +77,7 @@ def test_two_rooms_become_one_and_the_opening_between_them_goes():
     assert problems(plan) == ()
 
 
+@pytest.mark.slow
 def test_rooms_that_do_not_touch_are_not_joined():
     plan = document()
     plan["rooms"].append(

@@ -43,6 +43,7 @@ def report(found, tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_every_planted_effect_is_found_and_nothing_else(report):
     assert found_in(report, "analysis-answers") == PLANTED
     assert found_in(report, "analysis-driving") == {("speed", "page"), ("task_time", "page")}

@@ -115,6 +115,7 @@ class Rig:
             self.engine.feed(PhotoAnswer(self.now, "answer", intent.answer))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", [condition.key for condition in STUDY.conditions])
 def test_a_bot_completes_every_condition_of_the_papers_study_without_touching_anything(key):
     condition = STUDY.condition(key)

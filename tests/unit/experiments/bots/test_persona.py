@@ -40,6 +40,7 @@ def test_a_planted_effect_is_found_where_it_was_planted_and_nowhere_else():
     )
 
 
+@pytest.mark.slow
 def test_a_planted_null_is_significant_as_often_as_chance_makes_it():
     null = Effect("easy", 0.0, HELPED)
     found, studies = 0, repetitions(120, thorough=400)

@@ -104,5 +104,6 @@ def test_complete_cases_of_the_orders_differ_by_at_most_3_in_any_month_with_drop
     assert max(differences(balanced(conditions), Allocation().left_after_hours)) <= 3
 
 
+@pytest.mark.slow
 def test_if_nobody_were_ever_taken_for_gone_they_would_differ_by_far_more():
     assert max(differences(balanced("ab"), float("inf"))) > 6

@@ -75,6 +75,7 @@ def test_the_text_of_an_svg_is_text(dataset):
     assert all("sans-serif" in text.get("style") for text in root.iter(f"{SVG}text"))
 
 
+@pytest.mark.slow
 def test_a_pdf_has_its_fonts_in_it_as_truetype(dataset):
     pdf = as_pdf(figure_8a(dataset))
     assert re.search(rb"/FontFile2 \d+ 0 R", pdf)
@@ -84,6 +85,7 @@ def test_a_pdf_has_its_fonts_in_it_as_truetype(dataset):
     assert any(one[:4] in {b"\x00\x01\x00\x00", b"true"} for one in unpacked)
 
 
+@pytest.mark.slow
 def test_a_png_has_the_dots_that_print_needs_and_no_date(dataset):
     drawing = figure_8b(dataset)
     png = as_png(drawing)
@@ -93,6 +95,7 @@ def test_a_png_has_the_dots_that_print_needs_and_no_date(dataset):
     assert set(image.info) == {"Title", "dpi"}
 
 
+@pytest.mark.slow
 def test_files_are_the_same_bytes_every_time(dataset):
     first, second = figure_8b(dataset), figure_8b(dataset)
     for save in (as_svg, as_pdf, lambda drawing: as_png(drawing, 50)):

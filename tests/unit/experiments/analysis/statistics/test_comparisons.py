@@ -131,6 +131,7 @@ def test_a_planted_effect_is_found_as_often_as_its_power_says():
     assert 0.76 <= float((p < 0.05).mean()) <= 0.84
 
 
+@pytest.mark.slow
 def test_a_planted_null_of_a_relation_is_significant_in_3_to_7_of_100_studies():
     rng = np.random.default_rng(12)
     found = [correlation(rng.normal(size=30), rng.normal(size=30)).p for _ in range(RUNS)]

@@ -80,6 +80,7 @@ def test_a_known_model_is_found_in_its_own_covariances():
     assert found.uniquenesses == pytest.approx(UNIQUENESSES, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_intervals_of_omega_hold_the_true_value_in_about_95_of_100_samples():
     rng = np.random.default_rng(61)
     found = [mcdonald(drawn(rng, 120))[0] for _ in range(200)]

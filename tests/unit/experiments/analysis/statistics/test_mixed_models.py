@@ -174,6 +174,7 @@ def test_why_a_model_cannot_be_fitted_is_said(values, terms, who, said):
         fit(np.array(values, dtype=float), design, terms, list(who))
 
 
+@pytest.mark.slow
 def test_a_planted_null_is_significant_in_3_to_7_of_100_studies():
     rng = np.random.default_rng(10)
     found = [

@@ -101,6 +101,7 @@ def test_an_effect_planted_in_the_bots_answers_is_found_in_its_row(study):
     assert said(nothing, "Q2") > 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("study", [BETWEEN, WITHIN])
 def test_answers_without_an_effect_are_significant_in_five_of_a_hundred_studies(study):
     rng = np.random.default_rng(43)
@@ -109,6 +110,7 @@ def test_answers_without_an_effect_are_significant_in_five_of_a_hundred_studies(
     assert low <= np.mean(np.array(found) < 0.05) <= high
 
 
+@pytest.mark.slow
 def test_driving_without_an_effect_is_significant_in_five_of_a_hundred_studies():
     rng = np.random.default_rng(41)
     found = [

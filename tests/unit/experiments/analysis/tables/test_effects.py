@@ -61,6 +61,7 @@ def cell(table, line, head):
     return line[table.head.index(head)].value
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("slower", "is_found"), [(1.4, True), (1.0, False)])
 def test_a_condition_that_slows_driving_down_is_found_and_one_that_does_not_is_not(
     slower, is_found
@@ -97,6 +98,7 @@ def test_within_subjects_only_those_who_had_every_condition_are_compared():
     assert cell(table, table.rows[0], "p") == pytest.approx(stats.ttest_rel(a[:8], b[:8]).pvalue)
 
 
+@pytest.mark.slow
 def test_outcomes_of_each_condition_sum_to_its_sessions():
     dataset, found = thirty()
     table = outcomes_by_condition(dataset, found)

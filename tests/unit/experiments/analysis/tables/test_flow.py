@@ -4,6 +4,7 @@ import itertools
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from experiments.analysis.dataset.records import (
     Dataset,
@@ -148,6 +149,7 @@ def test_the_funnel_counts_who_came_who_went_on_and_how_long_it_took():
     assert found["docked"] == [0, 0, 0, None]
 
 
+@pytest.mark.slow
 def test_milestones_stand_between_the_task_and_what_follows_it_and_only_fall():
     dataset = made_up(np.random.default_rng(42), 30)
     table = funnel(dataset, measure_all(dataset))

@@ -154,6 +154,7 @@ def sus_scores(dataset, key):
     ]
 
 
+@pytest.mark.slow
 def test_the_report_has_tables_and_a_figure_for_every_scored_questionnaire():
     _, tables, figures = printed()
     wanted = {f"{kind}-{slug}" for kind in ("scores", "score-tests") for slug in ("tlx", "sus")}

@@ -153,6 +153,7 @@ def test_a_reordered_packet_that_nobody_follows_comes_out_all_the_same():
     assert line.counts.reordered == 0
 
 
+@pytest.mark.slow
 @examples(20, thorough=1000)
 @given(st.integers(1, 50))
 def test_a_flood_is_bounded(more):

@@ -22,6 +22,7 @@ def test_somebody_docks_with_the_keys_alone_without_bumping_into_anything(start,
     assert person.sim.contacts == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "closed", [(), ("lounge-door",), ("lab-door",)], ids=["open", "lounge-door", "lab-door"]
 )

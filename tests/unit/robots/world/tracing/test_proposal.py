@@ -155,6 +155,7 @@ def test_rays_through_a_window_are_no_floor():
     assert max(y for room in plan.rooms for _, y in room.polygon) <= 6.2
 
 
+@pytest.mark.slow
 def test_a_turned_origin_turns_the_plan_and_nothing_else():
     grid = mapped(building(), np.random.default_rng(3))
     world = Pose2D(3.0, -2.0, math.radians(50.0))
@@ -175,6 +176,7 @@ def test_a_turned_origin_turns_the_plan_and_nothing_else():
     assert inspect_site(other, turned) == ()
 
 
+@pytest.mark.slow
 def test_a_fine_map_gives_the_same_plan_as_a_coarse_one():
     fine = mapped(building(), np.random.default_rng(0), resolution=0.0125, noise=False)
     plan = propose_plan(fine, "traced", "Traced")

@@ -197,6 +197,7 @@ def test_into_a_frame_and_out_of_it_are_inverse(frame, points):
     )
 
 
+@pytest.mark.slow
 @examples(30, thorough=300)
 @given(st.floats(-1.0, 1.0), st.floats(-0.8, 0.8), st.floats(-3, 3), st.integers(0, 1000))
 def test_every_wall_seen_on_a_drive_is_known_where_it_stands(x, y, heading, seed):

@@ -122,6 +122,7 @@ def test_a_leaf_may_go_away_from_what_is_too_near_and_does_not_come_back_to_it()
     assert leaves.openings["lab-door"] == "closed"
 
 
+@pytest.mark.slow
 def test_a_leaf_waits_for_somebody_and_nobody_walks_through_it() -> None:
     moved = 0
     for seed in range(2):
@@ -160,6 +161,7 @@ def test_the_laser_follows_a_moving_leaf() -> None:
     assert seen[-1] < seen[0] - 0.5
 
 
+@pytest.mark.slow
 def test_the_camera_follows_a_moving_leaf_and_ends_with_the_picture_of_the_closed_one() -> None:
     camera = SceneCamera(GIRAFF, PLAN, seed=1)
 

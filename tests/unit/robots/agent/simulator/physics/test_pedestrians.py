@@ -71,6 +71,7 @@ def test_nobody_walks_through_walls_furniture_leaves_or_each_other(seed: int) ->
         assert apart > APART - 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("site", ["office", "clinic"])
 def test_nobody_gets_stuck_for_long(site: str) -> None:
     plan, _ = load_plan(site)
