@@ -4,36 +4,31 @@ into the studies' administration.
 A page is a form over one place of the definition (experiments/builder/pages.py). Every button of it
 sends the whole form: what was typed is kept with each part that is added, removed or moved. A draft
 may be saved half done; what is still wrong stands above the form.
-
-Longer than most files here: lists, forms and the map of a course are pages of one kind, with one
-way to be saved.
 """
 
-import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import msgspec
-from django.conf import settings
 from django.contrib import messages
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect, JsonResponse
 from django.shortcuts import render
 from django.urls import URLPattern, path, reverse
 from django.utils.translation import gettext as _
-from django.utils.translation import gettext_lazy, ngettext
+from django.utils.translation import gettext_lazy
 from django.views.decorators.cache import never_cache
 
 from experiments import publishing
 from experiments.access import may
 from experiments.builder import labels
+from experiments.builder.choices import at_hand, offered, places
+from experiments.builder.course_ground import drawn_course, problems_of_course, wrong_checkpoints
 from experiments.builder.pages import (
     INNER_LISTS,
     LISTS,
     PAGES,
     PLAN,
-    AtHand,
     BuilderPlace,
     copied,
     middle_of,
@@ -53,18 +48,13 @@ from experiments.builder.pages import (
 from experiments.builder.part_form import PartForm, read
 from experiments.builder.parts import Document, change, new_point, renumber
 from experiments.builder.problem_text import in_words, title_of
-from experiments.definition.problems import problems
+from experiments.builder.summaries import about, kinds
 from experiments.definition.schema import Course, StudyDefinition
 from experiments.definition.steps import KINDS
 from experiments.models import Study as Row
 from experiments.participation.steps import page_type
 from experiments.research.study_access import study_for
-from robots.api.floorplan import FloorPlan as Plan
-from robots.floorplans import plan_content
-from robots.models import FloorPlan
-from sessions.interfaces import INTERFACES
 
-PICTURES = Path(settings.BASE_DIR) / "static" / "img" / "instructions"
 TITLES = {
     "about": gettext_lazy("About the study"),
     "steps": gettext_lazy("Steps"),
@@ -80,7 +70,6 @@ TITLES = {
 MEANWHILE = gettext_lazy(
     "Not saved: someone else changed this study. If your change still applies, submit it again."
 )
-WRONG_PLACE = re.compile(r"checkpoint (\d+) (?:cannot be reached|is not in a room|is not at)")
 MOST_SHOWN = 40  # problems above a form
 
 
@@ -142,67 +131,6 @@ def told(row: Row) -> list[LinkedProblem]:
     ]
 
 
-def at_hand() -> AtHand:
-    """Return the sites, and the series of robots that were heard of, or have a station there."""
-    sites = publishing.sites()
-    stations = {dock.type: None for plan in sites.values() for dock in plan.docks}
-    return AtHand(
-        sites=sites, robots=tuple({**dict.fromkeys(publishing.known_here().robots), **stations})
-    )
-
-
-def offered(whole: Document, part: Document) -> dict[str, Sequence[str]]:
-    """Return what can be chosen in a form, by key of the field; doors, stations and mirrors are
-    those of the part's own site.
-    """
-    here = at_hand()
-    plan = here.sites.get(part.get("site", ""))
-    doors = tuple(door.name for door in plan.doors) if plan is not None else ()
-    return {
-        "languages": tuple(code for code, _name in settings.LANGUAGES),
-        "robot": here.robots,
-        "site": tuple(here.sites),
-        "doors": doors,
-        "doors_closed": doors,
-        "dock": (
-            tuple(dock.name for dock in plan.docks if dock.type == part.get("robot"))
-            if plan is not None
-            else ()
-        ),
-        "mirror": tuple(mirror.name for mirror in plan.mirrors) if plan is not None else (),
-        "questionnaire": tuple(
-            sorted({slug for slug, _version in publishing.known_here().questionnaires})
-        ),
-        "statements": tuple(
-            dict.fromkeys(
-                step["questionnaire"] for step in whole["steps"] if "questionnaire" in step
-            )
-        ),
-        "interface": INTERFACES,
-        "PlaceMove.name": _places(
-            here.sites[site]
-            for site in dict.fromkeys(one["site"] for one in whole["conditions"])
-            if site in here.sites
-        ),
-        "analysis": tuple(one["key"] for one in whole["analyses"]),
-        "condition": tuple(one["key"] for one in whole["conditions"]),
-        "hypotheses": tuple(one["key"] for one in part.get("hypotheses", ())),
-        **dict.fromkeys(
-            ("first", "second", "conditions"), tuple(one["key"] for one in whole["conditions"])
-        ),
-        **{
-            f"levels.{factor['key']}": tuple(level["key"] for level in factor.get("levels", ()))
-            for factor in whole["factors"]
-        },
-        "picture": tuple(sorted(file.stem for file in PICTURES.glob("*.svg"))),
-    }
-
-
-def _places(plans: Iterable[Plan]) -> tuple[str, ...]:
-    """Return the names of the places of sites."""
-    return tuple(dict.fromkeys(place.name for plan in plans for place in plan.places))
-
-
 class BuilderPages:
     """The pages of the builder."""
 
@@ -240,7 +168,7 @@ class BuilderPages:
             row,
             "list",
             section,
-            {"parts": list(_listed(row, section)), "kinds": _kinds(section)},
+            {"parts": list(_listed(row, section)), "kinds": kinds(section)},
         )
 
     def part_view(self, request: HttpRequest, pk: Any, section: str, index: int) -> HttpResponse:
@@ -260,13 +188,11 @@ class BuilderPages:
                 {"problems": list(dict.fromkeys(draft.errors.values())), "checkpoints": []}
             )
         course = msgspec.convert(draft.part, Course)
-        wrong = _of_course(_put(whole, place, draft.part), course)
+        wrong = problems_of_course(_put(whole, place, draft.part), course)
         return JsonResponse(
             {
                 "problems": wrong,
-                "checkpoints": sorted(
-                    {int(n) for text in wrong for n in WRONG_PLACE.findall(text)}
-                ),
+                "checkpoints": wrong_checkpoints(wrong),
             }
         )
 
@@ -327,11 +253,11 @@ class BuilderPages:
                 "list_title": labels.label(inner),
                 "list_address": reverse("admin:experiments_study_section", args=[row.pk, inner]),
                 "parts": list(_listed(row, inner)),
-                "kinds": _kinds(inner),
+                "kinds": kinds(inner),
             }
         if place.section == "courses":
             context |= {
-                "course": _drawn(part),
+                "course": drawn_course(part),
                 "check": reverse(
                     "admin:experiments_study_check", args=[row.pk, "courses", place.index]
                 ),
@@ -437,7 +363,7 @@ def _press(part: Document, sent: Any) -> str:
     key, _colon, n = what.partition(":")
     values = part.get(key, [])
     if verb == "add" and key == "steps":
-        step = new_script_step(part, n, _places(publishing.sites().values()))
+        step = new_script_step(part, n, places(publishing.sites().values()))
         part[key] = [*values, step] if step else values
         return f"{key}.{len(values)}"
     if verb == "add" and key in labels.ITEMS:
@@ -477,20 +403,6 @@ def _keep(row: Row, whole: Document) -> Row | str:
 # --- what is shown --------------------------------------------------------------------------------
 
 
-def _kinds(section: str) -> list[tuple[str, Any]]:
-    if section == "steps":
-        return [(kind, page_type(kind).label) for kind in KINDS]
-    named = {
-        "factors": _("Factor"),
-        "conditions": _("Condition"),
-        "courses": _("Course"),
-        "analyses": _("Analysis"),
-        "stages": labels.item("stages"),
-        "codes": labels.item("codes"),
-    }
-    return [("", named[section])]
-
-
 def _listed(row: Row, section: str) -> Iterator[dict[str, Any]]:
     whole = whole_of(row)
     for n, part in enumerate(parts_in(whole, section)):
@@ -498,48 +410,8 @@ def _listed(row: Row, section: str) -> Iterator[dict[str, Any]]:
             "url": address(row, BuilderPlace(section, n)),
             "n": n,
             "title": title_of(part, whole),
-            "about": list(_about(section, part, whole)),
+            "about": list(about(section, part, whole)),
         }
-
-
-def _about(section: str, part: Document, whole: Document) -> Iterator[Any]:
-    if section == "steps":
-        yield page_type(part["kind"]).label
-        yield part.get("questionnaire", "")
-        yield _("%(n)g min") % {"n": part["minutes"]} if "minutes" in part else ""
-        yield _("for each condition") if part.get("repeat") else ""
-    elif section == "factors":
-        yield labels.word("design", part.get("design", "between"))
-        yield ", ".join(title_of(level, whole) for level in part.get("levels", ()))
-    elif section == "analyses":
-        yield labels.word("test", part.get("test", "means"))
-        yield ", ".join(part.get("measures", ()))
-    elif section == "stages":
-        n = len(part.get("steps", ()))
-        yield ngettext("%(n)d step", "%(n)d steps", n) % {"n": n}
-    elif section == "codes":
-        yield labels.word("Code.kind", part["kind"])
-        yield part.get("key", "")
-        yield part.get("group", "")
-    elif section == "conditions":
-        yield ", ".join(part.get("levels", {}).values())
-        yield _("%(robot)s at %(site)s") % {"robot": part["robot"], "site": part["site"]}
-        yield _("by invitation") if part.get("access") == "invitation" else ""
-        yield (
-            _("assistance: %(level)s") % {"level": labels.word("assist", part["assist"])}
-            if "assist" in part
-            else ""
-        )
-        yield (
-            _("closed: %(doors)s") % {"doors": ", ".join(part["doors_closed"])}
-            if part.get("doors_closed")
-            else ""
-        )
-        yield _("network impaired") if part.get("network") else ""
-    else:
-        n = len(part["checkpoints"])
-        yield ngettext("%(n)d checkpoint", "%(n)d checkpoints", n) % {"n": n}
-        yield _("photo") if part.get("photo") else ""
 
 
 def _new(section: str, kind: str, whole: Document) -> Document:
@@ -558,34 +430,3 @@ def _new(section: str, kind: str, whole: Document) -> Document:
     return (
         new_condition(whole, at_hand()) if section == "conditions" else new_course(whole, at_hand())
     )
-
-
-# --- courses --------------------------------------------------------------------------------------
-
-
-def _drawn(course: Document) -> Document:
-    """Return what a page needs to draw the ground of a course; no plan when there
-    is no such site.
-    """
-    plan = FloorPlan.objects.filter(name=course.get("site", "")).first()
-    return {
-        "plan": plan_content(plan) if plan is not None else None,
-        "robot": course.get("robot", ""),
-    }
-
-
-def _of_course(study: StudyDefinition, course: Course) -> list[str]:
-    """Return what is wrong with one course of a study, or with its conditions because of it."""
-    mine = f"Course of {course.robot} at {course.site}: "
-    wrong = [text for text in problems(study) if text.startswith(mine)]
-    driven = tuple(
-        one for one in study.conditions if (one.robot, one.site) == (course.robot, course.site)
-    )
-    # Its conditions come first: what a checkpoint is not reached from is told for each of them.
-    alone = msgspec.structs.replace(
-        study,
-        courses=(course,),
-        conditions=driven,
-        steps=tuple(step for step in study.steps if step is study.task),
-    )
-    return [text.removeprefix(mine) for text in (*wrong, *publishing.obstacles_here(alone))]

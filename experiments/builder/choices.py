@@ -1,0 +1,77 @@
+"""What a form of the study builder offers: sites, robots, questionnaires, and the parts of a study
+that others refer to.
+"""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from django.conf import settings
+
+from experiments import publishing
+from experiments.builder.pages import AtHand
+from experiments.builder.parts import Document
+from robots.api.floorplan import FloorPlan as Plan
+from sessions.interfaces import INTERFACES
+
+PICTURES = Path(settings.BASE_DIR) / "static" / "img" / "instructions"
+
+
+def at_hand() -> AtHand:
+    """Return the sites, and the series of robots that were heard of, or have a station there."""
+    sites = publishing.sites()
+    stations = {dock.type: None for plan in sites.values() for dock in plan.docks}
+    return AtHand(
+        sites=sites, robots=tuple({**dict.fromkeys(publishing.known_here().robots), **stations})
+    )
+
+
+def offered(whole: Document, part: Document) -> dict[str, Sequence[str]]:
+    """Return what can be chosen in a form, by key of the field; doors, stations and mirrors are
+    those of the part's own site.
+    """
+    here = at_hand()
+    plan = here.sites.get(part.get("site", ""))
+    doors = tuple(door.name for door in plan.doors) if plan is not None else ()
+    return {
+        "languages": tuple(code for code, _name in settings.LANGUAGES),
+        "robot": here.robots,
+        "site": tuple(here.sites),
+        "doors": doors,
+        "doors_closed": doors,
+        "dock": (
+            tuple(dock.name for dock in plan.docks if dock.type == part.get("robot"))
+            if plan is not None
+            else ()
+        ),
+        "mirror": tuple(mirror.name for mirror in plan.mirrors) if plan is not None else (),
+        "questionnaire": tuple(
+            sorted({slug for slug, _version in publishing.known_here().questionnaires})
+        ),
+        "statements": tuple(
+            dict.fromkeys(
+                step["questionnaire"] for step in whole["steps"] if "questionnaire" in step
+            )
+        ),
+        "interface": INTERFACES,
+        "PlaceMove.name": places(
+            here.sites[site]
+            for site in dict.fromkeys(one["site"] for one in whole["conditions"])
+            if site in here.sites
+        ),
+        "analysis": tuple(one["key"] for one in whole["analyses"]),
+        "condition": tuple(one["key"] for one in whole["conditions"]),
+        "hypotheses": tuple(one["key"] for one in part.get("hypotheses", ())),
+        **dict.fromkeys(
+            ("first", "second", "conditions"), tuple(one["key"] for one in whole["conditions"])
+        ),
+        **{
+            f"levels.{factor['key']}": tuple(level["key"] for level in factor.get("levels", ()))
+            for factor in whole["factors"]
+        },
+        "picture": tuple(sorted(file.stem for file in PICTURES.glob("*.svg"))),
+    }
+
+
+def places(plans: Iterable[Plan]) -> tuple[str, ...]:
+    """Return the names of the places of sites."""
+    return tuple(dict.fromkeys(place.name for plan in plans for place in plan.places))

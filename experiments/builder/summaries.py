@@ -1,0 +1,69 @@
+"""The lists of the study builder: what can be added to each, and what is said of its parts."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from django.utils.translation import gettext as _
+from django.utils.translation import ngettext
+
+from experiments.builder import labels
+from experiments.builder.parts import Document
+from experiments.builder.problem_text import title_of
+from experiments.definition.steps import KINDS
+from experiments.participation.steps import page_type
+
+
+def kinds(section: str) -> list[tuple[str, Any]]:
+    """Return what can be added to a list: each kind with its label."""
+    if section == "steps":
+        return [(kind, page_type(kind).label) for kind in KINDS]
+    named = {
+        "factors": _("Factor"),
+        "conditions": _("Condition"),
+        "courses": _("Course"),
+        "analyses": _("Analysis"),
+        "stages": labels.item("stages"),
+        "codes": labels.item("codes"),
+    }
+    return [("", named[section])]
+
+
+def about(section: str, part: Document, whole: Document) -> Iterator[Any]:
+    """Yield what a list says of one of its parts below its title; empty texts among it."""
+    if section == "steps":
+        yield page_type(part["kind"]).label
+        yield part.get("questionnaire", "")
+        yield _("%(n)g min") % {"n": part["minutes"]} if "minutes" in part else ""
+        yield _("for each condition") if part.get("repeat") else ""
+    elif section == "factors":
+        yield labels.word("design", part.get("design", "between"))
+        yield ", ".join(title_of(level, whole) for level in part.get("levels", ()))
+    elif section == "analyses":
+        yield labels.word("test", part.get("test", "means"))
+        yield ", ".join(part.get("measures", ()))
+    elif section == "stages":
+        n = len(part.get("steps", ()))
+        yield ngettext("%(n)d step", "%(n)d steps", n) % {"n": n}
+    elif section == "codes":
+        yield labels.word("Code.kind", part["kind"])
+        yield part.get("key", "")
+        yield part.get("group", "")
+    elif section == "conditions":
+        yield ", ".join(part.get("levels", {}).values())
+        yield _("%(robot)s at %(site)s") % {"robot": part["robot"], "site": part["site"]}
+        yield _("by invitation") if part.get("access") == "invitation" else ""
+        yield (
+            _("assistance: %(level)s") % {"level": labels.word("assist", part["assist"])}
+            if "assist" in part
+            else ""
+        )
+        yield (
+            _("closed: %(doors)s") % {"doors": ", ".join(part["doors_closed"])}
+            if part.get("doors_closed")
+            else ""
+        )
+        yield _("network impaired") if part.get("network") else ""
+    else:
+        n = len(part["checkpoints"])
+        yield ngettext("%(n)d checkpoint", "%(n)d checkpoints", n) % {"n": n}
+        yield _("photo") if part.get("photo") else ""
