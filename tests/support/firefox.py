@@ -37,14 +37,18 @@ class Firefox:
     def __init__(self, address: str) -> None:
         self._socket = connect(f"{address}/session", max_size=None)
         self._ids = itertools.count(1)
+        self.errors: list[str] = []  # of scripts, since the browser started
         self.command("session.new", capabilities={})
         self.context = self.command("browsingContext.getTree")["contexts"][0]["context"]
+        self.command("session.subscribe", events=["log.entryAdded"])
 
     def command(self, method: str, **params: Any) -> dict[str, Any]:
         number = next(self._ids)
         self._socket.send(json.dumps({"id": number, "method": method, "params": params}))
         while True:
             answer = json.loads(self._socket.recv(timeout=60))
+            if answer.get("method") == "log.entryAdded" and answer["params"]["level"] == "error":
+                self.errors.append(answer["params"]["text"])
             if answer.get("id") == number:
                 assert answer["type"] == "success", answer
                 return answer["result"]
@@ -58,6 +62,13 @@ class Firefox:
                 "domain": domain,
                 "path": "/",
             },
+        )
+
+    def resize(self, width: int, height: int) -> None:
+        self.command(
+            "browsingContext.setViewport",
+            context=self.context,
+            viewport={"width": width, "height": height},
         )
 
     def goto(self, url: str) -> None:
