@@ -27,7 +27,7 @@ from robots.admin_pages.now_filter import NowFilter
 from robots.enrol.credentials import make_credentials, revoke
 from robots.forms import AdapterInput, FloorPlanForm, RobotForm, offered
 from robots.models import FloorPlan, Robot, RobotPermit
-from robots.presence import trouble_of
+from robots.presence import standstill_of, trouble_of
 from robots.readiness_text import in_words
 
 NOTHING = "–"
@@ -293,6 +293,9 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
     @admin.display(description=_("current status"))
     def between(self, robot: Robot) -> str:
         """Whether it is ready for a visit, and why not."""
+        standstill = standstill_of(robot.report) if robot.is_online(timezone.now()) else ""
+        if standstill:
+            return in_words(standstill)
         phase = robot.get_turnaround_display()
         return f"{phase}: {in_words(robot.turnaround_reason)}" if robot.turnaround_reason else phase
 

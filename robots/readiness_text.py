@@ -12,6 +12,8 @@ WORDS = {
     "charging": _("its battery is not charged enough yet"),
     "offline": _("no signal from the robot"),
     "estop": _("its emergency stop is on"),
+    "not_connected": _("its control system isn't responding"),
+    "fault": _("it has a fault"),
     "network": _("it responds too slowly to be driven"),
     "no_picture": _("no video from its camera"),
     "not_docked": _("it is not docked"),

@@ -39,7 +39,7 @@ const KNOWN = [
   [/^no_picture$/, "reason.camera"],
   [/^network$/, "reason.network"],
   [/^fault$/, "reason.fault"],
-  [/^the robot control architecture is not connected$/, "reason.not_connected"],
+  [/^(?:not_connected|the robot control architecture is not connected)$/, "reason.not_connected"],
   [/^(?:no_answer|stale|clock_unknown|heartbeat_lost|future|failed|offline)$/, "reason.connection"],
   [/^(?:no_lease|observer|wrong_session|wrong_epoch|lease_changed)$/, "reason.not_yours"],
 ];

@@ -6,6 +6,7 @@
 import { roleOf } from "../../protocol/session.js";
 import { studyCard } from "../../study/end_cards.js";
 import { reasonFor } from "../../autonomy/reasons.js";
+import { standstillOf } from "./standstill.js";
 
 /**
  * @typedef {object} Card
@@ -117,7 +118,7 @@ const closed = ({ visit, betterBrowser, copied }) => {
 const PAUSES = new Set(["returning", "charging", "paused"]);
 const CHECKS = new Set(["level", "relocalize", "picture", "network"]);
 const LACKS = new Set(["not_docked", "elsewhere", "lost", "charge", "silent"]);
-const UNFIT = new Set(["no_picture", "network"]);
+const UNFIT = new Set(["no_picture", "network", "fault", "not_connected"]);
 
 /** How the robot keeps the queue waiting when nobody drives it. @param {import("../../protocol/session.js").Visit} visit @returns {Card} */
 const queued = ({ place, pause }) => {
@@ -148,7 +149,7 @@ const ended = (reason, guest) => {
 };
 
 /** @param {import("../../drive/features.js").State} state @returns {Card} */
-const lobby = ({ visit, room }) => {
+const lobby = ({ visit, room, robot }) => {
   const watch = { action: "watch", word: "do.watch" };
   if (visit.socket !== "open") {
     return { word: "connecting", busy: true };
@@ -167,7 +168,10 @@ const lobby = ({ visit, room }) => {
     const word = room.driver ? "lobby.busy" : "lobby.busy_unnamed";
     return { word, values: { driver: room.driver ?? "", place: room.waiting + 1 }, main: { action: "drive", word: "do.queue" }, other };
   }
-  return { word: "lobby", main: { action: "drive", word: "do.drive" }, other };
+  const standstill = standstillOf(robot);
+  return standstill
+    ? { word: `lobby.${standstill}`, main: { action: "drive", word: "do.queue" }, other }
+    : { word: "lobby", main: { action: "drive", word: "do.drive" }, other };
 };
 
 /**
