@@ -265,7 +265,7 @@ of a grant to come back to it; `takeover` |
 | `session/queued` | server | `session`, `place` (1 is next), `minutes`, `reason` why a robot \
 that nobody drives is not ready |
 | `session/offered` | server | `session`, `seconds` in which `session/take` gets the robot |
-| `session/refused` | server | `reason`, `session` |
+| `session/refused` | server | `reason`, `session`, `outcome` |
 | `session/turn_warning` | server | `session`; the turn ends in `remaining` seconds |
 | `session/asked_there` | server | `session`; are you there? within `seconds` send a `page/event` \
 of type `here` |

@@ -268,6 +268,7 @@ const TO_PAGE = {
     object({
       reason: oneOf("offline", "disabled", "not_invited", "not_trained", "elsewhere", "observers_full", "not_allowed", "ended", "paused", "closed", "reserved", "full"),
       session: absent(id),
+      outcome: optional(name, ""),
     }),
   ],
   "session/turn_warning": [KIB, object({ session: id, remaining: seconds })],

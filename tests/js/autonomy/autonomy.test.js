@@ -9,12 +9,13 @@ import {
   HOLD_SECONDS,
   HeldHelp,
   NO_HELP,
+  assistIn,
   helpFrom,
   sideOf,
   wordOf,
 } from "../../../static/js/autonomy/assistance.js";
 import { cardFor } from "../../../static/js/view/hud/card.js";
-import { menuFor, showsLaser } from "../../../static/js/autonomy/map_bar.js";
+import { hintFor, menuFor, showsLaser } from "../../../static/js/autonomy/map_bar.js";
 import { offerFor } from "../../../static/js/autonomy/offer.js";
 import { reasonFor } from "../../../static/js/autonomy/reasons.js";
 import { ellipseOf, scanPoints } from "../../../static/js/view/map/layers.js";
@@ -395,6 +396,53 @@ describe("assistance", () => {
       alertFor(driving({ help, robot: robotOf({ safety: { estop: true } }) })).word,
       "alert.estop",
     );
+  });
+});
+
+describe("the level of assistance that is shown", () => {
+  const visit = (more) => ({ ...driving().visit, session: "s1", ...more });
+  const of = (session, assist) => robotOf({ session, assist });
+
+  test("is what the robot reports for this visit", () => {
+    assert.equal(assistIn(driving({ visit: visit(), robot: of("s1", "slow") })), "slow");
+    assert.equal(assistIn(driving({ visit: visit(), robot: of("s1", "off") })), "off");
+  });
+
+  test("stays the last one of the visit while the robot is out of reach, or is back without it", () => {
+    const assistKnown = { session: "s1", level: "slow" };
+    for (const robot of [of(null, "off"), of("s0", "off"), null]) {
+      assert.equal(assistIn(driving({ visit: visit({ link: "lost" }), robot, assistKnown })), "slow");
+    }
+  });
+
+  test("is none while it is unknown, and never off for that", () => {
+    assert.equal(assistIn(driving({ visit: visit(), robot: of(null, "off") })), "");
+    const former = { session: "s0", level: "steer" };
+    assert.equal(assistIn(driving({ visit: visit(), robot: null, assistKnown: former })), "");
+    const away = visit({ phase: "watching", online: false });
+    assert.equal(assistIn(driving({ visit: away, robot: of(null, "off") })), "");
+  });
+
+  test("keeps the laser's points as they were while the robot is out of reach", () => {
+    const assistKnown = { session: "s1", level: "slow" };
+    const lost = driving({ visit: visit({ link: "lost" }), robot: of(null, "off"), assistKnown });
+    assert.equal(showsLaser(lost), true);
+  });
+});
+
+describe("the hint at a point of the map", () => {
+  const hint = (aim, hasAimed) => hintFor({ ...driving(), aim, hasAimed });
+  const goal = { kind: "goal", x: 1, y: 2, theta: null };
+
+  test("goes after the first use, because it lies over the map", () => {
+    assert.equal(hint(goal, false), "aim.goal");
+    assert.equal(hint({ ...goal, kind: "pose" }, false), "aim.pose");
+    assert.equal(hint(goal, true), "");
+    assert.equal(hint(null, false), "");
+  });
+
+  test("stays where it is the question itself", () => {
+    assert.equal(hint({ kind: "pose", x: null, y: null, theta: null }, true), "aim.pose_first");
   });
 });
 
