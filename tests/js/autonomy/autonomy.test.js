@@ -37,6 +37,9 @@ const TEMPLATE = readFileSync(
   "utf8",
 );
 const KEYS = new Set(Array.from(TEMPLATE.matchAll(/data-word="([^"]+)"/g), ([, key]) => key));
+const GOLDEN = JSON.parse(
+  readFileSync(new URL("../../golden/reasons.json", import.meta.url), "utf8"),
+);
 const ALL = ["velocity", "goto", "dock", "undock", "relocalize", "assist", "scan", "localization"];
 const robotOf = (more = {}) => ({
   docked: false,
@@ -318,6 +321,12 @@ describe("reasons", () => {
     );
     assert.deepEqual(Object.values(SAID).filter((word) => !KEYS.has(word)), []);
     assert.equal(reasonFor(""), null);
+  });
+
+  test("they are the ones that lists and mail have words for", () => {
+    for (const [reason, name] of Object.entries(GOLDEN)) {
+      assert.equal(reasonFor(reason).word, `reason.${name || "other"}`, reason);
+    }
   });
 
   test("they name the door or the room, and what is not known is quoted", () => {
