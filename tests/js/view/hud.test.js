@@ -150,6 +150,20 @@ describe("cards", () => {
     assert.deepEqual([cardFor(well).word, statusFor(well).word], ["lobby", "status.ready"]);
   });
 
+  test("a simulated robot is never called switched off", () => {
+    for (const kind of [{ guest: true }, { practising: true }]) {
+      const words = [
+        state({ phase: "refused", reason: "offline" }, kind),
+        state({ phase: "lobby", online: false }, kind),
+      ].map((one) => cardFor(one).word);
+      assert.deepEqual(words, ["refused.simulated", "lobby.simulated"]);
+      for (const word of words) {
+        assert.ok(SENTENCES.has(`${word}.title`) && SENTENCES.has(`${word}.text`));
+      }
+    }
+    assert.equal(cardFor(state({ phase: "refused", reason: "offline" })).word, "refused.offline");
+  });
+
   test("who waits for a robot with a fault reads so, and which place they keep", () => {
     for (const [reason, word] of [
       ["fault", "reason.fault"],

@@ -83,13 +83,19 @@ const CARDS = {
   driving: (state) => link(state),
   watching: (state) => link(state),
   elsewhere: () => ({ word: "elsewhere", main: TAKE_OVER, other: HOME }),
-  refused: ({ visit }) => ({ word: `refused.${visit.reason}`, main: visit.reason === "offline" || visit.reason === "observers_full" ? BACK : HOME }),
+  refused: ({ visit, ...state }) => ({
+    word: visit.reason === "offline" && isSimulated(state) ? "refused.simulated" : `refused.${visit.reason}`,
+    main: visit.reason === "offline" || visit.reason === "observers_full" ? BACK : HOME,
+  }),
   ended: ({ visit, finding, guest, trip, practising }) => ({
     ...ended(visit.reason, guest),
     detail: BROKEN.has(visit.reason) ? finding : null,
     extra: trip && trip.metres > SHORTEST_TRIP && !practising && visit.reason !== "moved" ? SOUVENIR : undefined,
   }),
 };
+
+/** Whether the page's robot is one to try or practise with: nobody switches it off. @param {Pick<import("../../drive/features.js").State, "practising" | "guest">} state */
+const isSimulated = ({ practising, guest }) => practising || guest;
 
 /** What one may do while one waits. @param {Pick<import("../../drive/features.js").State, "practice" | "notifiable">} state @returns {Partial<Card>} */
 const meanwhile = ({ practice, notifiable }) => {
@@ -149,7 +155,7 @@ const ended = (reason, guest) => {
 };
 
 /** @param {import("../../drive/features.js").State} state @returns {Card} */
-const lobby = ({ visit, room, robot }) => {
+const lobby = ({ visit, room, robot, ...state }) => {
   const watch = { action: "watch", word: "do.watch" };
   if (visit.socket !== "open") {
     return { word: "connecting", busy: true };
@@ -158,7 +164,7 @@ const lobby = ({ visit, room, robot }) => {
     return { word: "elsewhere", main: TAKE_OVER, other: HOME };
   }
   if (!visit.online) {
-    return { word: "lobby.offline", busy: true, other: HOME };
+    return { word: isSimulated(state) ? "lobby.simulated" : "lobby.offline", busy: true, other: HOME };
   }
   if (!visit.mayDrive) {
     return visit.mayObserve ? { word: "lobby.watch_only", main: watch, other: HOME } : { word: "refused.not_invited", main: HOME };
