@@ -34,7 +34,7 @@ REASONS = tuple(
     (re.compile(pattern), name, words)
     for pattern, name, words in (
         (
-            r"^(?:the charging station cannot be reached: )?(?:blocked: )?(?!.* and )(.*) is closed$",
+            r"^(?:the charging station cannot .*: )?(?:blocked: )?(?!.* and )(.*) is closed$",
             "door_closed",
             _("a door is closed (%(what)s)"),
         ),
@@ -93,8 +93,7 @@ REASONS = tuple(
         ),
         (r"wheels do not turn", "wheels", _("its wheels aren't turning")),
         (
-            r"^navigation|navigation was lost|the map has changed|the robot was lost"
-            r"|the agent ends",
+            r"^navigation|navigation was lost|map has changed|robot was lost|the agent ends",
             "navigation",
             _("it cannot drive by itself at the moment"),
         ),

@@ -243,6 +243,7 @@ class Screen(Message, frozen=True, kw_only=True):
     titles: Annotated[dict[Name, Name], Meta(max_length=50)] = {}
     session: Id | None = None
     visitor: Name | None = None
+    waiting: Name | None = None
     study: bool = False
     ice_servers: tuple[IceServer, ...] = ()
 

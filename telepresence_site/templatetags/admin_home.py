@@ -19,7 +19,6 @@ from experiments.models import Participant, ParticipantKind, Study
 from experiments.participation import progress
 from experiments.research.live import RECENT
 from experiments.research.study_access import slugs_of
-from robots.admin_pages.now_filter import NowFilter
 from robots.models import Robot
 from robots.presence import has_problem
 from sessions.models import ManagerBeat, Session
@@ -147,7 +146,7 @@ def _of_robots(request: HttpRequest, now: datetime.datetime) -> list[Fact]:
     online = sum(robot.is_online(now) for robot in robots)
     in_use = len(states) - waiting
     troubled = sum(has_problem(robot, now) for robot in robots)
-    listed = f"{reverse('admin:robots_robot_changelist')}?{NowFilter.parameter_name}="
+    listed = f"{reverse('admin:robots_robot_changelist')}?now="  # robots/admin_pages/now_filter.py
     facts = [
         Fact(
             online,

@@ -16,7 +16,7 @@ import {
 } from "../../../static/js/autonomy/assistance.js";
 import { cardFor } from "../../../static/js/view/hud/card.js";
 import { hintFor, menuFor, showsLaser } from "../../../static/js/autonomy/map_bar.js";
-import { offerFor } from "../../../static/js/autonomy/offer.js";
+import { mayWriteWaiting, offerFor } from "../../../static/js/autonomy/offer.js";
 import { reasonFor } from "../../../static/js/autonomy/reasons.js";
 import { ellipseOf, scanPoints } from "../../../static/js/view/map/layers.js";
 import { newState } from "../../../static/js/drive/features.js";
@@ -464,6 +464,31 @@ describe("at the dock", () => {
     );
     assert.equal(alertFor(driving({ robot, now: 110, pushedAt: 100 })), null);
     assert.equal(alertFor(driving({ now: 101, pushedAt: 100 })), null);
+  });
+});
+
+describe("writing to the people at a stopped robot", () => {
+  const waiting = (visit = {}, more = {}) => ({
+    ...driving({ robot: robotOf({ screens: 1 }), ...more }, [...ALL, "say"]),
+    factsheet: { capabilities: ["say"] },
+    ...more,
+    visit: { ...newVisit(), phase: "queued", place: 1, pause: "paused: estop", ...visit },
+  });
+
+  test("is for the first who waits, where a display shows it", () => {
+    assert.equal(mayWriteWaiting(waiting()), true);
+    for (const other of [
+      waiting({ place: 2 }),
+      waiting({ pause: "paused: fault" }),
+      waiting({ pause: "" }),
+      waiting({ phase: "lobby" }),
+      waiting({}, { robot: robotOf({ screens: 0 }) }),
+      waiting({}, { robot: null }),
+      waiting({}, { study: { actions: null } }),
+      waiting({}, { factsheet: { capabilities: [] } }),
+    ]) {
+      assert.equal(mayWriteWaiting(other), false);
+    }
   });
 });
 
