@@ -3,6 +3,7 @@
  * says about it. What to do is decided in robot_action.js and the other pure modules beside it.
  */
 
+import { recallAimed, rememberAimed } from "../drive/storage.js";
 import { Aiming } from "../input/aiming.js";
 import { unixNow } from "../lib/clock.js";
 import { freshId } from "../lib/ids.js";

@@ -51,7 +51,6 @@ const setUp = (page) => {
   setUpButtons(page, { ...media.clicks, ...messages.clicks, "presence-photo": takePhoto, "presence-knock": knock.knock, "kept-close": () => photo?.close(), "presence-volumes": () => toggleVolumes(page, messages) });
   page.keys.closes(element("volumes"), messages.closePanel, () => messages.show(""));
   const renders = [callView.render, messages.render, head.render];
-
   return {
     api: { media },
     handlers: {
@@ -76,8 +75,7 @@ const setUp = (page) => {
       },
     },
     render: (/** @type {import("../drive/features.js").State} */ before) => {
-      const { visit, own, panel, keptPhoto } = before;
-      const waits = mayWriteWaiting(before); // who waits at a stopped robot has its chat, and nothing else of this
+      const [{ visit, own, panel, keptPhoto }, waits] = [before, mayWriteWaiting(before)];
       if (roleOf(visit) !== "driver" && (callOf(own) || (panel && !(waits && panel === "talk")) || keptPhoto)) {
         media.endAll();
         photo?.close();
@@ -85,9 +83,8 @@ const setUp = (page) => {
       }
       const state = store.get();
       // Who writes goes on writing while the video is away: a field that goes would leave the next letters to the robot.
-      const isThere = roleOf(visit) === "driver" && (state.playing || state.writing || state.panel === "volumes");
-      element("presence").hidden = !isThere && !waits;
-      element("presence-volumes").hidden = waits;
+      element("presence").hidden = !waits && (roleOf(visit) !== "driver" || !(state.playing || state.writing || state.panel === "volumes"));
+      element("presence-volumes").hidden = waits; // who waits at a stopped robot has its chat, and nothing else of this
       // In a study its photos belong to the task.
       element("presence-photo").hidden = !isOffered(state, "photo") || Boolean(state.study) || !state.playing;
       // What is shared lies beside the bar; on a phone there is no room for one more button.

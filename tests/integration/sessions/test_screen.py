@@ -2,6 +2,7 @@
 database.
 """
 
+import datetime
 import io
 
 import msgspec
@@ -190,7 +191,10 @@ async def test_who_waits_at_a_stopped_robot_and_the_people_there_write_to_each_o
     create = sync_to_async(get_user_model().objects.create_user)
     ada, bob = await create("ada", display_name="Ada"), await create("bob", display_name="Bob")
     stop = m.Safety(estop=True, estop_source="screen:Giraff")
-    await sync_to_async(Robot.objects.update)(report=msgspec.to_builtins(words.state(safety=stop)))
+    await sync_to_async(Robot.objects.update)(
+        report=msgspec.to_builtins(words.state(safety=stop)),
+        last_seen_at=timezone.now() + datetime.timedelta(hours=1),  # for longer than the test
+    )
     async with (
         Display(key) as display,
         Page("giraff", ada) as page,
