@@ -23,10 +23,11 @@ from robots.admin_pages.access import OfRobots, OwnersPermits, WithDriver, their
 from robots.admin_pages.doors import DoorPage
 from robots.admin_pages.finishing import FinishingPage
 from robots.admin_pages.keys import EnrolmentPage, ScreenPage
+from robots.admin_pages.now_filter import NowFilter
 from robots.enrol.credentials import make_credentials, revoke
 from robots.forms import AdapterInput, FloorPlanForm, RobotForm, offered
 from robots.models import FloorPlan, Robot, RobotPermit
-from robots.presence import trouble_of
+from robots.presence import standstill_of, trouble_of
 from robots.readiness_text import in_words
 
 NOTHING = "–"
@@ -67,7 +68,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         "driver",
         "seen",
     )
-    list_filter = ("enabled", "access", "connection", "floor_plan", "owner")
+    list_filter = (NowFilter, "enabled", "access", "connection", "floor_plan", "owner")
     linked = ("floor_plan__id__exact",)
     list_select_related = ("lease__session__visitor", "floor_plan", "owner")
     search_fields = ("title", "name", "description", "owner__username")
@@ -231,9 +232,9 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         """Owners name people; only the site's own staff look them up."""
         return [PermitInline if self.sees_all(request) else OwnersPermits]
 
-    def get_list_filter(self, request: HttpRequest) -> tuple[str, ...]:
+    def get_list_filter(self, request: HttpRequest) -> tuple[Any, ...]:
         """Owners have no use for lists of other owners and places."""
-        return self.list_filter if self.sees_all(request) else ("enabled", "access", "connection")
+        return self.list_filter if self.sees_all(request) else self.list_filter[:4]
 
     def get_search_fields(self, request: HttpRequest) -> tuple[str, ...]:
         """Nor for their names."""
@@ -292,6 +293,9 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
     @admin.display(description=_("current status"))
     def between(self, robot: Robot) -> str:
         """Whether it is ready for a visit, and why not."""
+        standstill = standstill_of(robot.report) if robot.is_online(timezone.now()) else ""
+        if standstill:
+            return in_words(standstill)
         phase = robot.get_turnaround_display()
         return f"{phase}: {in_words(robot.turnaround_reason)}" if robot.turnaround_reason else phase
 

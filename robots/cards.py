@@ -12,7 +12,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 
 from robots.models import Robot
-from robots.presence import trouble_of
+from robots.presence import is_stopped_there, standstill_of
 
 CardState = Literal["available", "busy", "stopped", "offline"]
 STATES: tuple[CardState, ...] = get_args(CardState)  # in the order of a list
@@ -89,25 +89,39 @@ def card(
 def _state(robot: Robot, traffic: Traffic, now: datetime.datetime) -> CardState:
     if not robot.is_online(now):
         return "offline"
-    if is_latched(robot) or trouble_of(robot.report):
+    if standstill_of(robot.report):
         return "stopped"
     return "busy" if traffic.driven or traffic.waiting or _away(robot) else "available"
-
-
-def is_latched(robot: Robot) -> bool:
-    """Tell whether its emergency stop is on, by its last state."""
-    return _part(robot.report, "safety").get("estop") is True
 
 
 def _instead(robot: Robot, state: CardState, traffic: Traffic) -> tuple[str, str] | None:
     """Return the label and the sentence of a robot that nobody is kept from by another visitor or
     by a person there; None when there are none.
     """
-    if state == "stopped" and not is_latched(robot):
-        return _("Not available"), _(
-            "The robot's control system isn't responding. You can drive again once it responds."
-        )
+    if state == "stopped":
+        return _stopped(robot)
     return _away(robot) if state == "busy" and not traffic.driven else None
+
+
+def _stopped(robot: Robot) -> tuple[str, str]:
+    """Return the label and the sentence of a robot that nobody can drive, whoever comes."""
+    words = {
+        "estop": (
+            _("Stopped"),
+            _("Stopped by someone next to it. Someone there must release it.")
+            if is_stopped_there(robot.report)
+            else _("The emergency stop is on. Somebody at the robot must release it."),
+        ),
+        "not_connected": (
+            _("Not available"),
+            _("The robot's control system isn't responding. You can drive again once it responds."),
+        ),
+        "fault": (
+            _("Not available"),
+            _("The robot has a fault. You can drive again once it is solved."),
+        ),
+    }
+    return words[standstill_of(robot.report)]
 
 
 def _away(robot: Robot) -> tuple[str, str] | None:
@@ -136,20 +150,14 @@ def _away(robot: Robot) -> tuple[str, str] | None:
 
 
 def _label(state: CardState) -> str:
-    return {
-        "available": _("Free now"),
-        "busy": _("In use"),
-        "stopped": _("Stopped"),
-        "offline": _("Offline"),
-    }[state]
+    words = {"available": _("Free now"), "busy": _("In use"), "offline": _("Offline")}
+    return words[state]
 
 
 def _detail(state: CardState, robot: Robot, traffic: Traffic, now: datetime.datetime) -> str:
     if state == "available":
         ready = _("Ready when you are.")
         return ready if robot.shown_to_visitors else _("Ready, but hidden from visitors.")
-    if state == "stopped":
-        return _("The emergency stop is on. Somebody at the robot must release it.")
     if state == "busy":
         return _line(traffic)
     if robot.last_seen_at is None:

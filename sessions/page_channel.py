@@ -29,13 +29,18 @@ log = structlog.stdlib.get_logger(__name__)
 
 PATIENCE_SECONDS = 1.0
 RETRY_SECONDS = 5.0
-CHECK, NOTICE = "check", "notice"
+CHECK, NOTICE, WORDS = "check", "notice", "words"
 Event = dict[str, Any]
 
 
 def robot_group(name: str) -> str:
     """Return the group of a robot's pages."""
     return f"robot.{name}"
+
+
+def screen_group(name: str) -> str:
+    """Return the group of a robot's own displays."""
+    return f"screen.{name}"
 
 
 def visitor_group(user: Any) -> str:
@@ -54,6 +59,13 @@ def send_notice(robot: str, notice: protocol.Notice) -> bool:
     """Send a notice to the page of its session; False when the layer is away."""
     frame = protocol.notice_frame(notice)
     return _send(robot_group(robot), {"type": NOTICE, "session": notice.session, "frame": frame})
+
+
+async def send_words(robot: str, session: str, frame: str) -> None:
+    """Send words of a session that waits to its page and to the robot's displays."""
+    event = {"type": WORDS, "session": session, "frame": frame}
+    for group in (robot_group(robot), screen_group(robot)):
+        await _asend(group, event)
 
 
 def _send(group: str, event: Event) -> bool:

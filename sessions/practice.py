@@ -61,7 +61,7 @@ def places(now: datetime.datetime) -> list[PracticePlace]:
 def try_now(request: HttpRequest) -> HttpResponse:
     """Make somebody without an account a guest, and lead everybody to a practice robot."""
     if not settings.PRACTICE_ROBOTS:
-        raise Http404
+        return _none_offered(request)
     if not request.user.is_authenticated:
         sign_in(request, create_guest(User.Kind.VISITOR, _("Guest")))
     return redirect("try_robot")
@@ -72,9 +72,15 @@ def try_now(request: HttpRequest) -> HttpResponse:
 @require_safe
 def try_robot(request: HttpRequest) -> HttpResponse:
     """Show that a practice robot is being made ready; the page goes there when it is."""
+    if not settings.PRACTICE_ROBOTS:
+        return _none_offered(request)
     if not request.user.is_authenticated:
         return redirect("home")
     return render(request, "sessions/try.html")
+
+
+def _none_offered(request: HttpRequest) -> HttpResponse:
+    return render(request, "sessions/no_trial.html", status=404)
 
 
 @open_to_visitors
@@ -83,8 +89,10 @@ def try_robot(request: HttpRequest) -> HttpResponse:
 @require_safe
 def practice(request: HttpRequest) -> JsonResponse:
     """Say where to practise: `url` of a drive page, null while a robot is being made ready, which
-    takes some seconds.
+    takes some seconds; on a site without practice robots that there is nothing.
     """
+    if not settings.PRACTICE_ROBOTS:
+        raise Http404
     now = timezone.now()
     if request.user.kind == User.Kind.VISITOR:
         # a guest logs in once: from then on this is when a page of theirs last asked for a robot

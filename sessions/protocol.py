@@ -202,7 +202,10 @@ class Observing(Message, frozen=True, kw_only=True):
 
 
 class Refused(Message, frozen=True, kw_only=True):
-    """`session/refused`: no. `reason` is one of the words below; `elsewhere` offers a takeover."""
+    """`session/refused`: no. `reason` is one of the words below; `elsewhere` offers a takeover.
+
+    `outcome` is how a session of this visitor's that has `ended` did, as in `session/ended`.
+    """
 
     reason: Literal[
         "offline",
@@ -219,6 +222,7 @@ class Refused(Message, frozen=True, kw_only=True):
         "full",
     ]
     session: Id | None = None
+    outcome: Name = ""
 
 
 class RoomState(Message, frozen=True, kw_only=True):
@@ -239,6 +243,7 @@ class Screen(Message, frozen=True, kw_only=True):
     titles: Annotated[dict[Name, Name], Meta(max_length=50)] = {}
     session: Id | None = None
     visitor: Name | None = None
+    waiting: Name | None = None
     study: bool = False
     ice_servers: tuple[IceServer, ...] = ()
 

@@ -249,7 +249,7 @@ HINTS: dict[str, Words] = {
     "code": _("Lower-case letters, digits and underscores. Used in files."),
     "Code.key": _("One character. The player already uses k, + and −."),
     "group": _("State events of one group end each other."),
-    "values": _("With commas between."),
+    "values": _("Separated by commas."),
 }
 
 # By the field, then by value.

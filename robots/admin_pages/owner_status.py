@@ -4,13 +4,13 @@ what to do next. Pure, beside what its card says to visitors (robots/cards.py).
 
 import datetime
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from django.utils.translation import gettext as _
 
-from robots.cards import RobotCard, Traffic, card, is_latched
+from robots.cards import RobotCard, Traffic, card
 from robots.models import Robot
-from robots.presence import trouble_of
+from robots.presence import fault_of, is_stopped_there, standstill_of, trouble_of
 from robots.readiness_text import in_words
 
 # Ready, working, for the owner to act on, not usable, switched off: the colours of the page.
@@ -61,16 +61,8 @@ def _away(robot: Robot, shown: RobotCard) -> tuple[Tone, str, str] | None:
 
 def _present(robot: Robot, shown: RobotCard, *, driven: bool) -> tuple[Tone, str, str]:
     """Return the state of a robot that is connected."""
-    if is_latched(robot):
-        sentence = _("The emergency stop is on. Release it at the robot or on its drive page.")
-        return "bad", shown.label, sentence
-    trouble = trouble_of(robot.report)
-    if trouble:
-        sentence = _(
-            "Its control system isn't responding: %(why)s. Check that the control system is "
-            "running. The agent reconnects by itself."
-        )
-        return "bad", shown.label, sentence % {"why": trouble}
+    if standstill_of(robot.report):
+        return "bad", shown.label, _standstill(robot.report)
     if driven:
         sentence = _("Somebody is driving. You can watch on its drive page.")
         return "busy", shown.label, sentence
@@ -80,6 +72,23 @@ def _present(robot: Robot, shown: RobotCard, *, driven: bool) -> tuple[Tone, str
         sentence = _("Ready, but hidden from visitors. Select “Show to visitors” below and save.")
         return "attention", _("Hidden"), sentence
     return "good", shown.label, _("Connected and ready for visitors.")
+
+
+def _standstill(report: Any) -> str:
+    """Return why nobody can drive a robot that is connected, and what to do."""
+    why = standstill_of(report)
+    if why == "not_connected":
+        sentence = _(
+            "Its control system isn't responding: %(why)s. Check that the control system is "
+            "running. The agent reconnects by itself."
+        )
+        return sentence % {"why": trouble_of(report)}
+    if why == "fault":
+        fault = fault_of(report) or _("it does not say which")
+        return _("Has a fault: %(why)s. Nobody can drive it until it is solved.") % {"why": fault}
+    if is_stopped_there(report):
+        return _("Stopped by someone next to it. Release it at the robot or on its drive page.")
+    return _("The emergency stop is on. Release it at the robot or on its drive page.")
 
 
 def _between(robot: Robot, shown: RobotCard) -> tuple[Tone, str, str]:

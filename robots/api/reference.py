@@ -159,6 +159,11 @@ then.
 
 - Execute an action once: answer a known `actionId` with its last status. An action ends exactly
   once, as FINISHED, FAILED or CANCELLED; a refused action is FAILED, with the word as `reason`.
+- The `reason` of an action that moves the robot is an identifier, not a text for people. Pages and
+  mail have words in each language for those of our agent, such as `something stands on the goal`,
+  `no way leads to the goal on the map`, `blocked: <door> is closed`, `waits for somebody in the
+  way`, `the robot could not dock`; the whole list is `REASONS` in `robots/readiness_text.py`. Any
+  other `reason` is shown as it is.
 - Refuse an action when it comes from the broker's store (`retained`), when it is more than 3 s old
   or from the future by as much (`stale`, `future`; `clock_unknown`), when the robot lacks the
   capability (`unsupported`), and, if it comes from a driver, for the same reasons as a velocity
@@ -265,7 +270,7 @@ of a grant to come back to it; `takeover` |
 | `session/queued` | server | `session`, `place` (1 is next), `minutes`, `reason` why a robot \
 that nobody drives is not ready |
 | `session/offered` | server | `session`, `seconds` in which `session/take` gets the robot |
-| `session/refused` | server | `reason`, `session` |
+| `session/refused` | server | `reason`, `session`, `outcome` |
 | `session/turn_warning` | server | `session`; the turn ends in `remaining` seconds |
 | `session/asked_there` | server | `session`; are you there? within `seconds` send a `page/event` \
 of type `here` |

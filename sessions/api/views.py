@@ -28,7 +28,7 @@ from robots.access import robots_visible_to
 from robots.api.messages import EStop, Stop
 from robots.bridge import bridge as mqtt_bridge
 from robots.models import Robot
-from robots.presence import trouble_of
+from robots.presence import standstill_of
 from sessions import system_log
 from sessions.api.keys import key_of, note_use
 from sessions.leases.store import LIVE
@@ -162,7 +162,7 @@ def _told(
 def _state(row: Any, report: dict[str, Any], *, online: bool) -> str:
     if not online:
         return "offline"
-    if (report.get("safety") or {}).get("estop") is True or trouble_of(report):
+    if standstill_of(report):
         return "stopped"
     return (
         "busy"

@@ -76,6 +76,13 @@ class Verb:
 
 
 @dataclass(frozen=True)
+class Write:
+    """Bring words to the people at a robot that nobody has (sessions/consumers/waiting_chat.py)."""
+
+    message: Say
+
+
+@dataclass(frozen=True)
 class ReportFrame:
     """Tell the session manager for the record."""
 
@@ -111,7 +118,7 @@ class Close:
     code: int
 
 
-Effect = Publish | Halt | Verb | ReportFrame | ToSfu | Spare | DenyFrame | Close
+Effect = Publish | Halt | Verb | Write | ReportFrame | ToSfu | Spare | DenyFrame | Close
 
 
 class FrameRefused(Exception):
@@ -256,7 +263,7 @@ class Authorization:
             case Stop() | EStop():
                 return Halt(self._stamp_stop(message, lease))
             case Action():
-                return Publish(suffix, self._stamp_action(message, lease))
+                return self._action(suffix, message, lease)
             case PictureRequest():
                 return self._picture(message, lease)
             case PointCommand():
@@ -332,6 +339,11 @@ class Authorization:
         # The number belongs to the driver's counter: a stranger's would kill commands that the
         # driver has yet to send.
         return msgspec.structs.replace(stamped, seq=0) if isinstance(stamped, Stop) else stamped
+
+    def _action(self, suffix: str, action: Action, lease: Lease | None) -> Publish | Write:
+        if isinstance(action, Say) and self.standing == "waiting" and lease is None:
+            return Write(action)
+        return Publish(suffix, self._stamp_action(action, lease))
 
     def _stamp_action(self, action: Action, lease: Lease | None) -> Action:
         if isinstance(action, ResendStates):

@@ -16,11 +16,11 @@ from django.utils import timezone
 
 from robots import log_ids
 from robots.api import picture
-from robots.api.messages import Action, Message
+from robots.api.messages import Action, ActionStatus, Message, Say
 from robots.bridge.delivery import FAULTS, LINK, ReceivedMessage
 from robots.ice import ice_servers
 from sessions import page_channel, protocol
-from sessions.consumers import queries, relay
+from sessions.consumers import queries, relay, waiting_chat
 from sessions.consumers.authorization import (
     Authorization,
     Effect,
@@ -28,6 +28,7 @@ from sessions.consumers.authorization import (
     ReportFrame,
     Spare,
     ToSfu,
+    Write,
 )
 from sessions.consumers.page_session import PageSession
 from sessions.consumers.peers import part, peers_of
@@ -158,6 +159,25 @@ class RobotConsumer(RobotPageConsumer):
                 self.page_session.tell_sfu(message)
             case Spare(direct):
                 self.sparing.direct = direct
+            case Write(message):
+                self._launch(self._write(message))
+
+    async def _write(self, action: Say) -> None:
+        """Bring what the first in the queue of a stopped robot writes to the people there."""
+        session, first = self.authorization.session, None
+        if waiting_chat.is_open(self.known, time.monotonic()):
+            find = database_sync_to_async(waiting_chat.first_waiting)
+            first = await find(self.name, timezone.now())
+        if session is None or first is None or first[0] != session:
+            denied = self.authorization.deny("command/action", "not_driver", time.monotonic())
+            self._perform(denied)
+            return
+        who = self.authorization.who
+        await waiting_chat.write(self.name, session, action, by="driver", who=who)
+        done = ActionStatus(
+            action_id=action.action_id, status="FINISHED", stamp=time.time(), type="say"
+        )
+        self.sender.post("action", done)
 
     def _publish(self, publish: Publish) -> None:
         match publish:
@@ -246,6 +266,8 @@ class RobotConsumer(RobotPageConsumer):
             return
         if event["type"] == page_channel.NOTICE:
             self.page_session.handle_notice(event["frame"])
+        elif event["type"] == page_channel.WORDS:
+            self.sender.put(relay.Outgoing(event["frame"]))
         else:
             at_once = event.get("session") is not None or self.authorization.session is not None
             self._launch(self._look_again(0.0 if at_once else random.random() * SPREAD_SECONDS))

@@ -119,9 +119,20 @@ class PageSession:
                     protocol.Queued(session=session, place=place, minutes=minutes, reason=reason)
                 )
             case store.TakeRefused(reason, session):
+                outcome = await self._how_it_ended(session) if reason == "ended" else ""
                 self.sender.post(
-                    "session/refused", protocol.Refused(reason=reason, session=session)
+                    "session/refused",
+                    protocol.Refused(reason=reason, session=session, outcome=outcome),
                 )
+
+    async def _how_it_ended(self, session: str | None) -> str:
+        """Return the outcome of a session whose page was not there to hear it; empty when it is not
+        this visitor's.
+        """
+        if session is None or not await database_sync_to_async(queries.is_of)(session, self.user):
+            return ""
+        outcome, _reason = await database_sync_to_async(queries.outcome_of)(session)
+        return outcome
 
     def _granted(self, granted: store.TakeGranted) -> None:
         self._follow(granted.session)

@@ -8,15 +8,17 @@ import time
 
 import structlog
 from channels.db import database_sync_to_async
+from django.utils import timezone
 
 from robots import log_ids
-from robots.api.messages import Bye, Lease
+from robots.api.messages import Bye, Lease, Say
 from robots.bridge.delivery import LINK, ReceivedMessage
 from robots.ice import ice_servers
 from robots.models import Robot
 from robots.screens import cookie_of, screen_of
-from sessions import protocol
-from sessions.consumers import relay
+from sessions import page_channel, protocol
+from sessions.consumers import relay, waiting_chat
+from sessions.consumers.authorization import Publish
 from sessions.consumers.robot_page import RobotPageConsumer
 from sessions.consumers.screen_authorization import ScreenAuthorization
 from sessions.leases.terms import of as terms_of
@@ -54,6 +56,8 @@ class ScreenConsumer(RobotPageConsumer):
         )
         self.shown: protocol.Screen | None = None
         self.study = ("", False)
+        # session and name of who waits for a robot that was stopped
+        self.waiting: tuple[str, str] | None = None
         self.visitor_changed = asyncio.Event()
         hello = protocol.Hello(
             peer=self.authorization.peer,
@@ -67,6 +71,7 @@ class ScreenConsumer(RobotPageConsumer):
         self.visitor_changed.set()
         look, welcome = self._send_to_visitor, self._is_welcome
         self._launch(self._keep_looking(self.visitor_changed, look, welcome))
+        self._launch(page_channel.listen((page_channel.screen_group(self.name),), self._take_words))
         log.info("screen_joined", robot=self.name)
 
     async def _gone(self) -> None:
@@ -79,6 +84,15 @@ class ScreenConsumer(RobotPageConsumer):
     def _lease(self) -> Lease | None:
         """Return none: a display says the same whoever drives."""
         return None
+
+    def _publish(self, publish: Publish) -> None:
+        if isinstance(publish.message, Say) and self.waiting is not None:
+            words = waiting_chat.write(
+                self.name, self.waiting[0], publish.message, by="screen", who=self.title
+            )
+            self._launch(words)
+        else:
+            super()._publish(publish)
 
     # --- what the display is told -----------------------------------------------------------------
 
@@ -96,6 +110,10 @@ class ScreenConsumer(RobotPageConsumer):
         ) is not None and inbound.suffix.startswith(protocol.SIGNAL):
             self.sender.put(out)
 
+    def _take_words(self, event: page_channel.Event) -> None:
+        if self.waiting is not None and event["session"] == self.waiting[0]:
+            self.sender.put(relay.Outgoing(event["frame"]))
+
     async def _is_welcome(self) -> bool:
         """Tell whether the key is still right."""
         return await database_sync_to_async(screen_of)(self.name, self.key) is not None
@@ -104,11 +122,17 @@ class ScreenConsumer(RobotPageConsumer):
         lease = self.known.lease_at(time.monotonic())
         if lease is not None and self.study[0] != lease.session:
             self.study = (lease.session, await database_sync_to_async(_is_study)(lease.session))
+        waiting = None
+        if waiting_chat.is_open(self.known, time.monotonic()):
+            find = database_sync_to_async(waiting_chat.first_waiting)
+            waiting = await find(self.name, timezone.now())
+        self.waiting = waiting
         shown = protocol.Screen(
             title=self.title,
             titles=self.titles,
             session=lease.session if lease else None,
             visitor=lease.who if lease else None,
+            waiting=self.waiting[1] if self.waiting is not None else None,
             study=lease is not None and self.study[1],
             ice_servers=self.authorization.ice_servers if self.authorization else (),
         )

@@ -34,6 +34,7 @@ from accounts.models import User
 from robots.access import may_operate
 from robots.api import messages as m
 from robots.models import Robot
+from robots.presence import standstill_of
 from sessions.leases import terms
 from sessions.leases.absences import note_page_closed
 from sessions.leases.policy import (
@@ -621,14 +622,18 @@ def pause_of(robot: Robot) -> str:
 
 def _pauses_of(keys: Sequence[Any]) -> dict[Any, str]:
     rows = Robot.objects.filter(pk__in=keys).values_list(
-        "pk", "held", "returns_home", "turnaround", "turnaround_reason"
+        "pk", "report", "held", "returns_home", "turnaround", "turnaround_reason"
     )
-    return {key: _pause(held, returns, phase, reason) for key, held, returns, phase, reason in rows}
+    return {key: _pause(*values) for key, *values in rows}
 
 
-def _pause(held: str, returns: bool, phase: str, reason: str) -> str:
-    if held:
-        return f"{Robot.Turnaround.PAUSED}: {held}"
+def _pause(report: Any, held: str, returns: bool, phase: str, reason: str) -> str:
+    """Say why nobody gets a robot, that nobody can drive as it is first: who is called to one that
+    stands still has waited for nothing.
+    """
+    why = standstill_of(report) or held
+    if why:
+        return f"{Robot.Turnaround.PAUSED}: {why}"
     return f"{phase}: {reason}" if returns and phase != Robot.Turnaround.READY else ""
 
 

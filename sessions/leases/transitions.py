@@ -8,7 +8,9 @@ Rules, all in seconds unless said otherwise:
   and after `grace` the session ends as connection_lost. A closed page alone means nothing while the
   heartbeat lives on the data channel; when the robot says nothing either, the page is all there is
   to go by.
-- A robot that is not heard of for ROBOT_SILENCE ends the session as robot_fault.
+- A robot that is not heard of for ROBOT_SILENCE ends the session as robot_fault, and so does one
+  that, when one of these times is over, does not know of the session while its page is there: it
+  has died and begun anew. While the robot is silent nobody's connection is taken for lost.
 - `turn` and `grace` are the robot's, or what the terms of the session say
   (sessions/leases/terms.py).
 - A turn is a limit only while somebody waits whose page is open, or where the terms say that it
@@ -248,22 +250,27 @@ def _connection(
         return Move(holder.id, "reconnecting", now) if here is False else None
     if here:
         return Move(holder.id, "driving")
+    if here is None:
+        return None  # a silent robot says nothing about its visitor, and is itself ended by _fault
     if holder.state == "connecting":
-        refused = now - max(holder.granted_at or now, link.since) > rules.start
-        return (
-            Ended(
-                session=holder.id,
-                outcome="connection_refused",
-                reason="never_connected" if holder.page_open(now) else "page_gone",
-            )
-            if refused
-            else None
-        )
-    lost = now - max(holder.lost_at or now, link.since) > rules.grace
-    return (
-        Ended(session=holder.id, outcome="connection_lost", reason="visitor_silent")
-        if lost
-        else None
+        is_over = now - max(holder.granted_at or now, link.since) > rules.start
+    else:
+        is_over = now - max(holder.lost_at or now, link.since) > rules.grace
+    return _broken_off(hold, holder, link, now) if is_over else None
+
+
+def _broken_off(hold: Hold, holder: ActiveSession, link: RobotLink, now: float) -> Ended:
+    """End a session whose page and robot are not connected: by the robot where the page is there
+    and the robot knows nothing of the session, because it began anew or heard of no lease.
+    """
+    if holder.page_open(now) and not _speaks_of(link, holder, hold):
+        return Ended(session=holder.id, outcome="robot_fault", reason="robot_offline")
+    if holder.state == "reconnecting":
+        return Ended(session=holder.id, outcome="connection_lost", reason="visitor_silent")
+    return Ended(
+        session=holder.id,
+        outcome="connection_refused",
+        reason="never_connected" if holder.page_open(now) else "page_gone",
     )
 
 

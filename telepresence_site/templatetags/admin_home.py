@@ -5,6 +5,7 @@ and with the robots, a card each, and under them the lists of everything else.
 import datetime
 from dataclasses import dataclass
 from typing import Any
+from urllib.parse import urlencode
 
 from django import template
 from django.contrib import admin
@@ -19,7 +20,7 @@ from experiments.participation import progress
 from experiments.research.live import RECENT
 from experiments.research.study_access import slugs_of
 from robots.models import Robot
-from robots.presence import trouble_of
+from robots.presence import has_problem
 from sessions.models import ManagerBeat, Session
 
 MANAGER_SILENT_AFTER = datetime.timedelta(seconds=15)
@@ -145,14 +146,19 @@ def _of_robots(request: HttpRequest, now: datetime.datetime) -> list[Fact]:
     online = sum(robot.is_online(now) for robot in robots)
     in_use = len(states) - waiting
     troubled = sum(has_problem(robot, now) for robot in robots)
-    listed = reverse("admin:robots_robot_changelist")
+    listed = f"{reverse('admin:robots_robot_changelist')}?now="  # robots/admin_pages/now_filter.py
     facts = [
-        Fact(online, ngettext("robot online", "robots online", online), listed, of=len(robots)),
-        Fact(in_use, ngettext("robot in use", "robots in use", in_use), listed),
+        Fact(
+            online,
+            ngettext("robot online", "robots online", online),
+            f"{listed}online",
+            of=len(robots),
+        ),
+        Fact(in_use, ngettext("robot in use", "robots in use", in_use), f"{listed}in_use"),
         Fact(
             troubled,
             ngettext("robot with a problem", "robots with a problem", troubled),
-            listed,
+            f"{listed}problem",
             is_problem=troubled > 0,
         ),
     ]
@@ -161,20 +167,13 @@ def _of_robots(request: HttpRequest, now: datetime.datetime) -> list[Fact]:
     midnight = timezone.localtime(now).replace(hour=0, minute=0, second=0, microsecond=0)
     today = visits.filter(queued_at__gte=midnight).count()
     listed_visits = reverse("admin:telepresence_sessions_session_changelist")
+    since = urlencode({"queued_at__gte": midnight.isoformat(sep=" ")})
     return [
         *facts,
-        Fact(waiting, ngettext("visitor waiting", "visitors waiting", waiting), listed_visits),
-        Fact(today, ngettext("visit today", "visits today", today), listed_visits),
+        Fact(
+            waiting,
+            ngettext("visitor waiting", "visitors waiting", waiting),
+            f"{listed_visits}?state__exact={Session.State.WAITING}",
+        ),
+        Fact(today, ngettext("visit today", "visits today", today), f"{listed_visits}?{since}"),
     ]
-
-
-def has_problem(robot: Robot, now: datetime.datetime) -> bool:
-    """Tell whether a robot is there and cannot be driven until somebody does something: its agent
-    does not reach it, its emergency stop is pressed, or it could not get ready for the next visit.
-    """
-    if not robot.is_online(now):
-        return False
-    report = robot.report or {}
-    stopped = (report.get("safety") or {}).get("estop", False)
-    is_stuck = robot.turnaround == Robot.Turnaround.PAUSED
-    return bool(trouble_of(report) or stopped or is_stuck)

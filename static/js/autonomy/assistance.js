@@ -69,3 +69,19 @@ export const wordOf = ({ why, side }) => {
 
 /** Which levels can be chosen, none when the robot does not assist. @param {any} factsheet */
 export const offersAssist = (factsheet) => Boolean(factsheet?.capabilities?.includes("assist"));
+
+/**
+ * The level of assistance that is in force for this page: what the robot reports, not what was pressed, for a study may have fixed it. A
+ * robot whose driver is out of reach falls back to its owner's level, which is nobody's choice here: its driver sees the last one of the
+ * visit.
+ * @param {import("../drive/features.js").State} state @returns {string} empty while unknown
+ */
+export const assistIn = ({ visit, robot, assistKnown }) => {
+  if (visit.phase !== "driving") {
+    return visit.online ? robot?.assist ?? "" : "";
+  }
+  if (robot && (robot.session ?? null) === visit.session) {
+    return robot.assist;
+  }
+  return assistKnown?.session === visit.session ? assistKnown.level : "";
+};

@@ -3,6 +3,7 @@
  * says about it. What to do is decided in robot_action.js and the other pure modules beside it.
  */
 
+import { recallAimed, rememberAimed } from "../drive/storage.js";
 import { Aiming } from "../input/aiming.js";
 import { unixNow } from "../lib/clock.js";
 import { freshId } from "../lib/ids.js";
@@ -23,12 +24,16 @@ const newSlice = () => ({
   task: /** @type {import("./robot_action.js").RobotAction | null} */ (null),
   /** a point being chosen on the map, to go to or to say where the robot is; x is null before the first press */
   aim: /** @type {{kind: "goal" | "pose", x: number | null, y: number | null, theta: number | null} | null} */ (null),
+  /** whether this person has used a point of the map before */
+  hasAimed: false,
   /** whether the menu of places is open */
   placesOpen: false,
   /** whether laser points are drawn; null leaves it to the level of assistance */
   laser: /** @type {boolean | null} */ (null),
   /** why the robot does not do quite what its driver asks: assistance.js */
   help: NO_HELP,
+  /** the level of assistance that the robot last reported for a visit, null before it did */
+  assistKnown: /** @type {{session: string, level: string} | null} */ (null),
   /** the level of assistance that was asked for and is not yet in force, and when; null when there is none */
   assistAsked: /** @type {{level: string, at: number} | null} */ (null),
 });
@@ -41,7 +46,8 @@ const mayAim = (state) => roleOf(state.visit) === "driver" && ((can(state, "goto
 
 /** @param {import("../drive/registry.js").Page} page */
 const setUp = (page) => {
-  const { store, words, element, keys, act, map } = page;
+  const { store, words, element, keys, act, map, config } = page;
+  store.update({ hasAimed: recallAimed(config.who ?? "") });
   const held = new HeldHelp();
   const renders = [createOfferPanel(element, words, act), createMapBar(element, words, act, keys), createMarks(page)];
   const aiming = new Aiming({
@@ -137,7 +143,7 @@ const createMarks = ({ map, element }) => {
 };
 
 /** @param {import("../drive/registry.js").Page} page @returns {Record<string, (argument: string) => void>} */
-const newActions = ({ store, driving }) => {
+const newActions = ({ store, driving, config }) => {
   /** Ask the robot to do something by itself. @param {Parameters<typeof ask>[0]} wish */
   const start = (wish) => {
     if (roleOf(store.get().visit) === "driver") {
@@ -151,6 +157,8 @@ const newActions = ({ store, driving }) => {
   const startAimed = (wish) => {
     const { x, y, theta } = store.get().aim ?? { x: null, y: null, theta: null };
     if (x !== null && y !== null) {
+      rememberAimed(config.who ?? "");
+      store.update({ hasAimed: true });
       start({ ...wish, x, y, ...(theta === null ? {} : { theta }) });
     }
   };
@@ -191,9 +199,12 @@ const newActions = ({ store, driving }) => {
 /** @param {import("../drive/registry.js").Page} page */
 const newListeners = ({ store }) => ({
   /** Nothing of a session that is over is left. */
-  released: () => store.update({ task: null, aim: null, placesOpen: false, help: NO_HELP, assistAsked: null }),
-  newRobotState: (/** @type {{assist: string}} */ { assist }) => {
-    const asked = store.get().assistAsked;
+  released: () => store.update({ task: null, aim: null, placesOpen: false, help: NO_HELP, assistAsked: null, assistKnown: null }),
+  newRobotState: (/** @type {{assist: string, session: string | null}} */ { assist, session }) => {
+    const { assistAsked: asked, assistKnown: known, visit } = store.get();
+    if (session !== null && session === visit.session && (known?.session !== session || known.level !== assist)) {
+      store.update({ assistKnown: { session, level: assist } });
+    }
     if (asked && (asked.level === assist || unixNow() - asked.at > ASSIST_PATIENCE)) {
       store.update({ assistAsked: null });
     }

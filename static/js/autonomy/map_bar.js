@@ -5,6 +5,7 @@
 import { roleOf } from "../protocol/session.js";
 import { maySend } from "../study/restrictions.js";
 import { write } from "../lib/dom.js";
+import { assistIn } from "./assistance.js";
 import { can } from "./offer.js";
 import { profileOf } from "../view/display/profiles.js";
 
@@ -30,7 +31,19 @@ export const menuFor = (state) => {
 };
 
 /** Whether laser points are drawn: as the visitor chose, else as the profile says, else while the robot assists. @param {import("../drive/features.js").State} state */
-export const showsLaser = (state) => state.laser ?? profileOf(state).laser ?? (state.robot !== null && state.robot.assist !== "off");
+export const showsLaser = (state) => state.laser ?? profileOf(state).laser ?? !["", "off"].includes(assistIn(state));
+
+/**
+ * What is said about a point of the map: how to give it a direction only until the visitor has used one, for it lies over a part of the
+ * map. Pure.
+ * @param {import("../drive/features.js").State} state @returns {string} a word, or nothing
+ */
+export const hintFor = ({ aim, hasAimed }) => {
+  if (aim === null || aim.x === null) {
+    return aim?.kind === "pose" ? "aim.pose_first" : "";
+  }
+  return hasAimed ? "" : `aim.${aim.kind}`;
+};
 
 /**
  * @param {(id: string) => HTMLElement} element
@@ -89,7 +102,9 @@ export const createMapBar = (element, words, act, keys) => {
     bar.dataset.kind = state.aim?.kind ?? "";
     const kind = state.aim?.kind === "pose" ? "pose" : "goal";
     const chosen = state.aim !== null && state.aim.x !== null;
-    write(element("aim-text"), words.say(chosen ? `aim.${kind}` : "aim.pose_first"));
+    const hint = hintFor(state);
+    element("aim-text").hidden = hint === "";
+    write(element("aim-text"), hint && words.say(hint));
     const main = /** @type {HTMLButtonElement} */ (element("aim-main"));
     main.dataset.action = kind === "pose" ? "set_pose" : "go_here";
     main.hidden = !chosen;

@@ -24,6 +24,14 @@ const STOP = { action: "stop", word: "do.stop" };
 const AGAIN = { action: "task_again", word: "do.task_again" };
 const SELF = { action: "task_dismiss", word: "do.drive_yourself" };
 
+/**
+ * Whether who waits may write to the people beside the robot: the first in the queue of one whose emergency stop is on, where a display
+ * shows it (sessions/consumers/waiting_chat.py). A participant of a study may not.
+ * @param {import("../drive/features.js").State} state
+ */
+export const mayWriteWaiting = ({ visit, robot, study, factsheet }) =>
+  visit.phase === "queued" && visit.place === 1 && visit.pause === "paused: estop" && !study && (robot?.screens ?? 0) > 0 && Boolean(factsheet?.capabilities?.includes("say"));
+
 /** Whether the robot says it can do something, and the visitor may ask for it. @param {import("../drive/features.js").State} state @param {string} capability */
 export const can = (state, capability) => Boolean(state.factsheet?.capabilities?.includes(capability)) && mayAsk(state, capability);
 

@@ -1,6 +1,7 @@
 /**
- * What a robot says about why it does not go on, in the page's words. Pure. The robot's sentences are those of robots/agent/navigation
- * and of its safety kernel; what is not known here is shown as the robot said it.
+ * What a robot says about why it does not go on, in the page's words. Pure. On the wire the robot's phrases are identifiers
+ * (docs/reference/robot-api.md): those of robots/agent/navigation, which robots/readiness_text.py puts into words for lists and mail
+ * (tests/golden/reasons.json binds the two), and those of its safety kernel. What is not known here is shown as the robot said it.
  */
 
 /** @type {[RegExp, string, string?][]} pattern, word, and the name of the value that the pattern's group is */
@@ -17,11 +18,11 @@ const KNOWN = [
   [/lies in a wall/, "reason.in_wall"],
   [/lies outside/, "reason.outside"],
   [/still in its charging station/, "reason.still_docked"],
-  [/something stands behind the robot/, "reason.behind"],
+  [/stands behind the robot/, "reason.behind"],
   [/could not dock/, "reason.dock_failed"],
   [/no charging station for/, "reason.no_dock"],
   [/looks for the charging station/, "reason.looks_for_dock"],
-  [/waits for what stands before the charging station/, "reason.before_dock"],
+  [/stands before the charging station/, "reason.before_dock"],
   [/tries again$|backs out$/, "reason.tries_again"],
   [/somebody has stood in the way/, "reason.somebody_stayed"],
   [/waits for somebody in the way/, "reason.somebody"],
@@ -29,17 +30,17 @@ const KNOWN = [
   [/waits, because no way is free/, "reason.waits"],
   [/backs off/, "reason.backs_off"],
   [/gets no farther/, "reason.no_farther"],
-  [/the laser /, "reason.laser"],
+  [/the laser\b/, "reason.laser"],
   [/has not found itself/, "reason.not_found"],
   [/lost where it is|does not know where it is/, "reason.lost"],
   [/wheels do not turn/, "reason.wheels"],
-  [/^navigation|the map has changed|the robot was lost|the agent ends/, "reason.navigation"],
+  [/^navigation|navigation was lost|the map has changed|the robot was lost|the agent ends/, "reason.navigation"],
   [/^estop$/, "reason.estop"],
   [/^collision$/, "stuck.contact"],
   [/^no_picture$/, "reason.camera"],
   [/^network$/, "reason.network"],
   [/^fault$/, "reason.fault"],
-  [/^the robot control architecture is not connected$/, "reason.not_connected"],
+  [/^(?:not_connected|the robot control architecture is not connected)$/, "reason.not_connected"],
   [/^(?:no_answer|stale|clock_unknown|heartbeat_lost|future|failed|offline)$/, "reason.connection"],
   [/^(?:no_lease|observer|wrong_session|wrong_epoch|lease_changed)$/, "reason.not_yours"],
 ];

@@ -1,5 +1,5 @@
 /**
- * What a browser remembers: of a tab its session, over a reload, and of a person the profile and the keys of the page. Another tab of the
+ * What a browser remembers: of a tab its session, over a reload, and of a person the profile, the keys and a used hint of the page. Another tab of the
  * same visitor does not see the session; a duplicated tab gets a copy, but never one that says "this very page has just been left", which
  * is what allows to take the session back without asking.
  */
@@ -49,6 +49,12 @@ export const recallKeys = (who) => {
 
 /** @param {string} who @param {Record<string, string[]>} own */
 export const rememberKeys = (who, own) => attempt(() => localStorage.setItem(`keys:${who}`, JSON.stringify(own)));
+
+/** Whether a person has used a point of the map in this browser (autonomy/map_bar.js). @param {string} who */
+export const recallAimed = (who) => attempt(() => localStorage.getItem(`aimed:${who}`)) === "yes";
+
+/** @param {string} who */
+export const rememberAimed = (who) => attempt(() => localStorage.setItem(`aimed:${who}`, "yes"));
 
 /** @param {string} robot @returns {{session: string | null, left: boolean}} */
 const read = (robot) => {

@@ -6,6 +6,7 @@ import { unixNow } from "../lib/clock.js";
 import { lazy } from "../lib/lazy.js";
 import { TICK_SECONDS } from "../protocol/command_stream.js";
 import { roleOf } from "../protocol/session.js";
+import { mayWriteWaiting } from "../autonomy/offer.js";
 import { messageOf } from "../autonomy/robot_action.js";
 import { controllersOf } from "../study/restrictions.js";
 import { onFocusLoss } from "./focus_loss.js";
@@ -99,10 +100,12 @@ const newStandStill = (store, brake) => () => {
 };
 
 /** @param {import("../drive/registry.js").Page} page */
-const senders = ({ connection: { commands, router } }) => ({
+const senders = ({ store, connection: { commands, router, send } }) => ({
   /** @param {import("../autonomy/robot_action.js").RobotAction} action */
   sendAction: (action) => {
-    if (commands.binding) {
+    if (!commands.binding && action.type === "say" && mayWriteWaiting(store.get())) {
+      send("command/action", messageOf(action, {}, unixNow()));
+    } else if (commands.binding) {
       const now = unixNow();
       router.sendAction(messageOf(action, commands.binding, now), now - action.askedAt > TICK_SECONDS);
     }

@@ -10,6 +10,7 @@ async function ask() {
   try {
     const answer = await fetch(address, { headers: { Accept: "application/json" } });
     if (answer.redirected) return location.replace(home); // signed out meanwhile
+    if (answer.status === 404) return location.reload(); // no trial any more: the page says so
     const { url } = await answer.json();
     if (url) return location.replace(url);
   } catch {

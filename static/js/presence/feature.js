@@ -4,7 +4,7 @@
  */
 
 import { backToDriving } from "../lib/dom.js";
-import { isOffered } from "../autonomy/offer.js";
+import { isOffered, mayWriteWaiting } from "../autonomy/offer.js";
 import { unixNow } from "../lib/clock.js";
 import { lazy } from "../lib/lazy.js";
 import { roleOf } from "../protocol/session.js";
@@ -51,7 +51,6 @@ const setUp = (page) => {
   setUpButtons(page, { ...media.clicks, ...messages.clicks, "presence-photo": takePhoto, "presence-knock": knock.knock, "kept-close": () => photo?.close(), "presence-volumes": () => toggleVolumes(page, messages) });
   page.keys.closes(element("volumes"), messages.closePanel, () => messages.show(""));
   const renders = [callView.render, messages.render, head.render];
-
   return {
     api: { media },
     handlers: {
@@ -75,15 +74,17 @@ const setUp = (page) => {
         knock.poll(now);
       },
     },
-    render: (/** @type {import("../drive/features.js").State} */ { visit, own, panel, keptPhoto }) => {
-      if (roleOf(visit) !== "driver" && (callOf(own) || panel || keptPhoto)) {
+    render: (/** @type {import("../drive/features.js").State} */ before) => {
+      const [{ visit, own, panel, keptPhoto }, waits] = [before, mayWriteWaiting(before)];
+      if (roleOf(visit) !== "driver" && (callOf(own) || (panel && !(waits && panel === "talk")) || keptPhoto)) {
         media.endAll();
         photo?.close();
         store.update({ panel: "", writing: false });
       }
       const state = store.get();
       // Who writes goes on writing while the video is away: a field that goes would leave the next letters to the robot.
-      element("presence").hidden = roleOf(visit) !== "driver" || !(state.playing || state.writing || state.panel === "volumes");
+      element("presence").hidden = !waits && (roleOf(visit) !== "driver" || !(state.playing || state.writing || state.panel === "volumes"));
+      element("presence-volumes").hidden = waits; // who waits at a stopped robot has its chat, and nothing else of this
       // In a study its photos belong to the task.
       element("presence-photo").hidden = !isOffered(state, "photo") || Boolean(state.study) || !state.playing;
       // What is shared lies beside the bar; on a phone there is no room for one more button.

@@ -1,6 +1,6 @@
 /** Messages to the people there and from them: the panel that lists them, and its field. The list itself is conversation.js, fetched when it is needed. */
 
-import { isOffered } from "../autonomy/offer.js";
+import { isOffered, mayWriteWaiting } from "../autonomy/offer.js";
 import { ask } from "../autonomy/robot_action.js";
 import { unixNow } from "../lib/clock.js";
 import { backToDriving, setPressed, write } from "../lib/dom.js";
@@ -68,7 +68,7 @@ export const createMessages = (page) => {
         session = state.visit.session;
         conversation?.clear();
       }
-      const offered = isOffered(state, "say");
+      const offered = isOffered(state, "say") || mayWriteWaiting(state);
       if (!offered && state.panel === "talk") {
         store.update({ panel: "", writing: false });
       }

@@ -268,6 +268,7 @@ const TO_PAGE = {
     object({
       reason: oneOf("offline", "disabled", "not_invited", "not_trained", "elsewhere", "observers_full", "not_allowed", "ended", "paused", "closed", "reserved", "full"),
       session: absent(id),
+      outcome: optional(name, ""),
     }),
   ],
   "session/turn_warning": [KIB, object({ session: id, remaining: seconds })],
@@ -277,7 +278,7 @@ const TO_PAGE = {
   room: [KIB, object({ driver: absent(name), driving: optional(flag, false), observers: optional(count, 0), waiting: optional(count, 0) })],
   screen: [
     16 * KIB,
-    object({ title: name, titles: optional(dictionary(name, 50), {}), session: absent(id), visitor: absent(name), study: optional(flag, false), iceServers }),
+    object({ title: name, titles: optional(dictionary(name, 50), {}), session: absent(id), visitor: absent(name), waiting: absent(name), study: optional(flag, false), iceServers }),
   ],
   robot: [2 * KIB, object({ online: flag, reason: optional(reason, "") })],
   "session/operator_message": [2 * KIB, object({ session: id, text: reason })],

@@ -252,7 +252,7 @@ const HANDLERS = {
     if (visit.fresh) {
       return ask({ ...visit, ...OVER, fresh: false }, { fresh: false });
     }
-    return over(visit.phase === "driving" ? "ended" : "lobby", visit.phase === "driving" ? "connection_lost" : "");
+    return over(visit.phase === "driving" ? "ended" : "lobby", visit.phase === "driving" ? message.outcome || "connection_lost" : "");
   },
   "session/turn_warning": (_visit, { message, now }) => [{ turnEnds: now + message.remaining }],
   "session/asked_there": (_visit, { message, now }) => [{ askedUntil: now + message.seconds }, [{ type: "call", word: "idle" }]],

@@ -5,7 +5,9 @@
 
 import { lazy } from "../lib/lazy.js";
 import { roleOf } from "../protocol/session.js";
+import { isRobotsFault } from "./fault.js";
 
+const UNREACHED = "check.server.blocked";
 const TROUBLE_PATIENCE = 6; // s without a connection to server or robot until the page looks why
 
 const newSlice = () => ({
@@ -29,11 +31,11 @@ const setUp = (page) => {
 
   /** When a connection does not come about, find out once what to tell the visitor. @param {number} now */
   const watchTrouble = (now) => {
-    const { visit, playing, slow, finding, robot } = store.get();
-    const blind = roleOf(visit) !== "" && visit.online && (slow || !playing) && !robot?.cameraStatus; // a camera is no network's fault
+    const { visit, playing, slow, finding } = store.get();
+    const blind = roleOf(visit) !== "" && (slow || !playing) && !isRobotsFault(store.get());
     if (visit.socket === "open" ? !blind : visit.phase === "closed") {
       troubledSince = 0;
-      if (finding && playing) {
+      if (finding && (playing || isRobotsFault(store.get()))) {
         store.update({ finding: null });
       }
     } else if (troubledSince === 0) {
@@ -71,6 +73,8 @@ const setUp = (page) => {
           lazyPanels(({ practice_over }) => practice_over());
         }
       },
+      // What kept the page from the server is over.
+      socketOpen: () => store.get().finding?.word === UNREACHED && store.update({ finding: null }),
       second: watchTrouble,
     },
   };

@@ -6,6 +6,7 @@
 import { examine } from "../pages/check/examine.js";
 import { copy } from "../lib/clipboard.js";
 import { appOf, browserFor } from "../pages/check/in_app.js";
+import { isRobotsFault } from "./fault.js";
 import { askPermission, call, permission, prepare } from "./notification.js";
 import { createPractice } from "./practice.js";
 import { saveSouvenir } from "./souvenir.js";
@@ -25,8 +26,9 @@ export const createLazyPanels = (page) => {
     waits: () => store.update({ notifiable: permission() === "default" }),
     tell_me: async () => store.update({ notifiable: (await askPermission()) === "default" }),
     examine: async () => {
-      const { advice, record } = await examine({ socket: config.check, iceServers: store.get().visit.iceServers });
-      store.update({ finding: advice });
+      const connected = () => store.get().visit.socket === "open";
+      const { advice, record } = await examine({ socket: config.check, iceServers: store.get().visit.iceServers, connected });
+      store.update({ finding: connected() && isRobotsFault(store.get()) ? null : advice });
       report("check", record);
     },
     /** This browser has no live video: say so, and where there is some. */

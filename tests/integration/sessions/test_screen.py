@@ -2,8 +2,10 @@
 database.
 """
 
+import datetime
 import io
 
+import msgspec
 import pytest
 from asgiref.sync import sync_to_async
 from channels.testing import WebsocketCommunicator
@@ -181,6 +183,45 @@ async def test_a_screen_is_told_who_visits_and_what_they_say(bridge, robot, key)
             await one.settle(bridge)
             assert one.told("receipt") == [], "it is for the driver alone"
         assert watching.told("words") == []
+
+
+async def test_who_waits_at_a_stopped_robot_and_the_people_there_write_to_each_other(
+    bridge, robot, key
+):
+    create = sync_to_async(get_user_model().objects.create_user)
+    ada, bob = await create("ada", display_name="Ada"), await create("bob", display_name="Bob")
+    stop = m.Safety(estop=True, estop_source="screen:Giraff")
+    await sync_to_async(Robot.objects.update)(
+        report=msgspec.to_builtins(words.state(safety=stop)),
+        last_seen_at=timezone.now() + datetime.timedelta(hours=1),  # for longer than the test
+    )
+    async with (
+        Display(key) as display,
+        Page("giraff", ada) as page,
+        Page("giraff", bob) as second,
+    ):
+        bridge.say("giraff", "state", words.state(safety=stop))
+        for one in (page, second):
+            await one.say("session/take", protocol.Take())
+            queued = await one.expect("session/queued")
+            assert queued.reason == "paused: estop"
+        shown = await display.expect("screen", lambda screen: screen.waiting is not None)
+        assert (shown.waiting, shown.visitor, shown.session) == ("Ada", None, None)
+        await second.say("command/action", action(m.Say, text="Me too"))
+        assert (await second.expect("denied")).reason == "not_driver"
+        await page.say("command/action", action(m.Say, text="Is anybody there?"))
+        for one in (page, display):
+            told = await one.expect("words")
+            assert (told.by, told.who, told.text) == ("driver", "Ada", "Is anybody there?")
+        done = page.told("action") or [await page.expect("action")]  # in whatever order
+        assert [status.status for status in done] == ["FINISHED"]
+        await display.say("command/action", action(m.Say, action_id="a2", text="One moment"))
+        for one in (page, display):
+            told = await one.expect("words")
+            assert (told.by, told.who, told.text) == ("screen", "Giraff", "One moment")
+        await second.settle(bridge)
+        assert second.told("words") == []
+        assert bridge.commands("command/action") == [], "the robot has no part in it"
 
 
 async def test_what_a_screen_asks_reaches_the_robot_as_the_screens_and_on_the_servers_clock(

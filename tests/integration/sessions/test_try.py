@@ -47,7 +47,15 @@ def test_the_first_page_offers_it_where_there_are_practice_robots(client, settin
     assert reverse("try_now") in client.get(reverse("home")).content.decode()
     settings.PRACTICE_ROBOTS = 0
     assert reverse("try_now") not in client.get(reverse("home")).content.decode()
-    assert client.post(reverse("try_now")).status_code == 404
+    refused = client.post(reverse("try_now"))
+    assert refused.status_code == 404
+    assert "This site offers no trial" in refused.content.decode()
+
+
+def test_who_still_waits_when_there_is_no_trial_any_more_reads_so(client, tries, settings):
+    settings.PRACTICE_ROBOTS = 0
+    assert client.get(reverse("practice")).status_code == 404
+    assert "This site offers no trial" in client.get(reverse("try_robot")).content.decode()
 
 
 def test_it_leads_to_a_robot_as_soon_as_one_is_ready(client, tries, practice):

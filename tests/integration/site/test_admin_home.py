@@ -13,7 +13,7 @@ from django.utils import timezone
 
 from experiments.models import StudyMember
 from robots.models import Robot
-from sessions.models import ManagerBeat, Session
+from sessions.models import Lease, ManagerBeat, Session
 from tests.support import replays
 from tests.support.html_page import read
 from tests.support.people import person
@@ -71,15 +71,16 @@ def test_the_card_of_robots_counts_those_online_in_use_and_in_trouble_and_no_pra
     online("stopped", report={"safety": {"estop": True}})
     online("away", report={"errors": ["adapter_lost: no answer from the base"]})
     online("stuck", turnaround=Robot.Turnaround.PAUSED)
+    online("faulty", report={"safety": {"inhibited": "fault"}})
     Robot.objects.create(name="attic", title="Attic", report={"safety": {"estop": True}})
     practice = online("practice-1", practice=True, report={"safety": {"estop": True}})
     replays.session(giraff, person("ada"), granted=timezone.now())
     replays.session(practice, person("bert"), granted=timezone.now())
     replays.session(giraff, person("cleo"), granted=timezone.now(), state=Session.State.WAITING)
     assert facts(client)["Robot"] == [
-        "4 / 5 robots online",
+        "5 / 6 robots online",
         "1 robot in use",
-        "3 robots with a problem",
+        "4 robots with a problem",
         "1 visitor waiting",
         "2 visits today",
     ]
@@ -157,6 +158,29 @@ def test_a_card_leads_to_the_rows_that_it_counts(client, boss):
     for lines in cards(client).values():
         for _text, url in lines:
             assert client.get(url).status_code == 200, url
+
+
+def test_a_number_of_robots_or_visits_leads_to_those_that_it_counts(client, boss):
+    giraff = online("giraff")
+    Robot.objects.create(name="attic", title="Attic")
+    online("stopped", report={"safety": {"estop": True}})
+    drive = replays.session(giraff, person("ada"), granted=timezone.now())
+    Lease.objects.create(robot=giraff, session=drive, epoch=1, changed_at=timezone.now())
+    replays.session(giraff, person("cleo"), granted=timezone.now(), state=Session.State.WAITING)
+    day = datetime.timedelta(days=1)
+    replays.session(giraff, person("bert"), granted=timezone.now() - 2 * day, state="ended")
+    for text, url in cards(client)["Robot"]:
+        assert client.get(url).context["cl"].result_count == int(text.split()[0]), text
+
+
+def test_an_owner_finds_those_of_their_robots_with_a_problem(client):
+    olga = person("olga", is_staff=True)
+    online("hers", owner=olga)
+    online("stopped", owner=olga, report={"safety": {"estop": True}})
+    online("other", report={"safety": {"estop": True}})
+    client.force_login(olga)
+    url = next(url for text, url in cards(client)["Robot"] if "with a problem" in text)
+    assert [robot.name for robot in client.get(url).context["cl"].queryset] == ["stopped"]
 
 
 def test_a_silent_session_manager_is_told_to_whoever_sees_the_site_and_to_nobody_else(client, boss):

@@ -9,13 +9,14 @@ import {
   HOLD_SECONDS,
   HeldHelp,
   NO_HELP,
+  assistIn,
   helpFrom,
   sideOf,
   wordOf,
 } from "../../../static/js/autonomy/assistance.js";
 import { cardFor } from "../../../static/js/view/hud/card.js";
-import { menuFor, showsLaser } from "../../../static/js/autonomy/map_bar.js";
-import { offerFor } from "../../../static/js/autonomy/offer.js";
+import { hintFor, menuFor, showsLaser } from "../../../static/js/autonomy/map_bar.js";
+import { mayWriteWaiting, offerFor } from "../../../static/js/autonomy/offer.js";
 import { reasonFor } from "../../../static/js/autonomy/reasons.js";
 import { ellipseOf, scanPoints } from "../../../static/js/view/map/layers.js";
 import { newState } from "../../../static/js/drive/features.js";
@@ -36,6 +37,9 @@ const TEMPLATE = readFileSync(
   "utf8",
 );
 const KEYS = new Set(Array.from(TEMPLATE.matchAll(/data-word="([^"]+)"/g), ([, key]) => key));
+const GOLDEN = JSON.parse(
+  readFileSync(new URL("../../golden/reasons.json", import.meta.url), "utf8"),
+);
 const ALL = ["velocity", "goto", "dock", "undock", "relocalize", "assist", "scan", "localization"];
 const robotOf = (more = {}) => ({
   docked: false,
@@ -319,6 +323,12 @@ describe("reasons", () => {
     assert.equal(reasonFor(""), null);
   });
 
+  test("they are the ones that lists and mail have words for", () => {
+    for (const [reason, name] of Object.entries(GOLDEN)) {
+      assert.equal(reasonFor(reason).word, `reason.${name || "other"}`, reason);
+    }
+  });
+
   test("they name the door or the room, and what is not known is quoted", () => {
     assert.deepEqual(
       reasonFor("blocked: something stands in the doorway (Laboratory door)").values,
@@ -398,6 +408,53 @@ describe("assistance", () => {
   });
 });
 
+describe("the level of assistance that is shown", () => {
+  const visit = (more) => ({ ...driving().visit, session: "s1", ...more });
+  const of = (session, assist) => robotOf({ session, assist });
+
+  test("is what the robot reports for this visit", () => {
+    assert.equal(assistIn(driving({ visit: visit(), robot: of("s1", "slow") })), "slow");
+    assert.equal(assistIn(driving({ visit: visit(), robot: of("s1", "off") })), "off");
+  });
+
+  test("stays the last one of the visit while the robot is out of reach, or is back without it", () => {
+    const assistKnown = { session: "s1", level: "slow" };
+    for (const robot of [of(null, "off"), of("s0", "off"), null]) {
+      assert.equal(assistIn(driving({ visit: visit({ link: "lost" }), robot, assistKnown })), "slow");
+    }
+  });
+
+  test("is none while it is unknown, and never off for that", () => {
+    assert.equal(assistIn(driving({ visit: visit(), robot: of(null, "off") })), "");
+    const former = { session: "s0", level: "steer" };
+    assert.equal(assistIn(driving({ visit: visit(), robot: null, assistKnown: former })), "");
+    const away = visit({ phase: "watching", online: false });
+    assert.equal(assistIn(driving({ visit: away, robot: of(null, "off") })), "");
+  });
+
+  test("keeps the laser's points as they were while the robot is out of reach", () => {
+    const assistKnown = { session: "s1", level: "slow" };
+    const lost = driving({ visit: visit({ link: "lost" }), robot: of(null, "off"), assistKnown });
+    assert.equal(showsLaser(lost), true);
+  });
+});
+
+describe("the hint at a point of the map", () => {
+  const hint = (aim, hasAimed) => hintFor({ ...driving(), aim, hasAimed });
+  const goal = { kind: "goal", x: 1, y: 2, theta: null };
+
+  test("goes after the first use, because it lies over the map", () => {
+    assert.equal(hint(goal, false), "aim.goal");
+    assert.equal(hint({ ...goal, kind: "pose" }, false), "aim.pose");
+    assert.equal(hint(goal, true), "");
+    assert.equal(hint(null, false), "");
+  });
+
+  test("stays where it is the question itself", () => {
+    assert.equal(hint({ kind: "pose", x: null, y: null, theta: null }, true), "aim.pose_first");
+  });
+});
+
 describe("at the dock", () => {
   test("pressing forward explains itself for a moment", () => {
     const robot = robotOf({ docked: true });
@@ -407,6 +464,31 @@ describe("at the dock", () => {
     );
     assert.equal(alertFor(driving({ robot, now: 110, pushedAt: 100 })), null);
     assert.equal(alertFor(driving({ now: 101, pushedAt: 100 })), null);
+  });
+});
+
+describe("writing to the people at a stopped robot", () => {
+  const waiting = (visit = {}, more = {}) => ({
+    ...driving({ robot: robotOf({ screens: 1 }), ...more }, [...ALL, "say"]),
+    factsheet: { capabilities: ["say"] },
+    ...more,
+    visit: { ...newVisit(), phase: "queued", place: 1, pause: "paused: estop", ...visit },
+  });
+
+  test("is for the first who waits, where a display shows it", () => {
+    assert.equal(mayWriteWaiting(waiting()), true);
+    for (const other of [
+      waiting({ place: 2 }),
+      waiting({ pause: "paused: fault" }),
+      waiting({ pause: "" }),
+      waiting({ phase: "lobby" }),
+      waiting({}, { robot: robotOf({ screens: 0 }) }),
+      waiting({}, { robot: null }),
+      waiting({}, { study: { actions: null } }),
+      waiting({}, { factsheet: { capabilities: [] } }),
+    ]) {
+      assert.equal(mayWriteWaiting(other), false);
+    }
   });
 });
 

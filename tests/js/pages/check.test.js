@@ -4,6 +4,7 @@ import { describe, test } from "node:test";
 
 import { appOf, browserFor } from "../../../static/js/pages/check/in_app.js";
 import { advice, forRecord, judge, overall } from "../../../static/js/pages/check/verdict.js";
+import { isRobotsFault } from "../../../static/js/waiting/fault.js";
 import { cardFor } from "../../../static/js/view/hud/card.js";
 import { newVisit } from "../../../static/js/protocol/session.js";
 import { newState } from "../../../static/js/drive/features.js";
@@ -98,6 +99,13 @@ describe("the check of browser and network", () => {
     assert.equal(advice(judge({ ...FOUND, roundTrip: 0.5 }, STUN)).word, "check.server.slow");
   });
 
+  test("blocks nothing that the page itself reaches", () => {
+    const lines = judge({ ...FOUND, reached: false, roundTrip: null, ways: ["host"] }, STUN);
+    assert.equal(advice(lines).word, "check.server.blocked");
+    assert.equal(advice(lines, true).word, "check.way.blocked");
+    assert.equal(advice(judge({ ...FOUND, reached: false, roundTrip: null }, STUN), true), null);
+  });
+
   test("fits into a page event: few fields, plain values", () => {
     const record = forRecord(judge({ ...FOUND, app: "LINE", live: false }, TURN), {
       ...FOUND,
@@ -182,6 +190,25 @@ describe("browsers inside apps", () => {
       ["Safari", "copy_link", "go_slow"],
     );
     assert.equal(cardFor(state({ copied: true })).main.word, "do.link_copied");
+  });
+});
+
+describe("a robot that goes away", () => {
+  const state = (more = {}, visit = {}) => ({
+    ...newState(),
+    ...more,
+    visit: { ...newVisit(), phase: "driving", online: true, ...visit },
+  });
+  const robot = (errors, inhibited = null) => ({ errors, safety: { estop: false, inhibited } });
+
+  test("is no fault of the visitor's network, whichever part of it died", () => {
+    assert.equal(isRobotsFault(state({ robot: robot([]) })), false);
+    assert.equal(isRobotsFault(state({}, { online: false })), true);
+    assert.equal(isRobotsFault(state({ faults: [{ part: "robot", then: "stopped" }] })), true);
+    assert.equal(isRobotsFault(state({ robot: robot(["adapter_lost: it died"], "fault") })), true);
+    const starting = { ...robot([]), cameraStatus: { status: "starting", reason: "" } };
+    assert.equal(isRobotsFault(state({ robot: starting })), true);
+    assert.equal(isRobotsFault(state({ faults: [{ part: "broker", then: "waits" }] })), false);
   });
 });
 

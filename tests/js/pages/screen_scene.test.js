@@ -21,3 +21,14 @@ test("people at the robot are told how many watch, without the one who drives", 
   assert.equal(watching({ viewers: 12 }, { online: false }), 0);
   assert.equal(watching({}, { state: null }), 0);
 });
+
+test("who waits at a stopped robot and the people there can write to each other", () => {
+  const waits = { title: "Giraff", session: null, visitor: null, waiting: "Ben", study: false };
+  const scene = sceneFor(told({ safety: { estop: true } }, { screen: waits }), 100);
+  assert.deepEqual([scene.scene, scene.name, scene.canWrite], ["waiting", "Ben", true]);
+  assert.deepEqual([scene.canHangUp, scene.sound], [false, 0]);
+  const nobody = sceneFor(told({}, { screen: { ...waits, waiting: null } }), 100);
+  assert.deepEqual([nobody.scene, nobody.canWrite], ["idle", false]);
+  const away = sceneFor(told({}, { screen: waits, online: false }), 100);
+  assert.deepEqual([away.scene, away.canWrite], ["offline", false]);
+});

@@ -200,6 +200,14 @@ describe("reload and other tabs", () => {
     assert.equal(visit.phase, "lobby");
   });
 
+  test("a drive that ended while the page was cut off says how, as far as the server tells", () => {
+    const end = (more) =>
+      play(...DRIVING, message("session/refused", { reason: "ended", session: "s1", ...more })).visit;
+    const told = end({ outcome: "robot_fault" });
+    assert.deepEqual([told.phase, told.reason], ["ended", "robot_fault"]);
+    assert.equal(end({ outcome: "" }).reason, "connection_lost");
+  });
+
   test("with the demo's link a remembered session that is over is replaced by a new one", () => {
     const { visit, effects } = play(
       { type: "loaded", session: "s1", go: true },

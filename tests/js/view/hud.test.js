@@ -36,6 +36,12 @@ const state = (visit = {}, more = {}) => ({
   },
 });
 const ROBOT = { safety: { estop: false, inhibited: null, collision: false } };
+const STANDSTILLS = [
+  { safety: { ...ROBOT.safety, estop: true, estopSource: "screen:Giraff" } },
+  { safety: { ...ROBOT.safety, estop: true, estopSource: "owner:Ana" } },
+  { safety: { ...ROBOT.safety, inhibited: "fault" }, errors: ["adapter_lost: no answer"] },
+  { safety: { ...ROBOT.safety, inhibited: "fault" }, errors: ["rival: another agent runs"] },
+];
 const PHASES = [
   "connecting",
   "lobby",
@@ -85,6 +91,7 @@ const everyState = () => [
   state({ phase: "lobby", mayDrive: false, mayObserve: false }),
   state({ phase: "lobby" }, { room: { driver: "Ana", driving: true, observers: 0, waiting: 0 } }),
   state({ phase: "lobby" }, { room: { driver: null, driving: true, observers: 0, waiting: 0 } }),
+  ...STANDSTILLS.map((robot) => state({ phase: "lobby" }, { robot })),
   state({ phase: "driving" }, { leaving: true }),
   state({ phase: "driving" }, { leaving: true, returnsHome: true }),
   state(
@@ -126,6 +133,47 @@ describe("cards", () => {
       assert.ok(SENTENCES.has(statusFor(one).word));
       assert.ok(!alertFor(one) || SENTENCES.has(alertFor(one).word));
     }
+  });
+
+  test("a robot that nobody can drive is not called ready, and can be waited for", () => {
+    const told = STANDSTILLS.map((robot) => {
+      const one = state({ phase: "lobby" }, { robot });
+      return [cardFor(one).word, cardFor(one).main.word, statusFor(one).word];
+    });
+    assert.deepEqual(told, [
+      ["lobby.estop_there", "do.queue", "status.stopped"],
+      ["lobby.estop", "do.queue", "status.stopped"],
+      ["lobby.not_connected", "do.queue", "status.fault"],
+      ["lobby.fault", "do.queue", "status.fault"],
+    ]);
+    const well = state({ phase: "lobby" }, { robot: { ...ROBOT, errors: ["lens dirty"] } });
+    assert.deepEqual([cardFor(well).word, statusFor(well).word], ["lobby", "status.ready"]);
+  });
+
+  test("a simulated robot is never called switched off", () => {
+    for (const kind of [{ guest: true }, { practising: true }]) {
+      const words = [
+        state({ phase: "refused", reason: "offline" }, kind),
+        state({ phase: "lobby", online: false }, kind),
+      ].map((one) => cardFor(one).word);
+      assert.deepEqual(words, ["refused.simulated", "lobby.simulated"]);
+      for (const word of words) {
+        assert.ok(SENTENCES.has(`${word}.title`) && SENTENCES.has(`${word}.text`));
+      }
+    }
+    assert.equal(cardFor(state({ phase: "refused", reason: "offline" })).word, "refused.offline");
+  });
+
+  test("who waits for a robot with a fault reads so, and which place they keep", () => {
+    for (const [reason, word] of [
+      ["fault", "reason.fault"],
+      ["not_connected", "reason.not_connected"],
+    ]) {
+      const card = cardFor(state({ phase: "queued", place: 2, pause: `paused: ${reason}` }));
+      assert.deepEqual([card.word, card.detail.word], ["queued.unfit", word]);
+    }
+    const stopped = cardFor(state({ phase: "queued", place: 2, pause: "paused: estop" }));
+    assert.deepEqual([stopped.word, stopped.values.place], ["queued.estop", 2]);
   });
 
   test("a page that does nothing by itself always offers a way on", () => {

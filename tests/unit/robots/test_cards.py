@@ -181,3 +181,21 @@ def test_an_emergency_stop_is_told_before_what_is_not_reached():
 
 def test_what_an_offline_robot_did_not_reach_is_over():
     assert shown(connection="OFFLINE", report=LOST).state == "offline"
+
+
+def test_a_robot_with_a_fault_is_not_free_and_says_so_and_the_fault_is_not_told_to_visitors():
+    report = {"safety": {"inhibited": "fault"}, "errors": ["rival: another agent runs"]}
+    it = shown(report=report)
+    assert (it.state, it.label, it.drives) == ("stopped", "Not available", False)
+    assert it.detail == "The robot has a fault. You can drive again once it is solved."
+
+
+@pytest.mark.parametrize("source", ["screen:Giraff", "button"])
+def test_a_robot_that_somebody_beside_it_has_stopped_says_so(source):
+    report = {"safety": {"estop": True, "estopSource": source}}
+    assert shown(report=report).detail.startswith("Stopped by someone next to it.")
+
+
+def test_what_keeps_a_robot_from_a_single_command_is_no_standstill():
+    for inhibited in ("collision", "stopped", "no_lease"):
+        assert shown(report={"safety": {"inhibited": inhibited}}).state == "available"

@@ -76,8 +76,15 @@ export const overall = (lines) => {
   return bad.includes("server") ? "bad" : bad.length > 0 ? "slow" : "good";
 };
 
-/** The one thing to tell somebody whose connection does not come about; null when nothing was found. @param {Line[]} lines @returns {Line | null} */
-export const advice = (lines) => lines.find(({ mark }) => mark === "bad") ?? lines.find(({ mark }) => mark === "poor") ?? null;
+/**
+ * The one thing to tell somebody whose connection does not come about; null when nothing was found.
+ * @param {Line[]} lines @param {boolean} [connected] whether the page reaches the server by now: then nothing blocks that, whatever was tried
+ * @returns {Line | null}
+ */
+export const advice = (lines, connected = false) => {
+  const told = connected ? lines.filter(({ word }) => word !== "check.server.blocked") : lines;
+  return told.find(({ mark }) => mark === "bad") ?? told.find(({ mark }) => mark === "poor") ?? null;
+};
 
 /** For the record: the word of each topic, without its prefix. @param {Line[]} lines @param {import("./probe.js").Found} found */
 export const forRecord = (lines, { roundTrip, app }) => ({

@@ -125,7 +125,7 @@ const HANDLERS = {
   },
   screen: (message) => {
     const first = told.screen === null || !link.peer;
-    if (message.session !== told.screen?.session) {
+    if (message.session !== told.screen?.session || message.waiting !== told.screen?.waiting) {
       element("messages").replaceChildren();
       voice.hush();
       receipts.forget();
@@ -255,7 +255,7 @@ const show = () => {
   face.toggleAttribute("data-live", link.live);
   write(element("title"), words.say(`${scene}.title`, { name: shownName, robot }));
   write(element("text"), words.say(`${scene}.text`, { name: shownName }));
-  write(element("initial"), ["visiting", "speaking", "ringing"].includes(scene) ? Array.from(shownName)[0].toUpperCase() : "");
+  write(element("initial"), ["visiting", "speaking", "ringing", "waiting"].includes(scene) ? Array.from(shownName)[0].toUpperCase() : "");
   element("answers").hidden = scene !== "ringing";
   element("name").hidden = scene !== "seen";
   write(element("name-text"), words.say("visiting.title", { name: shownName }));

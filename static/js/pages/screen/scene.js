@@ -12,7 +12,7 @@ const UNCONFIRMED = 2;
 /**
  * @typedef {object} Told
  * @property {boolean} keyed whether the server let this display in; null while unknown
- * @property {{title: string, titles?: Record<string, string>, session: string | null, visitor: string | null, study: boolean} | null} screen
+ * @property {{title: string, titles?: Record<string, string>, session: string | null, visitor: string | null, waiting?: string | null, study: boolean} | null} screen
  * @property {any} state the robot's last one
  * @property {number} heardAt when it came, Unix seconds
  * @property {boolean} online what the server says of the robot
@@ -21,14 +21,14 @@ const UNCONFIRMED = 2;
 
 /**
  * @param {Told} told @param {number} now
- * @returns {{scene: "starting" | "no_key" | "offline" | "idle" | "ringing" | "seen" | "speaking" | "visiting", name: string, study: boolean,
+ * @returns {{scene: "starting" | "no_key" | "offline" | "idle" | "waiting" | "ringing" | "seen" | "speaking" | "visiting", name: string, study: boolean,
  *   sound: number, whole: boolean, canPoint: boolean, canWrite: boolean, canHangUp: boolean, knock: string, watching: number, stopped: "" | "ours" | "other" | "wait" | "unconfirmed"}}
  */
 export const sceneFor = (told, now) => {
   const { screen, state } = told;
   const call = state?.call ?? null;
   const through = call?.status === "accepted";
-  const name = screen?.visitor ?? "";
+  const name = screen?.visitor ?? screen?.waiting ?? "";
   const visited = screen?.visitor != null;
   const scene = sceneOf(told, call, now);
   const shares = Boolean(call?.shares);
@@ -39,7 +39,7 @@ export const sceneFor = (told, now) => {
     sound: visited && through && call.audio ? call.volume : 0,
     whole: shares,
     canPoint: scene === "seen" && shares,
-    canWrite: visited,
+    canWrite: visited || (scene === "waiting" && screen?.waiting != null),
     canHangUp: visited && through && (call.audio || call.video),
     knock: visited && scene !== "offline" && state?.knock?.status === "ringing" ? state.knock.actionId : "",
     watching: scene === "offline" || scene === "no_key" ? 0 : Math.max(0, (state?.viewers ?? 0) - (state?.session ? 1 : 0)),
@@ -66,7 +66,7 @@ const sceneOf = ({ keyed, screen, state, heardAt, online }, call, now) => {
     return "offline";
   }
   if (screen.visitor === null) {
-    return "idle";
+    return screen.waiting === null || screen.waiting === undefined ? "idle" : "waiting";
   }
   if (call?.status === "ringing" || call?.status === "unanswered") {
     return "ringing";

@@ -6,6 +6,7 @@
 import { roleOf } from "../../protocol/session.js";
 import { studyCard } from "../../study/end_cards.js";
 import { reasonFor } from "../../autonomy/reasons.js";
+import { standstillOf } from "./standstill.js";
 
 /**
  * @typedef {object} Card
@@ -82,13 +83,19 @@ const CARDS = {
   driving: (state) => link(state),
   watching: (state) => link(state),
   elsewhere: () => ({ word: "elsewhere", main: TAKE_OVER, other: HOME }),
-  refused: ({ visit }) => ({ word: `refused.${visit.reason}`, main: visit.reason === "offline" || visit.reason === "observers_full" ? BACK : HOME }),
+  refused: ({ visit, ...state }) => ({
+    word: visit.reason === "offline" && isSimulated(state) ? "refused.simulated" : `refused.${visit.reason}`,
+    main: visit.reason === "offline" || visit.reason === "observers_full" ? BACK : HOME,
+  }),
   ended: ({ visit, finding, guest, trip, practising }) => ({
     ...ended(visit.reason, guest),
     detail: BROKEN.has(visit.reason) ? finding : null,
     extra: trip && trip.metres > SHORTEST_TRIP && !practising && visit.reason !== "moved" ? SOUVENIR : undefined,
   }),
 };
+
+/** Whether the page's robot is one to try or practise with: nobody switches it off. @param {Pick<import("../../drive/features.js").State, "practising" | "guest">} state */
+const isSimulated = ({ practising, guest }) => practising || guest;
 
 /** What one may do while one waits. @param {Pick<import("../../drive/features.js").State, "practice" | "notifiable">} state @returns {Partial<Card>} */
 const meanwhile = ({ practice, notifiable }) => {
@@ -117,7 +124,7 @@ const closed = ({ visit, betterBrowser, copied }) => {
 const PAUSES = new Set(["returning", "charging", "paused"]);
 const CHECKS = new Set(["level", "relocalize", "picture", "network"]);
 const LACKS = new Set(["not_docked", "elsewhere", "lost", "charge", "silent"]);
-const UNFIT = new Set(["no_picture", "network"]);
+const UNFIT = new Set(["no_picture", "network", "fault", "not_connected"]);
 
 /** How the robot keeps the queue waiting when nobody drives it. @param {import("../../protocol/session.js").Visit} visit @returns {Card} */
 const queued = ({ place, pause }) => {
@@ -148,7 +155,7 @@ const ended = (reason, guest) => {
 };
 
 /** @param {import("../../drive/features.js").State} state @returns {Card} */
-const lobby = ({ visit, room }) => {
+const lobby = ({ visit, room, robot, ...state }) => {
   const watch = { action: "watch", word: "do.watch" };
   if (visit.socket !== "open") {
     return { word: "connecting", busy: true };
@@ -157,7 +164,7 @@ const lobby = ({ visit, room }) => {
     return { word: "elsewhere", main: TAKE_OVER, other: HOME };
   }
   if (!visit.online) {
-    return { word: "lobby.offline", busy: true, other: HOME };
+    return { word: isSimulated(state) ? "lobby.simulated" : "lobby.offline", busy: true, other: HOME };
   }
   if (!visit.mayDrive) {
     return visit.mayObserve ? { word: "lobby.watch_only", main: watch, other: HOME } : { word: "refused.not_invited", main: HOME };
@@ -167,7 +174,10 @@ const lobby = ({ visit, room }) => {
     const word = room.driver ? "lobby.busy" : "lobby.busy_unnamed";
     return { word, values: { driver: room.driver ?? "", place: room.waiting + 1 }, main: { action: "drive", word: "do.queue" }, other };
   }
-  return { word: "lobby", main: { action: "drive", word: "do.drive" }, other };
+  const standstill = standstillOf(robot);
+  return standstill
+    ? { word: `lobby.${standstill}`, main: { action: "drive", word: "do.queue" }, other }
+    : { word: "lobby", main: { action: "drive", word: "do.drive" }, other };
 };
 
 /**

@@ -5,7 +5,7 @@
 
 import { roleOf } from "../../protocol/session.js";
 import { isAssistFixed } from "../../study/restrictions.js";
-import { offersAssist } from "../../autonomy/assistance.js";
+import { assistIn, offersAssist } from "../../autonomy/assistance.js";
 import { write } from "../../lib/dom.js";
 
 /**
@@ -63,8 +63,7 @@ export const createControls = (element, words, act) => {
     for (const button of assists) {
       const level = (button.dataset.action ?? "").slice("assist-".length);
       button.disabled = state.visit.phase !== "driving";
-      // What the robot reports, not what was pressed: a study may have fixed it.
-      button.setAttribute("aria-pressed", String(level === state.robot?.assist));
+      button.setAttribute("aria-pressed", String(level === assistIn(state)));
       button.toggleAttribute("data-asked", level === state.assistAsked?.level);
     }
   };

@@ -3,6 +3,7 @@
  */
 
 import { roleOf } from "../../protocol/session.js";
+import { standstillOf } from "./standstill.js";
 
 const PLAYING = /** @type {Record<string, string>} */ ({ driving: "status.driving", watching: "status.watching" });
 
@@ -38,5 +39,9 @@ export const statusFor = ({ visit, room, playing, slow, robot }) => {
   if (visit.online && room.driver !== null) {
     return { word: "status.busy", tone: "busy" };
   }
-  return visit.online ? { word: "status.ready", tone: "ok" } : { word: "status.offline", tone: "off" };
+  if (!visit.online) {
+    return { word: "status.offline", tone: "off" };
+  }
+  const standstill = standstillOf(robot);
+  return standstill ? { word: standstill.startsWith("estop") ? "status.stopped" : "status.fault", tone: "danger" } : { word: "status.ready", tone: "ok" };
 };

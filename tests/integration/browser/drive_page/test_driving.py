@@ -342,6 +342,29 @@ async def test_on_every_screen_everything_is_in_reach_and_nothing_covers_the_sto
             }, step
 
 
+STOP_SIZES = """() => {
+    const [page, assist] = ["drive-page", "assist"].map((id) => document.getElementById(id));
+    const sizes = new Set();
+    for (const phase of ["lobby", "taking", "queued", "turn", "driving", "watching", "ended"]) {
+      for (const hidden of [false, true]) {
+        page.dataset.phase = phase;
+        assist.hidden = hidden;
+        sizes.add(document.getElementById("stop").getBoundingClientRect().height);
+      }
+    }
+    return [...sizes];
+}"""
+
+
+@pytest.mark.parametrize("size", [WIDE, UPRIGHT, LOW], ids=["wide", "upright", "low"])
+async def test_the_stop_button_has_one_height_in_every_state(browser, site, size):
+    async with opened(browser, site, size) as page:
+        await page.wait_for_selector("#card-main:visible")
+        sizes = await page.evaluate(STOP_SIZES)
+        assert len(sizes) == 1, sizes
+        assert sizes[0] >= 64, sizes
+
+
 PLACES = """() => [
   "viewport", "video", "map-panel", "speed", "stop", "status", "leave"
 ].map((id) => {

@@ -69,6 +69,14 @@ def seen(robot):
     Robot.objects.filter(pk=robot.pk).update(connection="ONLINE", last_seen_at=timezone.now())
 
 
+def test_the_top_of_its_page_leads_to_what_one_does_with_a_robot(client, robot):
+    text = client.get(address(robot)).content.decode()
+    tools = re.search(r'<ul class="object-tools">.*?</ul>', text, re.DOTALL)[0]
+    for page in ("credentials", "screen", "doors"):
+        assert f'href="{address(robot, page)}"' in tools
+        assert client.get(address(robot, page)).status_code == 200
+
+
 # --- who sees it ----------------------------------------------------------------------------------
 
 

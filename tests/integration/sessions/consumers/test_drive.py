@@ -367,7 +367,8 @@ async def test_a_peer_that_was_overheard_gives_nobody_the_robot(bridge, robot, a
         await thief.say(
             "session/take", protocol.Take(session=granted.session, peer=granted.peer, takeover=True)
         )
-        assert (await thief.expect("session/refused")).reason == "ended"
+        refused = await thief.expect("session/refused")
+        assert (refused.reason, refused.outcome) == ("ended", "")
         await thief.say(
             "command/velocity", words.velocity(session=granted.session, epoch=granted.epoch)
         )
@@ -807,6 +808,18 @@ async def test_an_open_page_is_seen_and_learns_that_its_session_is_over(
             granted.session, "robot_fault", "robot_offline", timezone.now()
         )
         assert (await page.expect("session/ended")).outcome == "robot_fault"
+
+
+async def test_a_page_that_comes_back_too_late_hears_how_its_session_ended(bridge, robot, ada):
+    from sessions.leases import store
+
+    async with Page("giraff", ada) as page:
+        granted = await page.take()
+    await sync_to_async(store.end)(granted.session, "robot_fault", "robot_offline", timezone.now())
+    async with Page("giraff", ada) as page:
+        await page.say("session/take", protocol.Take(session=granted.session, peer=granted.peer))
+        refused = await page.expect("session/refused")
+    assert (refused.reason, refused.outcome) == ("ended", "robot_fault")
 
 
 async def test_a_page_that_closes_while_it_is_about_to_be_seen_is_gone(

@@ -387,3 +387,47 @@ def test_the_queue_is_offered_the_robot_in_order(giraff, ana, ben):
     assert Ended(session=queued.session, outcome="cancelled", reason="turn_not_taken") in tick(
         giraff, link, after(70)
     )
+
+
+STOPPED = {"safety": {"estop": True, "estopSource": "screen:Giraff"}}
+FAULTY = {"safety": {"inhibited": "fault"}}
+LOST = {"safety": {"inhibited": "fault"}, "errors": ["adapter_lost: no answer"]}
+
+
+@pytest.mark.parametrize(
+    ("report", "reason"), [(STOPPED, "estop"), (FAULTY, "fault"), (LOST, "not_connected")]
+)
+def test_nobody_is_called_to_a_robot_that_nobody_can_drive_and_places_are_kept(
+    giraff, ana, ben, report, reason
+):
+    Robot.objects.update(report=report)
+    giraff.refresh_from_db()
+    first = store.take(giraff, ana, "peer-1", now=NOW)
+    second = store.take(giraff, ben, "peer-2", now=after(1))
+    assert [(told.place, told.reason) for told in (first, second)] == [
+        (1, f"paused: {reason}"),
+        (2, f"paused: {reason}"),
+    ]
+    assert tick(giraff, RobotLink(), after(2)) == ()
+    Robot.objects.update(report={"safety": {"estop": False, "inhibited": "no_lease"}})
+    assert [act.session for act in tick(giraff, RobotLink(), after(3))] == [first.session]
+    Robot.objects.update(report=report)  # before the turn was taken
+    tick(giraff, RobotLink(), after(4))
+    again = store.take(giraff, ana, "peer-1", session=first.session, now=after(5))
+    assert (again.place, again.reason) == (1, f"paused: {reason}")
+
+
+def test_who_drives_a_robot_when_it_is_stopped_keeps_it_also_over_a_reload(giraff, ana):
+    granted = store.take(giraff, ana, "peer-1", now=NOW)
+    Robot.objects.update(report=STOPPED)
+    back = store.take(
+        giraff, ana, "peer-2", session=granted.session, old_peer="peer-1", now=after(1)
+    )
+    assert isinstance(back, store.TakeGranted)
+
+
+def test_who_operates_a_stopped_robot_may_take_it_to_release_it(giraff, ana, ben):
+    Robot.objects.update(report=STOPPED, owner=ben)
+    giraff.refresh_from_db()
+    store.take(giraff, ana, "peer-1", now=NOW)
+    assert isinstance(store.take(giraff, ben, "peer-2", now=after(1)), store.TakeGranted)

@@ -9,6 +9,9 @@ NOW = datetime.datetime(2026, 3, 1, 12, 0, tzinfo=datetime.UTC)
 AWAY = {"connection": "OFFLINE", "last_seen_at": NOW - datetime.timedelta(hours=3)}
 LOST = {"errors": ["adapter_lost: no ROS master at http://robot:11311"]}
 
+STOPPED = {"safety": {"estop": True, "estopSource": "screen:Giraff"}}
+FAULT = {"safety": {"inhibited": "fault"}, "errors": ["rival: another agent runs"]}
+
 
 def told(*, driven: bool = False, **changes):
     fields = {
@@ -33,6 +36,14 @@ def told(*, driven: bool = False, **changes):
         (AWAY, "bad", "Offline", "Last seen 3\xa0hours ago. Check that its computer is on"),
         (AWAY | {"credential_hash": ""}, "bad", "Offline", "Create a command below"),
         ({"report": {"safety": {"estop": True}}}, "bad", "Stopped", "Release it at the robot"),
+        ({"report": STOPPED}, "bad", "Stopped", "Stopped by someone next to it. Release"),
+        ({"report": FAULT}, "bad", "Not available", "Has a fault: another agent runs. Nobody"),
+        (
+            {"report": {"safety": {"inhibited": "fault"}}},
+            "bad",
+            "Not available",
+            "Has a fault: it does not say which.",
+        ),
         ({"report": LOST}, "bad", "Not available", "no ROS master at http://robot:11311"),
         ({"held": "lunch"}, "attention", "Not ready", "lunch. Resume them"),
         ({"turnaround": "charging"}, "busy", "Charging", "as soon as it is ready"),

@@ -19,6 +19,7 @@ from sessions.consumers.authorization import (
     ReportFrame,
     ToSfu,
     Verb,
+    Write,
 )
 from tests.support import words
 from tests.support.examples import examples
@@ -751,4 +752,24 @@ def test_twenty_dots_a_second_pass_and_none_of_them_takes_the_room_of_a_stop_or_
     steady = driver()
     assert all(
         isinstance(say(steady, "command/point", DOT, now=n / 15)[0], Publish) for n in range(300)
+    )
+
+
+def test_who_waits_may_write_where_nobody_drives_and_ask_for_nothing_else():
+    waiting = Authorization("peer-3", "Cem", ice_servers=ICE)
+    waiting.wait("session-3")
+    hello = action(m.Say, text="hello")
+    assert say(waiting, "command/action", hello, lease=None) == (Write(hello),)
+    assert say(waiting, "command/action", hello, lease=LEASE) == (
+        DenyFrame("command/action", "not_driver"),
+    )
+    for other in DRIVERS_ACTIONS:
+        if not isinstance(other, m.Say):
+            (effect,) = say(waiting, "command/action", other, lease=None, now=100.0)
+            assert not isinstance(effect, Publish | Write)
+            waiting = Authorization("peer-3", "Cem", ice_servers=ICE)
+            waiting.wait("session-3")
+    guest = Authorization("peer-4", "Dan", ice_servers=ICE)
+    assert say(guest, "command/action", hello, lease=None) == (
+        DenyFrame("command/action", "not_driver"),
     )

@@ -103,6 +103,46 @@ def test_a_robot_that_falls_silent_ends_the_visit_as_robot_fault(world):
     )
 
 
+def begun_anew(world: World, session: str | None = None) -> RobotLink:
+    """What a robot says that has just been started: it knows of no visit yet."""
+    return RobotLink(0.0, world.now, world.now, session, 0, None)
+
+
+def test_a_robot_that_dies_again_and_again_is_not_taken_for_a_visitor_who_is_lost(world):
+    session = drive(world)
+    assert world.tick(begun_anew(world)) == (Move(session, "reconnecting", world.now),)
+    while world.scene.hold.session is not None:
+        world.now += 1.0
+        world.pages_say_they_are_open({"ana"})
+        died_at = world.now - world.now % 10.0  # it comes back every ten seconds, for a moment
+        acts = world.tick(replace(begun_anew(world), last_received_at=died_at, state_at=died_at))
+    assert acts == (Ended(session=session, outcome="robot_fault", reason="robot_offline"),)
+
+
+def test_a_robot_that_falls_silent_while_the_visitor_reconnects_is_the_one_that_is_lost(world):
+    session = drive(world)
+    world.connected.clear()
+    world.tick()
+    pass_time(world, RULES.grace - 5.0)
+    last = replace(world.link, silence=RULES.grace)
+    acts = []
+    while world.hold.session is not None:
+        world.now += 1.0
+        world.pages_say_they_are_open({"ana"})
+        acts += world.tick(last)
+    assert acts == [Ended(session=session, outcome="robot_fault", reason="robot_offline")]
+    assert world.now - last.state_at == ROBOT_SILENCE + 1.0
+
+
+def test_a_robot_that_never_hears_of_the_visit_is_not_the_visitors_network(world):
+    session = world.session_of("ana").id
+    world.now += RULES.start + 1.0
+    world.pages_say_they_are_open({"ana"})
+    assert world.tick(begun_anew(world)) == (
+        Ended(session=session, outcome="robot_fault", reason="robot_offline"),
+    )
+
+
 def test_when_the_robot_is_silent_and_the_page_is_gone_the_visitor_is_the_one_who_is_lost(world):
     session = drive(world)
     world.online, world.offline_since = False, world.now

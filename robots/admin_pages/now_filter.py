@@ -1,0 +1,45 @@
+"""Robots by how they are at this moment, which no field of their rows says: for their list, and for
+the numbers of the administration's first page that lead there.
+"""
+
+from typing import Any
+
+from django.contrib import admin
+from django.http import HttpRequest
+from django.utils import timezone
+from django.utils.translation import gettext_lazy as _
+
+from robots.presence import has_problem
+
+
+class NowFilter(admin.SimpleListFilter):
+    """Robots that are online, are in use, or have a problem now."""
+
+    title = _("now")
+    parameter_name = "now"
+
+    def lookups(self, _request: HttpRequest, _model_admin: Any) -> list[tuple[str, Any]]:
+        """Return what there is to choose."""
+        return [
+            ("online", _("online")),
+            ("in_use", _("in use")),
+            ("problem", _("with a problem")),
+        ]
+
+    def queryset(self, _request: HttpRequest, queryset: Any) -> Any:
+        """Return those robots; a few hundred at most, which are judged one by one."""
+        now, chosen = timezone.now(), self.value()
+        if chosen == "in_use":
+            return queryset.filter(lease__session__isnull=False)
+        if chosen not in {"online", "problem"}:
+            return queryset
+        rows = queryset.select_related(None).only(
+            "enabled", "connection", "last_seen_at", "turnaround", "report"
+        )
+        return queryset.filter(
+            pk__in=[
+                robot.pk
+                for robot in rows
+                if (robot.is_online(now) if chosen == "online" else has_problem(robot, now))
+            ]
+        )

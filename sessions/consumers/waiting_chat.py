@@ -1,0 +1,57 @@
+"""What whoever waits at a stopped robot and the people beside it write to each other.
+
+A robot carries the words of whoever has it, and one whose emergency stop is on is given to nobody.
+So the server's own processes carry these, through the channel layer; nothing of it is recorded.
+Only for the first in the queue, who could drive as soon as the stop is released, and not in a
+study, whose terms decide what a participant may do.
+"""
+
+import datetime
+import time
+
+from robots.api.codec import encode_frame
+from robots.api.messages import Say, Words
+from robots.bridge.known import KnownRobot
+from sessions import page_channel
+from sessions.leases import terms
+from sessions.leases.policy import PAGE_GONE_SECONDS
+from sessions.models import Session
+
+
+def is_open(known: KnownRobot, now: float) -> bool:
+    """Tell whether a robot is stopped and nobody has it; `now` is monotonic seconds."""
+    stopped = known.state is not None and known.state.safety.estop
+    return stopped and known.lease_at(now) is None
+
+
+def first_waiting(robot: str, now: datetime.datetime) -> tuple[str, str] | None:
+    """Return the session and the shown name of the first in a robot's queue whose page is there;
+    None when nobody waits, or a participant of a study.
+    """
+    seen_since = now - datetime.timedelta(seconds=PAGE_GONE_SECONDS)
+    row = (
+        Session.objects.filter(
+            robot__name=robot, state=Session.State.WAITING, seen_at__gte=seen_since
+        )
+        .select_related("visitor", "robot")
+        .defer("device", "summary")
+        .order_by("queued_at")
+        .first()
+    )
+    if row is None or terms.claims(row.visitor, row.robot):
+        return None
+    return str(row.pk), row.visitor.shown_name
+
+
+async def write(robot: str, session: str, action: Say, *, by: str, who: str) -> None:
+    """Bring words to both sides: to the page of the session and to the robot's displays."""
+    words = Words(
+        stamp=time.time(),
+        action_id=action.action_id,
+        session=session,
+        by=by,  # type: ignore[arg-type]
+        who=who,
+        text=action.text,
+        language=action.language,
+    )
+    await page_channel.send_words(robot, session, encode_frame("words", words))
