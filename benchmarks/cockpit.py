@@ -25,7 +25,7 @@ import django
 from playwright.async_api import Browser, CDPSession, Page, async_playwright
 
 from benchmarks.table import Figure, keep
-from telepresence_site.web.module_graph import modules_of
+from telepresence_site.web.module_graph import later_modules_of, modules_of
 
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "tests.settings")
 
@@ -71,7 +71,11 @@ def script_bytes() -> int:
     """
     return sum(
         len(gzip.compress((ROOT / "static" / name).read_bytes()))
-        for name in [*modules_of("js/drive/page.js"), "js/drive/load_retry.js"]
+        for name in [
+            *modules_of("js/drive/page.js"),
+            *later_modules_of("js/drive/features.js", "js/drive/page.js"),
+            "js/drive/load_retry.js",
+        ]
     )
 
 

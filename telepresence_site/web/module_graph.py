@@ -1,7 +1,7 @@
 """Which JavaScript modules a page needs: the imports of its entry, and of what that imports.
 
 Only static imports count. What is imported when it is needed (`import("./panel.js")`) is not
-needed at once.
+needed at once; `later_modules_of` has what one module imports so.
 """
 
 import re
@@ -11,17 +11,31 @@ from posixpath import dirname, join, normpath
 from django.conf import settings
 
 IMPORT = re.compile(r"""^(?:import|export)\b[^"';]*"(\.[^"]+)";""", re.MULTILINE)
+LATER = re.compile(r"""import\("(\.[^"]+)"\)\)""")  # and no `import("./x.js").Type` of a comment
 
 
 def imports_of(name: str) -> list[str]:
     """Return what a module imports; all names are paths under static/, such as `js/lib/ids.js`."""
+    return _targets(IMPORT, name)
+
+
+def _targets(pattern: re.Pattern[str], name: str) -> list[str]:
     source = (settings.BASE_DIR / "static" / name).read_text()
-    return [normpath(join(dirname(name), target)) for target in IMPORT.findall(source)]
+    return [normpath(join(dirname(name), target)) for target in pattern.findall(source)]
 
 
 def modules_of(entry: str) -> tuple[str, ...]:
     """Return an entry and all that it imports, in the order in which a browser finds them."""
     return _walk(entry) if settings.DEBUG else _kept(entry)
+
+
+def later_modules_of(importer: str, beside: str) -> tuple[str, ...]:
+    """Return what a module imports while it runs, and all that this needs, but for what is there by
+    an entry, `beside`.
+    """
+    there = set(modules_of(beside))
+    found = dict.fromkeys(name for entry in _targets(LATER, importer) for name in modules_of(entry))
+    return tuple(name for name in found if name not in there)
 
 
 def _walk(entry: str) -> tuple[str, ...]:

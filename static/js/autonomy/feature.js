@@ -19,25 +19,6 @@ import { ask, heard, isUnderWay, pass, wishOf } from "./robot_action.js";
 const ASSIST_PATIENCE = 3; // s until a level of assistance that does not come into force counts as refused
 const PUSH_PERIOD = 0.5; // s between two notes that the visitor presses forward
 
-const newSlice = () => ({
-  /** what the robot does by itself, or has just done: robot_action.js; null when it does nothing */
-  task: /** @type {import("./robot_action.js").RobotAction | null} */ (null),
-  /** a point being chosen on the map, to go to or to say where the robot is; x is null before the first press */
-  aim: /** @type {{kind: "goal" | "pose", x: number | null, y: number | null, theta: number | null} | null} */ (null),
-  /** whether this person has used a point of the map before */
-  hasAimed: false,
-  /** whether the menu of places is open */
-  placesOpen: false,
-  /** whether laser points are drawn; null leaves it to the level of assistance */
-  laser: /** @type {boolean | null} */ (null),
-  /** why the robot does not do quite what its driver asks: assistance.js */
-  help: NO_HELP,
-  /** the level of assistance that the robot last reported for a visit, null before it did */
-  assistKnown: /** @type {{session: string, level: string} | null} */ (null),
-  /** the level of assistance that was asked for and is not yet in force, and when; null when there is none */
-  assistAsked: /** @type {{level: string, at: number} | null} */ (null),
-});
-
 /** Millimetres and milliradians are enough. @param {number} value */
 const round = (value) => Math.round(value * 1000) / 1000;
 
@@ -226,4 +207,4 @@ const newListeners = ({ store }) => ({
 });
 
 /** @type {import("../drive/registry.js").Feature} */
-export const autonomy = { name: "autonomy", state: newSlice, setUp };
+export const autonomy = { name: "autonomy", setUp };

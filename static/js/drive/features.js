@@ -3,24 +3,36 @@
  * of drive/ where the page could not live without it; see registry.js.
  */
 
-import { autonomy } from "../autonomy/feature.js";
+import { newSlice as newAutonomy } from "../autonomy/state.js";
 import { driving } from "../input/feature.js";
-import { presence } from "../presence/feature.js";
-import { study } from "../study/feature.js";
-import { display } from "../view/display/feature.js";
+import { newSlice as newPresence } from "../presence/state.js";
+import { newSlice as newStudy } from "../study/state.js";
+import { newSlice as newDisplay } from "../view/display/state.js";
 import { hud } from "../view/hud/feature.js";
-import { map } from "../view/map/feature.js";
-import { overlay } from "../view/overlay/feature.js";
-import { technical } from "../view/technical/feature.js";
+import { newSlice as newMap } from "../view/map/state.js";
+import { newSlice as newOverlay } from "../view/overlay/state.js";
 import { video } from "../view/video/feature.js";
 import { waiting } from "../waiting/feature.js";
 import { connection } from "./connection.js";
 import { session } from "./session.js";
 
-/** @type {import("./registry.js").Feature[]} */
-export const FEATURES = [connection, session, video, driving, map, overlay, autonomy, hud, study, presence, display, technical, waiting];
+/** What the first frame, steering and stopping need; the page connects once these are there. @type {import("./registry.js").Feature[]} */
+export const FIRST = [connection, session, video, driving, waiting, hud];
+
+/** What comes after that, one at a time. Its slices are there from the beginning. @type {(() => Promise<import("./registry.js").Feature>)[]} */
+export const LATER = [
+  async () => (await import("../view/map/feature.js")).map,
+  async () => (await import("../view/overlay/feature.js")).overlay,
+  async () => (await import("../autonomy/feature.js")).autonomy,
+  async () => (await import("../study/feature.js")).study,
+  async () => (await import("../presence/feature.js")).presence,
+  async () => (await import("../view/display/feature.js")).display,
+  async () => (await import("../view/technical/feature.js")).technical,
+];
+
+export const SLICES = [...FIRST.map(({ state }) => state ?? (() => ({}))), newMap, newOverlay, newAutonomy, newStudy, newPresence, newDisplay];
 
 /** Everything that the page shows: the slices of all features. Render functions read it and change nothing. */
-export const newState = () => /** @type {State} */ (Object.assign({}, ...FEATURES.map(({ state }) => state?.() ?? {})));
+export const newState = () => /** @type {State} */ (Object.assign({}, ...SLICES.map((newSlice) => newSlice())));
 
 /** @typedef {any} State */

@@ -31,6 +31,7 @@
   const giveUp = () => {
     keep(0);
     show(true);
+    document.getElementById("card")?.setAttribute("hidden", "");
     document.getElementById("load-failed")?.removeAttribute("hidden");
     document.getElementById("load-failed-reload")?.addEventListener("click", () => location.reload());
     addEventListener("online", () => location.reload());

@@ -1,17 +1,20 @@
 /**
  * The drive page: registers its features and begins. What to do is decided in pure modules; each feature carries their decisions to the
- * browser.
+ * browser. The page is there before this script is (templates/sessions/drive.html), and connects before all of it is.
  */
 
 import { KeyDispatcher } from "../input/key_dispatcher.js";
 import { Keymap } from "../input/keymap.js";
 import { isSupported } from "../protocol/link.js";
 import { readWords } from "../lib/words.js";
-import { FEATURES, newState } from "./features.js";
+import { FIRST, LATER, newState } from "./features.js";
 import { Registry } from "./registry.js";
 import { createScheduler } from "./scheduler.js";
 import { recall, recallKeys } from "./storage.js";
 import { createStore } from "./store.js";
+
+const AGAIN = 2000; // ms until a feature that did not arrive is fetched again
+const FRAME = 100; // ms that a break takes at most: a page out of sight draws no frames
 
 const element = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
 const config = JSON.parse(element("config").textContent ?? "{}");
@@ -48,12 +51,43 @@ const page = {
   begin: () => begin(),
 };
 
-for (const feature of FEATURES) {
+/** @param {import("./registry.js").Feature} feature */
+const setUp = (feature) => {
   const parts = feature.setUp(page);
   page[feature.name] = parts.api;
-  registry.add(parts);
   page.keys.addCommands(parts.keys ?? {});
-}
+  registry.add(parts);
+};
+
+/** The browser paints, and hears its visitor. */
+const pause = () =>
+  new Promise((done) => {
+    requestAnimationFrame(() => setTimeout(done));
+    setTimeout(done, FRAME);
+  });
+
+/** The network may be away just now. @param {typeof LATER[number]} fetch @returns {ReturnType<typeof fetch>} */
+const fetched = (fetch) =>
+  fetch().catch((error) => {
+    if (!(error instanceof TypeError)) {
+      throw error;
+    }
+    return new Promise((again) => setTimeout(again, AGAIN)).then(() => fetched(fetch));
+  });
+
+const setUpLater = async () => {
+  await pause();
+  document.head.append(/** @type {HTMLTemplateElement} */ (element("later")).content);
+  for (const fetch of LATER) {
+    setUp(await fetched(fetch));
+    store.update({});
+    await pause();
+  }
+  registry.complete();
+  performance.mark("drive:complete");
+};
+
+FIRST.forEach(setUp);
 keymap.writeHints(document);
 store.subscribe((state) => registry.render(state));
 
@@ -83,3 +117,4 @@ if (isSupported()) {
 } else {
   page.waiting.lazyPanels(({ explain }) => explain());
 }
+void setUpLater();

@@ -1,12 +1,16 @@
 /**
  * What the features of the drive page bring: handlers for messages, actions for buttons, keys, a render function and listeners for what
- * happens on the page. page.js registers them; nothing else knows which there are.
+ * happens on the page. page.js registers them; nothing else knows which there are. One that comes later than the first hears of what it
+ * missed.
  */
+
+/** What comes again by itself before anybody misses it. */
+const PASSING = new Set(["tick", "poll", "second", "frameShown", "newRobotState", "state", "pose", "scan", "heartbeat", "media", "picture"]);
 
 /**
  * @typedef {object} Feature one part of the drive page
  * @property {string} name under which the others find what it offers: `page[name]`
- * @property {() => object} [state] its slice of the store
+ * @property {() => object} [state] its slice of the store; of one that comes later features.js has it
  * @property {(page: Page) => Parts} setUp
  *
  * @typedef {object} Parts all of them may be left out
@@ -30,10 +34,25 @@ export class Registry {
     this.renders = [];
     /** @type {Map<string, ((...values: any[]) => void)[]>} */
     this.listeners = new Map();
+    /** @type {["handle" | "emit", any[]][] | null} what has happened, for features that are still to come; null once all are there */
+    this.past = [];
   }
 
   /** @param {Parts} parts */
-  add({ handlers = {}, actions = {}, render, on = {} }) {
+  add(parts) {
+    this.#take(parts);
+    const late = new Registry();
+    late.#take(parts);
+    [...(this.past ?? [])].forEach(([what, values]) => /** @type {any} */ (late)[what](...values));
+  }
+
+  /** All features are there: nothing need be kept for another. */
+  complete() {
+    this.past = null;
+  }
+
+  /** @param {Parts} parts */
+  #take({ handlers = {}, actions = {}, render, on = {} }) {
     Object.entries(handlers).forEach(([suffix, handler]) => append(this.handlers, suffix, handler));
     Object.entries(on).forEach(([name, listener]) => append(this.listeners, name, listener));
     Object.entries(actions).forEach(([name, action]) => this.actions.set(name, action));
@@ -44,6 +63,7 @@ export class Registry {
 
   /** @param {string} suffix @param {any} message @param {any} transport @returns {boolean} whether a feature takes such messages */
   handle(suffix, message, transport) {
+    this.#keep("handle", [suffix, message, transport]);
     const handlers = this.handlers.get(suffix);
     handlers?.forEach((handler) => handler(message, transport));
     return handlers !== undefined;
@@ -59,7 +79,15 @@ export class Registry {
 
   /** @param {string} name @param {any[]} values */
   emit(name, ...values) {
+    this.#keep("emit", [name, ...values]);
     this.listeners.get(name)?.forEach((listener) => listener(...values));
+  }
+
+  /** @param {"handle" | "emit"} what @param {[string, ...any[]]} values */
+  #keep(what, values) {
+    if (!PASSING.has(values[0])) {
+      this.past?.push([what, values]);
+    }
   }
 
   /** @param {any} state */

@@ -93,7 +93,7 @@ const newControl = (page) => {
     /** @param {any} lease null when it is over */
     take: (lease) => {
       if (!lease) {
-        store.update({ began: null, trip: tripOf(store.get(), driven, page.map.trail.pieces) });
+        store.update({ began: null, trip: tripOf(store.get(), driven, page.map?.trail.pieces ?? []) });
         emit("released");
         return;
       }

@@ -50,6 +50,9 @@ export class Steering {
   add(controller) {
     this.known.push(controller);
     this.allow(this.allowed);
+    if (this.enabled && this.controllers.includes(controller)) {
+      controller.enable();
+    }
   }
 
   /** @param {string[] | null} methods those that may steer, null for all */

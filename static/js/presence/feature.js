@@ -9,25 +9,11 @@ import { unixNow } from "../lib/clock.js";
 import { lazy } from "../lib/lazy.js";
 import { roleOf } from "../protocol/session.js";
 import { mayAsk } from "../study/restrictions.js";
-import { callOf, newOwn } from "./call.js";
+import { callOf } from "./call.js";
 import { CallMedia } from "./call_media.js";
 import { createCallView } from "./call_view.js";
 import { createHead } from "./head.js";
 import { createMessages } from "./messages.js";
-
-const newSlice = () => ({
-  /** what the visitor sends to the robot: call.js */
-  own: newOwn(),
-  /** the panel that is open */
-  panel: /** @type {"" | "talk" | "volumes"} */ (""),
-  /** whether the field of the talk panel is open, which takes the keys */
-  writing: false,
-  /** messages from the robot's side that have not been shown */
-  unread: 0,
-  /** the photo that the visitor takes for themselves, and its address once it is there */
-  keptPhoto: /** @type {import("../autonomy/robot_action.js").RobotAction | null} */ (null),
-  keptPhotoUrl: "",
-});
 
 /** @param {import("../drive/registry.js").Page} page */
 const setUp = (page) => {
@@ -134,4 +120,4 @@ const setUpButtons = ({ element, keys }, clicks) => {
 };
 
 /** @type {import("../drive/registry.js").Feature} */
-export const presence = { name: "presence", state: newSlice, setUp };
+export const presence = { name: "presence", setUp };

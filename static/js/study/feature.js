@@ -14,19 +14,6 @@ import { createRecorder } from "./recorder.js";
 
 const AGAIN = 2000; // ms until a part of the page that did not arrive is fetched again
 
-const newSlice = () => ({
-  /** what the page was told about the study that the drive belongs to: experiments/participation/drive_config.py; null without one */
-  study: /** @type {any} */ (null),
-  /** how far the task of the study is, as the session manager last said: guide.js */
-  told: /** @type {import("./guide.js").Told | null} */ (null),
-  /** the photo that the robot has been asked for, until it can be judged */
-  snap: /** @type {import("../autonomy/robot_action.js").RobotAction | null} */ (null),
-  /** what the visitor chose in the photo's window, until that has been understood: photo.js */
-  answer: /** @type {import("./photo.js").Answer | null} */ (null),
-  /** when the drive of a study ended, Unix seconds; null before */
-  endedAt: /** @type {number | null} */ (null),
-});
-
 /** @param {import("../drive/registry.js").Page} page */
 const setUp = (page) => {
   const { store, config, connection } = page;
@@ -163,4 +150,4 @@ const watchEnd = (store, actions, now) => {
 };
 
 /** @type {import("../drive/registry.js").Feature} */
-export const study = { name: "study", state: newSlice, setUp };
+export const study = { name: "study", setUp };

@@ -19,6 +19,16 @@ IMPORTED = re.compile(r"(?:from|import)\s*\(?\s*[\"'](\.[^\"']+)[\"']")
 HASH = re.compile(r"\.[0-9a-f]{12}(?=\.js)")
 STATIC_IMPORT = re.compile(r"^(?:import|export)[^()]*?\bfrom \"([^\"]+)\";$", re.MULTILINE)
 LARGEST = 152_000  # bytes of script that the drive page is sent
+FIRST = 90_000  # and of it what it needs to connect
+LATER = {
+    "view/map",
+    "view/overlay",
+    "autonomy",
+    "study",
+    "presence",
+    "view/display",
+    "view/technical",
+}
 pytestmark = pytest.mark.long
 
 
@@ -117,13 +127,30 @@ def test_a_page_preloads_all_modules_but_those_fetched_when_needed_and_no_others
     )
 
 
-def test_the_drive_pages_script_stays_small(collected):
+def test_the_drive_page_lists_what_it_fetches_later_and_nothing_that_it_has(collected):
+    tag = '{% modulepreload_later "js/drive/features.js" beside="js/drive/page.js" %}'
+    assert tag in (ROOT / "templates/sessions/drive.html").read_text()
+    links = Template("{% load modules %}" + tag).render(Context())
+    listed = re.findall(r'href="/static/([^"]+)"', HASH.sub("", links))
+    assert {f"js/{name}/feature.js" for name in LATER} == {
+        name for name in listed if name.endswith("/feature.js")
+    }
+    first = module_graph.modules_of("js/drive/page.js")
+    assert not set(listed) & set(first)
+    needed = {name for one in listed for name in module_graph.modules_of(one)}
+    assert needed <= {*first, *listed}
+
+
+def test_the_drive_pages_script_stays_small_and_little_of_it_is_needed_to_connect(collected):
     modules = modules_of(collected)
-    size = sum(
-        len(gzip.compress(modules[name].read_bytes()))
-        for name in [*module_graph.modules_of("js/drive/page.js"), "js/drive/load_retry.js"]
-    )
-    assert LARGEST / 2 < size < LARGEST, f"{size} bytes"
+
+    def size(*names: str) -> int:
+        return sum(len(gzip.compress(modules[name].read_bytes())) for name in names)
+
+    first = size(*module_graph.modules_of("js/drive/page.js"), "js/drive/load_retry.js")
+    later = size(*module_graph.later_modules_of("js/drive/features.js", "js/drive/page.js"))
+    assert FIRST / 2 < first < FIRST, f"{first} bytes"
+    assert LARGEST / 2 < first + later < LARGEST, f"{first + later} bytes"
 
 
 def test_no_style_sheet_points_at_a_file_that_is_not_there(collected):

@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { describe, test } from "node:test";
 
-import { FEATURES, newState } from "../../../static/js/drive/features.js";
+import { FIRST, LATER, SLICES, newState } from "../../../static/js/drive/features.js";
 import { Registry } from "../../../static/js/drive/registry.js";
 
 describe("the registry", () => {
@@ -41,14 +41,49 @@ describe("the registry", () => {
   });
 });
 
-describe("the features", () => {
+describe("a feature that comes later than the first", () => {
+  const late = (registry) => {
+    const log = [];
+    registry.add({
+      handlers: { path: (message) => log.push(message), pose: () => log.push("pose") },
+      on: { granted: (lease) => log.push(lease), tick: () => log.push("tick") },
+      render: () => log.push("render"),
+    });
+    return log;
+  };
+
+  test("hears once, in order, what it missed, but for what comes again by itself", () => {
+    const [registry, first] = [new Registry(), []];
+    registry.add({ handlers: { path: () => first.push("path") } });
+    registry.emit("granted", "lease");
+    registry.emit("tick", 1);
+    registry.handle("path", "points", "mqtt");
+    registry.handle("pose", {}, "mqtt");
+    assert.deepEqual(late(registry), ["lease", "points"]);
+    assert.deepEqual(first, ["path"]);
+  });
+
+  test("hears from then on what happens, and nothing of before once all features are there", () => {
+    const registry = new Registry();
+    const log = late(registry);
+    registry.emit("granted", "lease");
+    registry.complete();
+    registry.handle("pose", {}, "mqtt");
+    assert.deepEqual(log, ["lease", "pose"]);
+    assert.deepEqual(late(registry), []);
+  });
+});
+
+describe("the features", async () => {
+  const all = [...FIRST, ...(await Promise.all(LATER.map((fetch) => fetch())))];
+
   test("have names of their own", () => {
-    const names = FEATURES.map(({ name }) => name);
+    const names = all.map(({ name }) => name);
     assert.equal(new Set(names).size, names.length);
   });
 
   test("keep what they show in slices that do not overlap", () => {
-    const fields = FEATURES.flatMap(({ state }) => Object.keys(state?.() ?? {}));
+    const fields = SLICES.flatMap((newSlice) => Object.keys(newSlice()));
     assert.deepEqual([...new Set(fields)].sort(), [...fields].sort());
     assert.deepEqual(Object.keys(newState()).sort(), [...fields].sort());
   });

@@ -8,13 +8,6 @@ import { createFullScreen } from "./full_screen.js";
 import { beginningOf, fixedProfile, nameOf } from "./profiles.js";
 import { createWakeLock } from "./wake_lock.js";
 
-const newSlice = () => ({
-  /** the profile that the visitor chose, null as long as it is not: profiles.js */
-  profile: /** @type {string | null} */ (null),
-  /** the profile that is offered first, null for none: sessions/interfaces.py */
-  suggested: /** @type {string | null} */ (null),
-});
-
 /** @param {import("../../drive/registry.js").Page} page */
 const setUp = (page) => {
   const { store, config } = page;
@@ -95,4 +88,4 @@ const createFullScreenButton = ({ element, words, store, connection, driving }) 
 };
 
 /** @type {import("../../drive/registry.js").Feature} */
-export const display = { name: "display", state: newSlice, setUp };
+export const display = { name: "display", setUp };

@@ -13,19 +13,6 @@ const TOOLS = 48; // CSS pixels that the buttons at the map's upper edge take
 /** CSS pixels that the buttons take of a map: none where they stand beside it. @param {HTMLCanvasElement} canvas */
 const toolsOver = (canvas) => (canvas.clientWidth < (canvas.parentElement?.clientWidth ?? 0) - TOOLS ? 0 : TOOLS);
 
-const newSlice = () => ({
-  /** whether the map is open; on small screens it can be put away */
-  mapOpen: true,
-  /** whether the map stands in its own place, in that of the video, or as large as can be */
-  mapSize: /** @type {"small" | "swapped" | "large"} */ ("small"),
-  /** whether the robot stays in the middle of the map */
-  mapFollows: false,
-  /** whether the map is turned so that the robot looks up */
-  mapTurns: false,
-  /** the plan of the place, null without one; robots.api.floorplan.FloorPlan */
-  plan: /** @type {any} */ (null),
-});
-
 /** @param {import("../../drive/registry.js").Page} page */
 const setUp = (page) => {
   const { store, element } = page;
@@ -40,8 +27,8 @@ const setUp = (page) => {
       map.pan(dx, dy);
       showSettings(store, map);
     },
-    mayAim: () => page.autonomy.mayAim(),
-    forgetAim: () => page.autonomy.forgetAim(),
+    mayAim: () => page.autonomy?.mayAim() ?? false,
+    forgetAim: () => page.autonomy?.forgetAim(),
   });
   load(page, map);
 
@@ -124,4 +111,4 @@ const newActions = (store, map) => {
 };
 
 /** @type {import("../../drive/registry.js").Feature} */
-export const map = { name: "map", state: newSlice, setUp };
+export const map = { name: "map", setUp };

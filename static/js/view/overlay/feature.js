@@ -14,21 +14,6 @@ import { Track } from "./transforms.js";
 const SCAN_SECONDS = 1; // an older sweep says nothing of the present
 const MOVING = 0.01; // m/s or rad/s
 
-/** @typedef {{goal: [number, number], at: import("./transforms.js").Place}} Refusal a point that was pressed, and where the robot would touch what is in the way */
-
-const newSlice = () => ({
-  /** when the visitor last pressed forward, Unix seconds */
-  pushedAt: -Infinity,
-  /** since when the visitor presses something that ought to move the robot, null while nothing is pressed */
-  pressing: /** @type {{since: number} | null} */ (null),
-  /** why it does not move although the visitor presses: view/hud/stuck.js */
-  stuck: /** @type {import("../hud/stuck.js").Why | null} */ (null),
-  /** an answer to what the visitor has just tried, its word and when */
-  said: /** @type {{word: string, at: number, refused?: Refusal | null} | null} */ (null),
-  /** what the page drives by itself for who pressed once: to a goal, a turn, or back out of the dock */
-  maneuver: /** @type {import("../../input/maneuver.js").Kind | null} */ (null),
-});
-
 /** What is known of the robot's surroundings, for all parts of the overlay. */
 export class Surroundings {
   constructor() {
@@ -140,4 +125,4 @@ const newGamepads = ({ driving, connection }, press) => {
 };
 
 /** @type {import("../../drive/registry.js").Feature} */
-export const overlay = { name: "overlay", state: newSlice, setUp };
+export const overlay = { name: "overlay", setUp };

@@ -45,7 +45,7 @@ export class FloorPress {
     this.#watchHand();
   }
 
-  /** @param {string} word @param {import("./feature.js").Refusal | null} [refused] the point that the robot cannot drive straight to */
+  /** @param {string} word @param {import("./state.js").Refusal | null} [refused] the point that the robot cannot drive straight to */
   say(word, refused = null) {
     this.store.update({ said: { word, at: unixNow(), refused }, now: unixNow() });
   }

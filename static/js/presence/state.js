@@ -1,0 +1,17 @@
+/** The slice of the page's state about being there. */
+
+import { newOwn } from "./call.js";
+
+export const newSlice = () => ({
+  /** what the visitor sends to the robot: call.js */
+  own: newOwn(),
+  /** the panel that is open */
+  panel: /** @type {"" | "talk" | "volumes"} */ (""),
+  /** whether the field of the talk panel is open, which takes the keys */
+  writing: false,
+  /** messages from the robot's side that have not been shown */
+  unread: 0,
+  /** the photo that the visitor takes for themselves, and its address once it is there */
+  keptPhoto: /** @type {import("../autonomy/robot_action.js").RobotAction | null} */ (null),
+  keptPhotoUrl: "",
+});

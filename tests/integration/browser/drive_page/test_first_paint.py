@@ -1,0 +1,119 @@
+"""The drive page is there before its script, which takes it over without moving anything, and is
+driven before all of its script is there.
+"""
+
+import asyncio
+import re
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+import pytest
+from playwright.async_api import Browser, Page, Route
+
+from tests.support.drive_page import LOW, UPRIGHT, WIDE, driving, hold, moves
+from tests.support.fake_robot_page import FakeRobotPage
+from tests.support.patience import patient
+
+pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
+MODULES = re.compile(r"/static/js/(?!drive/load_retry)")
+LATER = re.compile(r"/static/js/(view/(map|overlay|display)|autonomy|study|presence)/feature\.")
+# A server that has not answered yet: the page stays at its first card.
+NO_ANSWER = "window.WebSocket = class extends EventTarget { readyState = 0; close() {} };"
+WATCH = """window.moved = [];
+new PerformanceObserver((list) => {
+  for (const { sources } of list.getEntries()) {
+    moved.push(...sources.map(({ node }) => node?.id || node?.className || node?.nodeName));
+  }
+}).observe({ type: "layout-shift", buffered: true });"""
+BOXES = """() => [...document.querySelectorAll("#drive-page, #drive-page *")]
+  .filter((one) => one.checkVisibility())
+  .map((one) => [one.id || one.getAttribute("class") || one.nodeName, one.getBoundingClientRect()])
+  .map(([name, { x, y, width, height }]) => [name, ...[x, y, width, height].map(Math.round)])"""
+PAINTED = "performance.getEntriesByName('first-contentful-paint').length > 0"
+COMPLETE = "performance.getEntriesByName('drive:complete').length > 0"
+
+
+async def comes(page: Page, expression: str) -> None:
+    """Wait until an expression is true; the page's policy refuses Playwright's own way."""
+    deadline = time.monotonic() + patient(20)
+    while not await page.evaluate(expression):
+        assert time.monotonic() < deadline, f"never: {expression}"
+        await asyncio.sleep(0.05)
+
+
+class Held:
+    """Requests that wait until they are let go."""
+
+    def __init__(self) -> None:
+        self.let_go = asyncio.Event()
+
+    async def __call__(self, route: Route) -> None:
+        await self.let_go.wait()
+        await route.continue_()
+
+
+@asynccontextmanager
+async def without(
+    modules: re.Pattern[str],
+    browser: Browser,
+    site: FakeRobotPage,
+    size: tuple[int, int] = WIDE,
+    script: str = "",
+) -> AsyncIterator[tuple[Page, Held]]:
+    """Open the page while some of its modules are held up."""
+    touch = size != WIDE
+    context = await browser.new_context(
+        viewport={"width": size[0], "height": size[1]},
+        has_touch=touch,
+        is_mobile=touch,
+        reduced_motion="reduce",  # what turns has another box each time
+    )
+    page = await context.new_page()
+    page.set_default_timeout(patient(20) * 1000)
+    await page.add_init_script(WATCH + script)
+    held = Held()
+    await page.route(modules, held)
+    await page.goto(site.url + "?go=1", wait_until="commit")
+    try:
+        yield page, held
+    finally:
+        held.let_go.set()
+        await context.close()
+
+
+@pytest.mark.parametrize("size", [WIDE, UPRIGHT, LOW])
+async def test_the_page_is_painted_before_its_script_is_there_which_then_moves_nothing(
+    browser, site, size
+):
+    async with without(MODULES, browser, site, size, NO_ANSWER) as (page, held):
+        await comes(page, PAINTED)
+        assert await page.inner_text("#card-title") == "Connecting…"
+        assert await page.is_visible("#card .card__spinner")
+        assert await page.is_visible("#status")
+        drawn = await page.evaluate(BOXES)
+        held.let_go.set()
+        await comes(page, COMPLETE)
+        assert await page.evaluate(BOXES) == drawn
+        assert await page.evaluate("moved") == []
+
+
+async def test_the_robot_is_driven_while_the_rest_of_the_page_is_on_its_way(browser, site):
+    async with without(LATER, browser, site) as (page, held):
+        await driving(page)
+        await hold(page, "ArrowLeft", lambda: moves(site))
+        await page.keyboard.up("ArrowLeft")
+        assert await page.text_content("#map-state") == ""
+        assert not await page.evaluate(COMPLETE)
+        held.let_go.set()
+        await comes(page, "document.getElementById('map-state').textContent !== ''")
+        await comes(page, COMPLETE)
+
+
+async def test_without_javascript_the_page_says_that_it_needs_it(chromium, site):
+    context = await chromium.new_context(java_script_enabled=False)
+    page = await context.new_page()
+    await page.goto(site.url)
+    assert await page.locator("noscript h2").inner_text() == "This page needs JavaScript"
+    assert await page.is_visible("noscript h2")
+    assert await page.is_hidden("#card")
