@@ -57,10 +57,11 @@ def send_notice(robot: str, notice: protocol.Notice) -> bool:
 
 
 def _send(group: str, event: Event) -> bool:
-    return async_to_sync(_asend)(group, event)
+    return async_to_sync(tell)(group, event)
 
 
-async def _asend(group: str, event: Event) -> bool:
+async def tell(group: str, event: Event) -> bool:
+    """Send an event to a group; False when the layer is away."""
     try:
         async with asyncio.timeout(PATIENCE_SECONDS):
             await _layer().group_send(group, event)
@@ -107,7 +108,7 @@ async def is_well() -> bool:
     try:
         async with asyncio.timeout(PATIENCE_SECONDS):
             while not arrived.is_set():  # until the listener is there
-                if not await _asend(group, {"type": CHECK}):
+                if not await tell(group, {"type": CHECK}):
                     return False
                 await asyncio.sleep(0.01)
     except TimeoutError:

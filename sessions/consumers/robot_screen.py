@@ -16,11 +16,11 @@ from robots.ice import ice_servers
 from robots.models import Robot
 from robots.screens import cookie_of, screen_of
 from sessions import protocol
+from sessions.audience.audience import audience_of
 from sessions.consumers import relay
 from sessions.consumers.robot_page import RobotPageConsumer
 from sessions.consumers.screen_authorization import ScreenAuthorization
-from sessions.leases.terms import of as terms_of
-from sessions.models import Session
+from sessions.leases import store
 
 log = structlog.stdlib.get_logger(__name__)
 
@@ -53,6 +53,8 @@ class ScreenConsumer(RobotPageConsumer):
             secrets.token_urlsafe(12), self.title, ice_servers(self.name, time.time())
         )
         self.shown: protocol.Screen | None = None
+        self.asked = protocol.AudienceState()
+        self.audience = audience_of(self.name, self.bridge)
         self.study = ("", False)
         self.visitor_changed = asyncio.Event()
         hello = protocol.Hello(
@@ -64,6 +66,7 @@ class ScreenConsumer(RobotPageConsumer):
             may_observe=False,
         )
         self.sender.post("hello", hello)
+        self.audience.join(self)
         self.visitor_changed.set()
         look, welcome = self._send_to_visitor, self._is_welcome
         self._launch(self._keep_looking(self.visitor_changed, look, welcome))
@@ -73,6 +76,7 @@ class ScreenConsumer(RobotPageConsumer):
         # a connection to the robot lives without this socket
         self._signal(Bye(reason="left"))
         await super()._gone()
+        self.audience.part(self)
         assert self.authorization is not None
         log.info("screen_left", robot=self.name, refused=dict(self.authorization.refused))
 
@@ -96,6 +100,13 @@ class ScreenConsumer(RobotPageConsumer):
         ) is not None and inbound.suffix.startswith(protocol.SIGNAL):
             self.sender.put(out)
 
+    def audience_changed(self) -> None:
+        """Tell the display which question of the audience is being answered, if that is news."""
+        asked = self.audience.board.view("")
+        if asked != self.asked:
+            self.asked = asked
+            self.sender.post("audience", asked)
+
     async def _is_welcome(self) -> bool:
         """Tell whether the key is still right."""
         return await database_sync_to_async(screen_of)(self.name, self.key) is not None
@@ -103,7 +114,10 @@ class ScreenConsumer(RobotPageConsumer):
     async def _send_to_visitor(self) -> None:
         lease = self.known.lease_at(time.monotonic())
         if lease is not None and self.study[0] != lease.session:
-            self.study = (lease.session, await database_sync_to_async(_is_study)(lease.session))
+            self.study = (
+                lease.session,
+                await database_sync_to_async(store.is_study)(lease.session),
+            )
         shown = protocol.Screen(
             title=self.title,
             titles=self.titles,
@@ -115,9 +129,3 @@ class ScreenConsumer(RobotPageConsumer):
         if shown != self.shown:
             self.shown = shown
             self.sender.post("screen", shown)
-
-
-def _is_study(session: str) -> bool:
-    """Tell whether a visit belongs to a study, of which the people at the robot are told."""
-    row = Session.objects.filter(pk=session).first()
-    return row is not None and bool(terms_of(row).study)
