@@ -64,7 +64,7 @@ class PageSession:
     described: protocol.RoomState | None = None
     described_at: float = 0.0
     audience_seen: tuple[int, bool, bool] = (-1, False, False)
-    audience_told: protocol.AudienceState = field(default_factory=protocol.AudienceState)
+    audience_told: protocol.AudienceState | None = None  # nothing before it watches or drives
 
     # --- verbs ------------------------------------------------------------------------------------
 
@@ -393,10 +393,10 @@ class PageSession:
         if seen == self.audience_seen:
             return
         self.audience_seen = seen
-        told = protocol.AudienceState()
+        told = None if self.audience_told is None else protocol.AudienceState()
         if page.watches or moderates:
             told = audience.board.view(str(self.user.pk), moderates=moderates)
-        if told != self.audience_told:
+        if told is not None and told != self.audience_told:
             self.audience_told = told
             self.sender.post("audience", told)
 

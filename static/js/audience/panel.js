@@ -7,6 +7,9 @@ import { backToDriving, write } from "../lib/dom.js";
 import { roleOf } from "../protocol/session.js";
 
 /**
+ * What this page may see: sessions/protocol.py AudienceState.
+ * @typedef {{open: boolean, moderates: boolean, raised: boolean, hands: number, names: string[], questions: Question[]}} Audience
+ *
  * @typedef {object} Question sessions/protocol.py
  * @property {string} id @property {string} text @property {"waiting" | "answering" | "answered" | "declined"} state
  * @property {string} who @property {boolean} own
@@ -14,6 +17,12 @@ import { roleOf } from "../protocol/session.js";
 
 const MARKS = { waiting: ["answering", "answered", "declined"], answering: ["answered"], answered: [], declined: [] };
 const NOTES = new Set(["rate", "too_many", "full", "closed"]);
+
+/** Whether there is an audience, or this page is a part of one. @param {import("../drive/features.js").State} state */
+export const isOffered = ({ visit, audience, room }) => {
+  const role = roleOf(visit);
+  return Boolean(audience?.open) && role !== "" && (role !== "driver" || room.observers > 0 || audience.hands > 0 || audience.questions.length > 0);
+};
 
 /** How much waits for whoever moderates. @param {{moderates: boolean, hands: number, questions: Question[]}} audience */
 export const countOf = ({ moderates, hands, questions }) => (moderates ? hands + questions.filter(({ state }) => state === "waiting").length : 0);
@@ -28,17 +37,22 @@ export const handsText = ({ hands, names }, words, language) => {
 /** @param {import("../drive/registry.js").Page} page */
 export const createPanel = (page) => {
   const { store, element, words, connection, keys } = page;
-  const [box, panel] = [element("audience"), element("audience-panel")];
   const form = createForm(page);
   const list = new QuestionList(element("questions"), words, (question, state) => {
     connection.send("audience/mark", { question, state });
     backToDriving(element);
   });
-  keys.closes(panel, () => {
-    store.update({ audienceOpen: false });
+  let isOpen = false;
+  /** @type {Audience | null} when the connection was lost, and with it the hand that was up */
+  let before = null;
+  const open = (/** @type {boolean} */ wanted) => {
+    isOpen = wanted;
+    store.update(isOpen ? { panel: "" } : {}); // one of the page's panels at a time
     store.flush();
-    backToDriving(element);
-  });
+    backToDriving(element); // the space bar is to stop the robot, not to press a button again
+  };
+  keys.closes(element("audience-panel"), () => open(false));
+  element("audience-open").addEventListener("click", () => open(!isOpen));
   element("hand").addEventListener("click", () => connection.send("audience/hand", { raised: !store.get().audience.raised }));
   element("hands-lower").addEventListener("click", () => {
     connection.send("audience/lower", {});
@@ -47,29 +61,45 @@ export const createPanel = (page) => {
 
   return {
     denied: form.denied,
-    /** @param {import("../drive/features.js").State} state @param {boolean} offered */
-    render: (state, offered) => {
-      const { audience, audienceOpen } = state;
-      const driver = roleOf(state.visit) === "driver";
-      const home = element(driver ? "presence" : "audience-place");
-      if (box.parentElement !== home) {
-        home.append(box);
+    reconnected: () => {
+      const { audience } = store.get();
+      before = audience?.raised ? audience : before;
+    },
+    /** @param {import("../drive/features.js").State} state */
+    render: (state) => {
+      const { audience } = state;
+      const offered = isOffered(state);
+      isOpen &&= offered && !state.panel;
+      renderPlace(page, roleOf(state.visit) === "driver", offered, isOpen);
+      if (!audience) {
+        return;
       }
-      box.hidden = !offered;
-      const isOpen = offered && audienceOpen && !state.panel; // one of the page's panels at a time
-      if (audienceOpen && !isOpen) {
-        store.update({ audienceOpen: false });
+      if (before && before !== audience) {
+        before = null;
+        if (audience.open && !audience.raised) {
+          connection.send("audience/hand", { raised: true });
+        }
       }
-      panel.hidden = !isOpen;
-      panel.toggleAttribute("data-holds-keys", !driver);
-      element("audience-open").setAttribute("aria-expanded", String(isOpen));
-      element("asked").classList.toggle("visually-hidden", isOpen); // the list shows it
-      element("audience-mine").hidden = driver;
       renderTexts(page, audience);
       form.render(audience.questions);
       list.render(audience.questions, audience.moderates);
     },
   };
+};
+
+/** Where the panel is, and whether it is open. @param {import("../drive/registry.js").Page} page @param {boolean} driver @param {boolean} offered @param {boolean} isOpen */
+const renderPlace = ({ element }, driver, offered, isOpen) => {
+  const [box, panel, button] = [element("audience"), element("audience-panel"), element("audience-open")];
+  const home = element(driver ? "presence" : "audience-place");
+  if (box.parentElement !== home) {
+    home.append(box);
+  }
+  box.hidden = button.hidden = !offered;
+  panel.hidden = !isOpen;
+  panel.toggleAttribute("data-holds-keys", !driver);
+  button.setAttribute("aria-expanded", String(isOpen));
+  element("asked").classList.toggle("visually-hidden", isOpen); // the list shows it
+  element("audience-mine").hidden = driver;
 };
 
 /** The field for a question. @param {import("../drive/registry.js").Page} page */
@@ -107,7 +137,7 @@ const createForm = ({ element, words, connection }) => {
   };
 };
 
-/** @param {import("../drive/registry.js").Page} page @param {any} audience */
+/** @param {import("../drive/registry.js").Page} page @param {Audience} audience */
 const renderTexts = ({ element, words }, audience) => {
   const count = countOf(audience);
   element("audience-count").hidden = count === 0;

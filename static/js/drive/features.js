@@ -3,7 +3,6 @@
  * of drive/ where the page could not live without it; see registry.js.
  */
 
-import { audience } from "../audience/feature.js";
 import { autonomy } from "../autonomy/feature.js";
 import { driving } from "../input/feature.js";
 import { presence } from "../presence/feature.js";
@@ -19,7 +18,7 @@ import { connection } from "./connection.js";
 import { session } from "./session.js";
 
 /** @type {import("./registry.js").Feature[]} */
-export const FEATURES = [connection, session, video, driving, map, overlay, autonomy, hud, study, presence, audience, display, technical, waiting];
+export const FEATURES = [connection, session, video, driving, map, overlay, autonomy, hud, study, presence, display, technical, waiting];
 
 /** Everything that the page shows: the slices of all features. Render functions read it and change nothing. */
 export const newState = () => /** @type {State} */ (Object.assign({}, ...FEATURES.map(({ state }) => state?.() ?? {})));

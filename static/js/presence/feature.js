@@ -27,6 +27,8 @@ const newSlice = () => ({
   /** the photo that the visitor takes for themselves, and its address once it is there */
   keptPhoto: /** @type {import("../autonomy/robot_action.js").RobotAction | null} */ (null),
   keptPhotoUrl: "",
+  /** hands and questions of those who watch: audience/panel.js */
+  audience: /** @type {import("../audience/panel.js").Audience | null} */ (null),
 });
 
 /** @param {import("../drive/registry.js").Page} page */
@@ -45,16 +47,16 @@ const setUp = (page) => {
       () => store.update({ said: { word: "kept.failed", at: unixNow() }, now: unixNow() }),
     );
   const knock = newKnock(page);
-  const messages = createMessages(page);
-  const head = createHead(page);
+  const [messages, head, audience] = [createMessages(page), createHead(page), newAudience(page)];
   const callView = createCallView(page, media);
   setUpButtons(page, { ...media.clicks, ...messages.clicks, "presence-photo": takePhoto, "presence-knock": knock.knock, "kept-close": () => photo?.close(), "presence-volumes": () => toggleVolumes(page, messages) });
   page.keys.closes(element("volumes"), messages.closePanel, () => messages.show(""));
-  const renders = [callView.render, messages.render, head.render];
+  const renders = [callView.render, messages.render, head.render, audience.render];
 
   return {
     api: { media },
     handlers: {
+      ...audience.handlers,
       action: (/** @type {any} */ message) => {
         photo?.heard(message);
         knock.answered(message);
@@ -66,6 +68,7 @@ const setUp = (page) => {
     },
     keys: { talk: media.talkKey, ...head.keys },
     on: {
+      socketOpen: audience.reconnected,
       linkOpening: (/** @type {import("../protocol/peer.js").Peer} */ peer) => media.attachTo(peer),
       poll: (/** @type {number} */ now) => {
         media.poll(now);
@@ -107,6 +110,30 @@ const newKnock = (page) => {
       }),
     answered: (/** @type {any} */ message) => fetched?.answered(message),
     poll: (/** @type {number} */ now) => fetched?.poll(now),
+  };
+};
+
+/** @param {import("../drive/registry.js").Page} page */
+const newAudience = (page) => {
+  const fetchPanel = lazy(async () => (await import("../audience/panel.js")).createPanel(page));
+  /** @type {ReturnType<typeof import("../audience/panel.js").createPanel> | null} fetched when somebody watches */
+  let panel = null;
+  const render = (/** @type {import("../drive/features.js").State} */ state) => {
+    if (!panel && state.audience?.open && state.room.observers) {
+      fetchPanel((it) => {
+        panel = it;
+        render(page.store.get());
+      });
+    }
+    panel?.render(state);
+  };
+  return {
+    handlers: {
+      audience: (/** @type {any} */ audience) => page.store.update({ audience }),
+      denied: (/** @type {any} */ message) => panel?.denied(message),
+    },
+    reconnected: () => panel?.reconnected(),
+    render,
   };
 };
 

@@ -1,8 +1,7 @@
 import assert from "node:assert/strict";
 import { describe, test } from "node:test";
 
-import { isOffered } from "../../../static/js/audience/feature.js";
-import { countOf, handsText } from "../../../static/js/audience/panel.js";
+import { countOf, handsText, isOffered } from "../../../static/js/audience/panel.js";
 import { createWords } from "../../../static/js/lib/words.js";
 
 const question = (state) => ({ id: state, text: "Why?", state, who: "", own: false });
