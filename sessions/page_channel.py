@@ -65,14 +65,15 @@ async def send_words(robot: str, session: str, frame: str) -> None:
     """Send words of a session that waits to its page and to the robot's displays."""
     event = {"type": WORDS, "session": session, "frame": frame}
     for group in (robot_group(robot), screen_group(robot)):
-        await _asend(group, event)
+        await tell(group, event)
 
 
 def _send(group: str, event: Event) -> bool:
-    return async_to_sync(_asend)(group, event)
+    return async_to_sync(tell)(group, event)
 
 
-async def _asend(group: str, event: Event) -> bool:
+async def tell(group: str, event: Event) -> bool:
+    """Send an event to a group; False when the layer is away."""
     try:
         async with asyncio.timeout(PATIENCE_SECONDS):
             await _layer().group_send(group, event)
@@ -119,7 +120,7 @@ async def is_well() -> bool:
     try:
         async with asyncio.timeout(PATIENCE_SECONDS):
             while not arrived.is_set():  # until the listener is there
-                if not await _asend(group, {"type": CHECK}):
+                if not await tell(group, {"type": CHECK}):
                     return False
                 await asyncio.sleep(0.01)
     except TimeoutError:

@@ -145,6 +145,37 @@ class Direct(Message, frozen=True, kw_only=True):
     direct: bool
 
 
+QuestionText = Annotated[str, Meta(min_length=1, max_length=280)]
+QuestionState = Literal["waiting", "answering", "answered", "declined"]
+
+
+class RaiseHand(Message, frozen=True, kw_only=True):
+    """`audience/hand`, of a page that watches: my hand goes up, or down."""
+
+    raised: bool
+
+
+class AskQuestion(Message, frozen=True, kw_only=True):
+    """`audience/ask`, of a page that watches: a question to whoever drives."""
+
+    text: QuestionText
+
+
+class MarkQuestion(Message, frozen=True, kw_only=True):
+    """`audience/mark`, of the page that drives, or watches for somebody who operates the robot:
+    what becomes of a question.
+    """
+
+    question: Id
+    state: Literal["answering", "answered", "declined"]
+
+
+class LowerHands(Message, frozen=True, kw_only=True):
+    """`audience/lower`, of the same: all hands go down."""
+
+
+ToAudience = RaiseHand | AskQuestion | MarkQuestion | LowerHands
+
 # --- server → page ------------------------------------------------------------------------------
 
 
@@ -232,6 +263,33 @@ class RoomState(Message, frozen=True, kw_only=True):
     driving: bool = False
     observers: Count = 0
     waiting: Count = 0
+
+
+class AudienceQuestion(Message, frozen=True, kw_only=True):
+    """A question of the audience. Only who moderates is told `who` asked; `own`: this visitor."""
+
+    id: Id
+    text: QuestionText
+    state: QuestionState
+    who: Name = ""
+    own: bool = False
+
+
+class AudienceState(Message, frozen=True, kw_only=True):
+    """`audience`: what this page may see of hands and questions, oldest first; not `open` while
+    nobody drives, or for a study.
+
+    `raised`: this visitor's hand is up. Only a page that `moderates` is told how many `hands` are
+    up, the `names` of the first, and of questions all that wait; every page those of its own
+    visitor, and what is being answered.
+    """
+
+    open: bool = False
+    moderates: bool = False
+    raised: bool = False
+    hands: Count = 0
+    names: Annotated[tuple[Name, ...], Meta(max_length=30)] = ()
+    questions: Annotated[tuple[AudienceQuestion, ...], Meta(max_length=100)] = ()
 
 
 class Screen(Message, frozen=True, kw_only=True):
@@ -448,6 +506,10 @@ TO_SERVER: dict[str, type] = {
     "page/event": PageEvent,
     "page/network": PageNetwork,
     "page/direct": Direct,
+    "audience/hand": RaiseHand,
+    "audience/ask": AskQuestion,
+    "audience/mark": MarkQuestion,
+    "audience/lower": LowerHands,
 }
 # page → server: Offer, Candidate, Bye; server → page: `signal/reply` with Answer, Candidate, Bye.
 # With the SFU the server offers, when the page wants it.
@@ -458,6 +520,7 @@ TO_PAGE: dict[str, Any] = {
     "session/observing": Observing,
     "session/refused": Refused,
     "room": RoomState,
+    "audience": AudienceState,
     "robot": RobotPresence,
     "screen": Screen,
     "denied": Denied,

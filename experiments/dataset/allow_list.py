@@ -234,6 +234,8 @@ KEPT_BACK: frozenset[type] = frozenset(
         *(p.Take, p.Observe, p.Leave, p.Assist, p.Direct, p.Hello, p.GrantedTerms, p.Granted),
         *(p.Observing, p.Refused, p.RoomState, p.Screen, p.RobotPresence, p.Fault),
         *(p.ServerStatus, p.Denied, p.Queued, p.Task, p.PageReport, p.WantOffer),
+        *(p.RaiseHand, p.AskQuestion, p.MarkQuestion, p.LowerHands),
+        *(p.AudienceQuestion, p.AudienceState),
     }
 )
 

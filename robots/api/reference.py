@@ -288,6 +288,12 @@ the network |
 | `page/direct` | program | `direct`: messages of the robot arrive over a data channel, so most \
 need not come here as well |
 | `room` | server | `driver`, `driving`, `observers`, `waiting` |
+| `audience/hand`, `audience/ask` | program | of a page that watches: `raised` raises or lowers a \
+hand; a question with `text` |
+| `audience/mark`, `audience/lower` | program | of the driver, or an operator who watches: \
+`question` becomes `state` (`answering`, `answered`, `declined`); all hands go down |
+| `audience` | server | `open`, `moderates`, `raised`, `hands`, `names`, `questions` (`id`, \
+`text`, `state`, `who`, `own`): what this page may see |
 | `robot` | server | `online`, `reason`: the robot came online or went offline; with the reason \
 `server`, the server does not know |
 | `server/status` | server | once a second and at every change: `faults`, a list of `part`, \

@@ -97,6 +97,14 @@ class ToSfu:
 
 
 @dataclass(frozen=True)
+class TellAudience:
+    """Change the raised hands and questions of the robot's audience."""
+
+    suffix: str
+    message: protocol.ToAudience
+
+
+@dataclass(frozen=True)
 class Spare:
     """Leave out what the page hears directly from its robot, or do so no longer."""
 
@@ -118,7 +126,9 @@ class Close:
     code: int
 
 
-Effect = Publish | Halt | Verb | Write | ReportFrame | ToSfu | Spare | DenyFrame | Close
+Effect = (
+    Publish | Halt | Verb | Write | ReportFrame | ToSfu | TellAudience | Spare | DenyFrame | Close
+)
 
 
 class FrameRefused(Exception):
@@ -205,6 +215,12 @@ class Authorization:
         """
         return lease is not None and lease.kind == "visitor" and self.holds(lease)
 
+    def moderates(self, lease: Lease | None) -> bool:
+        """Tell whether this page deals with the questions of the audience: it drives, or watches
+        for somebody who operates the robot.
+        """
+        return self.holds(lease) or (self.watches and self.operator is not None)
+
     def may_see_picture(self, lease: Lease | None) -> bool:
         """Tell whether a picture that the robot sent through the server goes to this page: one for
         each that it asked for.
@@ -272,8 +288,20 @@ class Authorization:
                 return self._signal(message, lease)
             case protocol.PageEvent() | protocol.PageNetwork():
                 return ReportFrame(self._report(suffix, message))
+        return self._server_effect(suffix, message, lease)
+
+    def _server_effect(self, suffix: str, message: Any, lease: Lease | None) -> Effect:
+        match message:
             case protocol.Direct():
                 return Spare(message.direct)
+            case protocol.RaiseHand() | protocol.AskQuestion():
+                if not self.watches:
+                    raise FrameRefused("not_watching")
+                return TellAudience(suffix, message)
+            case protocol.MarkQuestion() | protocol.LowerHands():
+                if not self.moderates(lease):
+                    raise FrameRefused("not_allowed")
+                return TellAudience(suffix, message)
         return Verb(message)
 
     def _check_rate(self, message: Any, now: float) -> None:

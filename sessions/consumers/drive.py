@@ -20,6 +20,7 @@ from robots.api.messages import Action, ActionStatus, Message, Say
 from robots.bridge.delivery import FAULTS, LINK, ReceivedMessage
 from robots.ice import ice_servers
 from sessions import page_channel, protocol
+from sessions.audience.audience import audience_of
 from sessions.consumers import queries, relay, waiting_chat
 from sessions.consumers.authorization import (
     Authorization,
@@ -27,6 +28,7 @@ from sessions.consumers.authorization import (
     Publish,
     ReportFrame,
     Spare,
+    TellAudience,
     ToSfu,
     Write,
 )
@@ -90,6 +92,7 @@ class RobotConsumer(RobotPageConsumer):
             known=self.known,
             bridge=self.bridge,
             peers=self.peers,
+            audience=audience_of(self.name, self.bridge),
             sender=self.sender,
         )
         # until the end of this socket's own task
@@ -97,6 +100,7 @@ class RobotConsumer(RobotPageConsumer):
         self.ids = log_ids.captured()
         self._say_hello(context)
         self.peers.members.add(self.page_session)
+        self.page_session.audience.join(self.page_session)
         self.peers.changed()
         self._launch(self._keep_time(self.page_session))
         groups = (page_channel.robot_group(self.name), page_channel.visitor_group(user.pk))
@@ -146,6 +150,7 @@ class RobotConsumer(RobotPageConsumer):
             # a connection to the robot lives without this socket, and nobody would look after it
             self.page_session.stop_watching()
             part(self.name, self.page_session)
+            self.page_session.audience.part(self.page_session)
             self.peers.changed()
 
     # --- what the page says -----------------------------------------------------------------------
@@ -161,6 +166,8 @@ class RobotConsumer(RobotPageConsumer):
                 self.sparing.direct = direct
             case Write(message):
                 self._launch(self._write(message))
+            case TellAudience():
+                self._tell_audience(effect)
 
     async def _write(self, action: Say) -> None:
         """Bring what the first in the queue of a stopped robot writes to the people there."""
@@ -178,6 +185,30 @@ class RobotConsumer(RobotPageConsumer):
             action_id=action.action_id, status="FINISHED", stamp=time.time(), type="say"
         )
         self.sender.post("action", done)
+
+    def _tell_audience(self, effect: TellAudience) -> None:
+        by_operator = isinstance(effect.message, protocol.MarkQuestion | protocol.LowerHands)
+        if by_operator and not self.authorization.holds(self.known.lease):
+            self._launch(self._moderate(effect))
+        else:
+            self._change_audience(effect)
+
+    def _change_audience(self, effect: TellAudience) -> None:
+        assert self.page_session is not None
+        if reason := self.page_session.tell_audience(effect.message):
+            self._perform(self.authorization.deny(effect.suffix, reason, time.monotonic()))
+
+    async def _moderate(self, effect: TellAudience) -> None:
+        """Do what somebody asks who operates the robot, if they still do."""
+        assert self.page_session is not None
+        async with self.page_session.turn:
+            welcome = await self.page_session.still_welcome()
+            if welcome and self.authorization.moderates(self.known.lease):
+                self._change_audience(effect)
+            else:
+                self._perform(
+                    self.authorization.deny(effect.suffix, "not_allowed", time.monotonic())
+                )
 
     def _publish(self, publish: Publish) -> None:
         match publish:

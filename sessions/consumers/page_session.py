@@ -22,6 +22,7 @@ from robots.bridge.known import KnownRobot
 from robots.ice import ice_servers
 from robots.models import Robot
 from sessions import protocol
+from sessions.audience.audience import Audience
 from sessions.consumers import queries
 from sessions.consumers.authorization import Authorization
 from sessions.consumers.last_seen import last_seen_batcher
@@ -56,11 +57,14 @@ class PageSession:
     known: KnownRobot
     bridge: Bridge
     peers: Peers
+    audience: Audience
     sender: Sender
     turn: asyncio.Lock = field(default_factory=asyncio.Lock)
     waiting_verbs: int = 0
     described: protocol.RoomState | None = None
     described_at: float = 0.0
+    audience_seen: tuple[int, bool, bool] = (-1, False, False)
+    audience_told: protocol.AudienceState | None = None  # nothing before it watches or drives
 
     # --- verbs ------------------------------------------------------------------------------------
 
@@ -378,6 +382,7 @@ class PageSession:
 
     def peers_changed(self) -> None:
         """Tell the page who is here, if that is news."""
+        self.audience_changed()
         now = time.monotonic()
         if self.authorization.by_sfu and now - self.described_at < ROOM_SECONDS:
             return  # of a thousand who come one after the other, a thousand hear now and then
@@ -386,6 +391,31 @@ class PageSession:
         if described != self.described:
             self.described = described
             self.sender.post("room", described)
+
+    def audience_changed(self) -> None:
+        """Tell the page what it may see of hands and questions, if that is news; the hand of one
+        that watches no more is down.
+        """
+        page, audience = self.authorization, self.audience
+        if not page.watches:
+            audience.leave(self)
+        moderates = page.moderates(self.known.lease)
+        seen = audience.board.version, page.watches, moderates
+        if seen == self.audience_seen:
+            return
+        self.audience_seen = seen
+        told = None if self.audience_told is None else protocol.AudienceState()
+        if page.watches or moderates:
+            told = audience.board.view(str(self.user.pk), moderates=moderates)
+        if told is not None and told != self.audience_told:
+            self.audience_told = told
+            self.sender.post("audience", told)
+
+    def tell_audience(self, message: protocol.ToAudience) -> str:
+        """Do what the page asks of its audience, or as a part of one; return why not, or
+        nothing.
+        """
+        return self.audience.take(message, self, str(self.user.pk), self.authorization.who)
 
     def replaced(self) -> None:
         """Another socket of this page has come: this one is dead, and must neither stop the robot

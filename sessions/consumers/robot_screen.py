@@ -17,12 +17,12 @@ from robots.ice import ice_servers
 from robots.models import Robot
 from robots.screens import cookie_of, screen_of
 from sessions import page_channel, protocol
+from sessions.audience.audience import audience_of
 from sessions.consumers import relay, waiting_chat
 from sessions.consumers.authorization import Publish
 from sessions.consumers.robot_page import RobotPageConsumer
 from sessions.consumers.screen_authorization import ScreenAuthorization
-from sessions.leases.terms import of as terms_of
-from sessions.models import Session
+from sessions.leases import store
 
 log = structlog.stdlib.get_logger(__name__)
 
@@ -55,6 +55,8 @@ class ScreenConsumer(RobotPageConsumer):
             secrets.token_urlsafe(12), self.title, ice_servers(self.name, time.time())
         )
         self.shown: protocol.Screen | None = None
+        self.asked = protocol.AudienceState()
+        self.audience = audience_of(self.name, self.bridge)
         self.study = ("", False)
         # session and name of who waits for a robot that was stopped
         self.waiting: tuple[str, str] | None = None
@@ -68,6 +70,7 @@ class ScreenConsumer(RobotPageConsumer):
             may_observe=False,
         )
         self.sender.post("hello", hello)
+        self.audience.join(self)
         self.visitor_changed.set()
         look, welcome = self._send_to_visitor, self._is_welcome
         self._launch(self._keep_looking(self.visitor_changed, look, welcome))
@@ -78,6 +81,7 @@ class ScreenConsumer(RobotPageConsumer):
         # a connection to the robot lives without this socket
         self._signal(Bye(reason="left"))
         await super()._gone()
+        self.audience.part(self)
         assert self.authorization is not None
         log.info("screen_left", robot=self.name, refused=dict(self.authorization.refused))
 
@@ -114,6 +118,13 @@ class ScreenConsumer(RobotPageConsumer):
         if self.waiting is not None and event["session"] == self.waiting[0]:
             self.sender.put(relay.Outgoing(event["frame"]))
 
+    def audience_changed(self) -> None:
+        """Tell the display which question of the audience is being answered, if that is news."""
+        asked = self.audience.board.view("")
+        if asked != self.asked:
+            self.asked = asked
+            self.sender.post("audience", asked)
+
     async def _is_welcome(self) -> bool:
         """Tell whether the key is still right."""
         return await database_sync_to_async(screen_of)(self.name, self.key) is not None
@@ -121,7 +132,10 @@ class ScreenConsumer(RobotPageConsumer):
     async def _send_to_visitor(self) -> None:
         lease = self.known.lease_at(time.monotonic())
         if lease is not None and self.study[0] != lease.session:
-            self.study = (lease.session, await database_sync_to_async(_is_study)(lease.session))
+            self.study = (
+                lease.session,
+                await database_sync_to_async(store.is_study)(lease.session),
+            )
         waiting = None
         if waiting_chat.is_open(self.known, time.monotonic()):
             find = database_sync_to_async(waiting_chat.first_waiting)
@@ -139,9 +153,3 @@ class ScreenConsumer(RobotPageConsumer):
         if shown != self.shown:
             self.shown = shown
             self.sender.post("screen", shown)
-
-
-def _is_study(session: str) -> bool:
-    """Tell whether a visit belongs to a study, of which the people at the robot are told."""
-    row = Session.objects.filter(pk=session).first()
-    return row is not None and bool(terms_of(row).study)

@@ -115,6 +115,12 @@ class TakeRefused:
 Taken = TakeGranted | TakeQueued | TakeRefused
 
 
+def is_study(session: str) -> bool:
+    """Tell whether a session belongs to a study."""
+    row = Session.objects.filter(pk=session).first()
+    return row is not None and bool(terms.of(row).study)
+
+
 def take(  # noqa: D417 -- the rest is what the page said
     robot: Robot,
     visitor: User,

@@ -10,6 +10,7 @@ from channels.testing import WebsocketCommunicator
 from django.conf import settings
 from django.test import Client
 
+from robots import screens
 from robots.api import codec, picture, topics
 from robots.api.messages import Stop
 from sessions import protocol
@@ -140,6 +141,25 @@ class Page(Expecting):
         await self.say("command/action", mark)
         await until(lambda: any(stop.action_id == mark.action_id for _, stop in bridge.stops))
         bridge.stops = [entry for entry in bridge.stops if entry[1].action_id != mark.action_id]
+
+
+class Display(Page):
+    """A page of the robot's screen."""
+
+    def __init__(self, key, robot="giraff"):
+        super().__init__(robot)
+        self.key = key
+
+    async def open(self):
+        from telepresence_site.asgi import application
+
+        cookie = f"{screens.cookie_of(self.robot)}={self.key}".encode()
+        headers = [(b"host", b"127.0.0.1"), (b"origin", ORIGIN.encode()), (b"cookie", cookie)]
+        self.socket = WebsocketCommunicator(
+            application, f"/ws/robots/{self.robot}/screen/", headers=headers
+        )
+        self.accepted, self.code = await self.socket.connect(timeout=patient(SECONDS))
+        return self.accepted
 
 
 async def until(condition, what=""):

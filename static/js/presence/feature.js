@@ -31,15 +31,15 @@ const setUp = (page) => {
       () => store.update({ said: { word: "kept.failed", at: unixNow() }, now: unixNow() }),
     );
   const knock = newKnock(page);
-  const messages = createMessages(page);
-  const head = createHead(page);
+  const [messages, head, audience] = [createMessages(page), createHead(page), newAudience(page)];
   const callView = createCallView(page, media);
   setUpButtons(page, { ...media.clicks, ...messages.clicks, "presence-photo": takePhoto, "presence-knock": knock.knock, "kept-close": () => photo?.close(), "presence-volumes": () => toggleVolumes(page, messages) });
   page.keys.closes(element("volumes"), messages.closePanel, () => messages.show(""));
-  const renders = [callView.render, messages.render, head.render];
+  const renders = [callView.render, messages.render, head.render, audience.render];
   return {
     api: { media },
     handlers: {
+      ...audience.handlers,
       action: (/** @type {any} */ message) => {
         photo?.heard(message);
         knock.answered(message);
@@ -51,6 +51,7 @@ const setUp = (page) => {
     },
     keys: { talk: media.talkKey, ...head.keys },
     on: {
+      socketOpen: audience.reconnected,
       linkOpening: (/** @type {import("../protocol/peer.js").Peer} */ peer) => media.attachTo(peer),
       poll: (/** @type {number} */ now) => {
         media.poll(now);
@@ -61,7 +62,8 @@ const setUp = (page) => {
       },
     },
     render: (/** @type {import("../drive/features.js").State} */ before) => {
-      const [{ visit, own, panel, keptPhoto }, waits] = [before, mayWriteWaiting(before)];
+      const { visit, own, panel, keptPhoto } = before;
+      const waits = mayWriteWaiting(before);
       if (roleOf(visit) !== "driver" && (callOf(own) || (panel && !(waits && panel === "talk")) || keptPhoto)) {
         media.endAll();
         photo?.close();
@@ -70,11 +72,7 @@ const setUp = (page) => {
       const state = store.get();
       // Who writes goes on writing while the video is away: a field that goes would leave the next letters to the robot.
       element("presence").hidden = !waits && (roleOf(visit) !== "driver" || !(state.playing || state.writing || state.panel === "volumes"));
-      element("presence-volumes").hidden = waits; // who waits at a stopped robot has its chat, and nothing else of this
-      // In a study its photos belong to the task.
-      element("presence-photo").hidden = !isOffered(state, "photo") || Boolean(state.study) || !state.playing;
-      // What is shared lies beside the bar; on a phone there is no room for one more button.
-      element("presence-knock").hidden = roleOf(visit) !== "driver" || !state.robot?.knockable || state.own.shares || !mayAsk(state, "knock");
+      showButtons(element, state, waits);
       renders.forEach((render) => render(state));
       photo?.render(state);
     },
@@ -94,6 +92,30 @@ const newKnock = (page) => {
       }),
     answered: (/** @type {any} */ message) => fetched?.answered(message),
     poll: (/** @type {number} */ now) => fetched?.poll(now),
+  };
+};
+
+/** @param {import("../drive/registry.js").Page} page */
+const newAudience = (page) => {
+  const fetchPanel = lazy(async () => (await import("../audience/panel.js")).createPanel(page));
+  /** @type {ReturnType<typeof import("../audience/panel.js").createPanel> | null} fetched when somebody watches */
+  let panel = null;
+  const render = (/** @type {import("../drive/features.js").State} */ state) => {
+    if (!panel && state.audience?.open && state.room.observers) {
+      fetchPanel((it) => {
+        panel = it;
+        render(page.store.get());
+      });
+    }
+    panel?.render(state);
+  };
+  return {
+    handlers: {
+      audience: (/** @type {any} */ audience) => page.store.update({ audience }),
+      denied: (/** @type {any} */ message) => panel?.denied(message),
+    },
+    reconnected: () => panel?.reconnected(),
+    render,
   };
 };
 
@@ -121,3 +143,12 @@ const setUpButtons = ({ element, keys }, clicks) => {
 
 /** @type {import("../drive/registry.js").Feature} */
 export const presence = { name: "presence", setUp };
+
+/** @param {import("../drive/registry.js").Page["element"]} element @param {import("../drive/features.js").State} state @param {boolean} waits at a stopped robot: with its chat, and nothing else of this */
+const showButtons = (element, state, waits) => {
+  element("presence-volumes").hidden = waits;
+  // In a study its photos belong to the task.
+  element("presence-photo").hidden = !isOffered(state, "photo") || Boolean(state.study) || !state.playing;
+  // What is shared lies beside the bar; on a phone there is no room for one more button.
+  element("presence-knock").hidden = roleOf(state.visit) !== "driver" || !state.robot?.knockable || state.own.shares || !mayAsk(state, "knock");
+};

@@ -14,4 +14,6 @@ export const newSlice = () => ({
   /** the photo that the visitor takes for themselves, and its address once it is there */
   keptPhoto: /** @type {import("../autonomy/robot_action.js").RobotAction | null} */ (null),
   keptPhotoUrl: "",
+  /** hands and questions of those who watch: audience/panel.js */
+  audience: /** @type {import("../audience/panel.js").Audience | null} */ (null),
 });

@@ -276,6 +276,20 @@ const TO_PAGE = {
   "session/found_there": [KIB, object({ session: id })],
   "session/ended": [2 * KIB, object({ session: id, outcome: name, reason: optional(reason, "") })],
   room: [KIB, object({ driver: absent(name), driving: optional(flag, false), observers: optional(count, 0), waiting: optional(count, 0) })],
+  audience: [
+    64 * KIB,
+    object({
+      open: optional(flag, false),
+      moderates: optional(flag, false),
+      raised: optional(flag, false),
+      hands: optional(count, 0),
+      names: optional(list(name, 30), []),
+      questions: optional(
+        list(object({ id, text: text(280), state: oneOf("waiting", "answering", "answered", "declined"), who: optional(name, ""), own: optional(flag, false) }), 100),
+        [],
+      ),
+    }),
+  ],
   screen: [
     16 * KIB,
     object({ title: name, titles: optional(dictionary(name, 50), {}), session: absent(id), visitor: absent(name), waiting: absent(name), study: optional(flag, false), iceServers }),

@@ -8,7 +8,6 @@ import io
 import msgspec
 import pytest
 from asgiref.sync import sync_to_async
-from channels.testing import WebsocketCommunicator
 from django.contrib.auth import get_user_model
 from django.core.management import CommandError, call_command
 from django.test import Client
@@ -20,8 +19,7 @@ from robots.models import Robot
 from robots.screens import cookie_of, make_screen_key, revoke_screen_key, screen_of
 from sessions import protocol
 from tests.support import words
-from tests.support.pages import ORIGIN, SECONDS, Page, until
-from tests.support.patience import patient
+from tests.support.pages import Display, Page, until
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -36,25 +34,6 @@ def robot(db):
 @pytest.fixture
 def key(robot):
     return make_screen_key(robot, timezone.now())
-
-
-class Display(Page):
-    """A page of the robot's screen."""
-
-    def __init__(self, key, robot="giraff"):
-        super().__init__(robot)
-        self.key = key
-
-    async def open(self):
-        from telepresence_site.asgi import application
-
-        cookie = f"{cookie_of(self.robot)}={self.key}".encode()
-        headers = [(b"host", b"127.0.0.1"), (b"origin", ORIGIN.encode()), (b"cookie", cookie)]
-        self.socket = WebsocketCommunicator(
-            application, f"/ws/robots/{self.robot}/screen/", headers=headers
-        )
-        self.accepted, self.code = await self.socket.connect(timeout=patient(SECONDS))
-        return self.accepted
 
 
 def action(kind, **fields):

@@ -97,6 +97,37 @@ async def online(robot, server):
     )
 
 
+async def test_hands_and_questions_reach_the_driver_on_the_other_process(server):
+    async with ScriptedRobot(
+        "giraff", server.site.mqtt_url, login=("giraff", server.token), period=0.1
+    ) as robot:
+        await online(robot, server)
+        async with Tab(server, "ada") as ada, Tab(server, "bob") as bob:
+            assert [server.figure(web, 'telepresence_websockets{kind="drive"}') for web in WEB] == [
+                1,
+                1,
+            ], "each process serves one of them"
+            await ada.say("session/take", protocol.Take())
+            await ada.expect("session/granted")
+            await bob.say("session/observe", protocol.Observe())
+            await bob.expect("audience", lambda audience: audience.open)
+            await bob.say("audience/hand", protocol.RaiseHand(raised=True))
+            await bob.say("audience/ask", protocol.AskQuestion(text="Why?"))
+            seen = await ada.expect("audience", lambda audience: audience.questions)
+            assert (seen.names, seen.questions[0].who) == (("bob",), "bob")
+            (question,) = seen.questions
+            await ada.say(
+                "audience/mark", protocol.MarkQuestion(question=question.id, state="answering")
+            )
+            await bob.expect(
+                "audience", lambda audience: audience.questions[0].state == "answering"
+            )
+            await bob.socket.close()
+            await ada.expect("audience", lambda audience: audience.hands == 0)
+            await ada.say("session/leave", protocol.Leave())
+            await ada.expect("session/ended")
+
+
 async def test_two_visitors_on_two_processes_share_one_robot(server):
     async with ScriptedRobot(
         "giraff", server.site.mqtt_url, login=("giraff", server.token), period=0.1

@@ -170,6 +170,11 @@ const HANDLERS = {
     }
   },
   pointer: (message) => pointers.told(message),
+  audience: ({ questions }) => {
+    const text = questions.map((/** @type {{text: string}} */ one) => one.text).join(" · ");
+    element("asked").hidden = text === "";
+    write(element("asked-text"), text);
+  },
   "signal/reply": (message) => void link.signal(message),
 };
 

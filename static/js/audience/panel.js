@@ -1,0 +1,225 @@
+/**
+ * The panel of hands and questions: who watches raises a hand and asks, who drives or operates the robot answers. It takes no key of
+ * somebody who drives, and what is new in it takes no focus.
+ */
+
+import { backToDriving, write } from "../lib/dom.js";
+import { roleOf } from "../protocol/session.js";
+
+/**
+ * What this page may see: sessions/protocol.py AudienceState.
+ * @typedef {{open: boolean, moderates: boolean, raised: boolean, hands: number, names: string[], questions: Question[]}} Audience
+ *
+ * @typedef {object} Question sessions/protocol.py
+ * @property {string} id @property {string} text @property {"waiting" | "answering" | "answered" | "declined"} state
+ * @property {string} who @property {boolean} own
+ */
+
+const MARKS = { waiting: ["answering", "answered", "declined"], answering: ["answered"], answered: [], declined: [] };
+const NOTES = new Set(["rate", "too_many", "full", "closed"]);
+
+/** Whether there is an audience, or this page is a part of one. @param {import("../drive/features.js").State} state */
+export const isOffered = ({ visit, audience, room }) => {
+  const role = roleOf(visit);
+  return Boolean(audience?.open) && role !== "" && (role !== "driver" || room.observers > 0 || audience.hands > 0 || audience.questions.length > 0);
+};
+
+/** How much waits for whoever moderates. @param {{moderates: boolean, hands: number, questions: Question[]}} audience */
+export const countOf = ({ moderates, hands, questions }) => (moderates ? hands + questions.filter(({ state }) => state === "waiting").length : 0);
+
+/** Who has a hand up, in words. @param {{hands: number, names: string[]}} audience @param {import("../lib/words.js").Words} words @param {string} language */
+export const handsText = ({ hands, names }, words, language) => {
+  const more = hands - names.length;
+  const listed = new Intl.ListFormat(language).format(more > 0 ? [...names, words.say("audience.more", { n: more })] : names);
+  return hands ? words.say("audience.hands", { n: hands, names: listed }) : words.say("audience.no_hands");
+};
+
+/** @param {import("../drive/registry.js").Page} page */
+export const createPanel = (page) => {
+  const { store, element, words, connection, keys } = page;
+  const form = createForm(page);
+  const list = new QuestionList(element("questions"), words, (question, state) => {
+    connection.send("audience/mark", { question, state });
+    backToDriving(element);
+  });
+  let isOpen = false;
+  /** @type {Audience | null} when the connection was lost, and with it the hand that was up */
+  let before = null;
+  const open = (/** @type {boolean} */ wanted) => {
+    isOpen = wanted;
+    store.update(isOpen ? { panel: "" } : {}); // one of the page's panels at a time
+    store.flush();
+    backToDriving(element); // the space bar is to stop the robot, not to press a button again
+  };
+  keys.closes(element("audience-panel"), () => open(false));
+  element("audience-open").addEventListener("click", () => open(!isOpen));
+  element("hand").addEventListener("click", () => connection.send("audience/hand", { raised: !store.get().audience.raised }));
+  element("hands-lower").addEventListener("click", () => {
+    connection.send("audience/lower", {});
+    backToDriving(element);
+  });
+
+  return {
+    denied: form.denied,
+    reconnected: () => {
+      const { audience } = store.get();
+      before = audience?.raised ? audience : before;
+    },
+    /** @param {import("../drive/features.js").State} state */
+    render: (state) => {
+      const { audience } = state;
+      const offered = isOffered(state);
+      isOpen &&= offered && !state.panel;
+      renderPlace(page, roleOf(state.visit) === "driver", offered, isOpen);
+      if (!audience) {
+        return;
+      }
+      if (before && before !== audience) {
+        before = null;
+        if (audience.open && !audience.raised) {
+          connection.send("audience/hand", { raised: true });
+        }
+      }
+      renderTexts(page, audience);
+      form.render(audience.questions);
+      list.render(audience.questions, audience.moderates);
+    },
+  };
+};
+
+/** Where the panel is, and whether it is open. @param {import("../drive/registry.js").Page} page @param {boolean} driver @param {boolean} offered @param {boolean} isOpen */
+const renderPlace = ({ element }, driver, offered, isOpen) => {
+  const [box, panel, button] = [element("audience"), element("audience-panel"), element("audience-open")];
+  const home = element(driver ? "presence" : "audience-place");
+  if (box.parentElement !== home) {
+    home.append(box);
+  }
+  box.hidden = button.hidden = !offered;
+  panel.hidden = !isOpen;
+  panel.toggleAttribute("data-holds-keys", !driver);
+  button.setAttribute("aria-expanded", String(isOpen));
+  element("asked").classList.toggle("visually-hidden", isOpen); // the list shows it
+  element("audience-mine").hidden = driver;
+};
+
+/** The field for a question. @param {import("../drive/registry.js").Page} page */
+const createForm = ({ element, words, connection }) => {
+  const field = /** @type {HTMLInputElement} */ (element("ask-field"));
+  let asked = ""; // on its way to the server
+  let note = "audience.hint";
+  element("ask-form").addEventListener("submit", (event) => {
+    event.preventDefault();
+    const text = field.value.trim();
+    if (text) {
+      asked = text;
+      note = "audience.hint";
+      connection.send("audience/ask", { text });
+    }
+  });
+  return {
+    /** @param {{suffix: string, reason: string}} message */
+    denied: ({ suffix, reason }) => {
+      if (suffix === "audience/ask") {
+        asked = "";
+        note = `audience.denied.${NOTES.has(reason) ? reason : "other"}`;
+        write(element("ask-note"), words.say(note));
+      }
+    },
+    /** What was asked stays in the field until it has arrived. @param {Question[]} questions */
+    render: (questions) => {
+      const line = asked.split(/\s+/).join(" ");
+      if (asked && questions.some(({ own, text, state }) => own && text === line && state === "waiting")) {
+        field.value = field.value.trim() === asked ? "" : field.value;
+        asked = "";
+      }
+      write(element("ask-note"), words.say(note));
+    },
+  };
+};
+
+/** @param {import("../drive/registry.js").Page} page @param {Audience} audience */
+const renderTexts = ({ element, words }, audience) => {
+  const count = countOf(audience);
+  element("audience-count").hidden = count === 0;
+  write(element("audience-count"), String(count));
+  const answering = askedNow(audience.questions);
+  element("asked").hidden = answering === "";
+  write(element("asked-text"), answering);
+  element("hand").setAttribute("aria-pressed", String(audience.raised));
+  write(element("hand-text"), words.say(audience.raised ? "audience.lower" : "audience.raise"));
+  element("audience-hands").hidden = !audience.moderates;
+  element("hands-lower").hidden = audience.hands === 0;
+  write(element("hands-text"), handsText(audience, words, document.documentElement.lang));
+  element("no-questions").hidden = !audience.moderates || audience.questions.length > 0;
+};
+
+/** What is being answered. @param {Question[]} questions */
+const askedNow = (questions) => questions.filter(({ state }) => state === "answering").map((one) => one.text).join(" · ");
+
+/** Rows that stay the same elements while their questions change: who is about to press a button presses that one. */
+class QuestionList {
+  /** @param {HTMLElement} list @param {import("../lib/words.js").Words} words @param {(id: string, state: string) => void} mark */
+  constructor(list, words, mark) {
+    this.list = list;
+    this.words = words;
+    this.mark = mark;
+    /** @type {Map<string, HTMLElement>} */
+    this.rows = new Map();
+  }
+
+  /** @param {Question[]} questions @param {boolean} moderates */
+  render(questions, moderates) {
+    const ids = new Set(questions.map(({ id }) => id));
+    for (const [id, row] of this.rows) {
+      if (!ids.has(id)) {
+        row.remove();
+        this.rows.delete(id);
+      }
+    }
+    questions.forEach((question, place) => {
+      const row = this.rows.get(question.id) ?? this.#newRow(question);
+      if (this.list.children[place] !== row) {
+        this.list.insertBefore(row, this.list.children[place] ?? null);
+      }
+      this.#show(row, question, moderates);
+    });
+  }
+
+  /** @param {Question} question */
+  #newRow({ id, text }) {
+    const row = document.createElement("li");
+    row.className = "line";
+    const [who, words, state, buttons] = ["line__who", "line__text", "audience__state", "presence__row"].map((name) => {
+      const part = document.createElement(name === "presence__row" ? "div" : "span");
+      part.className = name;
+      return part;
+    });
+    words.dir = "auto";
+    words.textContent = text;
+    row.append(who, " ", words, " ", state, buttons);
+    for (const mark of MARKS.waiting) {
+      const button = document.createElement("button");
+      button.type = "button";
+      button.className = "button presence__small";
+      button.dataset.mark = mark;
+      button.textContent = this.words.say(`audience.do.${mark}`);
+      button.addEventListener("click", () => this.mark(id, mark));
+      buttons.append(button);
+    }
+    this.rows.set(id, row);
+    return row;
+  }
+
+  /** @param {HTMLElement} row @param {Question} question @param {boolean} moderates */
+  #show(row, { who, own, state }, moderates) {
+    const part = (/** @type {string} */ name) => /** @type {HTMLElement} */ (row.querySelector(`.${name}`));
+    row.classList.toggle("line--own", own);
+    row.dataset.state = state;
+    write(part("line__who"), own ? this.words.say("presence.you") : who);
+    write(part("audience__state"), own || state !== "waiting" ? this.words.say(`audience.state.${state}`) : "");
+    part("presence__row").hidden = !moderates || MARKS[state].length === 0;
+    for (const button of /** @type {HTMLElement[]} */ (Array.from(part("presence__row").children))) {
+      button.hidden = !(/** @type {string[]} */ (MARKS[state]).includes(button.dataset.mark ?? ""));
+    }
+  }
+}

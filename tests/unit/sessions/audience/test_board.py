@@ -1,0 +1,251 @@
+"""Hands and questions, and how the boards of several web processes become one."""
+
+import itertools
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sessions.audience.board import (
+    HAND_SECONDS,
+    MOST_OWN,
+    MOST_WAITING,
+    QUESTION_PAUSE,
+    Asked,
+    Board,
+    RaisedHand,
+    cleaned,
+)
+from sessions.protocol import AudienceState
+
+KEYS = itertools.count()
+
+
+def opened(process="a"):
+    board = Board(process)
+    board.begin("s1")
+    return board
+
+
+def raises(board, user, stamp=1.0, page=None):
+    key = f"h{next(KEYS)}"
+    return board.raise_hand(page or user, RaisedHand(key, user, user.title(), stamp))
+
+
+def asks(board, user, stamp=1.0, text="Why?"):
+    key = f"q{next(KEYS)}"
+    assert board.ask(Asked(key, user, user.title(), text, stamp)) == ""
+    return key
+
+
+def talk(*boards, now=1.0):
+    """Let each tell the others what is new until nothing is."""
+    before = None
+    while (versions := [board.version for board in boards]) != before:
+        before = versions
+        updates = [update for board in boards if (update := board.update()) is not None]
+        behind = [other.merge(update, now) for update in updates for other in boards]
+        if any(behind):
+            before = None
+
+
+def names(board):
+    return board.view("", moderates=True).names
+
+
+def states(board, user="", *, moderates=True):
+    return [(one.text, one.state) for one in board.view(user, moderates=moderates).questions]
+
+
+def test_a_board_without_a_drive_is_closed():
+    board = Board("a")
+    assert raises(board, "ada") == "closed"
+    assert board.ask(Asked("q", "ada", "Ada", "Why?", 1.0)) == "closed"
+    assert board.view("ada", moderates=True) == AudienceState()
+    assert board.update() is None
+
+
+def test_hands_are_listed_in_the_order_in_which_they_were_raised_one_a_person():
+    board = opened()
+    raises(board, "bob", 2.0)
+    raises(board, "ada", 1.0)
+    raises(board, "bob", 3.0, page="bob's other page")
+    assert names(board) == ("Ada", "Bob")
+    assert board.view("ada").raised
+    assert not board.view("eve").raised
+
+
+def test_a_hand_goes_down_with_its_page():
+    board = opened()
+    raises(board, "ada")
+    board.leave("ada")
+    assert names(board) == ()
+
+
+def test_only_who_moderates_sees_what_waits_and_who_asks():
+    board = opened()
+    first, second = asks(board, "ada", 1.0, "One?"), asks(board, "bob", 2.0, "Two?")
+    raises(board, "ada")
+    assert [(one.text, one.who) for one in board.view("", moderates=True).questions] == [
+        ("One?", "Ada"),
+        ("Two?", "Bob"),
+    ]
+    assert states(board, "ada", moderates=False) == [("One?", "waiting")]
+    board.mark(second, "answering")
+    (own, shown) = board.view("ada").questions
+    assert (own.own, own.who, shown.own, shown.who) == (True, "", False, "")
+    assert shown.state == "answering"
+    assert board.view("ada").names == ()
+    board.mark(first, "declined")
+    assert states(board, "ada", moderates=False)[0] == ("One?", "declined")
+    assert states(board) == [("Two?", "answering")]
+
+
+def test_one_question_is_being_answered_at_a_time():
+    board = opened()
+    first, second = asks(board, "ada", 1.0, "One?"), asks(board, "bob", 2.0, "Two?")
+    board.mark(first, "answering")
+    board.mark(second, "answering")
+    assert states(board) == [("Two?", "answering")]
+    assert states(board, "ada", moderates=False) == [("One?", "answered"), ("Two?", "answering")]
+    assert board.mark("q-of-nobody", "answered") == "unknown"
+
+
+def test_a_person_asks_now_and_then_and_has_so_many_questions_that_wait():
+    board = opened()
+    asks(board, "ada", 0.0)
+    assert board.ask(Asked("x", "ada", "Ada", "And?", QUESTION_PAUSE - 0.1)) == "rate"
+    keys = [asks(board, "ada", QUESTION_PAUSE * n) for n in range(1, MOST_OWN)]
+    late = QUESTION_PAUSE * MOST_OWN
+    assert board.ask(Asked("y", "ada", "Ada", "And?", late)) == "too_many"
+    board.mark(keys[0], "answered")
+    asks(board, "ada", late)
+
+
+def test_a_list_that_nobody_can_answer_is_full():
+    board = opened()
+    keys = [asks(board, f"user{n}") for n in range(MOST_WAITING)]
+    assert board.ask(Asked("x", "ada", "Ada", "Why?", 1.0)) == "full"
+    board.mark(keys[0], "answered")
+    asks(board, "ada")
+
+
+@pytest.mark.parametrize(
+    ("said", "kept"),
+    [
+        ("  Why\n\tnot?  ", "Why not?"),
+        ("<b>&amp;</b>", "<b>&amp;</b>"),
+        ("a\x00\x1b[31mb", "a[31mb"),
+        ("\n \x00", ""),
+    ],
+)
+def test_a_question_is_one_line_of_plain_text(said, kept):
+    assert cleaned(said) == kept
+
+
+def test_an_empty_question_is_none():
+    assert opened().ask(Asked("x", "ada", "Ada", cleaned(" \n "), 1.0)) == "empty"
+
+
+def test_with_the_next_drive_everything_is_forgotten():
+    board = opened()
+    raises(board, "ada")
+    asks(board, "ada")
+    board.begin("s2")
+    assert board.view("ada", moderates=True) == AudienceState(open=True, moderates=True)
+
+
+# --- several web processes ------------------------------------------------------------------------
+
+
+def test_two_processes_have_one_list():
+    one, two = opened("a"), opened("b")
+    raises(one, "ada", 1.0)
+    raises(two, "bob", 2.0)
+    key = asks(one, "ada")
+    talk(one, two)
+    assert names(one) == names(two) == ("Ada", "Bob")
+    two.mark(key, "answering")
+    talk(one, two)
+    assert states(one) == states(two) == [("Why?", "answering")]
+    two.lower_all()
+    talk(one, two)
+    assert names(one) == names(two) == ()
+    assert not one.view("ada").raised
+
+
+def test_who_has_a_hand_up_takes_it_down_from_another_process():
+    one, two = opened("a"), opened("b")
+    raises(one, "ada")
+    talk(one, two)
+    assert two.view("ada").raised
+    two.lower_hand("ada")
+    talk(one, two)
+    assert names(one) == names(two) == ()
+
+
+def test_a_process_that_comes_late_or_missed_something_learns_all():
+    one, two, late = opened("a"), opened("b"), opened("c")
+    key = asks(one, "ada")
+    talk(one, two)
+    one.mark(key, "answering")
+    one.update()  # which nobody hears
+    raises(one, "bob")
+    talk(one, two, late)
+    assert states(one) == states(two) == states(late) == [("Why?", "answering")]
+    assert names(late) == ("Bob",)
+
+
+def test_what_is_heard_again_is_no_news():
+    one, two = opened("a"), opened("b")
+    raises(one, "ada")
+    asks(one, "ada")
+    talk(one, two)
+    before = one.version, two.version
+    talk(one, two)
+    assert (one.version, two.version) == before
+
+
+def test_the_hands_of_a_process_that_is_gone_go_down_and_its_questions_stay():
+    one, two = opened("a"), opened("b")
+    raises(one, "ada")
+    asks(one, "ada")
+    talk(one, two, now=100.0)
+    two.expire(100.0 + HAND_SECONDS - 1.0)
+    assert names(two) == ("Ada",)
+    two.expire(100.0 + HAND_SECONDS)
+    assert names(two) == ()
+    assert states(two) == [("Why?", "waiting")]
+
+
+def test_another_drives_news_are_none():
+    one, two = opened("a"), opened("b")
+    two.begin("s2")
+    asks(one, "ada")
+    talk(one, two)
+    assert states(two) == []
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.integers(0, 2),
+            st.sampled_from(["ask", "answering", "answered", "declined", "talk"]),
+            st.integers(0, 5),
+        ),
+        max_size=25,
+    )
+)
+def test_whatever_is_done_where_and_heard_when_all_boards_end_alike(deeds):
+    boards = [opened(process) for process in "abc"]
+    keys = []
+    for clock, (at, deed, which) in enumerate(deeds):
+        if deed == "ask":
+            keys.append(asks(boards[at], f"user{len(keys)}", float(clock)))
+        elif deed == "talk":
+            talk(*boards)
+        elif keys:
+            boards[at].mark(keys[which % len(keys)], deed)
+    talk(*boards)
+    assert len({board.digest for board in boards}) == 1
+    assert states(boards[0]) == states(boards[1]) == states(boards[2])
