@@ -24,9 +24,9 @@ export const LATER = [
   async () => (await import("../view/map/feature.js")).map,
   async () => (await import("../view/overlay/feature.js")).overlay,
   async () => (await import("../autonomy/feature.js")).autonomy,
-  async () => (await import("../study/feature.js")).study,
-  async () => (await import("../presence/feature.js")).presence,
   async () => (await import("../view/display/feature.js")).display,
+  async () => (await import("../study/feature.js")).study, // whose record has the profile
+  async () => (await import("../presence/feature.js")).presence,
   async () => (await import("../view/technical/feature.js")).technical,
 ];
 
