@@ -10,7 +10,9 @@ import pytest
 from tests.support.paths import ROOT
 
 NOT_LOADED = ("robots.agent", "matplotlib", "scipy.stats", "scipy.optimize")
-CHECK = f"loaded = [name for name in {NOT_LOADED} if name in sys.modules]; assert not loaded, loaded"
+CHECK = (
+    f"loaded = [name for name in {NOT_LOADED} if name in sys.modules]; assert not loaded, loaded"
+)
 
 
 @pytest.mark.parametrize(
