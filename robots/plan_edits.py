@@ -17,7 +17,9 @@ from robots.world.tracing.joining import joined
 Document = dict[str, Any]
 IsFree = Callable[[float, float], bool]
 
-BESIDE = (0.3, 0.6, 0.15)  # metres to both sides of an opening at which its rooms are looked up
+# metres to both sides of an opening at which its rooms are looked up: rooms of a map meet at up to
+# 0.4 m from the narrowest line between them
+BESIDE = (0.3, 0.6, 0.15, 0.9)
 NOWHERE = "nowhere"
 NEW_OPENING = 0.9  # metres wide, before its ends are moved
 RADIUS = 0.6  # metres about a checkpoint
@@ -152,6 +154,7 @@ def _openings(
     is_free: IsFree,
 ) -> list[Document]:
     found = []
+    names = {room["name"] for room in rooms[0]}
     for number, opening in enumerate(openings_of(plan)):
         prefix = f"openings.{number}"
         was = [rooms[1].get(name, name) for name in opening["connects"]]
@@ -161,7 +164,8 @@ def _openings(
         start = _point(fields, prefix, ("x", "y"), opening["start"])
         end = _point(fields, prefix, ("x2", "y2"), opening["end"])
         kind = fields.get(f"{prefix}.kind", opening["kind"])
-        beside = _beside(rooms[0], start, end)
+        stays = [start, end] == [opening["start"], opening["end"]] and names.issuperset(was)
+        beside = was if stays else _beside(rooms[0], start, end)
         moved = {
             **opening,
             "kind": "door" if kind == "door" else "opening",
@@ -179,16 +183,19 @@ def _openings(
 
 
 def _beside(rooms: list[Document], start: Any, end: Any) -> list[str]:
-    """Return the names of the rooms to both sides of an opening; `NOWHERE` where there is none."""
+    """Return the names of the rooms to both sides of an opening, two different ones where there are
+    two nearby; `NOWHERE` where there is none.
+    """
     x, y = (start[0] + end[0]) / 2.0, (start[1] + end[1]) / 2.0
     length = math.dist(start, end) or 1.0
     across = (-(end[1] - start[1]) / length, (end[0] - start[0]) / length)
-    names = []
+    sides = []
     for side in (1.0, -1.0):
         spots = [(x + side * far * across[0], y + side * far * across[1]) for far in BESIDE]
-        found = (r["name"] for spot in spots for r in rooms if contains(_corners(r), *spot))
-        names.append(next(found, NOWHERE))
-    return names
+        found = [r["name"] for spot in spots for r in rooms if contains(_corners(r), *spot)]
+        sides.append(found or [NOWHERE])
+    pairs = [[first, second] for first in sides[0] for second in sides[1]]
+    return next((pair for pair in pairs if pair[0] != pair[1]), pairs[0])
 
 
 def _corners(room: Document) -> tuple[tuple[float, float], ...]:

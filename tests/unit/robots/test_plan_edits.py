@@ -103,6 +103,34 @@ def test_an_opening_that_is_moved_connects_the_rooms_beside_it():
     assert problems(plan) == ()
 
 
+def border_beside_opening() -> dict:
+    """A plan whose hall reaches half a metre into a room, as where a map's rooms meet beside the
+    narrowest line between them.
+    """
+    plan = document()
+    plan["rooms"][0]["polygon"] = [[0, 0], [9, 0], [9, 2.5], [0, 2.5]]
+    plan["rooms"][1]["polygon"] = [[0, 2.5], [4.5, 2.5], [4.5, 6], [0, 6]]
+    plan["rooms"][2]["polygon"] = [[4.5, 2.5], [9, 2.5], [9, 6], [4.5, 6]]
+    return plan
+
+
+def test_an_opening_beside_the_border_of_its_rooms_connects_them_still():
+    plan = border_beside_opening()
+    shown = {"openings.0.x": "1.00", "openings.0.y": "2.00"}
+    assert edited(plan, shown, anywhere) == plan
+
+
+def test_an_opening_that_is_moved_beside_the_border_of_its_rooms_connects_them_still():
+    plan = edited(border_beside_opening(), {"openings.0.x": "0.9"}, anywhere)
+    assert set(plan["passages"][0]["connects"]) == {"hall", "west"}
+    assert problems(plan) == ()
+
+
+def test_the_opening_of_a_room_that_is_removed_leads_to_what_is_there_instead():
+    plan = edited(document(), {"rooms.1.remove": "on"}, anywhere)
+    assert any("nowhere" in problem for problem in problems(plan))
+
+
 def test_an_opening_that_leads_nowhere_is_a_problem_and_is_not_lost():
     fields = {f"openings.0.{key}": "50" for key in ("x", "y", "x2")} | {"openings.0.y2": "51"}
     plan = edited(document(), fields, anywhere)

@@ -76,6 +76,7 @@ class BrakeCheck:
             / np.hypot(sides[:, 0], sides[:, 1])[:, None]
         )
         self._offsets = (self._normals * footprint).sum(axis=1)
+        self.half_width = float(np.abs(footprint[:, 1]).max())
         self._reach = float(np.hypot(footprint[:, 0], footprint[:, 1]).max())
 
     def gaps(self, points: Floats) -> Floats:

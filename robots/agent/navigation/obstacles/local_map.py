@@ -31,6 +31,9 @@ class LocalMapParams:
     noted: float = 0.8  # m: what is so near may be what holds the robot
     settled: float = 10.0  # s after which what stands still is a thing
     flicker: float = 1.0  # s: a mark that comes back within this time was never away
+    # s: the same of one that no beam has passed since; the edge of what counts as the map's falls
+    # into the next cell at times
+    unpassed: float = 5.0
     kept_at_least: float = 5.0  # s out of sight
     kept_at_most: float = 60.0  # s out of sight
     kept_by_age: float = 10.0  # s out of sight for each second of standing there
@@ -235,7 +238,9 @@ class LocalObstacleMap:
         self._there[rows[passed], columns[passed]] = False
 
     def _mark(self, rows: Cells, columns: Cells, now: float) -> None:
-        new = now - self._last[rows, columns] > self._params.flicker
+        params = self._params
+        returns = np.where(self._there[rows, columns], params.unpassed, params.flicker)
+        new = now - self._last[rows, columns] > returns
         self._first[rows[new], columns[new]] = now
         self._last[rows, columns] = now
         self._there[rows, columns] = True

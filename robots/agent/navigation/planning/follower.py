@@ -35,6 +35,11 @@ class FollowerParams:
     last_speed: float = 0.04  # m/s with which the end is reached
     narrow_speed: float = 0.12  # m/s with no room at all
     narrow_gain: float = 0.9  # m/s more for each metre of room
+    # m beside the robot on both sides together, below which it keeps to the middle between what it
+    # sees, and at which it begins to: there a few centimetres of error in its pose are too many
+    tight: float = 0.1
+    tight_from: float = 0.25
+    abreast: tuple[float, float] = (-0.2, 0.6)  # m along the robot where it looks to both sides
     arrived: float = 0.06  # m from the end
     nearly: float = 0.15  # m from the end of a path that is used up
     drifted: float = 0.25  # m from the end, beyond which the robot has left it again
@@ -149,8 +154,11 @@ class Follower:
         params = self._params
         ahead = params.ahead + params.ahead_per_speed * max(0.0, velocity.linear)
         x, y = self.path.at(self.way + ahead)
-        distance = max(math.dist((x, y), (pose.x, pose.y)), 0.05)
-        bearing = wrap_angle(math.atan2(y - pose.y, x - pose.x) - pose.theta)
+        local = pose.inverse().apply(x, y)
+        if abs(local[1]) < local[0]:
+            local = local[0], self._between(local[1], hazards)
+        distance = max(math.hypot(*local), 0.05)
+        bearing = math.atan2(local[1], local[0])
         if self._side or abs(bearing) > (
             params.turn_from if left > params.ahead else params.turn_from / 2.0
         ):
@@ -164,6 +172,24 @@ class Follower:
         if done.velocity == ZERO and done.why == "thing" and abs(bearing) > params.turn_to:
             return self.turn(bearing, velocity, hazards, params.turn_to)
         return Followed(done.velocity, "held" if done.velocity == ZERO else "driving", done.why)
+
+    def _between(self, aside: float, hazards: Hazards) -> float:
+        """Return how far to the left the pursued point shall lie: where the path has it, `aside`
+        metres, or in a tight place in the middle between what stands on both sides.
+        """
+        params = self._params
+        points = np.concatenate([hazards.things, hazards.strangers])
+        first, last = params.abreast
+        across = points[(points[:, 0] > first) & (points[:, 0] < last), 1]
+        left, right = across[across > 0.0], -across[across < 0.0]
+        if len(left) == 0 or len(right) == 0:
+            return aside
+        rooms = [float(side.min()) - self.check.half_width for side in (left, right)]
+        if min(rooms) < -params.arrived:
+            return aside  # it stands before the robot, not beside it
+        share = (params.tight_from - sum(rooms)) / (params.tight_from - params.tight)
+        share = min(max(share, 0.0), 1.0)
+        return (1.0 - share) * aside + share * (rooms[0] - rooms[1]) / 2.0
 
     def _wanted(
         self, bearing: float, curvature: float, velocity: Velocity, hazards: Hazards

@@ -92,6 +92,27 @@ def test_what_has_stood_for_long_is_settled_and_what_moves_is_not() -> None:
     assert obstacle_map.strange(sim.pose, np.vstack([point, elsewhere]), now).all()
 
 
+def test_what_is_met_now_and_then_and_never_looked_through_settles_too() -> None:
+    """The edge of a thing that stands close to a wall is the wall's in most sweeps."""
+    sim, obstacle_map = giraff()
+    point = np.array([[GIRAFF.laser.x + 1.0, 0.0]])
+    behind = LOCAL_MAP.seen_through - 0.02
+    for step in range(round(LOCAL_MAP.settled * 10) + 5):
+        away = 0.0 if step % 20 == 0 else behind
+        obstacle_map.look(sim.pose, with_thing(sweep(sim), 0.0, 1.0 + away), step / 10.0)
+    assert obstacle_map.settled(sim.pose, point, step / 10.0).all()
+
+
+def test_what_comes_back_after_the_laser_looked_through_is_new() -> None:
+    sim, obstacle_map = giraff()
+    point = np.array([[GIRAFF.laser.x + 1.0, 0.0]])
+    for step in range(round(LOCAL_MAP.settled * 10) + 5):
+        gone = 50 <= step < 65
+        beams = sweep(sim) if gone else with_thing(sweep(sim), 0.0, 1.0)
+        obstacle_map.look(sim.pose, beams, step / 10.0)
+    assert not obstacle_map.settled(sim.pose, point, step / 10.0).any()
+
+
 def test_the_leaf_of_an_open_door_is_no_stranger() -> None:
     sim, obstacle_map = giraff(BEFORE_DOOR)
     beams = sweep(sim)
