@@ -214,6 +214,13 @@ class LinksForm(forms.Form):
         help_text=_("Leave blank for no expiry."),
     )
 
+    def __init__(self, study: StudyDefinition, *args: Any) -> None:
+        super().__init__(*args)
+        # A link to conditions that the study lacks would turn its person away at the drive.
+        there = {condition.access for condition in study.conditions}
+        access = self.fields["access"]
+        access.choices = [one for one in access.choices if one[0] in there or not there]
+
     def expires_at(self, now: datetime.datetime) -> datetime.datetime | None:
         """Return when they expire."""
         days = self.cleaned_data["days"]

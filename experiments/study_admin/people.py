@@ -144,8 +144,10 @@ class PeoplePages:
         shows and offers as a file, or revokes one.
         """
         row = study_for(request, pk, "researcher")
+        definition = row.as_definition()
         form = LinksForm(
-            request.POST if request.method == "POST" and "make" in request.POST else None
+            definition,
+            request.POST if request.method == "POST" and "make" in request.POST else None,
         )
         made = None
         if request.method == "POST":
@@ -154,7 +156,7 @@ class PeoplePages:
             if "revoke" in request.POST:
                 return self._revoke(request, row, request.POST["revoke"])
             if form.is_valid():
-                made, form = self._made(request, row, form), LinksForm()
+                made, form = self._made(request, row, form), LinksForm(definition)
         rows = PersonalLink.objects.filter(study=row).select_related("participant__user")[
             :MOST_LISTED
         ]

@@ -51,6 +51,8 @@ OPENED = {
 # by itself.
 BESIDE = {
     "viewport",
+    "audience",
+    "audience-panel",
     "offer",
     "photo",
     "kept",
@@ -152,9 +154,10 @@ async def drives(page: Page, site: PresentRobotPage) -> None:
 
 async def test_every_part_and_every_field_of_the_page_is_known_to_these_tests(page, site):
     parts = set(await page.evaluate(PARTS))
-    assert parts - BESIDE - {"talk-form", "talk-writing"} == set(OPENED)
+    assert parts - BESIDE - {"talk-form", "talk-writing", "ask-form"} == set(OPENED)
     for field, within in await page.evaluate(FIELDS):
-        assert within in {*OPENED, "tilt"}, f"{field} in {within}"
+        # who watches asks there, and whoever drives has no field in it
+        assert within in {*OPENED, "tilt", "audience-panel"}, f"{field} in {within}"
     assert await page.evaluate("document.querySelectorAll('iframe').length") == 1, (
         "the practice robot's, where this robot is not driven"
     )

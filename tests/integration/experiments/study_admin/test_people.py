@@ -97,7 +97,7 @@ def test_a_member_of_another_study_is_not_removed_from_here(client, study, owner
 def made(client, study, **fields) -> list[dict[str, str]]:
     answer = client.post(
         at("links", study),
-        {"make": "1", "count": "3", "label": "Class A", "access": "invitation", **fields},
+        {"make": "1", "count": "3", "label": "Class A", "access": "open", **fields},
     )
     assert "no-store" in answer["Cache-Control"]
     (link,) = [one for one in read(answer).all("a") if "download" in one.attributes]
@@ -157,6 +157,15 @@ def test_a_link_is_revoked_once_and_never_one_of_another_study(client, study, ow
         client.post(at("links", study), {"revoke": pk}).status_code
         for pk in (str(other.pk), "nonsense")
     } == {404}
+
+
+def test_links_lead_to_conditions_that_the_study_has(client, study, owner):
+    page = client.get(at("links", study)).content.decode()
+    assert 'value="open"' in page
+    assert 'value="invitation"' not in page
+    invited = {"make": "1", "count": "3", "access": "invitation"}
+    assert client.post(at("links", study), invited).status_code == 200
+    assert not PersonalLink.objects.exists()
 
 
 def test_a_closed_study_makes_no_links(client, study, owner):
