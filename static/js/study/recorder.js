@@ -32,9 +32,11 @@ export const createRecorder = ({ get, report, now }) => {
   /** @param {import("./page_events.js").Note | null} note */
   const write = (note) => note && report(note.type, note.data);
   const isDriving = () => get().visit.phase === "driving";
-  const sayLayout = () => isDriving() && write(layout.hear(layoutNow(get())));
+  /** Before a visit has begun here, nothing is written: what began it would write it again. */
+  const hasBegun = () => isDriving() && get().visit.session === session;
+  const sayLayout = () => hasBegun() && write(layout.hear(layoutNow(get())));
 
-  const sayPermissions = () => isDriving() && granted.forEach((state, name) => write(permissions.get(name)?.hear({ name, state }) ?? null));
+  const sayPermissions = () => hasBegun() && granted.forEach((state, name) => write(permissions.get(name)?.hear({ name, state }) ?? null));
 
   onResized(sayLayout);
   document.addEventListener("visibilitychange", () => isDriving() && report("tab", { hidden: document.hidden }));
@@ -86,7 +88,7 @@ export const createRecorder = ({ get, report, now }) => {
     sayFirstFrame(state);
   };
 
-  return { show, steered: (/** @type {string} */ method) => isDriving() && write(controller.hear({ method })) };
+  return { show, steered: (/** @type {string} */ method) => hasBegun() && write(controller.hear({ method })) };
 };
 
 /** Once the window has its size. @param {() => void} tell */
