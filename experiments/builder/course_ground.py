@@ -1,4 +1,4 @@
-"""The page of a course: its ground, and what stands in the way of it as it is on the page."""
+"""The page of a course: the ground that it draws, and the problems of what is on it."""
 
 import re
 from collections.abc import Iterable

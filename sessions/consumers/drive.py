@@ -3,10 +3,12 @@ in page_session.py.
 """
 
 import asyncio
+import functools
 import random
 import secrets
 import time
 import uuid
+from collections.abc import Callable
 
 import structlog
 from channels.db import database_sync_to_async
@@ -189,7 +191,13 @@ class RobotConsumer(RobotPageConsumer):
     def _tell_audience(self, effect: TellAudience) -> None:
         by_operator = isinstance(effect.message, protocol.MarkQuestion | protocol.LowerHands)
         if by_operator and not self.authorization.holds(self.known.lease):
-            self._launch(self._moderate(effect))
+            self._launch(
+                self._do_as_operator(
+                    effect.suffix,
+                    lambda: self.authorization.moderates(self.known.lease),
+                    lambda: self._change_audience(effect),
+                )
+            )
         else:
             self._change_audience(effect)
 
@@ -198,37 +206,31 @@ class RobotConsumer(RobotPageConsumer):
         if reason := self.page_session.tell_audience(effect.message):
             self._perform(self.authorization.deny(effect.suffix, reason, time.monotonic()))
 
-    async def _moderate(self, effect: TellAudience) -> None:
-        """Do what somebody asks who operates the robot, if they still do."""
-        assert self.page_session is not None
-        async with self.page_session.turn:
-            welcome = await self.page_session.still_welcome()
-            if welcome and self.authorization.moderates(self.known.lease):
-                self._change_audience(effect)
-            else:
-                self._perform(
-                    self.authorization.deny(effect.suffix, "not_allowed", time.monotonic())
-                )
-
     def _publish(self, publish: Publish) -> None:
         match publish:
             case Publish(message=Action(role="owner" | "staff")):
-                self._launch(self._publish_of_operator(publish))
+                self._launch(
+                    self._do_as_operator(
+                        publish.suffix,
+                        lambda: self.authorization.operator is not None,
+                        functools.partial(super()._publish, publish),
+                    )
+                )
             case _:
                 super()._publish(publish)
 
-    async def _publish_of_operator(self, publish: Publish) -> None:
-        """Send what somebody asks who operates the robot, if they still do: that may be over since
+    async def _do_as_operator(
+        self, suffix: str, may: Callable[[], bool], do: Callable[[], None]
+    ) -> None:
+        """Do what somebody asks who operates the robot, if they still may: that may be over since
         the page came.
         """
         assert self.page_session is not None
         async with self.page_session.turn:
-            if await self.page_session.still_welcome() and self.authorization.operator is not None:
-                super()._publish(publish)
+            if await self.page_session.still_welcome() and may():
+                do()
             else:
-                self._perform(
-                    self.authorization.deny(publish.suffix, "not_allowed", time.monotonic())
-                )
+                self._perform(self.authorization.deny(suffix, "not_allowed", time.monotonic()))
 
     def _ask(self, verb: Message) -> None:
         assert self.page_session is not None
