@@ -1,6 +1,7 @@
 /**
- * The drive page: registers its features and begins. What to do is decided in pure modules; each feature carries their decisions to the
- * browser. The page is there before this script is (templates/sessions/drive.html), and connects before all of it is.
+ * The drive page: registers its features and begins. What to do is decided in pure modules; each
+ * feature carries their decisions to the browser. The page is there before this script is
+ * (templates/sessions/drive.html), and connects before all of it is.
  */
 
 import { KeyDispatcher } from "../input/key_dispatcher.js";
@@ -16,13 +17,25 @@ import { createStore } from "./store.js";
 const AGAIN = 2000; // ms until a feature that did not arrive is fetched again
 const FRAME = 100; // ms that a break takes at most: a page out of sight draws no frames
 
-const element = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
+const element = (/** @type {string} */ id) =>
+  /** @type {HTMLElement} */ (document.getElementById(id));
 const config = JSON.parse(element("config").textContent ?? "{}");
 const keymap = new Keymap(recallKeys(config.who ?? ""));
 const labels = keymap.labels();
-const words = readWords(/** @type {HTMLTemplateElement} */ (element("words")), document.documentElement.lang, labels);
+const words = readWords(
+  /** @type {HTMLTemplateElement} */ (element("words")),
+  document.documentElement.lang,
+  labels,
+);
 const registry = new Registry();
-const given = { factsheet: config.factsheet ?? null, returnsHome: config.returnsHome ?? false, guest: Boolean(config.signUp), practising: Boolean(config.practising) && !config.signUp, study: config.study ?? null, practice: config.practice ? "off" : "none" };
+const given = {
+  factsheet: config.factsheet ?? null,
+  returnsHome: config.returnsHome ?? false,
+  guest: Boolean(config.signUp),
+  practising: Boolean(config.practising) && !config.signUp,
+  study: config.study ?? null,
+  practice: config.practice ? "off" : "none",
+};
 const store = createStore({ ...newState(), ...given });
 
 /** @type {import("./registry.js").Page} */
@@ -66,7 +79,11 @@ const pause = () =>
     setTimeout(done, FRAME);
   });
 
-/** The network may be away just now. @param {typeof LATER[number]} fetch @returns {ReturnType<typeof fetch>} */
+/**
+ * The network may be away just now.
+ * @param {typeof LATER[number]} fetch
+ * @returns {ReturnType<typeof fetch>}
+ */
 const fetched = (fetch) =>
   fetch().catch((error) => {
     if (!(error instanceof TypeError)) {
@@ -106,7 +123,8 @@ const begin = () => {
 };
 
 window.addEventListener("pageshow", (event) => {
-  // A page that comes back out of the browser's cache has lost its connections and its timers: begin again.
+  // A page that comes back out of the browser's cache has lost its connections and its timers:
+  // begin again.
   if (event.persisted) {
     location.reload();
   }

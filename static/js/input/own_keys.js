@@ -1,6 +1,7 @@
 /**
- * Where a visitor chooses keys: a line a command, with its keys on a button. Pressed, the button takes the next key. Nothing here drives:
- * the panel around it holds the keys (key_dispatcher.js), and the key that is chosen goes no farther.
+ * Where a visitor chooses keys: a line a command, with its keys on a button. Pressed, the button
+ * takes the next key. Nothing here drives: the panel around it holds the keys (key_dispatcher.js),
+ * and the key that is chosen goes no farther.
  */
 
 import { rememberKeys } from "../drive/storage.js";
@@ -10,7 +11,9 @@ import { labelOf } from "./keymap.js";
 /** @param {import("../drive/registry.js").Page} page */
 export const createOwnKeys = ({ element, words, keys: { keymap }, config, useKeys }) => {
   const section = element("own-keys");
-  const buttons = /** @type {HTMLButtonElement[]} */ (Array.from(section.querySelectorAll("button[data-command]")));
+  const buttons = /** @type {HTMLButtonElement[]} */ (
+    Array.from(section.querySelectorAll("button[data-command]"))
+  );
   const note = element("own-keys-note");
   /** @type {HTMLButtonElement | null} the one whose key is awaited */
   let asked = null;
@@ -18,12 +21,20 @@ export const createOwnKeys = ({ element, words, keys: { keymap }, config, useKey
   const drawKeys = () => {
     for (const button of buttons) {
       const own = keymap.keys[button.dataset.command ?? ""];
-      writeKeys(button, own.length ? own.map((key) => (key === "Space" ? words.say("keys.space") : labelOf(key))) : ["–"]);
+      writeKeys(
+        button,
+        own.length
+          ? own.map((key) => (key === "Space" ? words.say("keys.space") : labelOf(key)))
+          : ["–"],
+      );
       button.setAttribute("aria-pressed", String(button === asked));
     }
   };
 
-  const ask = (/** @type {HTMLButtonElement | null} */ button, sentence = button ? words.say("keys.press") : "") => {
+  const ask = (
+    /** @type {HTMLButtonElement | null} */ button,
+    sentence = button ? words.say("keys.press") : "",
+  ) => {
     asked = button;
     write(note, sentence);
     drawKeys();
@@ -77,10 +88,18 @@ export const createOwnKeys = ({ element, words, keys: { keymap }, config, useKey
   return { show };
 };
 
-/** What is under a pointer that is down must stay, or the browser sees no click. @param {HTMLElement} button @param {string[]} signs */
+/**
+ * What is under a pointer that is down must stay, or the browser sees no click.
+ * @param {HTMLElement} button
+ * @param {string[]} signs
+ */
 const writeKeys = (button, signs) => {
   const different = Array.from(new Set(signs));
   if (button.textContent !== different.join("")) {
-    button.replaceChildren(...different.map((sign) => Object.assign(document.createElement("kbd"), { textContent: sign })));
+    button.replaceChildren(
+      ...different.map((sign) =>
+        Object.assign(document.createElement("kbd"), { textContent: sign }),
+      ),
+    );
   }
 };

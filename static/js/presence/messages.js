@@ -1,4 +1,7 @@
-/** Messages to the people there and from them: the panel that lists them, and its field. The list itself is conversation.js, fetched when it is needed. */
+/**
+ * Messages to the people there and from them: the panel that lists them, and its field. The list
+ * itself is conversation.js, fetched when it is needed.
+ */
 
 import { isOffered, mayWriteWaiting } from "../autonomy/offer.js";
 import { ask } from "../autonomy/robot_action.js";
@@ -11,11 +14,16 @@ import { lazy } from "../lib/lazy.js";
 export const createMessages = (page) => {
   const { store, element, keys } = page;
   let session = "";
-  const fetchConversation = lazy(async () => new (await import("./conversation.js")).Conversation(page));
+  const fetchConversation = lazy(
+    async () => new (await import("./conversation.js")).Conversation(page),
+  );
   /** @typedef {import("./conversation.js").Conversation} Conversation */
   /** @type {Conversation | null} */
   let conversation = null;
-  /** @type {((it: Conversation) => void)[]} what it is to hear, in order; kept while it cannot be fetched */
+  /**
+   * @type {((it: Conversation) => void)[]} what it is to hear, in order; kept while it cannot be
+   *   fetched
+   */
   const waiting = [];
   const tell = (/** @type {((it: Conversation) => void)[]} */ ...what) => {
     waiting.push(...what);
@@ -25,7 +33,11 @@ export const createMessages = (page) => {
     });
   };
 
-  /** Open a panel, at once: the visitor's next key goes to what they have opened. @param {"" | "talk" | "volumes"} panel @param {boolean} [writing] */
+  /**
+   * Open a panel, at once: the visitor's next key goes to what they have opened.
+   * @param {"" | "talk" | "volumes"} panel
+   * @param {boolean} [writing]
+   */
   const show = (panel, writing = false) => {
     store.update({ panel, writing, unread: panel === "talk" ? 0 : store.get().unread });
     store.flush();
@@ -35,7 +47,9 @@ export const createMessages = (page) => {
     backToDriving(element);
   };
   keys.closes(element("talk"), closePanel, () => show("talk"));
-  const onSent = (/** @type {import("../autonomy/robot_action.js").RobotAction | null} */ action) => {
+  const onSent = (
+    /** @type {import("../autonomy/robot_action.js").RobotAction | null} */ action,
+  ) => {
     if (action) {
       tell((it) => it.sent(action));
     }
@@ -77,11 +91,16 @@ export const createMessages = (page) => {
   };
 };
 
-/** @param {import("../drive/registry.js").Page} page @param {import("../drive/features.js").State} state @param {boolean} offered */
+/**
+ * @param {import("../drive/registry.js").Page} page
+ * @param {import("../drive/features.js").State} state
+ * @param {boolean} offered
+ */
 const renderPanels = ({ element }, { panel, writing, unread }, offered) => {
   const writes = writing && panel === "talk";
   element("presence-talk").hidden = !offered;
-  element("talk").hidden = panel !== "talk" || (!writes && element("talk-list").childElementCount === 0);
+  element("talk").hidden =
+    panel !== "talk" || (!writes && element("talk-list").childElementCount === 0);
   element("talk").toggleAttribute("data-holds-keys", writes);
   element("talk-writing").hidden = !writes;
   element("volumes").hidden = panel !== "volumes";
@@ -91,14 +110,28 @@ const renderPanels = ({ element }, { panel, writing, unread }, offered) => {
   write(element("unread"), String(unread));
 };
 
-/** @param {import("../drive/registry.js").Page} page @param {(action: import("../autonomy/robot_action.js").RobotAction | null) => void} onSent */
+/**
+ * @param {import("../drive/registry.js").Page} page
+ * @param {(action: import("../autonomy/robot_action.js").RobotAction | null) => void} onSent
+ */
 const setUpForm = ({ element, driving }, onSent) => {
   const input = (/** @type {string} */ id) => /** @type {HTMLInputElement} */ (element(id));
   element("talk-form").addEventListener("submit", (event) => {
     event.preventDefault();
     const field = input("talk-field");
     const text = field.value.trim().slice(0, 500);
-    const action = text ? ask({ type: "say", text, aloud: input("talk-aloud").checked, language: document.documentElement.lang }, freshId("say-"), unixNow()) : null;
+    const action = text
+      ? ask(
+          {
+            type: "say",
+            text,
+            aloud: input("talk-aloud").checked,
+            language: document.documentElement.lang,
+          },
+          freshId("say-"),
+          unixNow(),
+        )
+      : null;
     if (action) {
       driving.sendAction(action);
       field.value = "";

@@ -1,5 +1,6 @@
 /**
- * Watches the page for what belongs into the record of a drive (page_events.js), and sends it. Works with and without a study.
+ * Watches the page for what belongs into the record of a drive (page_events.js), and sends it.
+ * Works with and without a study.
  */
 
 import { alertFor } from "../view/hud/alert.js";
@@ -16,13 +17,22 @@ const PERMISSIONS = ["camera", "microphone"];
 /**
  * @param {object} options
  * @param {() => import("../drive/features.js").State} options.get
- * @param {(type: string, data?: Record<string, string | number | boolean | null>) => boolean} options.report whether it was handed to the network
+ * @param {(type: string, data?: Record<string, string | number | boolean | null>) => boolean}
+ *   options.report whether it was handed to the network
  * @param {() => number} options.now Unix seconds
  */
 export const createRecorder = ({ get, report, now }) => {
-  const [cue, alert, card] = [new Shown("cue_shown"), new Shown("alert_shown"), new Shown("card_shown")];
+  const [cue, alert, card] = [
+    new Shown("cue_shown"),
+    new Shown("alert_shown"),
+    new Shown("card_shown"),
+  ];
   const photo = new Shown("photo_window_shown");
-  const [layout, map, controller] = [new Changes("layout"), new Changes("map"), new Changes("controller")];
+  const [layout, map, controller] = [
+    new Changes("layout"),
+    new Changes("map"),
+    new Changes("controller"),
+  ];
   const permissions = new Map(PERMISSIONS.map((name) => [name, new Changes("permission")]));
   const granted = new Map(/** @type {[string, string][]} */ ([]));
   let session = /** @type {string | null} */ (null);
@@ -36,10 +46,15 @@ export const createRecorder = ({ get, report, now }) => {
   const hasBegun = () => isDriving() && get().visit.session === session;
   const sayLayout = () => hasBegun() && write(layout.hear(layoutNow(get())));
 
-  const sayPermissions = () => hasBegun() && granted.forEach((state, name) => write(permissions.get(name)?.hear({ name, state }) ?? null));
+  const sayPermissions = () =>
+    hasBegun() &&
+    granted.forEach((state, name) => write(permissions.get(name)?.hear({ name, state }) ?? null));
 
   onResized(sayLayout);
-  document.addEventListener("visibilitychange", () => isDriving() && report("tab", { hidden: document.hidden }));
+  document.addEventListener(
+    "visibilitychange",
+    () => isDriving() && report("tab", { hidden: document.hidden }),
+  );
   addEventListener("pagehide", () => write(cue.hear("", null, now())));
   for (const name of PERMISSIONS) {
     void watchPermission(name, (state) => {
@@ -58,10 +73,18 @@ export const createRecorder = ({ get, report, now }) => {
     sayPermissions();
   };
 
-  /** The task's time begins with it: it is told until it is known. @param {import("../drive/features.js").State} state */
+  /**
+   * The task's time begins with it: it is told until it is known.
+   * @param {import("../drive/features.js").State} state
+   */
   const sayFirstFrame = ({ told, playing, slow }) => {
     const unknown = framed === -Infinity || told?.cue === "wait_for_picture";
-    if (playing && unknown && now() - framed > AGAIN_SECONDS && report("first_frame", { way: slow ? "server" : "direct" })) {
+    if (
+      playing &&
+      unknown &&
+      now() - framed > AGAIN_SECONDS &&
+      report("first_frame", { way: slow ? "server" : "direct" })
+    ) {
       framed = now();
     }
   };
@@ -88,7 +111,10 @@ export const createRecorder = ({ get, report, now }) => {
     sayFirstFrame(state);
   };
 
-  return { show, steered: (/** @type {string} */ method) => hasBegun() && write(controller.hear({ method })) };
+  return {
+    show,
+    steered: (/** @type {string} */ method) => hasBegun() && write(controller.hear({ method })),
+  };
 };
 
 /** Once the window has its size. @param {() => void} tell */
@@ -113,10 +139,16 @@ const layoutNow = (state) => ({
   touch: matchMedia("(any-pointer: coarse)").matches,
 });
 
-/** What the browser has been allowed, now and whenever that changes. @param {string} name @param {(state: string) => unknown} tell */
+/**
+ * What the browser has been allowed, now and whenever that changes.
+ * @param {string} name
+ * @param {(state: string) => unknown} tell
+ */
 const watchPermission = async (name, tell) => {
   try {
-    const status = await navigator.permissions.query({ name: /** @type {PermissionName} */ (name) });
+    const status = await navigator.permissions.query({
+      name: /** @type {PermissionName} */ (name),
+    });
     status.onchange = () => tell(status.state);
     tell(status.state);
   } catch (error) {

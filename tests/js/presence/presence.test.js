@@ -295,7 +295,11 @@ describe("the robot's own display", () => {
     assert.equal(scene(told({ online: false })), "offline");
     assert.equal(scene(told(), 105), "offline");
     const nobody = { title: "Giraff", session: null, visitor: null, study: false };
-    assert.equal(scene(told({ screen: nobody }), 135), "idle", "nobody drives, so the robot may be silent");
+    assert.equal(
+      scene(told({ screen: nobody }), 135),
+      "idle",
+      "nobody drives, so the robot may be silent",
+    );
     assert.equal(scene(told({ screen: nobody }), 150), "offline");
     assert.equal(
       scene(told({ screen: { title: "Giraff", session: null, visitor: null, study: false } })),

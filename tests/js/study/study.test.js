@@ -56,8 +56,22 @@ const STUDY = {
     { number: 2, x: 4, y: 3, radius: 0.5, title: "Window" },
   ],
   dock: { x: 0.1, y: 0, theta: 3.14 },
-  path: [[0, 0], [2, 0], [4, 3]],
-  zones: [{ name: "hall", title: "Hall", polygon: [[0, 0], [1, 0], [1, 1]] }],
+  path: [
+    [0, 0],
+    [2, 0],
+    [4, 3],
+  ],
+  zones: [
+    {
+      name: "hall",
+      title: "Hall",
+      polygon: [
+        [0, 0],
+        [1, 0],
+        [1, 1],
+      ],
+    },
+  ],
   doors: [],
   photo: { checkpoint: 2 },
   controllers: ["keyboard", "stick"],
@@ -468,7 +482,11 @@ describe("what a study fixes", () => {
     const [moved, stopped, barred] = [[], [], []];
     const target = new EventTarget();
     const keyboard = new Keyboard({
-      keys: new KeyDispatcher({ target, root: { querySelectorAll: () => [] }, watch: () => undefined }),
+      keys: new KeyDispatcher({
+        target,
+        root: { querySelectorAll: () => [] },
+        watch: () => undefined,
+      }),
       emit: (shares) => moved.push(shares),
       stop: () => stopped.push(1),
       step: () => undefined,
@@ -493,7 +511,12 @@ describe("a way of control that is fixed", () => {
       { send: () => sent.push("datachannel") > 0 },
     ];
     const commands = { velocity: () => ({ linear: 1 }), stop: () => ({ type: "stop" }) };
-    const router = new TransportRouter({ socket, link, clockSync: { isFresh: () => fresh }, commands });
+    const router = new TransportRouter({
+      socket,
+      link,
+      clockSync: { isFresh: () => fresh },
+      commands,
+    });
     router.only = only;
     return { router, sent };
   };
@@ -644,7 +667,11 @@ describe("what is read out", () => {
     const announcerQueue = new AnnouncerQueue();
     assert.equal(announcerQueue.hear("Go to 1", 100), "Go to 1");
     assert.deepEqual(
-      [announcerQueue.hear("turn left", 101), announcerQueue.hear("turn right", 102), announcerQueue.hear("ready", 103)],
+      [
+        announcerQueue.hear("turn left", 101),
+        announcerQueue.hear("turn right", 102),
+        announcerQueue.hear("ready", 103),
+      ],
       [null, null, null],
     );
     assert.equal(announcerQueue.hear("ready", 104.5), "ready");

@@ -10,11 +10,18 @@ const NONE = "–";
 const told = (value, write) => (value === null || value === undefined ? NONE : write(value));
 
 /**
- * @param {(id: string) => HTMLElement} element @param {import("./record.js").Record} record @param {import("../../lib/words.js").Words} words
+ * @param {(id: string) => HTMLElement} element
+ * @param {import("./record.js").Record} record
+ * @param {import("../../lib/words.js").Words} words
  * @returns {(t: number) => void}
  */
 export const createReadings = (element, record, words) => {
-  const places = Object.fromEntries(["place", "driven", "command", "battery", "clearance", "network"].map((name) => [name, element(`reading-${name}`)]));
+  const places = Object.fromEntries(
+    ["place", "driven", "command", "battery", "clearance", "network"].map((name) => [
+      name,
+      element(`reading-${name}`),
+    ]),
+  );
   return (t) => {
     for (const [name, text] of Object.entries(readingsAt(record, t, words))) {
       if (places[name].textContent !== text) {
@@ -24,32 +31,57 @@ export const createReadings = (element, record, words) => {
   };
 };
 
-/** @param {import("./record.js").Record} record @param {number} t @param {import("../../lib/words.js").Words} words @returns {Record<string, string>} */
+/**
+ * @param {import("./record.js").Record} record
+ * @param {number} t
+ * @param {import("../../lib/words.js").Words} words
+ * @returns {Record<string, string>}
+ */
 export const readingsAt = (record, t, words) => {
   const moment = momentAt(record.states, t);
   const { states } = record;
   const i = moment?.index ?? 0;
-  const place = () => (moment ? `${moment.x.toFixed(2)}, ${moment.y.toFixed(2)} m · ${((moment.theta * 180) / Math.PI).toFixed(0)}°` : NONE);
+  const place = () =>
+    moment
+      ? `${moment.x.toFixed(2)}, ${moment.y.toFixed(2)} m · ${((moment.theta * 180) / Math.PI).toFixed(0)}°`
+      : NONE;
   return {
-    place: moment?.stale ? words.say("unknown") : moment && !moment.localized ? `${place()} · ${words.say("lost")}` : place(),
-    driven: moment && !moment.stale ? `${states.v[i].toFixed(2)} m/s · ${states.w[i].toFixed(2)} rad/s` : NONE,
+    place: moment?.stale
+      ? words.say("unknown")
+      : moment && !moment.localized
+        ? `${place()} · ${words.say("lost")}`
+        : place(),
+    driven:
+      moment && !moment.stale
+        ? `${states.v[i].toFixed(2)} m/s · ${states.w[i].toFixed(2)} rad/s`
+        : NONE,
     command: commandTold(commandAt(record, t), words),
-    battery: moment ? `${told(states.charge[i], (charge) => `${Math.round(charge * 100)} %`)}${states.docked[i] ? ` · ${words.say("docked")}` : ""}` : NONE,
+    battery: moment
+      ? `${told(states.charge[i], (charge) => `${Math.round(charge * 100)} %`)}${states.docked[i] ? ` · ${words.say("docked")}` : ""}`
+      : NONE,
     clearance: told(moment && states.clearance[i], (value) => `${value.toFixed(2)} m`),
     network: networkTold(networkAt(record, t), words),
   };
 };
 
-/** @param {ReturnType<typeof commandAt>} command @param {import("../../lib/words.js").Words} words */
+/**
+ * @param {ReturnType<typeof commandAt>} command
+ * @param {import("../../lib/words.js").Words} words
+ */
 const commandTold = (command, words) => {
   if (!command) {
     return NONE;
   }
-  const method = words.has(`method.${command.method}`) ? words.say(`method.${command.method}`) : command.method;
+  const method = words.has(`method.${command.method}`)
+    ? words.say(`method.${command.method}`)
+    : command.method;
   return `${method} · ${command.v.toFixed(2)} m/s · ${command.w.toFixed(2)} rad/s · ${told(command.age, (age) => `${Math.round(age * 1000)} ms`)}`;
 };
 
-/** @param {Record<string, number | null> | null} network @param {import("../../lib/words.js").Words} words */
+/**
+ * @param {Record<string, number | null> | null} network
+ * @param {import("../../lib/words.js").Words} words
+ */
 const networkTold = (network, words) => {
   if (!network) {
     return NONE;

@@ -1,6 +1,7 @@
 /**
- * The path on the floor plan, coloured by time, and the robot's outline where it was. The still part is drawn once a size into a picture
- * of its own. data-marker-x, -y and -t on the canvas tell where the robot was drawn, for whoever wants to check.
+ * The path on the floor plan, coloured by time, and the robot's outline where it was. The still
+ * part is drawn once a size into a picture of its own. data-marker-x, -y and -t on the canvas tell
+ * where the robot was drawn, for whoever wants to check.
  */
 
 import { boundsOfSite, drawFloorPlan } from "../../view/map/floor_plan.js";
@@ -10,7 +11,8 @@ import { piecesOf } from "./record.js";
 
 const SHADES = 64; // colours that the time is told with
 const SMALLEST = 8; // CSS pixels from the robot's middle to its tip
-const HUES = { from: [118, 214, 200], to: [255, 138, 60] }; // petrol at the beginning, apricot at the end
+// petrol at the beginning, apricot at the end
+const HUES = { from: [118, 214, 200], to: [255, 138, 60] };
 
 /** @param {number} share of the time @returns {string} */
 const shade = (share) => {
@@ -20,8 +22,10 @@ const shade = (share) => {
 
 export class ReplayMap {
   /**
-   * @param {HTMLCanvasElement} canvas @param {import("../../view/map/floor_plan.js").FloorPlan | null} site
-   * @param {import("./record.js").Record} record @param {[number, number][]} footprint m, in the robot's frame
+   * @param {HTMLCanvasElement} canvas
+   * @param {import("../../view/map/floor_plan.js").FloorPlan | null} site
+   * @param {import("./record.js").Record} record
+   * @param {[number, number][]} footprint m, in the robot's frame
    */
   constructor(canvas, site, record, footprint) {
     this.canvas = canvas;
@@ -33,7 +37,10 @@ export class ReplayMap {
     /** @type {import("../../view/map/transform.js").View | null} */
     this.view = null;
     this.density = 1;
-    /** @type {import("../../view/map/floor_plan.js").Paint & {robot: string, lost: string, edge: string}} */
+    /**
+     * @type {import("../../view/map/floor_plan.js").Paint & {robot: string, lost: string, edge:
+     *   string}}
+     */
     this.paint = /** @type {any} */ ({});
     this.still = document.createElement("canvas");
     this.pieces = piecesOf(record.states);
@@ -46,7 +53,11 @@ export class ReplayMap {
   /** Whether it is drawn in the size that it has: an observer tells of the first size, too. */
   #fits() {
     const { clientWidth, clientHeight } = this.canvas;
-    return this.view?.width === clientWidth && this.view.height === clientHeight && this.density === devicePixelRatio;
+    return (
+      this.view?.width === clientWidth &&
+      this.view.height === clientHeight &&
+      this.density === devicePixelRatio
+    );
   }
 
   /** The image of a site that has no plan of rooms. @param {CanvasImageSource} image */
@@ -76,7 +87,16 @@ export class ReplayMap {
 
   #bounds() {
     const { x, y } = this.record.states;
-    return this.site ? boundsOfSite(this.site) : boundsOf(x.length ? x.map((each, i) => /** @type {[number, number]} */ ([each, y[i]])) : [[-1, -1], [1, 1]]);
+    return this.site
+      ? boundsOfSite(this.site)
+      : boundsOf(
+          x.length
+            ? x.map((each, i) => /** @type {[number, number]} */ ([each, y[i]]))
+            : [
+                [-1, -1],
+                [1, 1],
+              ],
+        );
   }
 
   /** @param {CanvasRenderingContext2D} context */
@@ -93,7 +113,14 @@ export class ReplayMap {
     }
   }
 
-  /** One stroke a shade. @param {CanvasRenderingContext2D} context @param {any} states @param {number} first @param {number} last @param {number} duration */
+  /**
+   * One stroke a shade.
+   * @param {CanvasRenderingContext2D} context
+   * @param {any} states
+   * @param {number} first
+   * @param {number} last
+   * @param {number} duration
+   */
   #drawPiece(context, states, first, last, duration) {
     let colour = "";
     for (let i = first; i < last; i += 1) {
@@ -120,7 +147,9 @@ export class ReplayMap {
   #colours() {
     const style = getComputedStyle(this.canvas);
     const names = ["floor", "wall", "furniture", "door", "dock", "name", "robot", "lost", "edge"];
-    const colours = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--map-${name}`).trim()]));
+    const colours = Object.fromEntries(
+      names.map((name) => [name, style.getPropertyValue(`--map-${name}`).trim()]),
+    );
     return /** @type {any} */ ({ ...colours, font: `600 12px ${style.fontFamily}` });
   }
 
@@ -140,7 +169,11 @@ export class ReplayMap {
     if (moment) {
       this.#drawRobot(context, moment);
       const [x, y] = this.#at(moment.x, moment.y);
-      Object.assign(this.canvas.dataset, { markerX: x.toFixed(2), markerY: y.toFixed(2), markerT: t.toFixed(3) });
+      Object.assign(this.canvas.dataset, {
+        markerX: x.toFixed(2),
+        markerY: y.toFixed(2),
+        markerT: t.toFixed(3),
+      });
     }
   }
 
@@ -150,7 +183,9 @@ export class ReplayMap {
     const colour = moment.localized && !moment.stale ? paint.robot : paint.lost;
     if (this.footprint.length) {
       context.beginPath();
-      this.footprint.forEach((corner) => context.lineTo(...this.#at(...compose(moment, ...corner))));
+      this.footprint.forEach((corner) =>
+        context.lineTo(...this.#at(...compose(moment, ...corner))),
+      );
       context.closePath();
       context.strokeStyle = colour;
       context.lineWidth = 1.5;

@@ -12,7 +12,8 @@ const LONGEST_WAIT_MS = 15000;
 
 /**
  * @param {object} parts
- * @param {(key: string, fields: [string, string][]) => Promise<Outcome>} parts.send resolves in any case
+ * @param {(key: string, fields: [string, string][]) => Promise<Outcome>} parts.send resolves in any
+ *   case
  * @param {(state: State, key: string, error: string) => void} parts.tell
  * @param {Storage} parts.storage
  * @param {string} parts.name under which unsent answers are kept
@@ -24,7 +25,8 @@ export const createSaver = ({ send, tell, storage, name, later }) => {
   let busy = false;
   let wait = 0;
 
-  const keep = () => (unsent.size ? storage.setItem(name, JSON.stringify([...unsent])) : storage.removeItem(name));
+  const keep = () =>
+    unsent.size ? storage.setItem(name, JSON.stringify([...unsent])) : storage.removeItem(name);
 
   const next = async () => {
     const first = unsent.entries().next();

@@ -1,6 +1,7 @@
 /**
- * The connections of a hidden operator's page: the WebSocket, over which all commands go, and the robot's video and sound. A change of
- * either stops what the hand does; the server and the robot stop the robot by themselves.
+ * The connections of a hidden operator's page: the WebSocket, over which all commands go, and the
+ * robot's video and sound. A change of either stops what the hand does; the server and the robot
+ * stop the robot by themselves.
  */
 
 import { unixNow } from "../../lib/clock.js";
@@ -39,7 +40,11 @@ export const createConnection = ({ url, viewport, shown, onMessage, onSocket }) 
     }
   };
 
-  /** @param {string} suffix @param {any} message @param {import("../../protocol/clock_sync.js").Transport} transport */
+  /**
+   * @param {string} suffix
+   * @param {any} message
+   * @param {import("../../protocol/clock_sync.js").Transport} transport
+   */
   const take = (suffix, message, transport) => {
     const now = unixNow();
     if (transport === "datachannel") {
@@ -68,7 +73,11 @@ export const createConnection = ({ url, viewport, shown, onMessage, onSocket }) 
   });
   const link = new Link({
     makePeer: (role) =>
-      new Peer({ role, onSignal: (message) => socket.send(encodePacket("signal", message)), onPacket: (packet) => receive(packet, "datachannel") }),
+      new Peer({
+        role,
+        onSignal: (message) => socket.send(encodePacket("signal", message)),
+        onPacket: (packet) => receive(packet, "datachannel"),
+      }),
     onDropping: () => viewport.freeze(),
     onOpening: (peer) => {
       shown.reset();
@@ -87,5 +96,13 @@ export const createConnection = ({ url, viewport, shown, onMessage, onSocket }) 
     }
   };
 
-  return { socket, link, router, commands, clockSync, send: (/** @type {string} */ suffix, /** @type {object} */ message) => socket.send(encodePacket(suffix, message)) };
+  return {
+    socket,
+    link,
+    router,
+    commands,
+    clockSync,
+    send: (/** @type {string} */ suffix, /** @type {object} */ message) =>
+      socket.send(encodePacket(suffix, message)),
+  };
 };

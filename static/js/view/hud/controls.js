@@ -1,6 +1,7 @@
 /**
- * The page's buttons: stop, leave, sound, map, speed and assistance. A button that was pressed with a pointer gives the focus back, so that the
- * space bar stops the robot instead of pressing it again.
+ * The page's buttons: stop, leave, sound, map, speed and assistance. A button that was pressed with
+ * a pointer gives the focus back, so that the space bar stops the robot instead of pressing it
+ * again.
  */
 
 import { roleOf } from "../../protocol/session.js";
@@ -20,9 +21,15 @@ export const createControls = (element, words, act) => {
   const sound = /** @type {HTMLButtonElement} */ (element("sound"));
   const map = /** @type {HTMLButtonElement} */ (element("map-toggle"));
   const turn = /** @type {HTMLButtonElement} */ (element("turn-around"));
-  const tools = /** @type {HTMLButtonElement[]} */ (Array.from(element("map-tools").querySelectorAll("button")));
-  const speeds = /** @type {HTMLButtonElement[]} */ (Array.from(element("speed").querySelectorAll("button")));
-  const assists = /** @type {HTMLButtonElement[]} */ (Array.from(element("assist").querySelectorAll("button")));
+  const tools = /** @type {HTMLButtonElement[]} */ (
+    Array.from(element("map-tools").querySelectorAll("button"))
+  );
+  const speeds = /** @type {HTMLButtonElement[]} */ (
+    Array.from(element("speed").querySelectorAll("button"))
+  );
+  const assists = /** @type {HTMLButtonElement[]} */ (
+    Array.from(element("assist").querySelectorAll("button"))
+  );
 
   for (const button of [leave, sound, map, turn, ...tools, ...speeds, ...assists]) {
     button.addEventListener("click", (event) => {
@@ -51,7 +58,12 @@ export const createControls = (element, words, act) => {
     sound.hidden = role === "" || state.slow; // pictures through the server have no sound
     sound.setAttribute("aria-pressed", String(state.sound));
     write(element("sound-text"), words.say(state.sound ? "do.sound_off" : "do.sound_on"));
-    turn.hidden = role !== "driver" || !state.playing || !state.robot || state.robot.docked || state.robot.safety.estop;
+    turn.hidden =
+      role !== "driver" ||
+      !state.playing ||
+      !state.robot ||
+      state.robot.docked ||
+      state.robot.safety.estop;
     map.setAttribute("aria-expanded", String(state.mapOpen));
     element("drive-page").toggleAttribute("data-map-closed", !state.mapOpen);
     write(element("map-toggle-text"), words.say(state.mapOpen ? "do.map_hide" : "do.map_show"));

@@ -1,25 +1,41 @@
 /**
- * The map: floor plan, path driven, path ahead, what the laser sees, where the robot is and where it shall go. Two canvases in one: the still
- * part is drawn once a view into a picture of its own, the robot over it whenever it moves. Sharp at any density of the screen and any zoom:
- * nothing is scaled, everything is drawn anew.
+ * The map: floor plan, path driven, path ahead, what the laser sees, where the robot is and where
+ * it shall go. Two canvases in one: the still part is drawn once a view into a picture of its own,
+ * the robot over it whenever it moves. Sharp at any density of the screen and any zoom: nothing is
+ * scaled, everything is drawn anew.
  *
- * The canvas tells where it drew the marker, for whoever wants to check: data-marker-x and -y in CSS pixels from its corner,
- * data-marker-stamp the stamp of that pose, data-view-x, -y, -scale, -turn the transform of transform.js.
+ * The canvas tells where it drew the marker, for whoever wants to check: data-marker-x and -y in
+ * CSS pixels from its corner, data-marker-stamp the stamp of that pose, data-view-x, -y, -scale,
+ * -turn the transform of transform.js.
  */
 
 import { boundsOfSite, drawFloorPlan } from "./floor_plan.js";
-import { compose, drawAim, drawObstacle, drawPoints, drawUncertainty, scanPoints } from "./layers.js";
+import {
+  compose,
+  drawAim,
+  drawObstacle,
+  drawPoints,
+  drawUncertainty,
+  scanPoints,
+} from "./layers.js";
 import { Trail } from "./trail.js";
 import { ALL, moved, viewOf, zoomed } from "./pan_zoom.js";
 import { toScreen, toWorld } from "./transform.js";
 
-/** @typedef {{x: number, y: number, theta: number, localized: boolean, covariance?: number[] | null}} Pose */
+/**
+ * @typedef {{x: number, y: number, theta: number, localized: boolean, covariance?: number[] |
+ *   null}} Pose
+ */
 
 const CLOCK_STEP = 5; // s
 const SMALLEST_ROBOT = 9; // CSS pixels from the marker's middle to its tip
 
 export class RobotMap {
-  /** @param {{canvas: HTMLCanvasElement, tools?: (canvas: HTMLCanvasElement) => number, frame?: (callback: () => void) => unknown}} options tools: CSS pixels at its upper edge that buttons take */
+  /**
+   * @param {{canvas: HTMLCanvasElement, tools?: (canvas: HTMLCanvasElement) => number, frame?:
+   *   (callback: () => void) => unknown}} options tools: CSS pixels at its upper edge that buttons
+   *   take
+   */
   constructor({ canvas, tools = () => 0, frame = (callback) => requestAnimationFrame(callback) }) {
     this.canvas = canvas;
     this.tools = tools;
@@ -39,7 +55,11 @@ export class RobotMap {
     this.laser = false;
     /** @type {import("./layers.js").Aim | null} where the robot is to go, or is said to be */
     this.aim = null;
-    /** @type {Record<"below" | "above", (context: CanvasRenderingContext2D, view: import("./transform.js").View, paint: Record<string, string>) => void> | null} what a study adds */
+    /**
+     * @type {Record<"below" | "above", (context: CanvasRenderingContext2D, view:
+     *   import("./transform.js").View, paint: Record<string, string>) => void> | null} what a study
+     *   adds
+     */
     this.course = null;
     /** @type {[number, number] | null} what the assistance minds, in the robot's frame */
     this.obstacle = null;
@@ -62,19 +82,34 @@ export class RobotMap {
     this.#resize();
   }
 
-  /** Draw doors as they are. @param {Record<string, string>} states open or closed, by name; a door without one stays as it is */
+  /**
+   * Draw doors as they are.
+   * @param {Record<string, string>} states open or closed, by name; a door without one stays as it
+   *   is
+   */
   setDoors(states) {
     const { site } = this;
     const doors = site?.plan?.doors ?? [];
-    if (site && doors.some((/** @type {any} */ { name, state }) => states[name] && states[name] !== (state ?? "open"))) {
-      const moved = doors.map((/** @type {any} */ door) => ({ ...door, state: states[door.name] ?? door.state }));
+    if (
+      site &&
+      doors.some(
+        (/** @type {any} */ { name, state }) => states[name] && states[name] !== (state ?? "open"),
+      )
+    ) {
+      const moved = doors.map((/** @type {any} */ door) => ({
+        ...door,
+        state: states[door.name] ?? door.state,
+      }));
       this.site = { ...site, plan: { ...site.plan, doors: moved } };
       this.drawn = "";
       this.#redraw();
     }
   }
 
-  /** Take a path that was driven before this map was opened. @param {Iterable<[number, number]>} points */
+  /**
+   * Take a path that was driven before this map was opened.
+   * @param {Iterable<[number, number]>} points
+   */
   setTrail(points) {
     this.trail = new Trail();
     for (const [x, y] of points) {
@@ -103,13 +138,19 @@ export class RobotMap {
     this.#redraw();
   }
 
-  /** @param {Parameters<typeof scanPoints>[0]} scan @param {{x: number, y?: number, theta?: number} | null} mount null draws none */
+  /**
+   * @param {Parameters<typeof scanPoints>[0]} scan
+   * @param {{x: number, y?: number, theta?: number} | null} mount null draws none
+   */
   setScan(scan, mount) {
     this.seen = this.pose?.localized && mount ? scanPoints(scan, mount, this.pose) : [];
     this.#redraw();
   }
 
-  /** @param {{aim: import("./layers.js").Aim | null, obstacle: [number, number] | null, laser: boolean}} marks */
+  /**
+   * @param {{aim: import("./layers.js").Aim | null, obstacle: [number, number] | null, laser:
+   *   boolean}} marks
+   */
   setMarks({ aim, obstacle, laser }) {
     if (aim !== this.aim || obstacle !== this.obstacle || laser !== this.laser) {
       Object.assign(this, { aim, obstacle, laser });
@@ -117,13 +158,20 @@ export class RobotMap {
     }
   }
 
-  /** What a study adds, below and above the path that was driven. @param {RobotMap["course"]} course */
+  /**
+   * What a study adds, below and above the path that was driven.
+   * @param {RobotMap["course"]} course
+   */
   setCourse(course) {
     this.course = course;
     this.#redraw();
   }
 
-  /** @param {number} px CSS pixels from the canvas's corner @param {number} py @returns {[number, number] | null} metres; null before there is a map */
+  /**
+   * @param {number} px CSS pixels from the canvas's corner
+   * @param {number} py
+   * @returns {[number, number] | null} metres; null before there is a map
+   */
   worldAt(px, py) {
     return this.view && toWorld(this.view, px, py);
   }
@@ -134,7 +182,12 @@ export class RobotMap {
     this.#redraw();
   }
 
-  /** Look nearer or from farther away. @param {number} factor @param {number} [px] what stays where it is, CSS pixels @param {number} [py] */
+  /**
+   * Look nearer or from farther away.
+   * @param {number} factor
+   * @param {number} [px] what stays where it is, CSS pixels
+   * @param {number} [py]
+   */
   zoom(factor, px, py) {
     if (this.view && this.site) {
       this.setSettings(zoomed(this.settings, this.view, boundsOfSite(this.site), factor, px, py));
@@ -148,17 +201,25 @@ export class RobotMap {
     }
   }
 
-  /** Whether a point lies in the lower half of what is shown. @param {{x: number, y: number}} point m @returns {boolean} */
+  /**
+   * Whether a point lies in the lower half of what is shown.
+   * @param {{x: number, y: number}} point m
+   * @returns {boolean}
+   */
   isLow({ x, y }) {
     return this.view !== null && toScreen(this.view, x, y)[1] > this.view.height / 2;
   }
 
   #watchDensity() {
     const query = matchMedia(`(resolution: ${devicePixelRatio}dppx)`);
-    query.addEventListener("change", () => {
-      this.#resize();
-      this.#watchDensity();
-    }, { once: true });
+    query.addEventListener(
+      "change",
+      () => {
+        this.#resize();
+        this.#watchDensity();
+      },
+      { once: true },
+    );
   }
 
   #resize() {
@@ -178,7 +239,16 @@ export class RobotMap {
 
   #viewNow() {
     const { clientWidth: width, clientHeight: height } = this.canvas;
-    return this.site && width && height ? viewOf(this.settings, boundsOfSite(this.site), this.pose, width, height, this.tools(this.canvas)) : this.view;
+    return this.site && width && height
+      ? viewOf(
+          this.settings,
+          boundsOfSite(this.site),
+          this.pose,
+          width,
+          height,
+          this.tools(this.canvas),
+        )
+      : this.view;
   }
 
   /** @param {Record<string, string>} paint */
@@ -248,7 +318,12 @@ export class RobotMap {
       drawPoints(context, this.view, this.seen, paint.laser);
     }
     if (this.pose) {
-      drawUncertainty(context, this.view, this.pose, this.pose.localized ? paint.robot : paint.lost);
+      drawUncertainty(
+        context,
+        this.view,
+        this.pose,
+        this.pose.localized ? paint.robot : paint.lost,
+      );
     }
     this.#marker(context, paint);
     if (this.aim) {
