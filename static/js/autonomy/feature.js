@@ -34,7 +34,7 @@ const mayAim = (state) =>
 
 /** @param {import("../drive/registry.js").Page} page */
 const setUp = (page) => {
-  const { store, words, element, keys, act, map, config } = page;
+  const { store, words, element, keys, act, config } = page;
   store.update({ hasAimed: recallAimed(config.who ?? "") });
   const held = new HeldHelp();
   const renders = [
@@ -42,22 +42,7 @@ const setUp = (page) => {
     createMapBar(element, words, act, keys),
     createMarks(page),
   ];
-  const aiming = new Aiming({
-    canvas: element("map"),
-    toWorld: (px, py) => map.worldAt(px, py),
-    onAim: (x, y, theta) => {
-      const kind = store.get().aim?.kind ?? "goal";
-      store.update({
-        aim: {
-          kind,
-          x: round(x),
-          y: round(y),
-          theta: theta === null ? null : round(wrap(theta - (map.view?.turn ?? 0))),
-        },
-        placesOpen: false,
-      });
-    },
-  });
+  const aiming = newAiming(page);
 
   /** @param {ReturnType<typeof helpFrom>} help */
   const showHelp = (help) => {
@@ -111,6 +96,28 @@ const setUp = (page) => {
     },
   };
 };
+
+/**
+ * How a point of the map, and a direction there, is chosen.
+ * @param {import("../drive/registry.js").Page} page
+ */
+const newAiming = ({ store, element, map }) =>
+  new Aiming({
+    canvas: element("map"),
+    toWorld: (px, py) => map.worldAt(px, py),
+    onAim: (x, y, theta) => {
+      const kind = store.get().aim?.kind ?? "goal";
+      store.update({
+        aim: {
+          kind,
+          x: round(x),
+          y: round(y),
+          theta: theta === null ? null : round(wrap(theta - (map.view?.turn ?? 0))),
+        },
+        placesOpen: false,
+      });
+    },
+  });
 
 /**
  * What time does to the robot's action.

@@ -126,18 +126,28 @@ export const createMapBar = (element, words, act, keys) => {
     toggle.hidden = entries.length === 0 || !state.mapOpen || state.aim !== null;
     toggle.setAttribute("aria-expanded", String(open));
     menu.hidden = !open;
-    bar.hidden = state.aim === null || !state.mapOpen;
-    bar.dataset.kind = state.aim?.kind ?? "";
-    const kind = state.aim?.kind === "pose" ? "pose" : "goal";
-    const chosen = state.aim !== null && state.aim.x !== null;
-    const hint = hintFor(state);
-    element("aim-text").hidden = hint === "";
-    write(element("aim-text"), hint && words.say(hint));
-    const main = /** @type {HTMLButtonElement} */ (element("aim-main"));
-    main.dataset.action = kind === "pose" ? "set_pose" : "go_here";
-    main.hidden = !chosen;
-    write(main, words.say(kind === "pose" ? "do.set_pose" : "do.go_here"));
+    renderAim(element, words, state);
   };
+};
+
+/**
+ * The two buttons for a point, and what is said about it.
+ * @param {(id: string) => HTMLElement} element
+ * @param {import("../lib/words.js").Words} words
+ * @param {import("../drive/features.js").State} state
+ */
+const renderAim = (element, words, state) => {
+  const { aim, mapOpen } = state;
+  const bar = element("aim");
+  bar.hidden = aim === null || !mapOpen;
+  bar.dataset.kind = aim?.kind ?? "";
+  const hint = hintFor(state);
+  element("aim-text").hidden = hint === "";
+  write(element("aim-text"), hint && words.say(hint));
+  const main = /** @type {HTMLButtonElement} */ (element("aim-main"));
+  main.dataset.action = aim?.kind === "pose" ? "set_pose" : "go_here";
+  main.hidden = aim === null || aim.x === null;
+  write(main, words.say(aim?.kind === "pose" ? "do.set_pose" : "do.go_here"));
 };
 
 /**

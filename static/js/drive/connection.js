@@ -22,13 +22,16 @@ const SERVER_SILENCE = 1.5;
 const ROUND_TRIPS = 5;
 const SOCKET_SILENCE = 3; // and after which another one is opened
 
+/**
+ * @typedef {object} ShownFault
+ * @property {string} part
+ * @property {"waits" | "stops" | "stopped" | "goes_on"} then
+ * @property {number | null} at the Unix time until which the robot still drives
+ */
+
 const newSlice = () => ({
-  /**
-   * what fails, as the server says: sessions/protocol.py Fault; `at` is the Unix time until which
-   * the robot still drives
-   */
-  faults:
-    /** @type {{part: string, then: "waits" | "stops" | "stopped" | "goes_on", at: number | null}[]} */ ([]),
+  /** what fails, as the server says: sessions/protocol.py Fault */
+  faults: /** @type {ShownFault[]} */ ([]),
   /** whether a WebSocket that is open brings nothing any more */
   serverSilent: false,
   /**
@@ -44,36 +47,16 @@ const newSlice = () => ({
 
 /** @param {import("./registry.js").Page} page */
 const setUp = (page) => {
-  const { store, handle } = page;
+  const { store } = page;
   const clockSync = new ClockSync();
   const rejected = new Map();
   let serverAt = Infinity; // when the server last sent anything
   let grantedAt = -Infinity; // when the robot was given to this page
 
   const count = (/** @type {string} */ what) => rejected.set(what, (rejected.get(what) ?? 0) + 1);
-
-  /** @param {unknown} packet @param {import("../protocol/clock_sync.js").Transport} transport */
-  const receive = (packet, transport) => {
-    try {
-      const { suffix, message } = decodePacket(packet);
-      if (transport === "mqtt") {
-        serverAt = unixNow();
-      }
-      if (
-        (transport === "mqtt" || ON_DATA_CHANNEL.has(suffix)) &&
-        !handle(suffix, message, transport)
-      ) {
-        page.session.dispatch({ type: suffix, message });
-      }
-    } catch (error) {
-      if (!(error instanceof Rejection)) {
-        throw error;
-      }
-      count(error.reason);
-    }
-  };
-
-  const socket = newSocket(page, receive, () => (serverAt = unixNow()));
+  const heard = () => (serverAt = unixNow());
+  const receive = newReceiver(page, heard, count);
+  const socket = newSocket(page, receive, heard);
   const commands = new CommandStream({ freshId: () => freshId("stop-") });
   const link = newLink(page, socket, receive);
   const router = new TransportRouter({ socket, link, clockSync, commands });
@@ -112,6 +95,33 @@ const setUp = (page) => {
       second: (/** @type {number} */ now) => void network.second(now),
     },
   };
+};
+
+/**
+ * Hands a packet to the features that take its message, or else to the session.
+ * @param {import("./registry.js").Page} page
+ * @param {() => void} heard the server has sent something
+ * @param {(reason: string) => void} reject
+ * @returns {(packet: unknown, transport: import("../protocol/clock_sync.js").Transport) => void}
+ */
+const newReceiver = (page, heard, reject) => (packet, transport) => {
+  try {
+    const { suffix, message } = decodePacket(packet);
+    if (transport === "mqtt") {
+      heard();
+    }
+    if (
+      (transport === "mqtt" || ON_DATA_CHANNEL.has(suffix)) &&
+      !page.handle(suffix, message, transport)
+    ) {
+      page.session.dispatch({ type: suffix, message });
+    }
+  } catch (error) {
+    if (!(error instanceof Rejection)) {
+      throw error;
+    }
+    reject(error.reason);
+  }
 };
 
 /**

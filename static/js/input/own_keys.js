@@ -18,26 +18,15 @@ export const createOwnKeys = ({ element, words, keys: { keymap }, config, useKey
   /** @type {HTMLButtonElement | null} the one whose key is awaited */
   let asked = null;
 
-  const drawKeys = () => {
-    for (const button of buttons) {
-      const own = keymap.keys[button.dataset.command ?? ""];
-      writeKeys(
-        button,
-        own.length
-          ? own.map((key) => (key === "Space" ? words.say("keys.space") : labelOf(key)))
-          : ["–"],
-      );
-      button.setAttribute("aria-pressed", String(button === asked));
-    }
-  };
-
   const ask = (
     /** @type {HTMLButtonElement | null} */ button,
     sentence = button ? words.say("keys.press") : "",
   ) => {
     asked = button;
     write(note, sentence);
-    drawKeys();
+    for (const one of buttons) {
+      writeKeys(one, signsOf(keymap.keys[one.dataset.command ?? ""], words), one === asked);
+    }
   };
 
   const choose = (/** @type {Record<string, string[]>} */ own) => {
@@ -89,11 +78,20 @@ export const createOwnKeys = ({ element, words, keys: { keymap }, config, useKey
 };
 
 /**
+ * What stands on the button of a command.
+ * @param {string[]} own its keys
+ * @param {import("../lib/words.js").Words} words
+ */
+const signsOf = (own, words) =>
+  own.length ? own.map((key) => (key === "Space" ? words.say("keys.space") : labelOf(key))) : ["–"];
+
+/**
  * What is under a pointer that is down must stay, or the browser sees no click.
  * @param {HTMLElement} button
  * @param {string[]} signs
+ * @param {boolean} isAsked its next key is awaited
  */
-const writeKeys = (button, signs) => {
+const writeKeys = (button, signs, isAsked) => {
   const different = Array.from(new Set(signs));
   if (button.textContent !== different.join("")) {
     button.replaceChildren(
@@ -102,4 +100,5 @@ const writeKeys = (button, signs) => {
       ),
     );
   }
+  button.setAttribute("aria-pressed", String(isAsked));
 };

@@ -22,26 +22,8 @@ export const createCallView = ({ element, words }, media) => {
     setPressed(element("presence-camera"), own.camera === "on", own.camera === "asking");
     element("presence-mic").toggleAttribute("data-sending", isHeard(own));
     element("presence-camera").toggleAttribute("data-sending", own.camera === "on");
-    write(
-      element("presence-mic-text"),
-      words.say(
-        own.mic === "off" || own.mic === "asking"
-          ? "presence.let_hear"
-          : own.mic === "on"
-            ? "presence.mute"
-            : "presence.unmute",
-      ),
-    );
-    write(
-      element("presence-camera-text"),
-      words.say(
-        own.shares
-          ? "presence.share_off"
-          : own.camera === "on"
-            ? "presence.camera_off"
-            : "presence.let_see",
-      ),
-    );
+    write(element("presence-mic-text"), words.say(micWord(own)));
+    write(element("presence-camera-text"), words.say(cameraWord(own)));
     element("presence-share").hidden = !offered || !media.devices.canShare;
     write(
       element("presence-share-text"),
@@ -80,6 +62,22 @@ export const createCallView = ({ element, words }, media) => {
       element("volume-there-row").hidden = !isOffered(state, "call");
     },
   };
+};
+
+/** What the button of the microphone does. @param {import("./call.js").Own} own */
+const micWord = ({ mic }) => {
+  if (mic === "off" || mic === "asking") {
+    return "presence.let_hear";
+  }
+  return mic === "on" ? "presence.mute" : "presence.unmute";
+};
+
+/** What the button of the camera does. @param {import("./call.js").Own} own */
+const cameraWord = ({ camera, shares }) => {
+  if (shares) {
+    return "presence.share_off";
+  }
+  return camera === "on" ? "presence.camera_off" : "presence.let_see";
 };
 
 /** The visitor as they see them, small. @param {HTMLVideoElement} self */

@@ -14,24 +14,7 @@ import { lazy } from "../lib/lazy.js";
 export const createMessages = (page) => {
   const { store, element, keys } = page;
   let session = "";
-  const fetchConversation = lazy(
-    async () => new (await import("./conversation.js")).Conversation(page),
-  );
-  /** @typedef {import("./conversation.js").Conversation} Conversation */
-  /** @type {Conversation | null} */
-  let conversation = null;
-  /**
-   * @type {((it: Conversation) => void)[]} what it is to hear, in order; kept while it cannot be
-   *   fetched
-   */
-  const waiting = [];
-  const tell = (/** @type {((it: Conversation) => void)[]} */ ...what) => {
-    waiting.push(...what);
-    fetchConversation((it) => {
-      conversation = it;
-      waiting.splice(0).forEach((one) => one(it));
-    });
-  };
+  const { tell, fetched, poll } = newConversation(page);
 
   /**
    * Open a panel, at once: the visitor's next key goes to what they have opened.
@@ -73,14 +56,14 @@ export const createMessages = (page) => {
     closePanel,
     clicks: { "presence-talk": toggleWriting },
     received: (/** @type {any} */ message) => tell((it) => it.received(message)),
-    answered: (/** @type {any} */ status) => conversation?.answered(status),
-    confirmed: (/** @type {any} */ receipt) => conversation?.confirmed(receipt),
-    poll: (/** @type {number} */ now) => (waiting.length ? tell() : conversation?.poll(now)),
+    answered: (/** @type {any} */ status) => fetched()?.answered(status),
+    confirmed: (/** @type {any} */ receipt) => fetched()?.confirmed(receipt),
+    poll,
     /** @param {import("../drive/features.js").State} state */
     render: (state) => {
       if (state.visit.session && state.visit.session !== session) {
         session = state.visit.session;
-        conversation?.clear();
+        fetched()?.clear();
       }
       const offered = isOffered(state, "say") || mayWriteWaiting(state);
       if (!offered && state.panel === "talk") {
@@ -88,6 +71,36 @@ export const createMessages = (page) => {
       }
       renderPanels(page, store.get(), offered);
     },
+  };
+};
+
+/**
+ * The conversation, fetched once there is something to tell it.
+ * @param {import("../drive/registry.js").Page} page
+ */
+const newConversation = (page) => {
+  /** @typedef {import("./conversation.js").Conversation} Conversation */
+  const fetchConversation = lazy(
+    async () => new (await import("./conversation.js")).Conversation(page),
+  );
+  /** @type {Conversation | null} */
+  let conversation = null;
+  /**
+   * @type {((it: Conversation) => void)[]} what it is to hear, in order; kept while it cannot be
+   *   fetched
+   */
+  const waiting = [];
+  const tell = (/** @type {((it: Conversation) => void)[]} */ ...what) => {
+    waiting.push(...what);
+    fetchConversation((it) => {
+      conversation = it;
+      waiting.splice(0).forEach((one) => one(it));
+    });
+  };
+  return {
+    tell,
+    fetched: () => conversation,
+    poll: (/** @type {number} */ now) => (waiting.length ? tell() : conversation?.poll(now)),
   };
 };
 

@@ -39,16 +39,7 @@ export const createControls = (element, words, act) => {
       }
     });
   }
-  // At the moment of pressing, not of lifting: a stop is not to be thought over.
-  stop.addEventListener("pointerdown", (event) => {
-    event.preventDefault();
-    act("stop");
-  });
-  stop.addEventListener("click", (event) => {
-    if (event.detail === 0) {
-      act("stop");
-    }
-  });
+  setUpStop(stop, act);
 
   return (state) => {
     const role = roleOf(state.visit);
@@ -79,4 +70,21 @@ export const createControls = (element, words, act) => {
       button.toggleAttribute("data-asked", level === state.assistAsked?.level);
     }
   };
+};
+
+/**
+ * At the moment of pressing, not of lifting: a stop is not to be thought over.
+ * @param {HTMLButtonElement} stop
+ * @param {(action: string) => void} act
+ */
+const setUpStop = (stop, act) => {
+  stop.addEventListener("pointerdown", (event) => {
+    event.preventDefault();
+    act("stop");
+  });
+  stop.addEventListener("click", (event) => {
+    if (event.detail === 0) {
+      act("stop");
+    }
+  });
 };

@@ -23,7 +23,8 @@ const PANS = /** @type {Record<string, [number, number]>} */ ({
  * @param {() => boolean} map.mayAim whether one finger, or the first button, chooses a point
  * @param {() => void} map.forgetAim a second finger came: the first one did not choose a point
  */
-export const addGestures = (canvas, { keymap, actions, zoom, pan, mayAim, forgetAim }) => {
+export const addGestures = (canvas, map) => {
+  const { zoom, pan, mayAim, forgetAim } = map;
   /** @type {Map<number, [number, number]>} */
   const fingers = new Map();
   const place = (/** @type {PointerEvent} */ event) =>
@@ -74,6 +75,14 @@ export const addGestures = (canvas, { keymap, actions, zoom, pan, mayAim, forget
   });
   canvas.addEventListener("pointerup", lift);
   canvas.addEventListener("pointercancel", lift);
+  addKeys(canvas, map);
+};
+
+/**
+ * @param {HTMLElement} canvas
+ * @param {Pick<Parameters<typeof addGestures>[1], "keymap" | "actions" | "pan">} map
+ */
+const addKeys = (canvas, { keymap, actions, pan }) => {
   canvas.addEventListener("keydown", (event) => {
     if (isShortcut(event)) {
       return; // Ctrl and plus make the page larger, not the map
