@@ -1,14 +1,17 @@
 /**
- * The keys of the drive page, and the one rule about them: no key drives, tilts, talks or changes anything while a text field, a dialog or a
- * menu is open. Whatever listens to keys is added here; the rule stands in `keyUse` alone.
+ * The keys of the drive page, and the one rule about them: no key drives, tilts, talks or changes
+ * anything while a text field, a dialog or a menu is open. Whatever listens to keys is added here;
+ * the rule stands in `keyUse` alone.
  *
- * - Keys that make text are the field's. Keys with Ctrl, Alt or Meta are the browser's, keys of a letter in the making the input method's.
- * - What opens takes the keys: those that are down count as released, so the robot stops. After it has closed, a key that is still down
- *   means nothing until it is pressed anew.
+ * - Keys that make text are the field's. Keys with Ctrl, Alt or Meta are the browser's, keys of a
+ *   letter in the making the input method's.
+ * - What opens takes the keys: those that are down count as released, so the robot stops. After it
+ *   has closed, a key that is still down means nothing until it is pressed anew.
  * - The key that stops the robot (the space bar) does so all the same, unless it types or ticks.
  * - Escape closes what is open. A press beside a menu closes it, too.
  *
- * What takes the keys has `data-holds-keys` in its template for as long as it is shown; every dialog element and open <details> has them too.
+ * What takes the keys has `data-holds-keys` in its template for as long as it is shown; every
+ * dialog element and open <details> has them too.
  */
 
 import { Keymap } from "./keymap.js";
@@ -18,7 +21,12 @@ const HOLDERS = "[data-holds-keys], dialog[open], details[open]";
 const OWN = "input, [data-own-keys]";
 const TICKED = "input[type='checkbox'], input[type='radio']";
 const USUAL = new Keymap();
-const TYPED = `input:not([type='range'], [type='checkbox'], [type='radio']), textarea, select, [contenteditable]:not([contenteditable='false'])`;
+const TYPED = [
+  "input:not([type='range'], [type='checkbox'], [type='radio'])",
+  "textarea",
+  "select",
+  "[contenteditable]:not([contenteditable='false'])",
+].join();
 
 /**
  * Whose a key is that goes with others, or is part of a letter that is being composed (229:

@@ -68,8 +68,10 @@ const SIGNS = /** @type {Record<string, string>} */ ({
 export const labelOf = (key) => SIGNS[key] ?? key.replace(/^(?:Key|Digit|Numpad)/, "");
 
 /** What the browser and the page itself need, and what goes with other keys. */
-const NEVER =
-  /^(?:|Escape|Tab|Enter|NumpadEnter|F\d+|ContextMenu|CapsLock|NumLock|ScrollLock|(?:Alt|Control|Shift|Meta|OS|Browser|Media|Audio).*)$/;
+const NEVER = [
+  /^(?:|Escape|Tab|Enter|NumpadEnter|F\d+|ContextMenu|CapsLock|NumLock|ScrollLock)$/,
+  /^(?:Alt|Control|Shift|Meta|OS|Browser|Media|Audio)/,
+];
 
 export class Keymap {
   mapCommands = invert(MAP_DEFAULTS);
@@ -107,7 +109,7 @@ export class Keymap {
    * @param {string} key
    */
   refuses(command, key) {
-    if (NEVER.test(key)) {
+    if (NEVER.some((one) => one.test(key))) {
       return "never";
     }
     return command !== "stop" && this.keys.stop.every((one) => one === key) ? "stop" : "";

@@ -1,13 +1,15 @@
 /**
- * The visit: what this page is to the robot, from the first connection to the last word. Pure: `reduce` takes a visit and something
- * that happened and returns the next visit and what is to be done about it; drive/session.js does it.
+ * The visit: what this page is to the robot, from the first connection to the last word. Pure:
+ * `reduce` takes a visit and something that happened and returns the next visit and what is to be
+ * done about it; drive/session.js does it.
  *
  *   connecting → lobby → taking → driving → ended
  *                      ↘ queued → turn ↗
  *                      ↘ watching            refused, closed: with the reason
  *
- * A lost WebSocket changes no phase: the drive goes on over the data channel, and what was wanted is asked for again. A lost media
- * link changes no phase either: the robot stops by itself, and a new link is opened until one lives.
+ * A lost WebSocket changes no phase: the drive goes on over the data channel, and what was wanted
+ * is asked for again. A lost media link changes no phase either: the robot stops by itself, and a
+ * new link is opened until one lives.
  */
 
 /**

@@ -66,7 +66,10 @@ export const factsOf = ({ metres, minutes }) => ({
 const drawGround = (context, map, trail) => {
   const canvas = document.createElement("canvas");
   // It is laid out, out of sight, for a map takes its size and its colours from the page.
-  canvas.style.cssText = `position: fixed; left: -${2 * WIDTH}px; width: ${WIDTH - 2 * MARGIN}px; height: ${MAP_HEIGHT}px`;
+  canvas.style.cssText = [
+    `position: fixed; left: -${2 * WIDTH}px`,
+    `width: ${WIDTH - 2 * MARGIN}px; height: ${MAP_HEIGHT}px`,
+  ].join("; ");
   map.canvas.parentElement?.append(canvas);
   const ground = new RobotMap({ canvas, frame: (draw) => draw() });
   ground.trail.pieces = trail;

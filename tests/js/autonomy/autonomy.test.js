@@ -425,7 +425,7 @@ describe("the level of assistance that is shown", () => {
     assert.equal(assistIn(driving({ visit: visit(), robot: of("s1", "off") })), "off");
   });
 
-  test("stays the last one of the visit while the robot is out of reach, or is back without it", () => {
+  test("stays the last of the visit while the robot is out of reach, or is back without it", () => {
     const assistKnown = { session: "s1", level: "slow" };
     for (const robot of [of(null, "off"), of("s0", "off"), null]) {
       assert.equal(

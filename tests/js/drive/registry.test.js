@@ -18,7 +18,7 @@ describe("the registry", () => {
     assert.deepEqual(log, [["one", 1, "mqtt"], "two"]);
   });
 
-  test("runs an action by its name, with the argument behind it, and says when there is none", () => {
+  test("runs an action by its name, with its argument, and says when there is none", () => {
     const [registry, log] = [new Registry(), []];
     registry.add({
       actions: {

@@ -32,7 +32,7 @@ describe("the keymap", () => {
     assert.deepEqual([key_talk, key_look_down, key_forward], ["F", "–", "↑"]);
   });
 
-  test("gives a command one key, which nothing else has then, and takes nothing from the others", () => {
+  test("gives a command one key, which no other has then, and takes nothing else from them", () => {
     const keymap = new Keymap();
     keymap.use(keymap.withKey("talk", "KeyW"));
     keymap.use(keymap.withKey("forward", "KeyI"));

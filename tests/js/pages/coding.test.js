@@ -108,7 +108,7 @@ test("a state cannot end before it begins", () => {
   assert.deepEqual(problems, ["", "too_early", "too_early"]);
 });
 
-test("a change has the version that it was made of, also when the one before is not saved yet", () => {
+test("a change has the version it was made of, even if the one before is not saved yet", () => {
   const { edits } = pressed([
     [1, "talk"],
     [3, "talk"],
@@ -145,8 +145,7 @@ test("a beginning moves within the session and never behind its end", () => {
   assert.equal(moved(event, "begin", 4, 60, ids()), null);
 });
 
-// --- saving
-// -----------------------------------------------------------------------------------------
+// --- saving --------------------------------------------------------------------------------------
 
 class MemoryStorage {
   setItem(name, value) {
@@ -205,7 +204,7 @@ test("what is saved is forgotten", async () => {
   );
 });
 
-test("without a network changes wait, in order, and are sent again with longer and longer pauses", async () => {
+test("offline, changes wait in order, and are sent again after longer pauses", async () => {
   const { queue, told } = queueWith([0, 503, 200, 200]);
   queue.add([edit("a")]);
   await settled();

@@ -16,7 +16,7 @@ const course = {
 };
 const statuses = (marks) => marks.stops.map(({ number, status }) => [number, status]);
 
-test("a door is drawn as the robot says it is, else as it was set for the drive, else for the robot", () => {
+test("a door is drawn as the robot says, else as set for the drive, else for the robot", () => {
   const robot = {
     doors: [
       { name: "said", set: "open", confirmed: "closed" },

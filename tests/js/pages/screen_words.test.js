@@ -52,7 +52,7 @@ describe("receipts", () => {
     assert.equal(sent.length, 4);
   });
 
-  test("end when the robot knows nothing of the words, after a minute, and with the session", () => {
+  test("end when the robot does not know the words, after a minute, and with the session", () => {
     const { sent, receipts } = world();
     receipts.say("a1", "shown", 100);
     receipts.answered(answer(sent[0][0], "FAILED", "unknown_words"));

@@ -56,8 +56,10 @@ test("what is held is a velocity, and letting go is none", () => {
 });
 
 test("a packet of the server has its defaults, and one of nobody is refused", () => {
+  const step = { key: "b", title: "B", drive: { seconds: 2 } };
+  const stage = { key: "a", title: "A", steps: [step] };
   const { message } = readPacket(
-    'wizard/session\n{"session": "s", "script": {"stages": [{"key": "a", "title": "A", "steps": [{"key": "b", "title": "B", "drive": {"seconds": 2}}]}]}}',
+    `wizard/session\n${JSON.stringify({ session: "s", script: { stages: [stage] } })}`,
   );
   assert.deepEqual(message.script.stages[0].steps[0].drive, { linear: 0, angular: 0, seconds: 2 });
   assert.equal(message.script.byHand, true);

@@ -136,7 +136,7 @@ describe("what they see of a screen", () => {
   const shared = own({ camera: "on", shares: true });
   const seen = { ...accepted, shares: true };
 
-  test("is shown to visitors once they see it, and takes pointers where the robot shows them", () => {
+  test("is shown to visitors who see it, and takes pointers where the robot shows them", () => {
     assert.deepEqual(previewOf(shared, seen, 1), { seen: true, points: true });
     assert.deepEqual(previewOf(shared, seen, 0), { seen: true, points: false });
     assert.deepEqual(previewOf(shared, { ...seen, status: "ringing" }, 1), {

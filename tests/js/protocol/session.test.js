@@ -254,7 +254,7 @@ describe("queue and turn", () => {
     assert.equal(roleOf(watching.visit), "observer");
   });
 
-  test("whoever watches through the SFU comes back to it, hears why it is gone, and drives without it", () => {
+  test("who watches by the SFU comes back to it, hears why it is gone, drives without it", () => {
     const watching = play(
       ...OPEN,
       { type: "watch" },

@@ -94,7 +94,11 @@ const station = (dock, robot) => {
 /** @param {any} site robots.floorplans.plan_content @returns {SVGElement} */
 export const picture = ({ origin: [x, y, theta], resolution, width, height, image }) => {
   const [left, bottom] = toUnits([x, y]);
-  const turn = `translate(${left} ${bottom}) rotate(${(-theta * 180) / Math.PI}) translate(0 ${-height * resolution * UNIT})`;
+  const turn = [
+    `translate(${left} ${bottom})`,
+    `rotate(${(-theta * 180) / Math.PI})`,
+    `translate(0 ${-height * resolution * UNIT})`,
+  ].join(" ");
   return element("image", {
     href: image,
     width: width * resolution * UNIT,

@@ -41,10 +41,7 @@ export const readingsAt = (record, t, words) => {
   const moment = momentAt(record.states, t);
   const { states } = record;
   const i = moment?.index ?? 0;
-  const place = () =>
-    moment
-      ? `${moment.x.toFixed(2)}, ${moment.y.toFixed(2)} m · ${((moment.theta * 180) / Math.PI).toFixed(0)}°`
-      : NONE;
+  const place = () => (moment ? placeTold(moment) : NONE);
   return {
     place: moment?.stale
       ? words.say("unknown")
@@ -56,12 +53,24 @@ export const readingsAt = (record, t, words) => {
         ? `${states.v[i].toFixed(2)} m/s · ${states.w[i].toFixed(2)} rad/s`
         : NONE,
     command: commandTold(commandAt(record, t), words),
-    battery: moment
-      ? `${told(states.charge[i], (charge) => `${Math.round(charge * 100)} %`)}${states.docked[i] ? ` · ${words.say("docked")}` : ""}`
-      : NONE,
+    battery: moment ? batteryTold(states.charge[i], states.docked[i], words) : NONE,
     clearance: told(moment && states.clearance[i], (value) => `${value.toFixed(2)} m`),
     network: networkTold(networkAt(record, t), words),
   };
+};
+
+/** @param {{x: number, y: number, theta: number}} pose */
+const placeTold = ({ x, y, theta }) =>
+  `${x.toFixed(2)}, ${y.toFixed(2)} m · ${((theta * 180) / Math.PI).toFixed(0)}°`;
+
+/**
+ * @param {number | null} charge
+ * @param {boolean} docked
+ * @param {import("../../lib/words.js").Words} words
+ */
+const batteryTold = (charge, docked, words) => {
+  const level = told(charge, (share) => `${Math.round(share * 100)} %`);
+  return docked ? `${level} · ${words.say("docked")}` : level;
 };
 
 /**
@@ -75,7 +84,8 @@ const commandTold = (command, words) => {
   const method = words.has(`method.${command.method}`)
     ? words.say(`method.${command.method}`)
     : command.method;
-  return `${method} · ${command.v.toFixed(2)} m/s · ${command.w.toFixed(2)} rad/s · ${told(command.age, (age) => `${Math.round(age * 1000)} ms`)}`;
+  const age = told(command.age, (seconds) => `${Math.round(seconds * 1000)} ms`);
+  return `${method} · ${command.v.toFixed(2)} m/s · ${command.w.toFixed(2)} rad/s · ${age}`;
 };
 
 /**
@@ -88,5 +98,6 @@ const networkTold = (network, words) => {
   }
   const trip = told(network.roundTrip, (value) => `${Math.round(value * 1000)} ms`);
   const loss = told(network.loss, (value) => `${(value * 100).toFixed(1)} % ${words.say("loss")}`);
-  return `${trip} · ${loss} · ${told(network.fps, (value) => `${Math.round(value)} ${words.say("fps")}`)}`;
+  const rate = told(network.fps, (value) => `${Math.round(value)} ${words.say("fps")}`);
+  return `${trip} · ${loss} · ${rate}`;
 };

@@ -17,7 +17,8 @@ const HUES = { from: [118, 214, 200], to: [255, 138, 60] };
 /** @param {number} share of the time @returns {string} */
 const shade = (share) => {
   const step = Math.round(Math.min(Math.max(share, 0), 1) * (SHADES - 1)) / (SHADES - 1);
-  return `rgb(${HUES.from.map((from, i) => Math.round(from + step * (HUES.to[i] - from))).join(" ")})`;
+  const hue = HUES.from.map((from, i) => Math.round(from + step * (HUES.to[i] - from)));
+  return `rgb(${hue.join(" ")})`;
 };
 
 export class ReplayMap {

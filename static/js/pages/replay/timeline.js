@@ -50,7 +50,8 @@ export const ticks = (duration, width) => {
 export const written = (t, tenths = false) => {
   const whole = tenths ? Math.floor(t * 10 + 1e-6) / 10 : Math.floor(t + 1e-6);
   const [minutes, seconds] = [Math.floor(whole / 60), whole % 60];
-  return `${minutes}:${(tenths ? seconds.toFixed(1) : String(seconds)).padStart(tenths ? 4 : 2, "0")}`;
+  const digits = tenths ? seconds.toFixed(1).padStart(4, "0") : String(seconds).padStart(2, "0");
+  return `${minutes}:${digits}`;
 };
 
 /**

@@ -74,8 +74,7 @@ const mediaSender = new MediaSender({
   onChange: () => show(),
 });
 
-// --- the ways
-// --------------------------------------------------------------------------------------------------------
+// --- the ways ------------------------------------------------------------------------------------
 
 const socket = new Socket({
   url: new URL(config.socket, location.href.replace(/^http/, "ws")).href,
@@ -211,8 +210,7 @@ const HANDLERS = {
   "signal/reply": (message) => void link.signal(message),
 };
 
-// --- what the people here do
-// -----------------------------------------------------------------------------------------
+// --- what the people here do ---------------------------------------------------------------------
 
 /** @param {string} type @param {object} [fields] @param {string} [actionId] */
 const act = (type, fields = {}, actionId = freshId("screen-")) =>
@@ -297,8 +295,7 @@ element("form").addEventListener("submit", (event) => {
 });
 document.addEventListener("pointerdown", () => void hear(), { once: true });
 
-// --- what they see
-// ---------------------------------------------------------------------------------------------------
+// --- what they see -------------------------------------------------------------------------------
 
 const show = () => {
   const {

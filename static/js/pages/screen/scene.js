@@ -22,10 +22,22 @@ const UNCONFIRMED = 2;
  */
 
 /**
- * @param {Told} told @param {number} now
- * @returns {{scene: "starting" | "no_key" | "offline" | "idle" | "waiting" | "ringing" | "seen" | "speaking" | "visiting", name: string, study: boolean,
- *   sound: number, whole: boolean, canPoint: boolean, canWrite: boolean, canHangUp: boolean, knock: string, watching: number, stopped: "" | "ours" | "other" | "wait" | "unconfirmed"}}
+ * @typedef {object} Display
+ * @property {"starting" | "no_key" | "offline" | "idle" | "waiting" | "ringing" | "seen" |
+ *   "speaking" | "visiting"} scene
+ * @property {string} name
+ * @property {boolean} study
+ * @property {number} sound
+ * @property {boolean} whole
+ * @property {boolean} canPoint
+ * @property {boolean} canWrite
+ * @property {boolean} canHangUp
+ * @property {string} knock
+ * @property {number} watching
+ * @property {"" | "ours" | "other" | "wait" | "unconfirmed"} stopped
  */
+
+/** @param {Told} told @param {number} now @returns {Display} */
 export const sceneFor = (told, now) => {
   const { screen, state } = told;
   const call = state?.call ?? null;

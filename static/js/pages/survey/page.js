@@ -50,8 +50,7 @@ const said = (key) => {
     : [];
 };
 
-// --- what is shown
-// -------------------------------------------------------------------------------------------------------
+// --- what is shown -------------------------------------------------------------------------------
 
 const conditions = questions.map((question) => ({
   key: question.dataset.question ?? "",
@@ -86,8 +85,7 @@ const showError = (key, error) => {
   place.append(line);
 };
 
-// --- saving
-// --------------------------------------------------------------------------------------------------------------
+// --- saving --------------------------------------------------------------------------------------
 
 /** @param {string} key @param {[string, string][]} fields */
 const send = async (key, fields) => {
@@ -159,8 +157,7 @@ const changed = (question) => {
   void saver.save(key, fieldsOf(question));
 };
 
-// --- listeners
-// -----------------------------------------------------------------------------------------------------------
+// --- listeners -----------------------------------------------------------------------------------
 
 /** @param {Event} event */
 const questionOf = (event) =>
@@ -248,8 +245,7 @@ document.addEventListener("visibilitychange", () =>
   attention.setSeen(document.visibilityState === "visible"),
 );
 
-// --- start
-// ---------------------------------------------------------------------------------------------------------------
+// --- start ---------------------------------------------------------------------------------------
 
 for (const holder of /** @type {NodeListOf<HTMLElement>} */ (
   form.querySelectorAll("[data-slider]")

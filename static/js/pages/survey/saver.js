@@ -1,10 +1,15 @@
 /**
- * Sends answers one after the other, the newest of each question only, and again until they arrive. What has not arrived is kept
- * in the tab's own storage, so that a reload without network loses nothing.
+ * Sends answers one after the other, the newest of each question only, and again until they arrive.
+ * What has not arrived is kept in the tab's own storage, so that a reload without network loses
+ * nothing.
  *
  * @typedef {"idle" | "saving" | "saved" | "waiting" | "refused"} State
- * @typedef {{ ok: boolean, final: boolean, keep?: boolean, error?: string }} Outcome `final`: do not try again by yourself; `keep`: it
- *   may be taken another time, from somebody who has signed in again
+ *
+ * @typedef {object} Outcome
+ * @property {boolean} ok
+ * @property {boolean} final do not try again by yourself
+ * @property {boolean} [keep] it may be taken another time, from somebody who has signed in again
+ * @property {string} [error]
  */
 
 const FIRST_WAIT_MS = 1000;

@@ -90,8 +90,7 @@ const connection = createConnection({
   },
 });
 
-// --- what the server says
-// -------------------------------------------------------------------------------------------
+// --- what the server says ------------------------------------------------------------------------
 
 /** @type {Record<string, (message: any) => void>} */
 const HANDLERS = {
@@ -166,8 +165,7 @@ const reached = (actionId, latency) => {
   connection.send("wizard/reached", { actionId, latency: Math.min(60, Math.max(0, latency)) });
 };
 
-// --- what the operator does
-// -----------------------------------------------------------------------------------------
+// --- what the operator does ----------------------------------------------------------------------
 
 /** @param {boolean} takeover */
 const take = (takeover) =>
@@ -270,8 +268,7 @@ const tick = () => {
   }
 };
 
-// --- what is shown
-// --------------------------------------------------------------------------------------------------
+// --- what is shown -------------------------------------------------------------------------------
 
 /** @param {any} step */
 const describe = ({ text, aloud, action, place, angle, turn, drive: way }) => {
@@ -359,8 +356,7 @@ const showScript = () => {
   );
 };
 
-// --- keys and buttons
-// -----------------------------------------------------------------------------------------------
+// --- keys and buttons ----------------------------------------------------------------------------
 
 window.addEventListener("keydown", (event) => {
   const use = keyUse(event, openHolder(document));

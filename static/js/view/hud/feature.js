@@ -58,7 +58,13 @@ const createAnnouncer = (element, words) => {
     const offer = offerFor(state);
     // A count-down is not read out second by second: the sentence is announced when its word
     // changes.
-    const key = `${card?.word ?? ""}|${alert?.word ?? ""}|${card?.values?.place ?? ""}|${offer?.word ?? ""}|${offer?.detail?.word ?? ""}`;
+    const key = [
+      card?.word,
+      alert?.word,
+      card?.values?.place,
+      offer?.word,
+      offer?.detail?.word,
+    ].join("|");
     if (key !== said) {
       said = key;
       const lines = [alert, offer, offer?.detail].map(

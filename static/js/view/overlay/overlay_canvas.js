@@ -189,5 +189,6 @@ const keyOf = ({ sweptPath, goal, blocked, cues }, { moment, box }) => {
     box.left,
     box.top,
   ];
-  return `${parts.map((value) => value.toFixed(3))}${cues.map(({ sign, hidden }) => sign + hidden)}`;
+  const signs = cues.map(({ sign, hidden }) => sign + hidden);
+  return `${parts.map((value) => value.toFixed(3))}${signs}`;
 };

@@ -149,7 +149,7 @@ def events_of_the_site() -> set[str]:
     return {
         *get_args(get_type_hints(Event)["type"]),
         *get_args(EventType),
-        *re.findall(r"\breport\(\"([a-z_]+)\"", scripts),
+        *re.findall(r"\breport\(\s*\"([a-z_]+)\"", scripts),
         *(name for row in rows for name in re.findall(r"`([a-z_]+)`", row)),
         *(NOTICES.keys() - {"task"}),
         *("action", "states_missing", "robot_not_ready", "robot_ready", "staff_called"),

@@ -53,7 +53,8 @@ export class SaveQueue {
   add(edits) {
     for (const edit of edits) {
       this.count += 1;
-      const name = `${this.key}:${String(this.now()).padStart(15, "0")}:${String(this.count).padStart(6, "0")}:${edit.id}`;
+      const at = String(this.now()).padStart(15, "0");
+      const name = `${this.key}:${at}:${String(this.count).padStart(6, "0")}:${edit.id}`;
       this.entries.push({ name, edit });
       attempt(() => this.storage?.setItem(name, JSON.stringify(edit)));
     }
