@@ -79,8 +79,8 @@ export const isMoving = (action) =>
  * News of an action. What this page did not ask for, but runs (it was reloaded meanwhile), becomes
  * its action.
  * @param {RobotAction | null} action
- * @param {{actionId: string, status: string, type: string, reason: string, result: Record<string,
- *   any>}} news
+ * @param {{actionId: string, status: string, type: string, reason: string,
+ *   result: Record<string, any>}} news
  * @param {number} now
  * @returns {RobotAction | null}
  */

@@ -3,7 +3,7 @@
 import { NO_HELP } from "./assistance.js";
 
 /**
- * @typedef {object} Aim
+ * @typedef {object} PendingAim
  * @property {"goal" | "pose"} kind a point to go to, or where the robot is
  * @property {number | null} x null before the first press
  * @property {number | null} y
@@ -14,7 +14,7 @@ export const newSlice = () => ({
   /** what the robot does by itself, or has just done: robot_action.js; null when it does nothing */
   task: /** @type {import("./robot_action.js").RobotAction | null} */ (null),
   /** a point being chosen on the map */
-  aim: /** @type {Aim | null} */ (null),
+  aim: /** @type {PendingAim | null} */ (null),
   /** whether this person has used a point of the map before */
   hasAimed: false,
   /** whether the menu of places is open */

@@ -28,8 +28,9 @@ const PASSING = new Set([
  *
  * @typedef {object} Parts all of them may be left out
  * @property {object} [api] what it offers to other features
- * @property {Record<string, (message: any, transport:
- *   import("../protocol/clock_sync.js").Transport) => void>} [handlers] by a message's suffix
+ * @property {Record<string, (message: any,
+ *   transport: import("../protocol/clock_sync.js").Transport) => void>} [handlers] by a message's
+ *   suffix
  * @property {Record<string, (argument: string) => void>} [actions] by the name in `data-action`
  * @property {Record<string, import("../input/key_dispatcher.js").KeyHandler>} [keys] by the command
  *   of input/keymap.js

@@ -38,6 +38,6 @@ export const createStore = (initial, frame = (callback) => requestAnimationFrame
 };
 
 /**
- * @typedef {{get: () => any, update: (changes: object) => void, flush: () => void, subscribe:
- *   (subscriber: (state: any) => void) => void}} Store
+ * @typedef {{get: () => any, update: (changes: object) => void, flush: () => void,
+ *   subscribe: (subscriber: (state: any) => void) => void}} Store
  */

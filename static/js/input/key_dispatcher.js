@@ -76,8 +76,8 @@ export const keyUse = (event, holder, keymap = USUAL) => {
 };
 
 /**
- * @typedef {{down: (event: KeyboardEvent) => void, up?: (event: KeyboardEvent) => void, letGo?: ()
- *   => void}} KeyHandler
+ * @typedef {{down: (event: KeyboardEvent) => void, up?: (event: KeyboardEvent) => void,
+ *   letGo?: () => void}} KeyHandler
  */
 
 export class KeyDispatcher {

@@ -18,9 +18,9 @@ const LOOK_AHEAD = 0.35; // m beyond the way of braking: what stands there ends 
 /** @typedef {"goal" | "turn" | "back"} Kind */
 /** @typedef {"there" | "blocked" | "stuck" | "lost" | "taken"} End */
 /**
- * @typedef {{moment: import("../view/overlay/transforms.js").Moment | null, age: number, full:
- *   import("./pure_pursuit.js").Full, limits: any, footprint: [number, number][], seen: [number,
- *   number][]}} World
+ * @typedef {{moment: import("../view/overlay/transforms.js").Moment | null, age: number,
+ *   full: import("./pure_pursuit.js").Full, limits: any, footprint: [number, number][],
+ *   seen: [number, number][]}} World
  */
 
 const VELOCITIES = { goal: towards, turn: turnTo, back: backOut };
@@ -37,8 +37,8 @@ export class Maneuver {
     this.onEnd = onEnd;
     this.methods = ["mouse", "touch", "keyboard"];
     /**
-     * @type {{kind: Kind, point: [number, number], method: string, at: [number, number], turned:
-     *   number, movedAt: number} | null}
+     * @type {{kind: Kind, point: [number, number], method: string, at: [number, number],
+     *   turned: number, movedAt: number} | null}
      */
     this.now = null;
   }

@@ -42,8 +42,8 @@ export class Pointing {
     this.methods = ["mouse", "touch"];
     this.enabled = false;
     /**
-     * @type {{pointer: number, press: Press, at: number, from: [number, number], held: boolean} |
-     *   null}
+     * @type {{pointer: number, press: Press, at: number, from: [number, number],
+     *   held: boolean} | null}
      */
     this.pressed = null;
     this.listeners = /** @type {[string, (event: any) => void][]} */ ([

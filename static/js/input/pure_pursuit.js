@@ -110,8 +110,8 @@ export const backOut = (robot, from, full) =>
     : { linear: -Math.min(BACK_SPEED, full.reverse), angular: 0 };
 
 /**
- * @typedef {{goal: Point, sweptPath: import("../view/overlay/swept_path.js").SweptPath} | {no:
- *   "sky" | "wall" | "close"}} Reach
+ * @typedef {{goal: Point, sweptPath: import("../view/overlay/swept_path.js").SweptPath}
+ *   | {no: "sky" | "wall" | "close"}} Reach
  */
 
 /**

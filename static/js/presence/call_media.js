@@ -207,8 +207,8 @@ const replace = async (sender, track) => {
       await sender.setParameters(parameters);
     }
   } catch (error) {
+    // a DOMException says that this connection is over: the next one is given the track again
     if (!(error instanceof DOMException)) {
-      // a DOMException says that this connection is over: the next one is given the track again
       throw error;
     }
   }

@@ -9,8 +9,8 @@
 
 /** @typedef {"datachannel" | "mqtt"} Transport */
 /**
- * @typedef {{n: number, stamp: number, echoes: {peer: string, n: number, stamp: number, received:
- *   number}[]}} RobotHeartbeat
+ * @typedef {{n: number, stamp: number, echoes: {peer: string, n: number, stamp: number,
+ *   received: number}[]}} RobotHeartbeat
  */
 
 export const BEAT_SECONDS = 0.2;

@@ -145,8 +145,8 @@ export class CommandStream {
 
   /**
    * A state of the robot: does it echo the stop?
-   * @param {{epoch: number, safety: {estop: boolean, stopId: string | null, stopSeq: number |
-   *   null}}} state
+   * @param {{epoch: number, safety: {estop: boolean, stopId: string | null,
+   *   stopSeq: number | null}}} state
    */
   heardState({ epoch, safety }) {
     const message = this.pending?.message;

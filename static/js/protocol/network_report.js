@@ -11,8 +11,8 @@ import { between, pick } from "./link_stats.js";
  * @param {import("../drive/store.js").Store} page.store
  * @param {import("./socket.js").Socket} page.socket
  * @param {import("./link.js").Link} page.link
- * @param {() => {fallback: import("../view/video/jpeg_fallback.js").JpegFallback, frameAge: (now:
- *   number) => number | null}} page.video
+ * @param {() => {fallback: import("../view/video/jpeg_fallback.js").JpegFallback,
+ *   frameAge: (now: number) => number | null}} page.video
  */
 export const createNetworkReport = ({ store, socket, link, video }) => {
   /** @type {import("./link_stats.js").Sample | null} */

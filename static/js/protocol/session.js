@@ -13,8 +13,8 @@
  */
 
 /**
- * @typedef {"connecting" | "lobby" | "taking" | "queued" | "turn" | "driving" | "watching" |
- *   "elsewhere" | "refused" | "ended" | "closed"} Phase
+ * @typedef {"connecting" | "lobby" | "taking" | "queued" | "turn" | "driving" | "watching"
+ *   | "elsewhere" | "refused" | "ended" | "closed"} Phase
  *
  * @typedef {object} Visit
  * @property {Phase} phase

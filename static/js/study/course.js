@@ -11,8 +11,8 @@ const SIZE = 10; // CSS pixels, the radius of a checkpoint's disc
 const NEXT_SIZE = 14;
 
 /**
- * @typedef {{zones: [number, number][][], path: [number, number][], stops:
- *   (import("./guide.js").Stop & {x: number, y: number, radius: number})[]}} Marks
+ * @typedef {{zones: [number, number][][], path: [number, number][],
+ *   stops: (import("./guide.js").Stop & {x: number, y: number, radius: number})[]}} Marks
  */
 
 /**

@@ -18,8 +18,8 @@
  */
 
 /**
- * @typedef {{x: number, y: number, theta: number, localized: boolean, index: number, stale:
- *   boolean}} Moment
+ * @typedef {{x: number, y: number, theta: number, localized: boolean, index: number,
+ *   stale: boolean}} Moment
  */
 
 const GAP = 2; // s without a state: where the robot was in between is not known

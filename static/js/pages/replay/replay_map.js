@@ -39,8 +39,8 @@ export class ReplayMap {
     this.view = null;
     this.density = 1;
     /**
-     * @type {import("../../view/map/floor_plan.js").Paint & {robot: string, lost: string, edge:
-     *   string}}
+     * @type {import("../../view/map/floor_plan.js").Paint & {robot: string, lost: string,
+     *   edge: string}}
      */
     this.paint = /** @type {any} */ ({});
     this.still = document.createElement("canvas");

@@ -18,15 +18,15 @@ const METHODS = 6; // --strip-method-0 … -5
 const SOURCES = ["task", "server", "robot", "page", "lab"];
 
 /**
- * @typedef {{context: CanvasRenderingContext2D, width: number, top: number, height: number, colour:
- *   (name: string) => string, duration: number}} Row
+ * @typedef {{context: CanvasRenderingContext2D, width: number, top: number, height: number,
+ *   colour: (name: string) => string, duration: number}} Row
  */
 
 /**
  * @param {HTMLCanvasElement} canvas
  * @param {import("./record.js").Record} record
- * @param {{speed: string, trip: string, fps: string, loss: string, method: (name: string) =>
- *   string}} words
+ * @param {{speed: string, trip: string, fps: string, loss: string,
+ *   method: (name: string) => string}} words
  * @param {Set<string>} sources whose events are shown
  */
 export const drawStrips = (canvas, record, words, sources) => {

@@ -16,8 +16,8 @@ export class Receipts {
   constructor(send) {
     this.send = send;
     /**
-     * @type {Map<string, {fields: {target: string, state: WordsState}, since: number, sentAt:
-     *   number}>} by the id of what is said
+     * @type {Map<string, {fields: {target: string, state: WordsState}, since: number,
+     *   sentAt: number}>} by the id of what is said
      */
     this.pending = new Map();
     /** @type {Map<string, WordsState>} what is known of the words of this session, by their id */

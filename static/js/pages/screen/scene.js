@@ -12,8 +12,8 @@ const UNCONFIRMED = 2;
 /**
  * @typedef {object} Told
  * @property {boolean} keyed whether the server let this display in; null while unknown
- * @property {{title: string, titles?: Record<string, string>, session: string | null, visitor:
- *   string | null, waiting?: string | null, study: boolean} | null} screen
+ * @property {{title: string, titles?: Record<string, string>, session: string | null,
+ *   visitor: string | null, waiting?: string | null, study: boolean} | null} screen
  * @property {any} state the robot's last one
  * @property {number} heardAt when it came, Unix seconds
  * @property {boolean} online what the server says of the robot
@@ -23,8 +23,8 @@ const UNCONFIRMED = 2;
 
 /**
  * @typedef {object} Display
- * @property {"starting" | "no_key" | "offline" | "idle" | "waiting" | "ringing" | "seen" |
- *   "speaking" | "visiting"} scene
+ * @property {"starting" | "no_key" | "offline" | "idle" | "waiting" | "ringing" | "seen"
+ *   | "speaking" | "visiting"} scene
  * @property {string} name
  * @property {boolean} study
  * @property {number} sound

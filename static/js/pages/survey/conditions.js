@@ -5,8 +5,8 @@
  */
 
 /**
- * @typedef {{ item: string, is: (string | number)[], at_least: number | null, at_most: number |
- *   null }} Condition
+ * @typedef {{ item: string, is: (string | number)[], at_least: number | null,
+ *   at_most: number | null }} Condition
  */
 
 /**

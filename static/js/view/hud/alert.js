@@ -15,8 +15,8 @@ const NEEDED = new Set(["stop", "blind"]); // of what the robot does to help: wh
 
 /**
  * @param {import("../../drive/features.js").State} state
- * @returns {{word: string, tone: "danger" | "busy" | "calm", values?: Record<string, string |
- *   number>} | null}
+ * @returns {{word: string, tone: "danger" | "busy" | "calm",
+ *   values?: Record<string, string | number>} | null}
  */
 export const alertFor = (state) => {
   const { visit, robot } = state;

@@ -12,8 +12,8 @@ import { boundsOf, imageTransform, toScreen } from "./transform.js";
  *   image?: string, plan?: any}} FloorPlan
  */
 /**
- * @typedef {{floor: string, wall: string, furniture: string, door: string, dock: string, name:
- *   string, font: string}} Paint
+ * @typedef {{floor: string, wall: string, furniture: string, door: string, dock: string,
+ *   name: string, font: string}} Paint
  */
 
 /** @param {FloorPlan} site @returns {import("./transform.js").Bounds} */

@@ -23,8 +23,8 @@ import { ALL, moved, viewOf, zoomed } from "./pan_zoom.js";
 import { toScreen, toWorld } from "./transform.js";
 
 /**
- * @typedef {{x: number, y: number, theta: number, localized: boolean, covariance?: number[] |
- *   null}} Pose
+ * @typedef {{x: number, y: number, theta: number, localized: boolean,
+ *   covariance?: number[] | null}} Pose
  */
 
 const CLOCK_STEP = 5; // s
@@ -32,9 +32,9 @@ const SMALLEST_ROBOT = 9; // CSS pixels from the marker's middle to its tip
 
 export class RobotMap {
   /**
-   * @param {{canvas: HTMLCanvasElement, tools?: (canvas: HTMLCanvasElement) => number, frame?:
-   *   (callback: () => void) => unknown}} options tools: CSS pixels at its upper edge that buttons
-   *   take
+   * @param {{canvas: HTMLCanvasElement, tools?: (canvas: HTMLCanvasElement) => number,
+   *   frame?: (callback: () => void) => unknown}} options tools: CSS pixels at its upper edge that
+   *   buttons take
    */
   constructor({ canvas, tools = () => 0, frame = (callback) => requestAnimationFrame(callback) }) {
     this.canvas = canvas;
@@ -56,9 +56,9 @@ export class RobotMap {
     /** @type {import("./layers.js").Aim | null} where the robot is to go, or is said to be */
     this.aim = null;
     /**
-     * @type {Record<"below" | "above", (context: CanvasRenderingContext2D, view:
-     *   import("./transform.js").View, paint: Record<string, string>) => void> | null} what a study
-     *   adds
+     * @type {Record<"below" | "above", (context: CanvasRenderingContext2D,
+     *   view: import("./transform.js").View, paint: Record<string, string>) => void> | null} what a
+     *   study adds
      */
     this.course = null;
     /** @type {[number, number] | null} what the assistance minds, in the robot's frame */
@@ -148,8 +148,8 @@ export class RobotMap {
   }
 
   /**
-   * @param {{aim: import("./layers.js").Aim | null, obstacle: [number, number] | null, laser:
-   *   boolean}} marks
+   * @param {{aim: import("./layers.js").Aim | null, obstacle: [number, number] | null,
+   *   laser: boolean}} marks
    */
   setMarks({ aim, obstacle, laser }) {
     if (aim !== this.aim || obstacle !== this.obstacle || laser !== this.laser) {

@@ -17,9 +17,10 @@ import { CLOSE, NEAR } from "./swept_path.js";
  *   its number, or nothing for the dock
  */
 /**
- * @typedef {{sweptPath: import("./swept_path.js").SweptPath | null, committed: boolean, goal:
- *   [number, number] | null, blocked: import("./transforms.js").Place | null, footprint: [number,
- *   number][], radius: number, cues: Cue[]}} Scene `blocked`: where the robot would touch something
+ * @typedef {{sweptPath: import("./swept_path.js").SweptPath | null, committed: boolean,
+ *   goal: [number, number] | null, blocked: import("./transforms.js").Place | null,
+ *   footprint: [number, number][], radius: number, cues: Cue[]}} Scene `blocked`: where the robot
+ *   would touch something
  */
 
 const LEAST_DEPTH = 0.1; // m before the lens

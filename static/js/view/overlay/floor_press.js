@@ -14,8 +14,9 @@ import { mapFromRobot, robotFromMap } from "./transforms.js";
 import { hidesWall, isBehind } from "./visibility.js";
 
 /**
- * @typedef {{no: string, point?: [number, number], at?: import("./transforms.js").Place} | {turn:
- *   [number, number]} | {goal: [number, number], sweptPath: any}} Target what a press means
+ * @typedef {{no: string, point?: [number, number], at?: import("./transforms.js").Place}
+ *   | {turn: [number, number]} | {goal: [number, number], sweptPath: any}} Target what a press
+ *   means
  */
 
 export class FloorPress {

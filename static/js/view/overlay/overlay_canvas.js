@@ -11,7 +11,7 @@ import { cuesFor } from "./cues.js";
 import { drawScene } from "./drawing.js";
 import { heldSteps, lineSteps, sweep } from "./swept_path.js";
 
-// of driving on like this: the camera sees no floor that is nearer than a metre
+// s of driving on like this: the camera sees no floor that is nearer than a metre
 const SHOWN_SECONDS = 6;
 const COLOURS = ["free", "near", "close", "committed", "goal", "next", "edge"];
 /** @type {Omit<import("./drawing.js").Scene, "cues" | "radius" | "footprint">} */

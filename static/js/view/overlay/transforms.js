@@ -65,8 +65,8 @@ export class Track {
   }
 
   /**
-   * @param {{stamp: number, pose: Place & {localized: boolean}, velocity: {linear: number, angular:
-   *   number}, tilt: number | null}} message `pose` or `state`
+   * @param {{stamp: number, pose: Place & {localized: boolean}, velocity: {linear: number,
+   *   angular: number}, tilt: number | null}} message `pose` or `state`
    */
   add({ stamp, pose, velocity, tilt }) {
     const last = this.newest;

@@ -78,8 +78,8 @@ const setUp = (page) => {
 
 /**
  * @param {import("../../drive/registry.js").Page} page
- * @param {{viewport: Viewport, fallback: JpegFallback, shown: ShownFrame, frameAge: (now: number)
- *   => number | null}} video
+ * @param {{viewport: Viewport, fallback: JpegFallback, shown: ShownFrame,
+ *   frameAge: (now: number) => number | null}} video
  */
 const newListeners = (page, { viewport, fallback, shown, frameAge }) => ({
   socketOpen: () => fallback.hurry(),

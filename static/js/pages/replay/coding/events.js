@@ -4,16 +4,17 @@
  */
 
 /**
- * @typedef {{code: string, name: string, kind: "point" | "interval", key: string, description:
- *   string, group: string, modifiers: {name: string, values: string[]}[]}} Code
+ * @typedef {{code: string, name: string, kind: "point" | "interval", key: string,
+ *   description: string, group: string, modifiers: {name: string, values: string[]}[]}} Code
  */
 /**
  * @typedef {{event: string, version: number, code: string, begin: number, end: number | null,
  *   modifiers: Record<string, string>, comment: string}} CodedEvent
  */
 /**
- * @typedef {{id: string, event: string, base: number, code: string, begin: number, end: number |
- *   null, modifiers: Record<string, string>, comment: string, is_deleted: boolean}} Edit
+ * @typedef {{id: string, event: string, base: number, code: string, begin: number,
+ *   end: number | null, modifiers: Record<string, string>, comment: string,
+ *   is_deleted: boolean}} Edit
  */
 
 /** To the millisecond, as the server stores it. @param {number} t s */
