@@ -18,9 +18,9 @@ import { TransportRouter } from "../protocol/transport_router.js";
 
 // s without any packet on a WebSocket, which brings one a second, after which the visitor is told
 const SERVER_SILENCE = 1.5;
+const SOCKET_SILENCE = 3; // and after which another one is opened
 // the first ones are slow while the connection is made, and would raise an alarm
 const ROUND_TRIPS = 5;
-const SOCKET_SILENCE = 3; // and after which another one is opened
 
 /**
  * @typedef {object} ShownFault

@@ -5,8 +5,9 @@
  * (robots/api/messages.py, Camera). It sits `x` before the robot's centre and `z` above the floor
  * and looks down by `pitch` and the head's tilt, p together. Pixels are counted from the picture's
  * upper left corner, u to the right and v down, in the camera's own size, whatever size the picture
- * is shown in. A point at (forward, left) of the lens on the floor is as deep as cos p * forward +
- * sin p * z, and lies `left` beside and sin p * forward - cos p * z above the axis.
+ * is shown in. A point at (forward, left) of the lens on the floor is as deep as
+ * cos p * forward + sin p * z, and lies `left` beside and sin p * forward - cos p * z above the
+ * axis.
  */
 
 /**
