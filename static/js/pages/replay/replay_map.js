@@ -4,6 +4,7 @@
  * where the robot was drawn, for whoever wants to check.
  */
 
+import { createPaint } from "../../lib/colours.js";
 import { boundsOfSite, drawFloorPlan } from "../../view/map/floor_plan.js";
 import { boundsOf, fit, toScreen } from "../../view/map/transform.js";
 import { compose } from "../../view/map/layers.js";
@@ -11,6 +12,7 @@ import { piecesOf } from "./record.js";
 
 const SHADES = 64; // colours that the time is told with
 const SMALLEST = 8; // CSS pixels from the robot's middle to its tip
+const COLOURS = ["floor", "wall", "furniture", "door", "dock", "name", "robot", "lost", "edge"];
 // petrol at the beginning, apricot at the end
 const HUES = { from: [118, 214, 200], to: [255, 138, 60] };
 
@@ -38,6 +40,8 @@ export class ReplayMap {
     /** @type {import("../../view/map/transform.js").View | null} */
     this.view = null;
     this.density = 1;
+    /** @type {() => any} */
+    this.colours = createPaint(canvas, "--map-", COLOURS, "600 12px");
     /**
      * @type {import("../../view/map/floor_plan.js").Paint & {robot: string, lost: string,
      *   edge: string}}
@@ -74,7 +78,7 @@ export class ReplayMap {
     }
     this.density = devicePixelRatio;
     this.view = fit(this.#bounds(), width, height);
-    this.paint = this.#colours();
+    this.paint = this.colours();
     for (const canvas of [this.canvas, this.still]) {
       canvas.width = Math.round(width * this.density);
       canvas.height = Math.round(height * this.density);
@@ -143,15 +147,6 @@ export class ReplayMap {
   /** @param {number} x m @param {number} y m @returns {[number, number]} CSS pixels */
   #at(x, y) {
     return this.view ? toScreen(this.view, x, y) : [0, 0];
-  }
-
-  #colours() {
-    const style = getComputedStyle(this.canvas);
-    const names = ["floor", "wall", "furniture", "door", "dock", "name", "robot", "lost", "edge"];
-    const colours = Object.fromEntries(
-      names.map((name) => [name, style.getPropertyValue(`--map-${name}`).trim()]),
-    );
-    return /** @type {any} */ ({ ...colours, font: `600 12px ${style.fontFamily}` });
   }
 
   /** @param {import("./record.js").Moment | null} moment @param {number} t s */

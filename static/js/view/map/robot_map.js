@@ -9,6 +9,7 @@
  * -turn the transform of transform.js.
  */
 
+import { createPaint } from "../../lib/colours.js";
 import { boundsOfSite, drawFloorPlan } from "./floor_plan.js";
 import {
   compose,
@@ -28,6 +29,11 @@ import { toScreen, toWorld } from "./transform.js";
  */
 
 const CLOCK_STEP = 5; // s
+// custom properties of map.css, behind --map-
+const COLOURS = [
+  ...["floor", "wall", "furniture", "door", "dock", "name", "trail", "path", "laser", "obstacle"],
+  ...["robot", "lost", "edge", "zone", "route", "next", "passed"],
+];
 const SMALLEST_ROBOT = 9; // CSS pixels from the marker's middle to its tip
 
 export class RobotMap {
@@ -38,6 +44,7 @@ export class RobotMap {
    */
   constructor({ canvas, tools = () => 0, frame = (callback) => requestAnimationFrame(callback) }) {
     this.canvas = canvas;
+    this.paint = createPaint(canvas, "--map-", COLOURS, "600 12px");
     this.tools = tools;
     this.frame = frame;
     this.trail = new Trail();
@@ -263,31 +270,6 @@ export class RobotMap {
     }
   }
 
-  #paint() {
-    const style = getComputedStyle(this.canvas);
-    const colour = (/** @type {string} */ name) => style.getPropertyValue(`--map-${name}`).trim();
-    return {
-      floor: colour("floor"),
-      wall: colour("wall"),
-      furniture: colour("furniture"),
-      door: colour("door"),
-      dock: colour("dock"),
-      name: colour("name"),
-      trail: colour("trail"),
-      path: colour("path"),
-      laser: colour("laser"),
-      obstacle: colour("obstacle"),
-      robot: colour("robot"),
-      lost: colour("lost"),
-      edge: colour("edge"),
-      zone: colour("zone"),
-      route: colour("route"),
-      next: colour("next"),
-      passed: colour("passed"),
-      font: `600 12px ${style.fontFamily}`,
-    };
-  }
-
   #redraw() {
     if (!this.dirty) {
       this.dirty = true;
@@ -301,7 +283,7 @@ export class RobotMap {
     if (!context || !this.view) {
       return;
     }
-    const paint = this.#paint();
+    const paint = this.paint();
     this.view = this.#viewNow() ?? this.view;
     this.#drawStill(paint);
     context.setTransform(1, 0, 0, 1, 0, 0);

@@ -6,6 +6,7 @@
 import { offersAround } from "../../autonomy/offer.js";
 import { isMoving } from "../../autonomy/robot_action.js";
 import { arcTo } from "../../input/pure_pursuit.js";
+import { createPaint } from "../../lib/colours.js";
 import { roleOf } from "../../protocol/session.js";
 import { cuesFor } from "./cues.js";
 import { drawScene } from "./drawing.js";
@@ -28,6 +29,7 @@ export class OverlayCanvas {
     this.around = around;
     this.press = press;
     this.canvas = /** @type {HTMLCanvasElement} */ (element("overlay"));
+    this.paint = createPaint(this.canvas, "--", COLOURS, "700 15px");
     /** @type {import("../../protocol/command_stream.js").Intent} that is sent to the robot */
     this.intent = { linear: 0, angular: 0, method: "" };
     this.dirty = false;
@@ -139,7 +141,7 @@ export class OverlayCanvas {
     context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
     context.clearRect(0, 0, this.press.size.width, this.press.size.height);
     if (key && scene && eye) {
-      drawScene(context, eye, scene, this.#paint());
+      drawScene(context, eye, scene, this.paint());
     }
     const { dataset } = this.canvas;
     dataset.shows = scene?.blocked
@@ -155,16 +157,6 @@ export class OverlayCanvas {
     dataset.cues =
       scene?.cues.map(({ sign, hidden }) => `${sign || "dock"}${hidden ? " hidden" : ""}`).join() ??
       "";
-  }
-
-  #paint() {
-    const style = getComputedStyle(this.canvas);
-    return {
-      ...Object.fromEntries(
-        COLOURS.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]),
-      ),
-      font: `700 15px ${style.fontFamily}`,
-    };
   }
 }
 
