@@ -16,6 +16,7 @@ import { createStore } from "./store.js";
 
 const AGAIN = 2000; // ms until a feature that did not arrive is fetched again
 const FRAME = 100; // ms that a break takes at most: a page out of sight draws no frames
+const LINKS = 6; // of what comes later, at once: the browser looks at each before it goes on
 
 const element = (/** @type {string} */ id) =>
   /** @type {HTMLElement} */ (document.getElementById(id));
@@ -72,7 +73,10 @@ const setUp = (feature) => {
   registry.add(parts);
 };
 
-/** The browser paints, and hears its visitor. */
+/** The browser hears its visitor. */
+const turn = () => new Promise((done) => setTimeout(done));
+
+/** It paints, too. */
 const pause = () =>
   new Promise((done) => {
     requestAnimationFrame(() => setTimeout(done));
@@ -92,9 +96,25 @@ const fetched = (fetch) =>
     return new Promise((again) => setTimeout(again, AGAIN)).then(() => fetched(fetch));
   });
 
+const setUpFirst = async () => {
+  const [...features] = FIRST;
+  // What somebody presses meanwhile needs these two.
+  features.splice(0, 2).forEach(setUp);
+  for (const feature of features) {
+    await turn();
+    setUp(feature);
+  }
+  keymap.writeHints(document);
+  store.subscribe((state) => registry.render(state));
+};
+
 const setUpLater = async () => {
   await pause();
-  document.head.append(/** @type {HTMLTemplateElement} */ (element("later")).content);
+  const links = Array.from(/** @type {HTMLTemplateElement} */ (element("later")).content.children);
+  while (links.length) {
+    document.head.append(...links.splice(0, LINKS));
+    await turn();
+  }
   for (const fetch of LATER) {
     setUp(await fetched(fetch));
     store.update({});
@@ -103,10 +123,6 @@ const setUpLater = async () => {
   registry.complete();
   performance.mark("drive:complete");
 };
-
-FIRST.forEach(setUp);
-keymap.writeHints(document);
-store.subscribe((state) => registry.render(state));
 
 const begin = () => {
   const address = new URL(location.href);
@@ -130,9 +146,15 @@ window.addEventListener("pageshow", (event) => {
   }
 });
 
-if (isSupported()) {
-  begin();
-} else {
-  page.waiting.lazyPanels(({ explain }) => explain());
-}
-void setUpLater();
+const start = async () => {
+  await setUpFirst();
+  await turn();
+  if (isSupported()) {
+    begin();
+  } else {
+    page.waiting.lazyPanels(({ explain }) => explain());
+  }
+  await setUpLater();
+};
+
+void start();

@@ -72,6 +72,7 @@ export class RobotMap {
     this.obstacle = null;
     /** @type {import("./transform.js").View | null} */
     this.view = null;
+    this.size = { width: 0, height: 0, tools: 0 }; // CSS pixels
     this.density = 1;
     /** what part of it is looked at */
     this.settings = ALL;
@@ -229,6 +230,7 @@ export class RobotMap {
     );
   }
 
+  /** Asked for here alone: to ask with every frame would have the browser lay out the page. */
   #resize() {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     if (!this.site || !width || !height) {
@@ -236,6 +238,7 @@ export class RobotMap {
     }
     this.density = devicePixelRatio;
     this.drawn = "";
+    this.size = { width, height, tools: this.tools(this.canvas) };
     this.view = this.#viewNow();
     for (const canvas of [this.canvas, this.still]) {
       canvas.width = Math.round(width * this.density);
@@ -245,16 +248,9 @@ export class RobotMap {
   }
 
   #viewNow() {
-    const { clientWidth: width, clientHeight: height } = this.canvas;
-    return this.site && width && height
-      ? viewOf(
-          this.settings,
-          boundsOfSite(this.site),
-          this.pose,
-          width,
-          height,
-          this.tools(this.canvas),
-        )
+    const { width, height, tools } = this.size;
+    return this.site && width
+      ? viewOf(this.settings, boundsOfSite(this.site), this.pose, width, height, tools)
       : this.view;
   }
 
