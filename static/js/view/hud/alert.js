@@ -3,8 +3,7 @@
  */
 
 import { roleOf } from "../../protocol/session.js";
-import { mayAsk } from "../../study/restrictions.js";
-import { offersAround } from "../../autonomy/offer.js";
+import { offersAround, wayOut } from "../../autonomy/offer.js";
 import { wordOf } from "../../autonomy/assistance.js";
 import { profileOf } from "../display/profiles.js";
 
@@ -101,7 +100,7 @@ const helpAlert = (state) => {
     return { word: `off.${barred.method}`, tone: "busy" };
   }
   if (visit.phase === "driving" && robot.docked && now - pushedAt < PUSHED_SECONDS) {
-    return { word: mayAsk(state, "undock") ? "alert.docked_forward" : "alert.docked_forward_yourself", tone: "busy" };
+    return { word: wayOut(state) ? "alert.docked_forward" : "alert.docked_forward_yourself", tone: "busy" };
   }
   if (said && now - said.at < PUSHED_SECONDS && !offersAround(state)) {
     return { word: said.word, tone: "calm" };
