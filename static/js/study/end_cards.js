@@ -25,7 +25,7 @@ export const studyCard = (state, usual) => {
     return usual;
   }
   if (leaving) {
-    return { ...usual, word: study.kind === "practice" ? "practice.leaving" : "study.leaving" };
+    return { ...usual, word: study.kind === "practice" ? "practice.leaving" : "study.leaving", values: { next: study.next } };
   }
   if (hasEnded(state)) {
     return over(state, endOf(state));
@@ -51,6 +51,7 @@ const endOf = ({ study, visit, told }) => {
 /** @param {import("../drive/features.js").State} state @param {string} end @returns {import("../view/hud/card.js").Card} */
 const over = ({ study, endedAt, now }, end) => ({
   word: study.kind === "practice" && PRACTICE_OVER.has(end) ? "practice.ended" : `study.ended.${end}`,
+  values: { next: study.next },
   countdown: endedAt === null ? GO_ON_SECONDS : Math.min(GO_ON_SECONDS, Math.max(0, Math.ceil(endedAt + GO_ON_SECONDS - now))),
   main: GO_ON,
 });

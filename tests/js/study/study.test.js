@@ -586,6 +586,15 @@ describe("the end of a drive", () => {
     );
   });
 
+  test("says what the study says comes next, at the end and before leaving", () => {
+    const study = { ...STUDY, next: "Another drive is next." };
+    const texts = [ended("completed", { study }), state({ study, leaving: true })].map((one) => {
+      const { word, values } = cardFor(one);
+      return words.say(`${word}.text`, values);
+    });
+    assert.ok(texts.every((text) => text.endsWith(study.next)), String(texts));
+  });
+
   test("of a practice leads on to the study, and not to questions", () => {
     const practice = { ...STUDY, kind: "practice" };
     assert.equal(cardFor(ended("timed_out", { study: practice })).word, "practice.ended");

@@ -351,7 +351,7 @@ def test_after_a_drive_that_never_moved_one_may_try_again_or_answer_without(at_t
         for e in page.elements
         if e.tag in {"a", "button"} and "button" in e.attributes.get("class", "")
     ]
-    assert words.index("Try again") < words.index("Answer the questions without driving")
+    assert words.index("Try again") < words.index("Continue without driving")
     assert walker.participant.step == "task"
     assert walker.client.get(walker.url("study_drive")).status_code == 200
     walker.send(go="without")
