@@ -6,12 +6,16 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from django.conf import settings
+from django.utils.translation import get_language
 
 from experiments import publishing
 from experiments.builder.pages import AtHand
 from experiments.builder.parts import Document
 from robots.api.floorplan import FloorPlan as Plan
 from sessions.interfaces import INTERFACES
+from surveys import questionnaires
+from surveys.documents import spoken
+from surveys.models import Questionnaire
 
 PICTURES = Path(settings.BASE_DIR) / "static" / "img" / "instructions"
 
@@ -70,6 +74,15 @@ def offered(whole: Document, part: Document) -> dict[str, Sequence[str]]:
         },
         "picture": tuple(sorted(file.stem for file in PICTURES.glob("*.svg"))),
     }
+
+
+def questionnaire_titles() -> dict[tuple[str, int], str]:
+    """Return what the questionnaires that are known here are called, by name and version."""
+    shipped = {(one.slug, one.version): one.title for one in questionnaires.shipped().values()}
+    rows = Questionnaire.objects.values_list("slug", "version", "definition")
+    stored = {(slug, version): definition["title"] for slug, version, definition in rows}
+    language = get_language() or ""
+    return {name: spoken(title, language) for name, title in (shipped | stored).items()}
 
 
 def places(plans: Iterable[Plan]) -> tuple[str, ...]:

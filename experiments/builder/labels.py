@@ -101,6 +101,7 @@ LABELS: dict[str, Words] = {
     "operator": _("What it says about the hidden operator"),
     "recruitment": _("How participants are recruited"),
     "compensation": _("How participants are paid"),
+    "turned_away_code": _("People who are turned away get a code"),
     "question": _("Research question"),
     "hypotheses": _("Hypotheses"),
     "direction": _("Expected direction"),
@@ -191,6 +192,10 @@ HINTS: dict[str, Words] = {
     "post_hoc": _("Applies only if there are no contrasts."),
     "recruitment": _("For the reporting sheet. Participants do not see it."),
     "compensation": _("For the reporting sheet. Participants do not see it."),
+    "turned_away_code": _(
+        "For recruitment sites that pay people who were screened out, by a code of their own. "
+        "Otherwise only people who reach the end get a code."
+    ),
     "hypotheses": _(
         "Each names the declared analysis that tests it. All other tests are exploratory."
     ),

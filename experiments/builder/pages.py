@@ -25,7 +25,7 @@ from robots.api.messages import Point
 PAGES: Mapping[str, Collection[str]] = {
     "about": (
         *("title", "intro", "source", "licence", "recruitment", "compensation"),
-        "languages",
+        *("turned_away_code", "languages"),
     ),
     "rules": ("allocation", "start", "refill", "quality", "analysis"),
     "wizard": ("wizard",),

@@ -22,7 +22,7 @@ from django.views.decorators.cache import never_cache
 from experiments import publishing
 from experiments.access import may
 from experiments.builder import labels
-from experiments.builder.choices import at_hand, offered, places
+from experiments.builder.choices import at_hand, offered, places, questionnaire_titles
 from experiments.builder.course_ground import drawn_course, problems_of_course, wrong_checkpoints
 from experiments.builder.pages import (
     INNER_LISTS,
@@ -404,13 +404,13 @@ def _keep(row: Row, whole: Document) -> Row | str:
 
 
 def _listed(row: Row, section: str) -> Iterator[dict[str, Any]]:
-    whole = whole_of(row)
+    whole, titles = whole_of(row), questionnaire_titles() if section == "steps" else {}
     for n, part in enumerate(parts_in(whole, section)):
         yield {
             "url": address(row, BuilderPlace(section, n)),
             "n": n,
             "title": title_of(part, whole),
-            "about": list(about(section, part, whole)),
+            "about": list(about(section, part, whole, titles)),
         }
 
 

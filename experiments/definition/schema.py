@@ -228,7 +228,8 @@ class Analysis(DocumentPart, frozen=True, kw_only=True):
 
 class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     """A whole study. `recruitment` says how participants are found, `compensation` what they get;
-    researchers write and read both.
+    researchers write and read both. With `turned_away_code`, people who are turned away get a code
+    of their own for the recruitment site.
     """
 
     format: Literal[1]
@@ -240,6 +241,7 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     licence: str = ""
     recruitment: str = ""
     compensation: str = ""
+    turned_away_code: bool = False
     languages: tuple[Language, ...]
     steps: Annotated[tuple[AnyStep, ...], Meta(max_length=60)]
     factors: Annotated[tuple[Factor, ...], Meta(max_length=4)] = ()

@@ -229,7 +229,8 @@ def test_who_declines_leaves_a_row_without_a_name_and_may_come_again(walk):
     assert walker.participant.status == "active"
 
 
-def test_a_minor_is_turned_away_where_the_study_says_so_with_a_code_of_its_own(robot):
+@pytest.mark.parametrize("gives_code", [False, True])
+def test_a_minor_is_turned_away_and_gets_a_code_only_where_the_study_says_so(robot, gives_code):
     definition = p.of("exploration")
     consent = {
         "kind": "consent",
@@ -240,7 +241,8 @@ def test_a_minor_is_turned_away_where_the_study_says_so_with_a_code_of_its_own(r
         "minors": "refused",
     }
     steps = [consent, *p.msgspec.to_builtins(definition)["steps"][1:]]
-    walker = Walker(p.published(p.of("exploration", steps=steps)), person(), robot)
+    study = p.published(p.of("exploration", steps=steps, turned_away_code=gives_code))
+    walker = Walker(study, person(), robot)
     walker.come()
     assert "at least 18" in walker.look().text
     walker.send(age="17", agree="on")
@@ -250,7 +252,10 @@ def test_a_minor_is_turned_away_where_the_study_says_so_with_a_code_of_its_own(r
     )
     page = walker.look()
     assert "You can't take part" in page.text
-    assert completion.code(walker.study, "screened_out") in page.text
+    code = completion.code(walker.study, "screened_out")
+    assert (code in page.text, walker.participant.completion_code == code) == (gives_code,) * 2
+    assert ("Code for the recruitment site" in page.text) == gives_code
+    assert "completion code" not in page.text
     walker.send(age="18", agree="on")
     assert walker.participant.status == "screened_out"
     assert ConsentReceipt.objects.count() == 0
