@@ -65,6 +65,8 @@ LABELS: dict[str, Words] = {
     "checkpoint": _("After checkpoint"),
     "mirror": _("Mirror"),
     "view": _("Angle (rad)"),
+    "InstructionPage.robot": _("Only for drivers of"),
+    "InstructionPage.conditions": _("Only in these conditions"),
     "levels": _("Levels"),
     "measures": _("Measures"),
     "test": _("Test"),
@@ -167,7 +169,7 @@ HINTS: dict[str, Words] = {
     "repeat": _("Repeated steps must be consecutive and include the task."),
     "minimum_age": _("Asked on the consent page."),
     "picture": _(
-        "Built-in illustrations: driving, map, task, photo, assistance. Leave blank for none."
+        "Built-in illustrations. Those of the map and the task show an example, not your course."
     ),
     "doors_closed": _(
         "Doors of the site that are closed in this condition. All others are opened."
@@ -177,6 +179,12 @@ HINTS: dict[str, Words] = {
     "polygon": _("One corner per line: x and y in metres, in order. At least three."),
     "doors": _("Each applies only where the condition leaves the door open."),
     "view": _("Maximum angle between the mirror and the camera's axis."),
+    "checkpoints": _(
+        "Passed in this order. Every task begins and ends at checkpoint 0, the charging station."
+    ),
+    "actions": _(
+        "Without “undock automatically”, participants drive out of the station themselves."
+    ),
     "dock": _("Required if the site has several for this robot."),
     "quota": _("Leave blank for no limit. A cell is one condition or one order of conditions."),
     "left_after_hours": _(
@@ -189,6 +197,11 @@ HINTS: dict[str, Words] = {
     ),
     "contrasts": _("All contrasts of all measures are one family for Holm's correction."),
     "conditions": _("The conditions to compare if there are no contrasts. Leave blank for all."),
+    "InstructionPage.robot": _("Tick none for everyone."),
+    "InstructionPage.conditions": _(
+        "Tick none for all conditions. Participants are assigned to their condition when they "
+        "reach these instructions, not when they first get the robot."
+    ),
     "post_hoc": _("Applies only if there are no contrasts."),
     "recruitment": _("For the reporting sheet. Participants do not see it."),
     "compensation": _("For the reporting sheet. Participants do not see it."),

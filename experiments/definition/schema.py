@@ -283,6 +283,11 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
         return next((step for step in self.steps if isinstance(step, Consent)), None)
 
     @property
+    def tells_condition(self) -> bool:
+        """Whether participants read something that only their condition says."""
+        return any(step.named_conditions for step in self.steps)
+
+    @property
     def tells_of_operator(self) -> bool:
         """Whether its debriefing tells of the hidden operator, in every language."""
         return all(self.operator_text.get(name, "").strip() for name in self.languages)

@@ -38,6 +38,8 @@ class StepPage:
     # What the study builder calls it, and what a new one says beside its key and title.
     label: ClassVar[str | Promise]
     blank: ClassVar[Mapping[str, Any]] = {}
+    # What the study builder tells of it above its form; nothing of most.
+    told: ClassVar[str | Promise] = ""
 
     def __init__(self, participant: Participant, step: Any) -> None:
         self.participant, self.step = participant, step
