@@ -178,7 +178,7 @@ HINTS: dict[str, Words] = {
     "path": _("One point per line: x and y in metres."),
     "polygon": _("One corner per line: x and y in metres, in order. At least three."),
     "doors": _("Each applies only where the condition leaves the door open."),
-    "view": _("Maximum angle between the mirror and the camera's axis."),
+    "view": _("Maximum angle between the mirror and the camera's axis. 1 rad is about 57°."),
     "checkpoints": _(
         "Passed in this order. Every task begins and ends at checkpoint 0, the charging station."
     ),
@@ -235,7 +235,17 @@ HINTS: dict[str, Words] = {
     "outcomes": _("The task's own outcomes (completed, timed out) never count here."),
     "controllers": _("Devices the visitor may drive with."),
     "linear": _("Leave blank to use the robot's limit; cannot exceed it."),
-    "angular": _("Leave blank to use the robot's limit; cannot exceed it."),
+    "angular": _("Leave blank to use the robot's limit; cannot exceed it. 1 rad is about 57°."),
+    "heading": _("1 rad is about 57°."),
+    "radius": _("How near the robot must come."),
+    "control_way": _(
+        "How commands reach the robot: directly from the browser (WebRTC), or through the server."
+    ),
+    "delay": _("How much later everything arrives."),
+    "loss": _("Share of packets, the pieces in which data travels, that get lost: 0.02 is 2 %."),
+    "least_sample_rate": _("How many states of the robot are recorded in a second."),
+    "longest_gap": _("Without a recorded state of the robot."),
+    "largest_clock_offset": _("Between the robot's clock and the server's."),
     "statements": _("The tables show this questionnaire's percentages."),
     "control": _(
         "Affects the driver's commands; stopping is never delayed. Above about 0.1 s including "
