@@ -299,7 +299,9 @@ def _robots() -> dict[str, RobotFacts]:
             limits.get("commandAge", RobotFacts.command_age),
             limits.get("frameAge", RobotFacts.frame_age),
         )
-        angular = min(limits["angular"], robot.max_angular or float("inf"))
+        angular = min(
+            limits.get("angular", RobotFacts.angular), robot.max_angular or RobotFacts.angular
+        )
         facts = RobotFacts(frozenset(sheet["capabilities"]), linear, *ages, angular)
         other = found.get(sheet["series"], facts)
         found[sheet["series"]] = RobotFacts(
