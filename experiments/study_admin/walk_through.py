@@ -151,7 +151,7 @@ def _nobody(
     one in every round.
     """
     place = way[number - 1]
-    assigned = {
+    assigned: dict[str, Any] = {
         "conditions": [condition] * (1 + way[-1].round),
         "stage": Participant.Stage.UNDER_WAY,
     }
