@@ -3,12 +3,18 @@ it fixes.
 
 Asked by sessions (sessions/leases/terms.py), in whichever process grants the robot, perhaps by two
 of them at once and again after one was killed: every answer is the same as the first. A participant
-is assigned at the first grant, if not before (experiments/participation/draw.py); who never moved
-the robot gave their place back, and is drawn anew.
+is assigned at the first grant, or before: whoever reads instructions that only some conditions have
+is drawn when they come to them, and keeps that cell. Of all others, who never moved the robot gave
+their place back, and is drawn anew.
+
+Nothing rests on transactions: a draw has a number that no other one of its study has, and the
+places that it was decided on are those that stood there before that number, so that of two who are
+drawn at the same moment one has to look again.
 """
 
 import datetime
 import secrets
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,8 +29,8 @@ from experiments.definition.course import CourseError
 from experiments.definition.schema import Condition, StudyDefinition
 from experiments.definition.step import DriveStep
 from experiments.models import Drive, Participant, ParticipantKind, Study
-from experiments.participation import assignment, draw, places, progress
-from experiments.participation.assignment import Cell
+from experiments.participation import assignment, places, progress
+from experiments.participation.assignment import AssignmentChoice, Cell, Held
 from experiments.participation.drive_status import driven, series_of
 from experiments.participation.layout import laid_out
 from experiments.participation.robot_eligibility import is_lent
@@ -43,6 +49,11 @@ GRACE_SECONDS = 120.0
 SLACK_SECONDS = 180.0
 # after which a robot's last state does not say any more how it stands; states are written every two
 SAID_SECONDS = 5.0
+ATTEMPTS = 200  # every failed one means that somebody else was assigned meanwhile
+
+
+class AssignmentContention(RuntimeError):
+    """Somebody else was assigned under every attempt."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +68,7 @@ class Standing:
     @property
     def assigned(self) -> Condition | None:
         """The condition of this round, if it is assigned already."""
-        return draw.assigned(self.participant, self.definition)
+        return assigned(self.participant, self.definition)
 
     @property
     def cells(self) -> list[Cell]:
@@ -188,9 +199,9 @@ def _why_not(standing: Standing, now: datetime.datetime) -> str:
     participant = standing.participant
     if not progress.is_open(participant.study, now):
         return "closed"
-    held = places.numbered(participant.study, participant.kind, now)
-    if standing.assigned is None and (
-        draw.choose(standing.cells, held, standing.definition, 0) is None
+    if (
+        standing.assigned is None
+        and _choose(standing.cells, _held(participant, now), standing.definition, 0) is None
     ):
         return "full"
     return (
@@ -249,6 +260,9 @@ def _is_reserved(robot: Robot, now: datetime.datetime) -> bool:
     return False
 
 
+# --- assignment -----------------------------------------------------------------------------------
+
+
 def assign(standing: Standing, now: datetime.datetime) -> Condition | None:
     """Draw the cell of a participant, unless they have one, and return the condition of their
     round; None when every cell is full.
@@ -256,7 +270,86 @@ def assign(standing: Standing, now: datetime.datetime) -> Condition | None:
     Raises:
         AssignmentContention: somebody else was assigned under every attempt.
     """
-    return draw.draw(standing.participant, standing.cells, now)
+    return draw(standing.participant, standing.cells, now)
+
+
+def assigned(participant: Participant, definition: StudyDefinition) -> Condition | None:
+    """Return the condition of a participant's round, if it is assigned already."""
+    if not progress.has_place(participant):
+        return None
+    return progress.wanted_condition(participant, definition)
+
+
+def draw(
+    participant: Participant, cells: Sequence[Cell], now: datetime.datetime
+) -> Condition | None:
+    """Draw the cell of a participant among some, unless they have one, and return the condition of
+    their round; None when every cell is full.
+
+    Raises:
+        AssignmentContention: somebody else was assigned under every attempt.
+    """
+    definition = participant.study.as_definition()
+    for _ in range(ATTEMPTS):
+        if (condition := assigned(participant, definition)) is not None:
+            return condition
+        held = _held(participant, now)
+        chosen = _choose(cells, held, definition, secrets.randbits(31))
+        if chosen is None:
+            return None
+        if _store(participant, chosen, 1 + max((number for number, _ in held), default=0), now):
+            log.info("participant_assigned", study=participant.study_id, cell=chosen.cell.key)
+        participant.refresh_from_db()
+    raise AssignmentContention(participant.study.slug)
+
+
+def assign_reader(participant: Participant, now: datetime.datetime) -> Condition | None:
+    """Draw the cell of a participant who is about to read what only some conditions say: among all
+    that are open to them.
+    """
+    definition = participant.study.as_definition()
+    cells = assignment.cells(definition, progress.access_of(participant))
+    return draw(participant, cells, now)
+
+
+def _held(participant: Participant, now: datetime.datetime) -> list[tuple[int, Held]]:
+    """Return (number of the draw, place) of everybody of the study and kind who was ever
+    assigned.
+    """
+    return places.numbered(participant.study, participant.kind, now)
+
+
+def _choose(
+    cells: Sequence[Cell], held: list[tuple[int, Held]], definition: StudyDefinition, seed: int
+) -> AssignmentChoice | None:
+    return assignment.choose(cells, [place for _, place in held], definition.allocation.quota, seed)
+
+
+def _store(
+    participant: Participant, chosen: AssignmentChoice, number: int, now: datetime.datetime
+) -> bool:
+    """Write a draw down if its number is still free and nobody else, in another process, has drawn
+    for the same participant.
+    """
+    before = Participant.objects.filter(
+        pk=participant.pk, stage=participant.stage, drawn_as=participant.drawn_as
+    )
+    try:
+        # only so that PostgreSQL survives the refusal within a caller's transaction
+        with transaction.atomic():
+            return bool(
+                before.update(
+                    cell=chosen.cell.key,
+                    conditions=list(chosen.cell.conditions),
+                    candidates=list(chosen.candidates),
+                    draw_seed=chosen.seed,
+                    drawn_as=f"{participant.study_id}:{participant.kind}:{number}",
+                    assigned_at=now,
+                    stage=Participant.Stage.UNDER_WAY,
+                )
+            )
+    except IntegrityError:
+        return False
 
 
 # --- the drive ------------------------------------------------------------------------------------

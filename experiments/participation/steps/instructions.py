@@ -7,7 +7,7 @@ from django.http import HttpRequest, HttpResponseBase
 from django.utils.translation import gettext_lazy as _
 
 from experiments.definition.steps.instructions import InstructionPage
-from experiments.participation import draw, progress
+from experiments.participation import grants, progress
 from experiments.participation.step_page import StepPage, to_step
 from surveys.documents import spoken
 
@@ -33,7 +33,7 @@ class InstructionsStepPage(StepPage):
         """Show the page that is asked for; whoever comes to one that only some conditions have is
         assigned now, and turned away where every cell is full.
         """
-        if self.step.named_conditions and draw.draw_to_read(self.participant, now) is None:
+        if self.step.named_conditions and grants.assign_reader(self.participant, now) is None:
             progress.screen_out(self.participant, now)
             return to_step(self.participant)
         return self._show(request) if self.pages() else to_step(self.participant)
