@@ -615,7 +615,10 @@ describe("the end of a drive", () => {
       const { word, values } = cardFor(one);
       return words.say(`${word}.text`, values);
     });
-    assert.ok(texts.every((text) => text.endsWith(study.next)), String(texts));
+    assert.ok(
+      texts.every((text) => text.endsWith(study.next)),
+      String(texts),
+    );
   });
 
   test("of a practice leads on to the study, and not to questions", () => {

@@ -3,5 +3,11 @@
 import { keepOrder } from "./ranking.js";
 import { addRange } from "./slider.js";
 
-for (const holder of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-slider]"))) addRange(holder);
-for (const holder of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-ranking]"))) keepOrder(holder);
+for (const holder of /** @type {NodeListOf<HTMLElement>} */ (
+  document.querySelectorAll("[data-slider]")
+))
+  addRange(holder);
+for (const holder of /** @type {NodeListOf<HTMLElement>} */ (
+  document.querySelectorAll("[data-ranking]")
+))
+  keepOrder(holder);
