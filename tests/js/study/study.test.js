@@ -409,7 +409,7 @@ describe("what a study fixes", () => {
     assert.deepEqual([goes(sent("map")), maySend(sent("map"), "map")], [false, true]);
   });
 
-  test("takes the button out of the station away where the robot may not leave it by itself", () => {
+  test("offers no way out of the station where the robot may not leave it by itself", () => {
     const docked = (study) =>
       offerFor(state({ study: { ...STUDY, ...study }, robot: robot({ docked: true }) }));
     const forbidden = { actions: ["stop"], ownActions: [] };

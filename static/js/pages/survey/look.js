@@ -1,4 +1,7 @@
-/** The page of a questionnaire that is only looked at: its controls as participants see them, and nothing saved. */
+/**
+ * The page of a questionnaire that is only looked at: its controls as participants see them, and
+ * nothing saved.
+ */
 
 import { keepOrder } from "./ranking.js";
 import { addRange } from "./slider.js";
