@@ -90,8 +90,13 @@ def questionnaire_titles() -> dict[tuple[str, int], str]:
 
 
 def speeds_refused(part: Document) -> dict[str, str]:
-    """Return why speed limits of a condition cannot be kept, by their field in its form."""
-    condition = msgspec.convert(part, Condition)
+    """Return why speed limits of a condition cannot be kept, by their field in its form; what else
+    is wrong with it is told elsewhere.
+    """
+    try:
+        condition = msgspec.convert(part, Condition)
+    except msgspec.ValidationError:
+        return {}
     robot = publishing.known_here().robots.get(condition.robot)
     told = too_fast(condition, robot) if robot is not None else {}
     return {f"speed.{key}": capfirst(text) for key, text in told.items()}
