@@ -49,7 +49,7 @@ class VersionField(ValueField):
         return super().refusal(str(value).partition(":")[0])
 
 
-class StudyForm(PartForm):
+class StudyPartForm(PartForm):
     """The form of a part of a study. Of what is `offered`, "versions" are the questionnaires."""
 
     guide = GUIDE

@@ -47,7 +47,7 @@ from experiments.builder.pages import (
     with_parts,
 )
 from experiments.builder.problem_text import in_words, title_of
-from experiments.builder.study_form import StudyForm
+from experiments.builder.study_form import StudyPartForm
 from experiments.builder.summaries import about, kinds
 from experiments.definition.schema import Course, StudyDefinition
 from experiments.definition.steps import KINDS
@@ -233,7 +233,7 @@ class BuilderPages:
         whole, part = whole_of(row), draft.part
         former = place.part(whole) or part
         cls = place.cls(former)
-        form = StudyForm(
+        form = StudyPartForm(
             cls,
             part,
             languages=whole["languages"],
@@ -349,11 +349,11 @@ def _read(request: HttpRequest, place: BuilderPlace, former: Document) -> Submit
     `remove|up|down:<list>:<n>`.
     """
     cls = place.cls(former)
-    part = StudyForm.read(cls, request.POST, only=place.only)
+    part = StudyPartForm.read(cls, request.POST, only=place.only)
     anchor = _press(part, request.POST)
     if cls is Course:
         part = renumber(part)
-    told = StudyForm(cls, part, only=place.only, is_sent=True).told
+    told = StudyPartForm(cls, part, only=place.only, is_sent=True).told
     return SubmittedPart(part, told, anchor=anchor)
 
 
