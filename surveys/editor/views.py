@@ -169,7 +169,7 @@ def edit(request: HttpRequest, pk: UUID, section: str, key: str = "") -> HttpRes
         return _show(request, Questionnaire.objects.get(pk=pk), place, sent, former=former)
     messages.success(request, _("Saved."))
     if request.POST.get("do") == "done":
-        return redirect(f"{address(row)}#{sent.part.get('key', key) or section}")
+        return redirect(f"{address(row)}#at-{sent.part.get('key', key)}")
     there = EditorPlace(section, sent.part.get("key", key) if key else "")
     return redirect(address(row, there) + (f"#{sent.anchor}" if sent.anchor else ""))
 
@@ -211,7 +211,7 @@ def _press(request: HttpRequest, row: Questionnaire, whole: Document) -> HttpRes
         messages.error(request, refused)
     elif made is not None and made.section != "pages":
         return redirect(address(row, made))
-    return redirect(f"{address(row)}#{(made or place).key}")
+    return redirect(f"{address(row)}#at-{(made or place).key}")
 
 
 def _added(whole: Document, place: EditorPlace, kind: str) -> EditorPlace | None:
