@@ -3,6 +3,7 @@
 # make test    set up what the tests need, and run everything that proves function
 # make soak    what proves endurance: hours, before a release
 # make lint    style, types, and the direction of imports
+# make format  write Python and JavaScript in the style that make lint checks
 # make bench   the benchmarks; results in benchmarks/results
 # make screenshots    pictures of all pages, to be looked at, in var/screenshots
 # make docs    write the generated reference again
@@ -14,7 +15,7 @@ BIN := $(VENV)/bin
 PHOTOGRAPHED := $(addprefix tests/integration/browser/test_,accessibility.py autonomy.py slow_picture.py replay.py) tests/integration/browser/drive_page/test_presence.py
 export PORT LAN RESET
 
-.PHONY: demo check test soak lint bench docs messages lock setup setup-dev test-packages screenshots
+.PHONY: demo check test soak lint format bench docs messages lock setup setup-dev test-packages screenshots
 .DEFAULT_GOAL := demo
 
 demo: setup
@@ -29,7 +30,7 @@ setup-dev:
 test-packages:
 	@sh deploy/test_packages.sh
 
-# eslint, for the pages' scripts; npm is one of the tests' packages.
+# ESLint and Prettier, for the pages' scripts; npm is one of the tests' packages.
 node_modules/installed: package-lock.json
 	@command -v npm >/dev/null || { echo "npm is missing: install it with 'sudo apt install npm'." >&2; exit 1; }
 	npm ci --ignore-scripts --no-audit --no-fund --loglevel=error
@@ -46,6 +47,9 @@ soak: setup-dev test-packages node_modules/installed
 
 lint: setup-dev node_modules/installed
 	@BIN="$(BIN)" sh deploy/run_tests.sh lint
+
+format: setup-dev node_modules/installed
+	@BIN="$(BIN)" sh deploy/run_tests.sh format
 
 bench: setup-dev test-packages
 	$(BIN)/python -m benchmarks

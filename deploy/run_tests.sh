@@ -1,5 +1,6 @@
 #!/bin/sh
-# What is checked before a change lands: run_tests.sh lint|check|integration|test|soak. BIN names the virtual environment's bin folder.
+# What is checked before a change lands: run_tests.sh format|lint|check|integration|test|soak. BIN names the virtual environment's bin folder.
+#   format        write Python and JavaScript as lint wants them
 #   lint          style, types, and the direction of imports
 #   check         lint and the unit lane, for every change: without slow tests, and with fewer examples
 #   integration   the integration lane and the timing lane: what make test runs after check
@@ -9,6 +10,7 @@ set -eu
 started=${RUN_STARTED:-$(date +%s)}
 logs=${LOGS:-$(mktemp -d)}
 lanes=""
+scripts="static/js tests/js eslint.config.js"
 # A run that is ended early ends its lanes, with the servers and browsers of their tests, and shows how far they had come.
 finish() {
     trap '' INT TERM
@@ -63,12 +65,19 @@ timing() {
     pytest -m "$1" tests/timing/browser
 }
 
+format() {
+    "$BIN/ruff" format .
+    node_modules/.bin/prettier --log-level warn --write $scripts
+}
+
 lint() {
     step "ruff"
     "$BIN/ruff" check .
     "$BIN/ruff" format --check .
     step "eslint"
     node_modules/.bin/eslint .
+    step "prettier"
+    node_modules/.bin/prettier --cache --log-level warn --check $scripts
     step "import-linter"
     "$BIN/lint-imports" --no-cache
     step "mypy"
@@ -113,6 +122,7 @@ case "${1:-test}" in
         "$2" "$3"
         exit
         ;;
+    format) format ;;
     lint) lint ;;
     check)
         together "style, types and the unit lane" lint quick unit quick

@@ -1,6 +1,6 @@
 /**
- * The panel of hands and questions: who watches raises a hand and asks, who drives or operates the robot answers. It takes no key of
- * somebody who drives, and what is new in it takes no focus.
+ * The panel of hands and questions: who watches raises a hand and asks, who drives or operates the
+ * robot answers. It takes no key of somebody who drives, and what is new in it takes no focus.
  */
 
 import { backToDriving, write } from "../lib/dom.js";
@@ -8,30 +8,59 @@ import { roleOf } from "../protocol/session.js";
 
 /**
  * What this page may see: sessions/protocol.py AudienceState.
- * @typedef {{open: boolean, moderates: boolean, raised: boolean, hands: number, names: string[], questions: Question[]}} Audience
+ * @typedef {{open: boolean, moderates: boolean, raised: boolean, hands: number, names: string[],
+ *   questions: Question[]}} Audience
  *
  * @typedef {object} Question sessions/protocol.py
- * @property {string} id @property {string} text @property {"waiting" | "answering" | "answered" | "declined"} state
- * @property {string} who @property {boolean} own
+ * @property {string} id
+ * @property {string} text
+ * @property {"waiting" | "answering" | "answered" | "declined"} state
+ * @property {string} who
+ * @property {boolean} own
  */
 
-const MARKS = { waiting: ["answering", "answered", "declined"], answering: ["answered"], answered: [], declined: [] };
+const MARKS = {
+  waiting: ["answering", "answered", "declined"],
+  answering: ["answered"],
+  answered: [],
+  declined: [],
+};
 const NOTES = new Set(["rate", "too_many", "full", "closed"]);
 
-/** Whether there is an audience, or this page is a part of one. @param {import("../drive/features.js").State} state */
+/**
+ * Whether there is an audience, or this page is a part of one.
+ * @param {import("../drive/features.js").State} state
+ */
 export const isOffered = ({ visit, audience, room }) => {
   const role = roleOf(visit);
-  return Boolean(audience?.open) && role !== "" && (role !== "driver" || room.observers > 0 || audience.hands > 0 || audience.questions.length > 0);
+  return (
+    Boolean(audience?.open) &&
+    role !== "" &&
+    (role !== "driver" || room.observers > 0 || audience.hands > 0 || audience.questions.length > 0)
+  );
 };
 
-/** How much waits for whoever moderates. @param {{moderates: boolean, hands: number, questions: Question[]}} audience */
-export const countOf = ({ moderates, hands, questions }) => (moderates ? hands + questions.filter(({ state }) => state === "waiting").length : 0);
+/**
+ * How much waits for whoever moderates.
+ * @param {{moderates: boolean, hands: number, questions: Question[]}} audience
+ */
+export const countOf = ({ moderates, hands, questions }) =>
+  moderates ? hands + questions.filter(({ state }) => state === "waiting").length : 0;
 
-/** Who has a hand up, in words. @param {{hands: number, names: string[]}} audience @param {import("../lib/words.js").Words} words @param {string} language */
+/**
+ * Who has a hand up, in words.
+ * @param {{hands: number, names: string[]}} audience
+ * @param {import("../lib/words.js").Words} words
+ * @param {string} language
+ */
 export const handsText = ({ hands, names }, words, language) => {
   const more = hands - names.length;
-  const listed = new Intl.ListFormat(language).format(more > 0 ? [...names, words.say("audience.more", { n: more })] : names);
-  return hands ? words.say("audience.hands", { n: hands, names: listed }) : words.say("audience.no_hands");
+  const listed = new Intl.ListFormat(language).format(
+    more > 0 ? [...names, words.say("audience.more", { n: more })] : names,
+  );
+  return hands
+    ? words.say("audience.hands", { n: hands, names: listed })
+    : words.say("audience.no_hands");
 };
 
 /** @param {import("../drive/registry.js").Page} page */
@@ -53,7 +82,9 @@ export const createPanel = (page) => {
   };
   keys.closes(element("audience-panel"), () => open(false));
   element("audience-open").addEventListener("click", () => open(!isOpen));
-  element("hand").addEventListener("click", () => connection.send("audience/hand", { raised: !store.get().audience.raised }));
+  element("hand").addEventListener("click", () =>
+    connection.send("audience/hand", { raised: !store.get().audience.raised }),
+  );
   element("hands-lower").addEventListener("click", () => {
     connection.send("audience/lower", {});
     backToDriving(element);
@@ -87,9 +118,19 @@ export const createPanel = (page) => {
   };
 };
 
-/** Where the panel is, and whether it is open. @param {import("../drive/registry.js").Page} page @param {boolean} driver @param {boolean} offered @param {boolean} isOpen */
+/**
+ * Where the panel is, and whether it is open.
+ * @param {import("../drive/registry.js").Page} page
+ * @param {boolean} driver
+ * @param {boolean} offered
+ * @param {boolean} isOpen
+ */
 const renderPlace = ({ element }, driver, offered, isOpen) => {
-  const [box, panel, button] = [element("audience"), element("audience-panel"), element("audience-open")];
+  const [box, panel, button] = [
+    element("audience"),
+    element("audience-panel"),
+    element("audience-open"),
+  ];
   const home = element(driver ? "presence" : "audience-place");
   if (box.parentElement !== home) {
     home.append(box);
@@ -128,7 +169,10 @@ const createForm = ({ element, words, connection }) => {
     /** What was asked stays in the field until it has arrived. @param {Question[]} questions */
     render: (questions) => {
       const line = asked.split(/\s+/).join(" ");
-      if (asked && questions.some(({ own, text, state }) => own && text === line && state === "waiting")) {
+      if (
+        asked &&
+        questions.some(({ own, text, state }) => own && text === line && state === "waiting")
+      ) {
         field.value = field.value.trim() === asked ? "" : field.value;
         asked = "";
       }
@@ -154,11 +198,22 @@ const renderTexts = ({ element, words }, audience) => {
 };
 
 /** What is being answered. @param {Question[]} questions */
-const askedNow = (questions) => questions.filter(({ state }) => state === "answering").map((one) => one.text).join(" · ");
+const askedNow = (questions) =>
+  questions
+    .filter(({ state }) => state === "answering")
+    .map((one) => one.text)
+    .join(" · ");
 
-/** Rows that stay the same elements while their questions change: who is about to press a button presses that one. */
+/**
+ * Rows that stay the same elements while their questions change: who is about to press a button
+ * presses that one.
+ */
 class QuestionList {
-  /** @param {HTMLElement} list @param {import("../lib/words.js").Words} words @param {(id: string, state: string) => void} mark */
+  /**
+   * @param {HTMLElement} list
+   * @param {import("../lib/words.js").Words} words
+   * @param {(id: string, state: string) => void} mark
+   */
   constructor(list, words, mark) {
     this.list = list;
     this.words = words;
@@ -189,7 +244,12 @@ class QuestionList {
   #newRow({ id, text }) {
     const row = document.createElement("li");
     row.className = "line";
-    const [who, words, state, buttons] = ["line__who", "line__text", "audience__state", "presence__row"].map((name) => {
+    const [who, words, state, buttons] = [
+      "line__who",
+      "line__text",
+      "audience__state",
+      "presence__row",
+    ].map((name) => {
       const part = document.createElement(name === "presence__row" ? "div" : "span");
       part.className = name;
       return part;
@@ -212,13 +272,19 @@ class QuestionList {
 
   /** @param {HTMLElement} row @param {Question} question @param {boolean} moderates */
   #show(row, { who, own, state }, moderates) {
-    const part = (/** @type {string} */ name) => /** @type {HTMLElement} */ (row.querySelector(`.${name}`));
+    const part = (/** @type {string} */ name) =>
+      /** @type {HTMLElement} */ (row.querySelector(`.${name}`));
     row.classList.toggle("line--own", own);
     row.dataset.state = state;
     write(part("line__who"), own ? this.words.say("presence.you") : who);
-    write(part("audience__state"), own || state !== "waiting" ? this.words.say(`audience.state.${state}`) : "");
+    write(
+      part("audience__state"),
+      own || state !== "waiting" ? this.words.say(`audience.state.${state}`) : "",
+    );
     part("presence__row").hidden = !moderates || MARKS[state].length === 0;
-    for (const button of /** @type {HTMLElement[]} */ (Array.from(part("presence__row").children))) {
+    for (const button of /** @type {HTMLElement[]} */ (
+      Array.from(part("presence__row").children)
+    )) {
       button.hidden = !(/** @type {string[]} */ (MARKS[state]).includes(button.dataset.mark ?? ""));
     }
   }

@@ -1,6 +1,7 @@
 /**
- * What the robot does by itself, on the drive page: its actions, places and points of the map, the level of assistance and what the robot
- * says about it. What to do is decided in robot_action.js and the other pure modules beside it.
+ * What the robot does by itself, on the drive page: its actions, places and points of the map, the
+ * level of assistance and what the robot says about it. What to do is decided in robot_action.js
+ * and the other pure modules beside it.
  */
 
 import { recallAimed, rememberAimed } from "../drive/storage.js";
@@ -16,29 +17,32 @@ import { can } from "./offer.js";
 import { createOfferPanel } from "./offer_panel.js";
 import { ask, heard, isUnderWay, pass, wishOf } from "./robot_action.js";
 
-const ASSIST_PATIENCE = 3; // s until a level of assistance that does not come into force counts as refused
+// s until a level of assistance that does not come into force counts as refused
+const ASSIST_PATIENCE = 3;
 const PUSH_PERIOD = 0.5; // s between two notes that the visitor presses forward
 
 /** Millimetres and milliradians are enough. @param {number} value */
 const round = (value) => Math.round(value * 1000) / 1000;
 
-/** A point can be chosen where that means something. @param {import("../drive/features.js").State} state */
-const mayAim = (state) => roleOf(state.visit) === "driver" && ((can(state, "goto") && maySend(state, "map")) || state.aim?.kind === "pose");
+/**
+ * A point can be chosen where that means something.
+ * @param {import("../drive/features.js").State} state
+ */
+const mayAim = (state) =>
+  roleOf(state.visit) === "driver" &&
+  ((can(state, "goto") && maySend(state, "map")) || state.aim?.kind === "pose");
 
 /** @param {import("../drive/registry.js").Page} page */
 const setUp = (page) => {
-  const { store, words, element, keys, act, map, config } = page;
+  const { store, words, element, keys, act, config } = page;
   store.update({ hasAimed: recallAimed(config.who ?? "") });
   const held = new HeldHelp();
-  const renders = [createOfferPanel(element, words, act), createMapBar(element, words, act, keys), createMarks(page)];
-  const aiming = new Aiming({
-    canvas: element("map"),
-    toWorld: (px, py) => map.worldAt(px, py),
-    onAim: (x, y, theta) => {
-      const kind = store.get().aim?.kind ?? "goal";
-      store.update({ aim: { kind, x: round(x), y: round(y), theta: theta === null ? null : round(wrap(theta - (map.view?.turn ?? 0))) }, placesOpen: false });
-    },
-  });
+  const renders = [
+    createOfferPanel(element, words, act),
+    createMapBar(element, words, act, keys),
+    createMarks(page),
+  ];
+  const aiming = newAiming(page);
 
   /** @param {ReturnType<typeof helpFrom>} help */
   const showHelp = (help) => {
@@ -46,7 +50,8 @@ const setUp = (page) => {
       store.update({ help });
     }
   };
-  const hearHelp = (/** @type {any} */ { assistWhy, assistPoint }) => showHelp(held.hear(helpFrom(assistWhy, assistPoint), unixNow()));
+  const hearHelp = (/** @type {any} */ { assistWhy, assistPoint }) =>
+    showHelp(held.hear(helpFrom(assistWhy, assistPoint), unixNow()));
 
   /** @param {string} level */
   const assist = (level) => {
@@ -74,10 +79,13 @@ const setUp = (page) => {
       },
     },
     actions: { ...newActions(page), assist },
-    on: { ...newListeners(page), poll: (/** @type {number} */ now) => {
-      pursue(page, now);
-      showHelp(held.tick(now));
-    } },
+    on: {
+      ...newListeners(page),
+      poll: (/** @type {number} */ now) => {
+        pursue(page, now);
+        showHelp(held.tick(now));
+      },
+    },
     render: (/** @type {any} */ state) => {
       renders.forEach((render) => render(state));
       if (mayAim(state)) {
@@ -89,7 +97,33 @@ const setUp = (page) => {
   };
 };
 
-/** What time does to the robot's action. @param {import("../drive/registry.js").Page} page @param {number} now */
+/**
+ * How a point of the map, and a direction there, is chosen.
+ * @param {import("../drive/registry.js").Page} page
+ */
+const newAiming = ({ store, element, map }) =>
+  new Aiming({
+    canvas: element("map"),
+    toWorld: (px, py) => map.worldAt(px, py),
+    onAim: (x, y, theta) => {
+      const kind = store.get().aim?.kind ?? "goal";
+      store.update({
+        aim: {
+          kind,
+          x: round(x),
+          y: round(y),
+          theta: theta === null ? null : round(wrap(theta - (map.view?.turn ?? 0))),
+        },
+        placesOpen: false,
+      });
+    },
+  });
+
+/**
+ * What time does to the robot's action.
+ * @param {import("../drive/registry.js").Page} page
+ * @param {number} now
+ */
 const pursue = ({ store, driving }, now) => {
   const { action, send } = pass(store.get().task, now);
   if (action !== store.get().task) {
@@ -115,7 +149,10 @@ const createMarks = ({ map, element }) => {
 
   return (/** @type {import("../drive/features.js").State} */ state) => {
     const { task, aim, help } = state;
-    const goal = isUnderWay(task) && task?.type === "goto" && task.fields.x !== undefined ? goalOf(task) : null;
+    const goal =
+      isUnderWay(task) && task?.type === "goto" && task.fields.x !== undefined
+        ? goalOf(task)
+        : null;
     const chosen = aim !== null && aim.x !== null ? aim : null;
     map.setMarks({ aim: chosen ?? goal, obstacle: help.point, laser: showsLaser(state) });
     // The buttons never lie over the point that they are about.
@@ -123,7 +160,10 @@ const createMarks = ({ map, element }) => {
   };
 };
 
-/** @param {import("../drive/registry.js").Page} page @returns {Record<string, (argument: string) => void>} */
+/**
+ * @param {import("../drive/registry.js").Page} page
+ * @returns {Record<string, (argument: string) => void>}
+ */
 const newActions = ({ store, driving, config }) => {
   /** Ask the robot to do something by itself. @param {Parameters<typeof ask>[0]} wish */
   const start = (wish) => {
@@ -149,7 +189,8 @@ const newActions = ({ store, driving, config }) => {
     undock: () => start({ type: "undock" }),
     go_home: () => start({ type: "dock" }),
     go_to: (place) => {
-      const { title = place } = store.get().plan?.places?.find((/** @type {any} */ { name }) => name === place) ?? {};
+      const { title = place } =
+        store.get().plan?.places?.find((/** @type {any} */ { name }) => name === place) ?? {};
       start({ type: "goto", place, title });
     },
     /** To the point of the video that it cannot drive straight to. */
@@ -162,7 +203,12 @@ const newActions = ({ store, driving, config }) => {
     },
     go_here: () => startAimed({ type: "goto" }),
     search: () => start({ type: "relocalize" }),
-    show_pose: () => store.update({ aim: { kind: "pose", x: null, y: null, theta: null }, placesOpen: false, mapOpen: true }),
+    show_pose: () =>
+      store.update({
+        aim: { kind: "pose", x: null, y: null, theta: null },
+        placesOpen: false,
+        mapOpen: true,
+      }),
     // Without a drag it looks where it looked.
     set_pose: () => startAimed({ type: "relocalize", theta: store.get().robot?.pose.theta ?? 0 }),
     aim_cancel: () => store.update({ aim: null }),
@@ -180,10 +226,22 @@ const newActions = ({ store, driving, config }) => {
 /** @param {import("../drive/registry.js").Page} page */
 const newListeners = ({ store }) => ({
   /** Nothing of a session that is over is left. */
-  released: () => store.update({ task: null, aim: null, placesOpen: false, help: NO_HELP, assistAsked: null, assistKnown: null }),
+  released: () =>
+    store.update({
+      task: null,
+      aim: null,
+      placesOpen: false,
+      help: NO_HELP,
+      assistAsked: null,
+      assistKnown: null,
+    }),
   newRobotState: (/** @type {{assist: string, session: string | null}} */ { assist, session }) => {
     const { assistAsked: asked, assistKnown: known, visit } = store.get();
-    if (session !== null && session === visit.session && (known?.session !== session || known.level !== assist)) {
+    if (
+      session !== null &&
+      session === visit.session &&
+      (known?.session !== session || known.level !== assist)
+    ) {
       store.update({ assistKnown: { session, level: assist } });
     }
     if (asked && (asked.level === assist || unixNow() - asked.at > ASSIST_PATIENCE)) {

@@ -1,5 +1,6 @@
 /**
- * What stands on the map: the menu of places and of other things the robot can do, and the two buttons for a point that was chosen.
+ * What stands on the map: the menu of places and of other things the robot can do, and the two
+ * buttons for a point that was chosen.
  */
 
 import { roleOf } from "../protocol/session.js";
@@ -12,31 +13,48 @@ import { profileOf } from "../view/display/profiles.js";
 /**
  * What the menu holds. Pure.
  * @param {import("../drive/features.js").State} state
- * @returns {{action: string, title?: string, word?: string, pressed?: boolean, aside?: boolean}[]} a place has its title, everything else its word; what is
- * no destination stands aside
+ * @returns {{action: string, title?: string, word?: string, pressed?: boolean, aside?: boolean}[]}
+ *   a place has its title, everything else its word; what is no destination stands aside
  */
 export const menuFor = (state) => {
   const drives = roleOf(state.visit) === "driver";
-  const places = drives && can(state, "goto") && maySend(state, "places") ? state.plan?.places ?? [] : [];
+  const places =
+    drives && can(state, "goto") && maySend(state, "places") ? (state.plan?.places ?? []) : [];
   const goes = places.length > 0 || (drives && can(state, "dock"));
   if (state.study && !goes) {
-    return []; // who is asked to drive finds nothing else to do on the map; a lost robot asks by itself
+    // who is asked to drive finds nothing else to do on the map; a lost robot asks by itself
+    return [];
   }
   return [
-    ...(drives && can(state, "dock") && !state.robot?.docked ? [{ action: "go_home", word: "do.go_home" }] : []),
-    ...places.map((/** @type {any} */ { name, title }) => ({ action: `go_to:${name}`, title: title || name })),
-    ...(drives && can(state, "relocalize") ? [{ action: "show_pose", word: "do.show_pose_menu", aside: true }] : []),
-    ...(drives && can(state, "scan") ? [{ action: "laser", word: "do.laser", pressed: showsLaser(state), aside: true }] : []),
+    ...(drives && can(state, "dock") && !state.robot?.docked
+      ? [{ action: "go_home", word: "do.go_home" }]
+      : []),
+    ...places.map((/** @type {any} */ { name, title }) => ({
+      action: `go_to:${name}`,
+      title: title || name,
+    })),
+    ...(drives && can(state, "relocalize")
+      ? [{ action: "show_pose", word: "do.show_pose_menu", aside: true }]
+      : []),
+    ...(drives && can(state, "scan")
+      ? [{ action: "laser", word: "do.laser", pressed: showsLaser(state), aside: true }]
+      : []),
   ];
 };
 
-/** Whether laser points are drawn: as the visitor chose, else as the profile says, else while the robot assists. @param {import("../drive/features.js").State} state */
-export const showsLaser = (state) => state.laser ?? profileOf(state).laser ?? !["", "off"].includes(assistIn(state));
+/**
+ * Whether laser points are drawn: as the visitor chose, else as the profile says, else while the
+ * robot assists.
+ * @param {import("../drive/features.js").State} state
+ */
+export const showsLaser = (state) =>
+  state.laser ?? profileOf(state).laser ?? !["", "off"].includes(assistIn(state));
 
 /**
- * What is said about a point of the map: how to give it a direction only until the visitor has used one, for it lies over a part of the
- * map. Pure.
- * @param {import("../drive/features.js").State} state @returns {string} a word, or nothing
+ * What is said about a point of the map: how to give it a direction only until the visitor has used
+ * one, for it lies over a part of the map. Pure.
+ * @param {import("../drive/features.js").State} state
+ * @returns {string} a word, or nothing
  */
 export const hintFor = ({ aim, hasAimed }) => {
   if (aim === null || aim.x === null) {
@@ -84,10 +102,20 @@ export const createMapBar = (element, words, act, keys) => {
     const key = JSON.stringify(entries);
     if (key !== drawn) {
       drawn = key;
-      const [aside, goals] = [entries.filter((entry) => entry.aside), entries.filter((entry) => !entry.aside)];
+      const [aside, goals] = [
+        entries.filter((entry) => entry.aside),
+        entries.filter((entry) => !entry.aside),
+      ];
       const divider = goals.length && aside.length ? [document.createElement("hr")] : [];
-      menu.replaceChildren(...goals.map((entry) => menuButton(entry, words)), ...divider, ...aside.map((entry) => menuButton(entry, words)));
-      write(element("places-toggle-text"), words.say(goals.length ? "do.places" : "do.map_options"));
+      menu.replaceChildren(
+        ...goals.map((entry) => menuButton(entry, words)),
+        ...divider,
+        ...aside.map((entry) => menuButton(entry, words)),
+      );
+      write(
+        element("places-toggle-text"),
+        words.say(goals.length ? "do.places" : "do.map_options"),
+      );
     }
   };
 
@@ -98,21 +126,34 @@ export const createMapBar = (element, words, act, keys) => {
     toggle.hidden = entries.length === 0 || !state.mapOpen || state.aim !== null;
     toggle.setAttribute("aria-expanded", String(open));
     menu.hidden = !open;
-    bar.hidden = state.aim === null || !state.mapOpen;
-    bar.dataset.kind = state.aim?.kind ?? "";
-    const kind = state.aim?.kind === "pose" ? "pose" : "goal";
-    const chosen = state.aim !== null && state.aim.x !== null;
-    const hint = hintFor(state);
-    element("aim-text").hidden = hint === "";
-    write(element("aim-text"), hint && words.say(hint));
-    const main = /** @type {HTMLButtonElement} */ (element("aim-main"));
-    main.dataset.action = kind === "pose" ? "set_pose" : "go_here";
-    main.hidden = !chosen;
-    write(main, words.say(kind === "pose" ? "do.set_pose" : "do.go_here"));
+    renderAim(element, words, state);
   };
 };
 
-/** @param {ReturnType<typeof menuFor>[number]} entry @param {import("../lib/words.js").Words} words */
+/**
+ * The two buttons for a point, and what is said about it.
+ * @param {(id: string) => HTMLElement} element
+ * @param {import("../lib/words.js").Words} words
+ * @param {import("../drive/features.js").State} state
+ */
+const renderAim = (element, words, state) => {
+  const { aim, mapOpen } = state;
+  const bar = element("aim");
+  bar.hidden = aim === null || !mapOpen;
+  bar.dataset.kind = aim?.kind ?? "";
+  const hint = hintFor(state);
+  element("aim-text").hidden = hint === "";
+  write(element("aim-text"), hint && words.say(hint));
+  const main = /** @type {HTMLButtonElement} */ (element("aim-main"));
+  main.dataset.action = aim?.kind === "pose" ? "set_pose" : "go_here";
+  main.hidden = aim === null || aim.x === null;
+  write(main, words.say(aim?.kind === "pose" ? "do.set_pose" : "do.go_here"));
+};
+
+/**
+ * @param {ReturnType<typeof menuFor>[number]} entry
+ * @param {import("../lib/words.js").Words} words
+ */
 const menuButton = ({ action, title, word, pressed }, words) => {
   const button = document.createElement("button");
   button.type = "button";

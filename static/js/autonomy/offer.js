@@ -1,11 +1,12 @@
 /**
- * The panel at the foot of the picture: what the robot does by itself, or could do now, with the buttons for it. Pure: which words and
- * buttons; offer_panel.js shows them. It is small, and the way ahead stays in sight.
+ * The panel at the foot of the picture: what the robot does by itself, or could do now, with the
+ * buttons for it. Pure: which words and buttons; offer_panel.js shows them. It is small, and the
+ * way ahead stays in sight.
  */
 
 import { roleOf } from "../protocol/session.js";
 import { isMoving, isUnderWay } from "./robot_action.js";
-import { mayAsk, maySend } from "../study/restrictions.js";
+import { controllersOf, mayAsk, maySend, maySteer } from "../study/restrictions.js";
 import { reasonFor } from "./reasons.js";
 
 /**
@@ -25,55 +26,131 @@ const AGAIN = { action: "task_again", word: "do.task_again" };
 const SELF = { action: "task_dismiss", word: "do.drive_yourself" };
 
 /**
- * Whether who waits may write to the people beside the robot: the first in the queue of one whose emergency stop is on, where a display
- * shows it (sessions/consumers/waiting_chat.py). A participant of a study may not.
+ * Whether who waits may write to the people beside the robot: the first in the queue of one whose
+ * emergency stop is on, where a display shows it (sessions/consumers/waiting_chat.py). A
+ * participant of a study may not.
  * @param {import("../drive/features.js").State} state
  */
 export const mayWriteWaiting = ({ visit, robot, study, factsheet }) =>
-  visit.phase === "queued" && visit.place === 1 && visit.pause === "paused: estop" && !study && (robot?.screens ?? 0) > 0 && Boolean(factsheet?.capabilities?.includes("say"));
+  visit.phase === "queued" &&
+  visit.place === 1 &&
+  visit.pause === "paused: estop" &&
+  !study &&
+  (robot?.screens ?? 0) > 0 &&
+  Boolean(factsheet?.capabilities?.includes("say"));
 
-/** Whether the robot says it can do something, and the visitor may ask for it. @param {import("../drive/features.js").State} state @param {string} capability */
-export const can = (state, capability) => Boolean(state.factsheet?.capabilities?.includes(capability)) && mayAsk(state, capability);
+/**
+ * Whether the robot says it can do something, and the visitor may ask for it.
+ * @param {import("../drive/features.js").State} state
+ * @param {string} capability
+ */
+export const can = (state, capability) =>
+  Boolean(state.factsheet?.capabilities?.includes(capability)) && mayAsk(state, capability);
 
-/** Whether it is offered to this visitor now: only who drives can ask for it. @param {import("../drive/features.js").State} state @param {string} capability */
-export const isOffered = (state, capability) => roleOf(state.visit) === "driver" && can(state, capability);
+/**
+ * Whether it is offered to this visitor now: only who drives can ask for it.
+ * @param {import("../drive/features.js").State} state
+ * @param {string} capability
+ */
+export const isOffered = (state, capability) =>
+  roleOf(state.visit) === "driver" && can(state, capability);
+
+/**
+ * What the button out of the station does: the robot's own action, or a drive backwards that the
+ * page steers. Where a study forbids the action there is no button, except for who can only point
+ * at the video, where nothing is behind the robot.
+ * @param {import("../drive/features.js").State} state
+ * @returns {"undock" | "back_out" | null}
+ */
+export const wayOut = (state) => {
+  const onlyPoints =
+    !maySteer(state, "stick") && (maySteer(state, "mouse") || maySteer(state, "touch"));
+  return can(state, "undock")
+    ? "undock"
+    : mayAsk(state, "undock") || onlyPoints
+      ? "back_out"
+      : null;
+};
+
+/** @param {import("../drive/features.js").State} state @returns {Offer | null} */
+const inStation = (state) => {
+  const action = wayOut(state);
+  if (action) {
+    return { word: "dock.here", tone: "calm", main: { action, word: "do.undock" } };
+  }
+  return controllersOf(state)?.length === 0 ? null : { word: "dock.here_yourself", tone: "calm" };
+};
 
 /** @param {import("../drive/features.js").State} state @returns {Offer | null} */
 export const offerFor = (state) => {
   const { visit, robot, task } = state;
-  if (roleOf(visit) !== "driver" || !robot || !state.playing || state.leaving || robot.safety.estop || (visit.link === "lost" && !state.slow)) {
+  if (
+    roleOf(visit) !== "driver" ||
+    !robot ||
+    !state.playing ||
+    state.leaving ||
+    robot.safety.estop ||
+    (visit.link === "lost" && !state.slow)
+  ) {
     return null;
   }
   if (isUnderWay(task)) {
     return underWay(/** @type {import("./robot_action.js").RobotAction} */ (task));
   }
   if (task?.status === "FAILED") {
-    return { word: `task.failed.${known(task)}`, detail: reasonFor(task.reason), tone: "danger", main: AGAIN, other: SELF };
+    return {
+      word: `task.failed.${known(task)}`,
+      detail: reasonFor(task.reason),
+      tone: "danger",
+      main: AGAIN,
+      other: SELF,
+    };
   }
   if (state.maneuver === "back") {
     return { word: "task.undock", detail: { word: "task.take_over" }, tone: "calm", main: STOP };
   }
   if (robot.docked) {
-    return { word: "dock.here", tone: "calm", main: { action: can(state, "undock") ? "undock" : "back_out", word: "do.undock" } };
+    return inStation(state);
   }
   if (state.aim?.kind === "pose") {
     return null; // the map asks
   }
   if (!robot.pose.localized && can(state, "relocalize")) {
-    return { word: "lost.what", tone: "busy", main: { action: "show_pose", word: "do.show_pose" }, other: { action: "search", word: "do.search" } };
+    return {
+      word: "lost.what",
+      tone: "busy",
+      main: { action: "show_pose", word: "do.show_pose" },
+      other: { action: "search", word: "do.search" },
+    };
   }
   if (offersAround(state)) {
-    return { word: state.said?.word ?? "", tone: "busy", main: { action: "go_around", word: "do.go_around" } };
+    return {
+      word: state.said?.word ?? "",
+      tone: "busy",
+      main: { action: "go_around", word: "do.go_around" },
+    };
   }
   return task ? ended(task) : null;
 };
 
-/** Whether the robot may be asked to find a way of its own to the point that was pressed. @param {import("../drive/features.js").State} state */
+/**
+ * Whether the robot may be asked to find a way of its own to the point that was pressed.
+ * @param {import("../drive/features.js").State} state
+ */
 export const offersAround = (state) =>
-  Boolean(state.said?.refused && state.now - state.said.at < AROUND_SECONDS && state.robot?.pose.localized && can(state, "goto") && maySend(state, "map"));
+  Boolean(
+    state.said?.refused &&
+    state.now - state.said.at < AROUND_SECONDS &&
+    state.robot?.pose.localized &&
+    can(state, "goto") &&
+    maySend(state, "map"),
+  );
 
 /** @param {import("./robot_action.js").RobotAction} task @returns {string} */
-const known = ({ type, title }) => (type === "goto" && title ? "place" : { goto: "goto", follow: "goto", dock: "dock", undock: "undock" }[type] ?? "relocalize");
+const known = ({ type, title }) =>
+  type === "goto" && title
+    ? "place"
+    : ({ goto: "goto", follow: "goto", dock: "dock", undock: "undock" }[type] ?? "relocalize");
 
 /** @param {import("./robot_action.js").RobotAction} task @returns {Offer} */
 const underWay = (task) => {
@@ -81,7 +158,9 @@ const underWay = (task) => {
   return {
     word: `task.${known(task)}`,
     values: { place: task.title },
-    detail: task.reason ? reasonFor(task.reason) : { word: moving ? "task.take_over" : "task.drive_a_little" },
+    detail: task.reason
+      ? reasonFor(task.reason)
+      : { word: moving ? "task.take_over" : "task.drive_a_little" },
     tone: "calm",
     progress: moving ? task.progress : null,
     main: moving ? STOP : undefined,

@@ -12,7 +12,10 @@ import { offerFor } from "./offer.js";
 export const createOfferPanel = (element, words, act) => {
   const panel = element("offer");
   const bar = element("offer-progress");
-  const buttons = /** @type {HTMLButtonElement[]} */ ([element("offer-main"), element("offer-other")]);
+  const buttons = /** @type {HTMLButtonElement[]} */ ([
+    element("offer-main"),
+    element("offer-other"),
+  ]);
   for (const button of buttons) {
     button.addEventListener("click", () => {
       act(button.dataset.action ?? "");
@@ -27,7 +30,10 @@ export const createOfferPanel = (element, words, act) => {
     panel.dataset.word = offer?.word ?? "";
     panel.dataset.tone = offer?.tone ?? "";
     write(element("offer-text"), offer ? words.say(offer.word, offer.values) : "");
-    write(element("offer-detail"), offer?.detail ? words.say(offer.detail.word, offer.detail.values) : "");
+    write(
+      element("offer-detail"),
+      offer?.detail ? words.say(offer.detail.word, offer.detail.values) : "",
+    );
     const progress = offer?.progress ?? null;
     bar.hidden = progress === null;
     bar.setAttribute("value", String(progress ?? 0));

@@ -1,15 +1,27 @@
 /**
- * What a robot says about why it does not go on, in the page's words. Pure. On the wire the robot's phrases are identifiers
- * (docs/reference/robot-api.md): those of robots/agent/navigation, which robots/readiness_text.py puts into words for lists and mail
- * (tests/golden/reasons.json binds the two), and those of its safety kernel. What is not known here is shown as the robot said it.
+ * What a robot says about why it does not go on, in the page's words. Pure. On the wire the robot's
+ * phrases are identifiers (docs/reference/robot-api.md): those of robots/agent/navigation, which
+ * robots/readiness_text.py puts into words for lists and mail (tests/golden/reasons.json binds the
+ * two), and those of its safety kernel. What is not known here is shown as the robot said it.
  */
 
-/** @type {[RegExp, string, string?][]} pattern, word, and the name of the value that the pattern's group is */
+/**
+ * @type {[RegExp, string, string?][]} pattern, word, and the name of the value that the pattern's
+ *   group is
+ */
 const KNOWN = [
-  [/^the charging station cannot be reached: (?:blocked: )?(?!.* and )(.*) is closed$/, "reason.door_closed", "door"],
+  [
+    /^the charging station cannot be reached: (?:blocked: )?(?!.* and )(.*) is closed$/,
+    "reason.door_closed",
+    "door",
+  ],
   [/^blocked: (?!.* and )(.*) is closed$/, "reason.door_closed", "door"],
   [/^(?:.*: )?something stands in the doorway \(([^)]*)\)$/, "reason.doorway", "door"],
-  [/^(?!.* and )(?:.*: )?something stands in the way at \([^)]*\) in ([^:]*?)$/, "reason.in_the_way", "room"],
+  [
+    /^(?!.* and )(?:.*: )?something stands in the way at \([^)]*\) in ([^:]*?)$/,
+    "reason.in_the_way",
+    "room",
+  ],
   [/blocked: /, "reason.blocked"],
   [/boxed in/, "reason.boxed_in"],
   [/no way leads/, "reason.no_way"],
@@ -34,7 +46,10 @@ const KNOWN = [
   [/has not found itself/, "reason.not_found"],
   [/lost where it is|does not know where it is/, "reason.lost"],
   [/wheels do not turn/, "reason.wheels"],
-  [/^navigation|navigation was lost|the map has changed|the robot was lost|the agent ends/, "reason.navigation"],
+  [
+    /^navigation|navigation was lost|the map has changed|the robot was lost|the agent ends/,
+    "reason.navigation",
+  ],
   [/^estop$/, "reason.estop"],
   [/^collision$/, "stuck.contact"],
   [/^no_picture$/, "reason.camera"],

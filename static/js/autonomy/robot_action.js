@@ -1,15 +1,19 @@
 /**
- * An action that the robot is asked for, from the visitor's wish to its end. Pure: it makes messages and reads answers.
+ * An action that the robot is asked for, from the visitor's wish to its end. Pure: it makes
+ * messages and reads answers.
  *
- * An action is said again, under the same id, until the robot answers; one that finds no answer has failed. What has ended stays for a
- * moment, so that it can be read; what has failed stays until the visitor does something.
+ * An action is said again, under the same id, until the robot answers; one that finds no answer has
+ * failed. What has ended stays for a moment, so that it can be read; what has failed stays until
+ * the visitor does something.
  */
 
 export const AGAIN_SECONDS = 0.7;
 export const PATIENCE_SECONDS = 3; // the robot refuses what is older
 export const READING_SECONDS = 5;
 
-/** Refusals of the first moment after a visit began or a connection came back: worth asking again. */
+/**
+ * Refusals of the first moment after a visit began or a connection came back: worth asking again.
+ */
 const TOO_EARLY = new Set(["clock_unknown", "stale"]);
 const MOVES = new Set(["goto", "follow", "dock", "undock"]);
 const ENDED = new Set(["FINISHED", "FAILED", "CANCELLED"]);
@@ -20,7 +24,8 @@ const ENDED = new Set(["FINISHED", "FAILED", "CANCELLED"]);
  * @property {string} type goto, follow, dock, undock or relocalize
  * @property {Record<string, any>} fields of the action, by name
  * @property {string} title of the place it goes to, or nothing
- * @property {"ASKED" | "WAITING" | "RUNNING" | "FINISHED" | "FAILED" | "CANCELLED"} status ASKED: not answered yet
+ * @property {"ASKED" | "WAITING" | "RUNNING" | "FINISHED" | "FAILED" | "CANCELLED"} status ASKED:
+ *   not answered yet
  * @property {string} reason the robot's own words
  * @property {number | null} progress 0 to 1, null while unknown
  * @property {number} askedAt Unix seconds
@@ -29,8 +34,10 @@ const ENDED = new Set(["FINISHED", "FAILED", "CANCELLED"]);
  */
 
 /**
- * @param {{type: string, title?: string} & Record<string, any>} wish the action's type and fields, and the name of the place it leads to
- * @param {string} id @param {number} now
+ * @param {{type: string, title?: string} & Record<string, any>} wish the action's type and fields,
+ *   and the name of the place it leads to
+ * @param {string} id
+ * @param {number} now
  * @returns {RobotAction}
  */
 export const ask = ({ type, title = "", ...fields }, id, now) => ({
@@ -53,46 +60,78 @@ export const wishOf = ({ type, title, fields }) => ({ type, title, ...fields });
  * The action as it is sent.
  * @param {RobotAction} action @param {{session: string, epoch: number}} binding @param {number} now
  */
-export const messageOf = ({ id, type, fields }, binding, now) => ({ type, actionId: id, stamp: now, ...binding, ...fields });
+export const messageOf = ({ id, type, fields }, binding, now) => ({
+  type,
+  actionId: id,
+  stamp: now,
+  ...binding,
+  ...fields,
+});
 
 /** @param {RobotAction | null} action */
 export const isUnderWay = (action) => action !== null && !ENDED.has(action.status);
 
 /** Whether the robot moves by itself for it. @param {RobotAction | null} action */
-export const isMoving = (action) => isUnderWay(action) && MOVES.has(/** @type {RobotAction} */ (action).type);
+export const isMoving = (action) =>
+  isUnderWay(action) && MOVES.has(/** @type {RobotAction} */ (action).type);
 
 /**
- * News of an action. What this page did not ask for, but runs (it was reloaded meanwhile), becomes its action.
+ * News of an action. What this page did not ask for, but runs (it was reloaded meanwhile), becomes
+ * its action.
  * @param {RobotAction | null} action
- * @param {{actionId: string, status: string, type: string, reason: string, result: Record<string, any>}} news
+ * @param {{actionId: string, status: string, type: string, reason: string,
+ *   result: Record<string, any>}} news
  * @param {number} now
  * @returns {RobotAction | null}
  */
 export const heard = (action, news, now) => {
   if (action?.id !== news.actionId) {
     const runs = MOVES.has(news.type) && news.status === "RUNNING" && !isUnderWay(action);
-    return runs ? heard({ ...ask({ type: news.type }, news.actionId, now), status: "WAITING" }, news, now) : action;
+    return runs
+      ? heard({ ...ask({ type: news.type }, news.actionId, now), status: "WAITING" }, news, now)
+      : action;
   }
-  if (ENDED.has(action.status) || (action.status === "ASKED" && news.status === "FAILED" && TOO_EARLY.has(news.reason))) {
+  if (
+    ENDED.has(action.status) ||
+    (action.status === "ASKED" && news.status === "FAILED" && TOO_EARLY.has(news.reason))
+  ) {
     return action;
   }
-  const progress = typeof news.result.progress === "number" ? Math.min(1, Math.max(0, news.result.progress)) : action.progress;
+  const progress =
+    typeof news.result.progress === "number"
+      ? Math.min(1, Math.max(0, news.result.progress))
+      : action.progress;
   const status = /** @type {RobotAction["status"]} */ (news.status);
-  return { ...action, status, reason: news.reason, progress, endedAt: ENDED.has(status) ? now : null };
+  return {
+    ...action,
+    status,
+    reason: news.reason,
+    progress,
+    endedAt: ENDED.has(status) ? now : null,
+  };
 };
 
 /**
- * What time does to a action: an action without an answer is due again, or has failed; what was read goes away.
- * @param {RobotAction | null} action @param {number} now
+ * What time does to a action: an action without an answer is due again, or has failed; what was
+ * read goes away.
+ * @param {RobotAction | null} action
+ * @param {number} now
  * @returns {{action: RobotAction | null, send: boolean}}
  */
 export const pass = (action, now) => {
   if (action?.status === "ASKED" && now - action.askedAt > PATIENCE_SECONDS) {
-    return { action: { ...action, status: "FAILED", reason: "no_answer", endedAt: now }, send: false };
+    return {
+      action: { ...action, status: "FAILED", reason: "no_answer", endedAt: now },
+      send: false,
+    };
   }
   if (action?.status === "ASKED" && now - action.sentAt > AGAIN_SECONDS) {
     return { action: { ...action, sentAt: now }, send: true };
   }
-  const read = action !== null && action.endedAt !== null && action.status !== "FAILED" && now - action.endedAt > READING_SECONDS;
+  const read =
+    action !== null &&
+    action.endedAt !== null &&
+    action.status !== "FAILED" &&
+    now - action.endedAt > READING_SECONDS;
   return { action: read ? null : action, send: false };
 };

@@ -2,11 +2,19 @@
 
 import { NO_HELP } from "./assistance.js";
 
+/**
+ * @typedef {object} PendingAim
+ * @property {"goal" | "pose"} kind a point to go to, or where the robot is
+ * @property {number | null} x null before the first press
+ * @property {number | null} y
+ * @property {number | null} theta
+ */
+
 export const newSlice = () => ({
   /** what the robot does by itself, or has just done: robot_action.js; null when it does nothing */
   task: /** @type {import("./robot_action.js").RobotAction | null} */ (null),
-  /** a point being chosen on the map, to go to or to say where the robot is; x is null before the first press */
-  aim: /** @type {{kind: "goal" | "pose", x: number | null, y: number | null, theta: number | null} | null} */ (null),
+  /** a point being chosen on the map */
+  aim: /** @type {PendingAim | null} */ (null),
   /** whether this person has used a point of the map before */
   hasAimed: false,
   /** whether the menu of places is open */
@@ -17,6 +25,9 @@ export const newSlice = () => ({
   help: NO_HELP,
   /** the level of assistance that the robot last reported for a visit, null before it did */
   assistKnown: /** @type {{session: string, level: string} | null} */ (null),
-  /** the level of assistance that was asked for and is not yet in force, and when; null when there is none */
+  /**
+   * the level of assistance that was asked for and is not yet in force, and when; null when there
+   * is none
+   */
   assistAsked: /** @type {{level: string, at: number} | null} */ (null),
 });

@@ -1,6 +1,6 @@
 /**
- * The page's connections: the WebSocket to the server, the media link to the robot, and which of them a packet takes. It hands on what
- * they bring, and watches over them.
+ * The page's connections: the WebSocket to the server, the media link to the robot, and which of
+ * them a packet takes. It hands on what they bring, and watches over them.
  */
 
 import { unixNow } from "../lib/clock.js";
@@ -16,16 +16,28 @@ import { SfuPeer } from "../protocol/sfu_peer.js";
 import { Socket } from "../protocol/socket.js";
 import { TransportRouter } from "../protocol/transport_router.js";
 
-const SERVER_SILENCE = 1.5; // s without any packet on a WebSocket, which brings one a second, after which the visitor is told
-const ROUND_TRIPS = 5; // the first ones are slow while the connection is made, and would raise an alarm
+// s without any packet on a WebSocket, which brings one a second, after which the visitor is told
+const SERVER_SILENCE = 1.5;
 const SOCKET_SILENCE = 3; // and after which another one is opened
+// the first ones are slow while the connection is made, and would raise an alarm
+const ROUND_TRIPS = 5;
+
+/**
+ * @typedef {object} ShownFault
+ * @property {string} part
+ * @property {"waits" | "stops" | "stopped" | "goes_on"} then
+ * @property {number | null} at the Unix time until which the robot still drives
+ */
 
 const newSlice = () => ({
-  /** what fails, as the server says: sessions/protocol.py Fault; `at` is the Unix time until which the robot still drives */
-  faults: /** @type {{part: string, then: "waits" | "stops" | "stopped" | "goes_on", at: number | null}[]} */ ([]),
+  /** what fails, as the server says: sessions/protocol.py Fault */
+  faults: /** @type {ShownFault[]} */ ([]),
   /** whether a WebSocket that is open brings nothing any more */
   serverSilent: false,
-  /** seconds from the page to the robot and back on the transport that commands take, null while unknown */
+  /**
+   * seconds from the page to the robot and back on the transport that commands take, null while
+   * unknown
+   */
   roundTrip: /** @type {number | null} */ (null),
   /** the transport that commands take now */
   transport: /** @type {import("../protocol/clock_sync.js").Transport} */ ("mqtt"),
@@ -35,40 +47,31 @@ const newSlice = () => ({
 
 /** @param {import("./registry.js").Page} page */
 const setUp = (page) => {
-  const { store, handle } = page;
+  const { store } = page;
   const clockSync = new ClockSync();
   const rejected = new Map();
   let serverAt = Infinity; // when the server last sent anything
   let grantedAt = -Infinity; // when the robot was given to this page
 
   const count = (/** @type {string} */ what) => rejected.set(what, (rejected.get(what) ?? 0) + 1);
-
-  /** @param {unknown} packet @param {import("../protocol/clock_sync.js").Transport} transport */
-  const receive = (packet, transport) => {
-    try {
-      const { suffix, message } = decodePacket(packet);
-      if (transport === "mqtt") {
-        serverAt = unixNow();
-      }
-      if ((transport === "mqtt" || ON_DATA_CHANNEL.has(suffix)) && !handle(suffix, message, transport)) {
-        page.session.dispatch({ type: suffix, message });
-      }
-    } catch (error) {
-      if (!(error instanceof Rejection)) {
-        throw error;
-      }
-      count(error.reason);
-    }
-  };
-
-  const socket = newSocket(page, receive, () => (serverAt = unixNow()));
+  const heard = () => (serverAt = unixNow());
+  const receive = newReceiver(page, heard, count);
+  const socket = newSocket(page, receive, heard);
   const commands = new CommandStream({ freshId: () => freshId("stop-") });
   const link = newLink(page, socket, receive);
   const router = new TransportRouter({ socket, link, clockSync, commands });
   const network = createNetworkReport({ store, socket, link, video: () => page.video });
 
   return {
-    api: { socket, link, router, clockSync, commands, ...senders(store, socket), grantedAt: () => grantedAt },
+    api: {
+      socket,
+      link,
+      router,
+      clockSync,
+      commands,
+      ...senders(store, socket),
+      grantedAt: () => grantedAt,
+    },
     handlers: {
       ...handlers(page, clockSync, link),
       denied: (/** @type {any} */ message) => {
@@ -87,13 +90,46 @@ const setUp = (page) => {
         link.watch(now);
         router.repeatStop(now);
       },
-      poll: (/** @type {number} */ now) => store.update(poll(page, now, socket.isOpen ? now - serverAt : 0)),
+      poll: (/** @type {number} */ now) =>
+        store.update(poll(page, now, socket.isOpen ? now - serverAt : 0)),
       second: (/** @type {number} */ now) => void network.second(now),
     },
   };
 };
 
-/** Heartbeats, and the state of the transports. @param {import("./registry.js").Page} page @param {number} now @param {number} silence s */
+/**
+ * Hands a packet to the features that take its message, or else to the session.
+ * @param {import("./registry.js").Page} page
+ * @param {() => void} heard the server has sent something
+ * @param {(reason: string) => void} reject
+ * @returns {(packet: unknown, transport: import("../protocol/clock_sync.js").Transport) => void}
+ */
+const newReceiver = (page, heard, reject) => (packet, transport) => {
+  try {
+    const { suffix, message } = decodePacket(packet);
+    if (transport === "mqtt") {
+      heard();
+    }
+    if (
+      (transport === "mqtt" || ON_DATA_CHANNEL.has(suffix)) &&
+      !page.handle(suffix, message, transport)
+    ) {
+      page.session.dispatch({ type: suffix, message });
+    }
+  } catch (error) {
+    if (!(error instanceof Rejection)) {
+      throw error;
+    }
+    reject(error.reason);
+  }
+};
+
+/**
+ * Heartbeats, and the state of the transports.
+ * @param {import("./registry.js").Page} page
+ * @param {number} now
+ * @param {number} silence s
+ */
 const poll = ({ store, video, connection }, now, silence) => {
   const { router, clockSync, socket } = connection;
   const { visit } = store.get();
@@ -106,10 +142,18 @@ const poll = ({ store, video, connection }, now, silence) => {
     socket.redial();
   }
   const transport = router.transport(now);
-  return { transport, roundTrip: visit.phase === "driving" ? clockSync.roundTrip(transport, ROUND_TRIPS) : null, serverSilent: silence > SERVER_SILENCE };
+  return {
+    transport,
+    roundTrip: visit.phase === "driving" ? clockSync.roundTrip(transport, ROUND_TRIPS) : null,
+    serverSilent: silence > SERVER_SILENCE,
+  };
 };
 
-/** @param {import("./registry.js").Page} page @param {(packet: unknown, transport: any) => void} receive @param {() => void} heard */
+/**
+ * @param {import("./registry.js").Page} page
+ * @param {(packet: unknown, transport: any) => void} receive
+ * @param {() => void} heard
+ */
 const newSocket = (page, receive, heard) =>
   new Socket({
     url: new URL(page.config.socket, location.href.replace(/^http/, "ws")).href,
@@ -125,12 +169,19 @@ const newSocket = (page, receive, heard) =>
     onLost: (code) => page.session.dispatch({ type: "socket_closed", code }),
   });
 
-/** @param {import("./registry.js").Page} page @param {Socket} socket @param {(packet: unknown, transport: any) => void} receive */
+/**
+ * @param {import("./registry.js").Page} page
+ * @param {Socket} socket
+ * @param {(packet: unknown, transport: any) => void} receive
+ */
 const newLink = (page, socket, receive) => {
   const link = new Link({
     makePeer: (role) => {
-      const onSignal = (/** @type {object} */ message) => void socket.send(encodePacket("signal", message));
-      return role === "sfu" ? new SfuPeer({ onSignal }) : new Peer({ role, onSignal, onPacket: (packet) => receive(packet, "datachannel") });
+      const onSignal = (/** @type {object} */ message) =>
+        void socket.send(encodePacket("signal", message));
+      return role === "sfu"
+        ? new SfuPeer({ onSignal })
+        : new Peer({ role, onSignal, onPacket: (packet) => receive(packet, "datachannel") });
     },
     onDropping: () => page.emit("linkDropping"),
     onOpening: (peer) => page.emit("linkOpening", peer),
@@ -150,8 +201,11 @@ const newLink = (page, socket, receive) => {
 
 /** @param {import("./store.js").Store} store @param {Socket} socket */
 const senders = (store, socket) => ({
-  send: (/** @type {string} */ suffix, /** @type {object} */ message, /** @type {{droppable?: boolean}} */ options = {}) =>
-    socket.send(encodePacket(suffix, message), options),
+  send: (
+    /** @type {string} */ suffix,
+    /** @type {object} */ message,
+    /** @type {{droppable?: boolean}} */ options = {},
+  ) => socket.send(encodePacket(suffix, message), options),
   /**
    * Something for the record of the session.
    * @param {string} type @param {Record<string, string | number | boolean | null>} [data]
@@ -159,12 +213,16 @@ const senders = (store, socket) => ({
    * @returns {boolean} whether it is on its way
    */
   report: (type, data = {}, stamp = unixNow()) =>
-    Boolean(store.get().visit.session) && socket.send(encodePacket("page/event", { stamp, type, data })),
+    Boolean(store.get().visit.session) &&
+    socket.send(encodePacket("page/event", { stamp, type, data })),
 });
 
 /** @param {import("./registry.js").Page} page @param {ClockSync} clockSync @param {Link} link */
 const handlers = (page, clockSync, link) => ({
-  heartbeat: (/** @type {any} */ message, /** @type {import("../protocol/clock_sync.js").Transport} */ transport) => {
+  heartbeat: (
+    /** @type {any} */ message,
+    /** @type {import("../protocol/clock_sync.js").Transport} */ transport,
+  ) => {
     const now = unixNow();
     clockSync.heard(transport, message, page.store.get().visit.peer, now);
     if (transport === "datachannel") {
@@ -173,7 +231,13 @@ const handlers = (page, clockSync, link) => ({
   },
   "server/status": (/** @type {any} */ { faults }) => {
     const now = unixNow();
-    page.store.update({ faults: faults.map((/** @type {any} */ { part, then, seconds }) => ({ part, then, at: seconds === null ? null : now + seconds })) });
+    page.store.update({
+      faults: faults.map((/** @type {any} */ { part, then, seconds }) => ({
+        part,
+        then,
+        at: seconds === null ? null : now + seconds,
+      })),
+    });
   },
   "signal/reply": (/** @type {any} */ message) => {
     page.session.dispatch({ type: "signal/reply", message });

@@ -1,6 +1,7 @@
 /**
- * The features of the drive page, in the order in which they are set up, hear of things and render. A feature is one folder, or one file
- * of drive/ where the page could not live without it; see registry.js.
+ * The features of the drive page, in the order in which they are set up, hear of things and render.
+ * A feature is one folder, or one file of drive/ where the page could not live without it; see
+ * registry.js.
  */
 
 import { newSlice as newAutonomy } from "../autonomy/state.js";
@@ -16,10 +17,16 @@ import { waiting } from "../waiting/feature.js";
 import { connection } from "./connection.js";
 import { session } from "./session.js";
 
-/** What the first frame, steering and stopping need; the page connects once these are there. @type {import("./registry.js").Feature[]} */
+/**
+ * What the first frame, steering and stopping need; the page connects once these are there.
+ * @type {import("./registry.js").Feature[]}
+ */
 export const FIRST = [connection, session, video, driving, waiting, hud];
 
-/** What comes after that, one at a time. Its slices are there from the beginning. @type {(() => Promise<import("./registry.js").Feature>)[]} */
+/**
+ * What comes after that, one at a time. Its slices are there from the beginning.
+ * @type {(() => Promise<import("./registry.js").Feature>)[]}
+ */
 export const LATER = [
   async () => (await import("../view/map/feature.js")).map,
   async () => (await import("../view/overlay/feature.js")).overlay,
@@ -30,9 +37,21 @@ export const LATER = [
   async () => (await import("../view/technical/feature.js")).technical,
 ];
 
-export const SLICES = [...FIRST.map(({ state }) => state ?? (() => ({}))), newMap, newOverlay, newAutonomy, newStudy, newPresence, newDisplay];
+export const SLICES = [
+  ...FIRST.map(({ state }) => state ?? (() => ({}))),
+  newMap,
+  newOverlay,
+  newAutonomy,
+  newStudy,
+  newPresence,
+  newDisplay,
+];
 
-/** Everything that the page shows: the slices of all features. Render functions read it and change nothing. */
-export const newState = () => /** @type {State} */ (Object.assign({}, ...SLICES.map((newSlice) => newSlice())));
+/**
+ * Everything that the page shows: the slices of all features. Render functions read it and change
+ * nothing.
+ */
+export const newState = () =>
+  /** @type {State} */ (Object.assign({}, ...SLICES.map((newSlice) => newSlice())));
 
 /** @typedef {any} State */

@@ -1,7 +1,8 @@
 /**
- * A classic script that runs before the drive page's modules: when one of them, or a style sheet, does not arrive, because the phone has
- * just changed its network for instance, the page is loaded anew, and after some attempts says so. Modules cannot do this: the one that
- * is missing keeps all of them from running.
+ * A classic script that runs before the drive page's modules: when one of them, or a style sheet,
+ * does not arrive, because the phone has just changed its network for instance, the page is loaded
+ * anew, and after some attempts says so. Modules cannot do this: the one that is missing keeps all
+ * of them from running.
  */
 
 (() => {
@@ -26,14 +27,17 @@
   };
 
   /** A page that will be loaded anew takes no click, which would be lost. */
-  const show = (/** @type {boolean} */ shown) => (document.documentElement.style.visibility = shown ? "" : "hidden");
+  const show = (/** @type {boolean} */ shown) =>
+    (document.documentElement.style.visibility = shown ? "" : "hidden");
 
   const giveUp = () => {
     keep(0);
     show(true);
     document.getElementById("card")?.setAttribute("hidden", "");
     document.getElementById("load-failed")?.removeAttribute("hidden");
-    document.getElementById("load-failed-reload")?.addEventListener("click", () => location.reload());
+    document
+      .getElementById("load-failed-reload")
+      ?.addEventListener("click", () => location.reload());
     addEventListener("online", () => location.reload());
   };
 
@@ -48,7 +52,8 @@
   };
 
   const isNeeded = (/** @type {EventTarget | null} */ target) =>
-    (target instanceof HTMLScriptElement && target.type === "module") || (target instanceof HTMLLinkElement && target.relList.contains("stylesheet"));
+    (target instanceof HTMLScriptElement && target.type === "module") ||
+    (target instanceof HTMLLinkElement && target.relList.contains("stylesheet"));
 
   // Failures to load do not bubble; they are seen on the way down only.
   addEventListener(

@@ -1,6 +1,7 @@
 /**
- * The drive page: registers its features and begins. What to do is decided in pure modules; each feature carries their decisions to the
- * browser. The page is there before this script is (templates/sessions/drive.html), and connects before all of it is.
+ * The drive page: registers its features and begins. What to do is decided in pure modules; each
+ * feature carries their decisions to the browser. The page is there before this script is
+ * (templates/sessions/drive.html), and connects before all of it is.
  */
 
 import { KeyDispatcher } from "../input/key_dispatcher.js";
@@ -15,14 +16,27 @@ import { createStore } from "./store.js";
 
 const AGAIN = 2000; // ms until a feature that did not arrive is fetched again
 const FRAME = 100; // ms that a break takes at most: a page out of sight draws no frames
+const LINKS = 6; // of what comes later, at once: the browser looks at each before it goes on
 
-const element = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
+const element = (/** @type {string} */ id) =>
+  /** @type {HTMLElement} */ (document.getElementById(id));
 const config = JSON.parse(element("config").textContent ?? "{}");
 const keymap = new Keymap(recallKeys(config.who ?? ""));
 const labels = keymap.labels();
-const words = readWords(/** @type {HTMLTemplateElement} */ (element("words")), document.documentElement.lang, labels);
+const words = readWords(
+  /** @type {HTMLTemplateElement} */ (element("words")),
+  document.documentElement.lang,
+  labels,
+);
 const registry = new Registry();
-const given = { factsheet: config.factsheet ?? null, returnsHome: config.returnsHome ?? false, guest: Boolean(config.signUp), practising: Boolean(config.practising) && !config.signUp, study: config.study ?? null, practice: config.practice ? "off" : "none" };
+const given = {
+  factsheet: config.factsheet ?? null,
+  returnsHome: config.returnsHome ?? false,
+  guest: Boolean(config.signUp),
+  practising: Boolean(config.practising) && !config.signUp,
+  study: config.study ?? null,
+  practice: config.practice ? "off" : "none",
+};
 const store = createStore({ ...newState(), ...given });
 
 /** @type {import("./registry.js").Page} */
@@ -59,14 +73,21 @@ const setUp = (feature) => {
   registry.add(parts);
 };
 
-/** The browser paints, and hears its visitor. */
+/** The browser hears its visitor. */
+const turn = () => new Promise((done) => setTimeout(done));
+
+/** It paints, too. */
 const pause = () =>
   new Promise((done) => {
     requestAnimationFrame(() => setTimeout(done));
     setTimeout(done, FRAME);
   });
 
-/** The network may be away just now. @param {typeof LATER[number]} fetch @returns {ReturnType<typeof fetch>} */
+/**
+ * The network may be away just now.
+ * @param {typeof LATER[number]} fetch
+ * @returns {ReturnType<typeof fetch>}
+ */
 const fetched = (fetch) =>
   fetch().catch((error) => {
     if (!(error instanceof TypeError)) {
@@ -75,9 +96,25 @@ const fetched = (fetch) =>
     return new Promise((again) => setTimeout(again, AGAIN)).then(() => fetched(fetch));
   });
 
+const setUpFirst = async () => {
+  const [...features] = FIRST;
+  // What somebody presses meanwhile needs these two.
+  features.splice(0, 2).forEach(setUp);
+  for (const feature of features) {
+    await turn();
+    setUp(feature);
+  }
+  keymap.writeHints(document);
+  store.subscribe((state) => registry.render(state));
+};
+
 const setUpLater = async () => {
   await pause();
-  document.head.append(/** @type {HTMLTemplateElement} */ (element("later")).content);
+  const links = Array.from(/** @type {HTMLTemplateElement} */ (element("later")).content.children);
+  while (links.length) {
+    document.head.append(...links.splice(0, LINKS));
+    await turn();
+  }
   for (const fetch of LATER) {
     setUp(await fetched(fetch));
     store.update({});
@@ -86,10 +123,6 @@ const setUpLater = async () => {
   registry.complete();
   performance.mark("drive:complete");
 };
-
-FIRST.forEach(setUp);
-keymap.writeHints(document);
-store.subscribe((state) => registry.render(state));
 
 const begin = () => {
   const address = new URL(location.href);
@@ -106,15 +139,22 @@ const begin = () => {
 };
 
 window.addEventListener("pageshow", (event) => {
-  // A page that comes back out of the browser's cache has lost its connections and its timers: begin again.
+  // A page that comes back out of the browser's cache has lost its connections and its timers:
+  // begin again.
   if (event.persisted) {
     location.reload();
   }
 });
 
-if (isSupported()) {
-  begin();
-} else {
-  page.waiting.lazyPanels(({ explain }) => explain());
-}
-void setUpLater();
+const start = async () => {
+  await setUpFirst();
+  await turn();
+  if (isSupported()) {
+    begin();
+  } else {
+    page.waiting.lazyPanels(({ explain }) => explain());
+  }
+  await setUpLater();
+};
+
+void start();

@@ -1,27 +1,44 @@
 /**
- * What the features of the drive page bring: handlers for messages, actions for buttons, keys, a render function and listeners for what
- * happens on the page. page.js registers them; nothing else knows which there are. One that comes later than the first hears of what it
- * missed.
+ * What the features of the drive page bring: handlers for messages, actions for buttons, keys, a
+ * render function and listeners for what happens on the page. page.js registers them; nothing else
+ * knows which there are. One that comes later than the first hears of what it missed.
  */
 
 /** What comes again by itself before anybody misses it. */
-const PASSING = new Set(["tick", "poll", "second", "frameShown", "newRobotState", "state", "pose", "scan", "heartbeat", "media", "picture"]);
+const PASSING = new Set([
+  "tick",
+  "poll",
+  "second",
+  "frameShown",
+  "newRobotState",
+  "state",
+  "pose",
+  "scan",
+  "heartbeat",
+  "media",
+  "picture",
+]);
 
 /**
  * @typedef {object} Feature one part of the drive page
  * @property {string} name under which the others find what it offers: `page[name]`
- * @property {() => object} [state] its slice of the store; of one that comes later features.js has it
+ * @property {() => object} [state] its slice of the store; of one that comes later features.js has
+ *   it
  * @property {(page: Page) => Parts} setUp
  *
  * @typedef {object} Parts all of them may be left out
  * @property {object} [api] what it offers to other features
- * @property {Record<string, (message: any, transport: import("../protocol/clock_sync.js").Transport) => void>} [handlers] by a message's suffix
+ * @property {Record<string, (message: any,
+ *   transport: import("../protocol/clock_sync.js").Transport) => void>} [handlers] by a message's
+ *   suffix
  * @property {Record<string, (argument: string) => void>} [actions] by the name in `data-action`
- * @property {Record<string, import("../input/key_dispatcher.js").KeyHandler>} [keys] by the command of input/keymap.js
+ * @property {Record<string, import("../input/key_dispatcher.js").KeyHandler>} [keys] by the command
+ *   of input/keymap.js
  * @property {(state: any) => void} [render] state into the page's elements, once a frame
  * @property {Record<string, (...values: any[]) => void>} [on] by the name of what happens
  *
- * @typedef {any} Page what every feature is given: store, config, words, element, keys, act, emit, and the `api` of each feature
+ * @typedef {any} Page what every feature is given: store, config, words, element, keys, act, emit,
+ *   and the `api` of each feature
  */
 
 export class Registry {
@@ -34,7 +51,10 @@ export class Registry {
     this.renders = [];
     /** @type {Map<string, ((...values: any[]) => void)[]>} */
     this.listeners = new Map();
-    /** @type {["handle" | "emit", any[]][] | null} what has happened, for features that are still to come; null once all are there */
+    /**
+     * @type {["handle" | "emit", any[]][] | null} what has happened, for features that are still to
+     *   come; null once all are there
+     */
     this.past = [];
   }
 
@@ -61,7 +81,12 @@ export class Registry {
     }
   }
 
-  /** @param {string} suffix @param {any} message @param {any} transport @returns {boolean} whether a feature takes such messages */
+  /**
+   * @param {string} suffix
+   * @param {any} message
+   * @param {any} transport
+   * @returns {boolean} whether a feature takes such messages
+   */
   handle(suffix, message, transport) {
     this.#keep("handle", [suffix, message, transport]);
     const handlers = this.handlers.get(suffix);
@@ -69,9 +94,15 @@ export class Registry {
     return handlers !== undefined;
   }
 
-  /** An action, or one with an argument: `speed-2`, `go_to:kitchen`. @param {string} action @returns {boolean} whether a feature has it */
+  /**
+   * An action, or one with an argument: `speed-2`, `go_to:kitchen`.
+   * @param {string} action
+   * @returns {boolean} whether a feature has it
+   */
   act(action) {
-    const [, name, argument] = this.actions.has(action) ? ["", action, ""] : (/^([^:-]+)[:-](.*)$/.exec(action) ?? []);
+    const [, name, argument] = this.actions.has(action)
+      ? ["", action, ""]
+      : (/^([^:-]+)[:-](.*)$/.exec(action) ?? []);
     const run = this.actions.get(name ?? "");
     run?.(argument ?? "");
     return run !== undefined;

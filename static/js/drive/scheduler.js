@@ -1,5 +1,6 @@
 /**
- * What time does on the drive page: `tick` twenty times a second, `poll` five times, `second` once. Features listen to these.
+ * What time does on the drive page: `tick` twenty times a second, `poll` five times, `second` once.
+ * Features listen to these.
  */
 
 import { unixNow } from "../lib/clock.js";
@@ -17,8 +18,9 @@ export const createScheduler = ({ store, emit, connection, driving, video }) => 
     const now = unixNow();
     emit("tick", now);
     driving.sendVelocity(); // what the tick has made of a maneuver goes out with it
-    // The robot takes no command before it has three echoes to judge its age by: the first come quickly. And it sends less when frames
-    // wait before a place that has become narrow, which it learns from the heartbeats alone.
+    // The robot takes no command before it has three echoes to judge its age by: the first come
+    // quickly. And it sends less when frames wait before a place that has become narrow, which it
+    // learns from the heartbeats alone.
     const isHasty = ageTrend.isRising(video.frameAge(now)) || now < connection.grantedAt() + HURRY;
     if (now - polledAt >= (isHasty ? HASTY_SECONDS : BEAT_SECONDS) - TICK_SECONDS / 2) {
       polledAt = now;

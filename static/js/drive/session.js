@@ -1,6 +1,6 @@
 /**
- * The session on the drive page: carries out what protocol/session.js decides, and keeps what is known of the robot and of who else is
- * here.
+ * The session on the drive page: carries out what protocol/session.js decides, and keeps what is
+ * known of the robot and of who else is here.
  */
 
 import { backToDriving } from "../lib/dom.js";
@@ -45,20 +45,31 @@ const setUp = (page) => {
   const dispatch = newDispatch(page, control);
   let askedSince = 0;
 
-  /** Somebody is there: said to the server now and then, for whoever only looks or writes is not away. */
+  /**
+   * Somebody is there: said to the server now and then, for whoever only looks or writes is not
+   * away.
+   */
   const giveSign = () => {
     if (store.get().visit.phase === "driving") {
       page.connection.report("here");
       dispatch({ type: "here" });
     }
   };
-  watchActivity({ target: window, clock: unixNow, isAsked: () => store.get().visit.askedUntil !== null, onSign: giveSign });
+  watchActivity({
+    target: window,
+    clock: unixNow,
+    isAsked: () => store.get().visit.askedUntil !== null,
+    onSign: giveSign,
+  });
   keys.closes(element("card"), () => page.act(store.get().leaving ? "stay" : "here"));
 
   return {
     api: {
       dispatch,
-      /** @param {{session: string | null, takeover: boolean, go: boolean}} loaded how the page was loaded */
+      /**
+       * @param {{session: string | null, takeover: boolean, go: boolean}} loaded how the page was
+       *   loaded
+       */
       begin: (loaded) => {
         control.sessionBefore = loaded.session ?? "";
         dispatch({ type: "loaded", ...loaded });
@@ -93,7 +104,10 @@ const newControl = (page) => {
     /** @param {any} lease null when it is over */
     take: (lease) => {
       if (!lease) {
-        store.update({ began: null, trip: tripOf(store.get(), driven, page.map?.trail.pieces ?? []) });
+        store.update({
+          began: null,
+          trip: tripOf(store.get(), driven, page.map?.trail.pieces ?? []),
+        });
         emit("released");
         return;
       }
@@ -113,7 +127,9 @@ const newControl = (page) => {
 
 /**
  * What was driven by now. A visit that lost its connection on the way goes on.
- * @param {import("./features.js").State} state @param {string} session @param {[number, number][][]} trail
+ * @param {import("./features.js").State} state
+ * @param {string} session
+ * @param {[number, number][][]} trail
  */
 const tripOf = ({ began, robot, trip }, session, trail) => {
   if (!began || !robot) {
@@ -132,7 +148,10 @@ const tripOf = ({ began, robot, trip }, session, trail) => {
 const newDispatch = (page, control) => {
   const { store, words, emit } = page;
   const title = document.title;
-  const effects = { ...newEffects(page), control: (/** @type {any} */ { lease }) => control.take(lease) };
+  const effects = {
+    ...newEffects(page),
+    control: (/** @type {any} */ { lease }) => control.take(lease),
+  };
 
   return (/** @type {import("../protocol/session.js").Happening} */ happening) => {
     const before = store.get().visit;
@@ -150,7 +169,12 @@ const newDispatch = (page, control) => {
   };
 };
 
-/** The tab's name, which calls as well; said at once, because a page out of sight draws nothing. @param {import("../protocol/session.js").Visit} visit @param {import("../lib/words.js").Words} words @param {string} title */
+/**
+ * The tab's name, which calls as well; said at once, because a page out of sight draws nothing.
+ * @param {import("../protocol/session.js").Visit} visit
+ * @param {import("../lib/words.js").Words} words
+ * @param {string} title
+ */
 const titleOf = ({ phase, askedUntil }, words, title) => {
   const word = askedUntil !== null ? "idle.title" : phase === "turn" ? "turn.title" : "";
   return word ? `${words.say(word)} · ${title}` : title;
@@ -163,15 +187,21 @@ const lookAtTimes = ({ store, session, connection }, now) => {
     session.dispatch({ type: "turn_missed" });
   }
   if (isSigning(visit, now)) {
-    connection.report("here"); // until the server says that it has one: its own connections may be broken for a moment
+    // until the server says that it has one: its own connections may be broken for a moment
+    connection.report("here");
   }
 };
 
-/** What protocol/session.js wants to be done. @param {import("./registry.js").Page} page @returns {Record<string, (effect: any) => void>} */
+/**
+ * What protocol/session.js wants to be done.
+ * @param {import("./registry.js").Page} page
+ * @returns {Record<string, (effect: any) => void>}
+ */
 const newEffects = (page) => ({
   send: ({ suffix, message }) => page.connection.send(suffix, message),
   prepare_link: ({ role }) => page.connection.link.prepare(role),
-  open_link: ({ role, iceServers, attempt }) => page.connection.link.open(role, iceServers, attempt),
+  open_link: ({ role, iceServers, attempt }) =>
+    page.connection.link.open(role, iceServers, attempt),
   close_link: () => {
     page.connection.link.close();
     page.emit("linkClosed");
@@ -199,12 +229,16 @@ const newHandlers = ({ store, emit }) => ({
     emit("factsheet", factsheet);
   },
   room: (/** @type {any} */ room) => store.update({ room }),
-  "session/operator_message": (/** @type {{text: string}} */ { text }) => store.update({ notice: text }),
+  "session/operator_message": (/** @type {{text: string}} */ { text }) =>
+    store.update({ notice: text }),
 });
 
 /** @param {import("./registry.js").Page} page @returns {Record<string, () => void>} */
 const newActions = (page) => ({
-  home: () => (page.config.practising && parent !== window ? parent.postMessage("practice_over", location.origin) : page.element("home").click()),
+  home: () =>
+    page.config.practising && parent !== window
+      ? parent.postMessage("practice_over", location.origin)
+      : page.element("home").click(),
   sign_up: () => location.assign(page.config.signUp),
   sign_in: () => location.reload(), // the page's address itself asks for it, and leads back here
   reload: () => location.reload(),
@@ -212,7 +246,10 @@ const newActions = (page) => ({
     page.store.update({ leaving: false });
     backToDriving(page.element);
   },
-  leave: () => (page.store.get().visit.phase === "driving" ? page.store.update({ leaving: true }) : page.act("leave_now")),
+  leave: () =>
+    page.store.get().visit.phase === "driving"
+      ? page.store.update({ leaving: true })
+      : page.act("leave_now"),
   leave_now: () => {
     page.store.update({ leaving: false, notice: "" });
     page.session.dispatch({ type: "leave" });

@@ -1,5 +1,6 @@
 /**
- * A small store: changes are merged, and subscribers hear of them once a frame. What is in it stands in the features, a slice each.
+ * A small store: changes are merged, and subscribers hear of them once a frame. What is in it
+ * stands in the features, a slice each.
  * @template {object} State
  * @param {State} initial
  * @param {(callback: () => void) => unknown} [frame]
@@ -36,4 +37,7 @@ export const createStore = (initial, frame = (callback) => requestAnimationFrame
   };
 };
 
-/** @typedef {{get: () => any, update: (changes: object) => void, flush: () => void, subscribe: (subscriber: (state: any) => void) => void}} Store */
+/**
+ * @typedef {{get: () => any, update: (changes: object) => void, flush: () => void,
+ *   subscribe: (subscriber: (state: any) => void) => void}} Store
+ */

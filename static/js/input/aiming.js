@@ -1,6 +1,6 @@
 /**
- * Choosing a point of the map: press where it is; drag, and the direction of the drag is where the robot will look. Nothing moves by
- * this alone.
+ * Choosing a point of the map: press where it is; drag, and the direction of the drag is where the
+ * robot will look. Nothing moves by this alone.
  */
 
 const LEAST_DRAG = 16; // CSS pixels; below that a drag is a shaky finger
@@ -18,8 +18,10 @@ export class Aiming {
   /**
    * @param {object} options
    * @param {HTMLElement} options.canvas
-   * @param {(px: number, py: number) => [number, number] | null} options.toWorld from CSS pixels of the canvas to metres
-   * @param {(x: number, y: number, theta: number | null) => void} options.onAim again while it is dragged
+   * @param {(px: number, py: number) => [number, number] | null} options.toWorld from CSS pixels of
+   *   the canvas to metres
+   * @param {(x: number, y: number, theta: number | null) => void} options.onAim again while it is
+   *   dragged
    */
   constructor({ canvas, toWorld, onAim }) {
     this.canvas = canvas;

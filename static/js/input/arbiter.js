@@ -1,6 +1,7 @@
 /**
- * Which controller steers: the one that was taken up last. An older one that is still held does not come back by itself when the newer
- * one lets go; it has to be let go and taken up again, so that nothing moves that nobody has just asked for.
+ * Which controller steers: the one that was taken up last. An older one that is still held does not
+ * come back by itself when the newer one lets go; it has to be let go and taken up again, so that
+ * nothing moves that nobody has just asked for.
  */
 
 const STILL = Object.freeze({ linear: 0, angular: 0 });

@@ -70,7 +70,13 @@ const setUp = (page) => {
   });
 
   return {
-    api: { steering, brake, sendVelocity, standStill: newStandStill(store, brake), ...senders(page) },
+    api: {
+      steering,
+      brake,
+      sendVelocity,
+      standStill: newStandStill(store, brake),
+      ...senders(page),
+    },
     handlers: {
       state: (/** @type {any} */ message) => commands.heardState(message),
       action: (/** @type {any} */ message) => commands.heardAction(message),
@@ -80,7 +86,10 @@ const setUp = (page) => {
   };
 };
 
-/** The list of keys is fetched when it is first opened. @param {import("../drive/registry.js").Page} page */
+/**
+ * The list of keys is fetched when it is first opened.
+ * @param {import("../drive/registry.js").Page} page
+ */
 const setUpOwnKeys = (page) => {
   const button = page.element("own-keys-open");
   const fetchList = lazy(async () => (await import("./own_keys.js")).createOwnKeys(page));
@@ -93,7 +102,12 @@ const setUpOwnKeys = (page) => {
   );
 };
 
-/** Nobody drives by video that is not there: what the page says then, that the robot has stopped, is true. @param {import("../drive/store.js").Store} store @param {() => void} brake */
+/**
+ * Nobody drives by video that is not there: what the page says then, that the robot has stopped, is
+ * true.
+ * @param {import("../drive/store.js").Store} store
+ * @param {() => void} brake
+ */
 const newStandStill = (store, brake) => () => {
   store.update({ playing: false });
   brake();
@@ -107,11 +121,15 @@ const senders = ({ store, connection: { commands, router, send } }) => ({
       send("command/action", messageOf(action, {}, unixNow()));
     } else if (commands.binding) {
       const now = unixNow();
-      router.sendAction(messageOf(action, commands.binding, now), now - action.askedAt > TICK_SECONDS);
+      router.sendAction(
+        messageOf(action, commands.binding, now),
+        now - action.askedAt > TICK_SECONDS,
+      );
     }
   },
   /** @param {{stamp: number, at: [number, number] | null}} pointer */
-  sendPointer: (pointer) => commands.binding && router.sendPointer(pointer.stamp, { ...commands.binding, ...pointer }),
+  sendPointer: (pointer) =>
+    commands.binding && router.sendPointer(pointer.stamp, { ...commands.binding, ...pointer }),
 });
 
 /** @param {import("../drive/registry.js").Page} page @param {Steering} steering */
@@ -131,10 +149,17 @@ const newListeners = ({ store, connection: { commands, router } }, steering) => 
     steering.robotLimits = limits;
   },
   poll: (/** @type {number} */ now) => {
-    if (commands.pending && !roleOf(store.get().visit) && now - commands.pending.since > STOP_PATIENCE) {
+    if (
+      commands.pending &&
+      !roleOf(store.get().visit) &&
+      now - commands.pending.since > STOP_PATIENCE
+    ) {
       commands.giveUp();
     }
-    store.update({ stopping: commands.pending !== null, stopUnconfirmed: commands.isUnconfirmed(now) });
+    store.update({
+      stopping: commands.pending !== null,
+      stopUnconfirmed: commands.isUnconfirmed(now),
+    });
   },
 });
 

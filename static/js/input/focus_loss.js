@@ -1,13 +1,16 @@
 /**
- * Whatever takes the visitor's attention or the page's life away lets go of all controllers and stops the robot: the window loses
- * focus, the tab is hidden, the page is left.
+ * Whatever takes the visitor's attention or the page's life away lets go of all controllers and
+ * stops the robot: the window loses focus, the tab is hidden, the page is left.
  */
 
 /**
  * @param {(why: "blur" | "hidden" | "pagehide") => void} letGo
  * @param {{window?: EventTarget, document?: EventTarget & {visibilityState?: string}}} [where]
  */
-export const onFocusLoss = (letGo, { window = globalThis, document = globalThis.document } = {}) => {
+export const onFocusLoss = (
+  letGo,
+  { window = globalThis, document = globalThis.document } = {},
+) => {
   window.addEventListener("blur", () => letGo("blur"));
   window.addEventListener("pagehide", () => letGo("pagehide"));
   document.addEventListener("visibilitychange", () => {

@@ -1,7 +1,8 @@
 /**
- * Steering with a gamepad of the standard mapping (w3.org/TR/gamepad). One stick drives: the left one, until the visitor presses the right
- * one down. The lower and the right button stop the robot, the shoulder buttons choose the speed. Pads tell nothing by themselves: they are
- * asked once a frame, for as long as there is one.
+ * Steering with a gamepad of the standard mapping (w3.org/TR/gamepad). One stick drives: the left
+ * one, until the visitor presses the right one down. The lower and the right button stop the robot,
+ * the shoulder buttons choose the speed. Pads tell nothing by themselves: they are asked once a
+ * frame, for as long as there is one.
  */
 
 import { sharesOf } from "./stick.js";
@@ -9,7 +10,10 @@ import { sharesOf } from "./stick.js";
 const STOP_BUTTONS = [0, 1];
 const SLOWER = 4;
 const FASTER = 5;
-const PRESSED_STICKS = /** @type {[number, "left" | "right"][]} */ ([[10, "left"], [11, "right"]]);
+const PRESSED_STICKS = /** @type {[number, "left" | "right"][]} */ ([
+  [10, "left"],
+  [11, "right"],
+]);
 
 export class Gamepads {
   /**
@@ -17,12 +21,21 @@ export class Gamepads {
    * @param {(shares: {ahead: number, left: number}) => void} options.emit
    * @param {() => void} options.stop
    * @param {(change: number) => void} options.step
-   * @param {(pad: {there: boolean, stick: "left" | "right", standard: boolean}) => void} options.onPad plugged in, pulled out, or its sticks were swapped
+   * @param {(pad: {there: boolean, stick: "left" | "right", standard: boolean}) => void}
+   *   options.onPad plugged in, pulled out, or its sticks were swapped
    * @param {EventTarget} [options.target]
    * @param {() => (Gamepad | null)[]} [options.list]
    * @param {(callback: () => void) => unknown} [options.frame]
    */
-  constructor({ emit, stop, step, onPad, target = window, list = () => navigator.getGamepads?.() ?? [], frame = (callback) => requestAnimationFrame(callback) }) {
+  constructor({
+    emit,
+    stop,
+    step,
+    onPad,
+    target = window,
+    list = () => navigator.getGamepads?.() ?? [],
+    frame = (callback) => requestAnimationFrame(callback),
+  }) {
     Object.assign(this, { emit, stop, step, onPad, target, list, frame });
     this.methods = ["gamepad"];
     this.enabled = false;
@@ -36,8 +49,12 @@ export class Gamepads {
     this.armed = false;
     /** @type {Set<number>} */
     this.down = new Set();
-    target.addEventListener("gamepadconnected", (/** @type {any} */ { gamepad }) => this.#plug(gamepad));
-    target.addEventListener("gamepaddisconnected", (/** @type {any} */ { gamepad }) => this.#pull(gamepad.index));
+    target.addEventListener("gamepadconnected", (/** @type {any} */ { gamepad }) =>
+      this.#plug(gamepad),
+    );
+    target.addEventListener("gamepaddisconnected", (/** @type {any} */ { gamepad }) =>
+      this.#pull(gamepad.index),
+    );
   }
 
   enable() {

@@ -1,36 +1,61 @@
 /**
- * The keys of the drive page, and the one rule about them: no key drives, tilts, talks or changes anything while a text field, a dialog or a
- * menu is open. Whatever listens to keys is added here; the rule stands in `keyUse` alone.
+ * The keys of the drive page, and the one rule about them: no key drives, tilts, talks or changes
+ * anything while a text field, a dialog or a menu is open. Whatever listens to keys is added here;
+ * the rule stands in `keyUse` alone.
  *
- * - Keys that make text are the field's. Keys with Ctrl, Alt or Meta are the browser's, keys of a letter in the making the input method's.
- * - What opens takes the keys: those that are down count as released, so the robot stops. After it has closed, a key that is still down
- *   means nothing until it is pressed anew.
+ * - Keys that make text are the field's. Keys with Ctrl, Alt or Meta are the browser's, keys of a
+ *   letter in the making the input method's.
+ * - What opens takes the keys: those that are down count as released, so the robot stops. After it
+ *   has closed, a key that is still down means nothing until it is pressed anew.
  * - The key that stops the robot (the space bar) does so all the same, unless it types or ticks.
  * - Escape closes what is open. A press beside a menu closes it, too.
  *
- * What takes the keys has `data-holds-keys` in its template for as long as it is shown; every dialog element and open <details> has them too.
+ * What takes the keys has `data-holds-keys` in its template for as long as it is shown; every
+ * dialog element and open <details> has them too.
  */
 
 import { Keymap } from "./keymap.js";
 
 const HOLDERS = "[data-holds-keys], dialog[open], details[open]";
-const OWN = "input, [data-own-keys]"; // sliders, boxes and the map: what they do with a key is not driving
+// sliders, boxes and the map: what they do with a key is not driving
+const OWN = "input, [data-own-keys]";
 const TICKED = "input[type='checkbox'], input[type='radio']";
 const USUAL = new Keymap();
-const TYPED = `input:not([type='range'], [type='checkbox'], [type='radio']), textarea, select, [contenteditable]:not([contenteditable='false'])`;
-
-/** Whose a key is that goes with others, or is part of a letter that is being composed (229: browsers that do not say so). @param {any} event */
-export const isShortcut = (event) => Boolean(event.ctrlKey || event.metaKey || event.altKey || event.isComposing || event.keyCode === 229);
-
-/** What is open and takes the keys: the last one in the page, null for none. @param {ParentNode} root @returns {Element | null} */
-export const openHolder = (root) => Array.from(root.querySelectorAll(HOLDERS)).filter(isShown).at(-1) ?? null;
-
-/** @param {Element} element */
-const isShown = (element) => element.closest("[hidden]") === null && (element.checkVisibility?.() ?? true);
+const TYPED = [
+  "input:not([type='range'], [type='checkbox'], [type='radio'])",
+  "textarea",
+  "select",
+  "[contenteditable]:not([contenteditable='false'])",
+].join();
 
 /**
- * Whose a pressed key is: the page's (`free`), the page's to stop the robot (`stop`), or somebody else's.
- * @param {any} event keydown @param {Element | null} holder what is open @param {Keymap} [keymap]
+ * Whose a key is that goes with others, or is part of a letter that is being composed (229:
+ * browsers that do not say so).
+ * @param {any} event
+ */
+export const isShortcut = (event) =>
+  Boolean(
+    event.ctrlKey || event.metaKey || event.altKey || event.isComposing || event.keyCode === 229,
+  );
+
+/**
+ * What is open and takes the keys: the last one in the page, null for none.
+ * @param {ParentNode} root
+ * @returns {Element | null}
+ */
+export const openHolder = (root) =>
+  Array.from(root.querySelectorAll(HOLDERS)).filter(isShown).at(-1) ?? null;
+
+/** @param {Element} element */
+const isShown = (element) =>
+  element.closest("[hidden]") === null && (element.checkVisibility?.() ?? true);
+
+/**
+ * Whose a pressed key is: the page's (`free`), the page's to stop the robot (`stop`), or somebody
+ * else's.
+ * @param {any} event keydown
+ * @param {Element | null} holder what is open
+ * @param {Keymap} [keymap]
  * @returns {"free" | "stop" | "text" | "shortcut" | "own" | "held"}
  */
 export const keyUse = (event, holder, keymap = USUAL) => {
@@ -50,7 +75,10 @@ export const keyUse = (event, holder, keymap = USUAL) => {
   return on(OWN) ? "own" : "free";
 };
 
-/** @typedef {{down: (event: KeyboardEvent) => void, up?: (event: KeyboardEvent) => void, letGo?: () => void}} KeyHandler */
+/**
+ * @typedef {{down: (event: KeyboardEvent) => void, up?: (event: KeyboardEvent) => void,
+ *   letGo?: () => void}} KeyHandler
+ */
 
 export class KeyDispatcher {
   /**
@@ -58,9 +86,15 @@ export class KeyDispatcher {
    * @param {Keymap} [options.keymap]
    * @param {EventTarget} [options.target] where keys are heard
    * @param {any} [options.root] the document
-   * @param {(onChange: () => void) => void} [options.watch] calls when something of the page is shown or hidden
+   * @param {(onChange: () => void) => void} [options.watch] calls when something of the page is
+   *   shown or hidden
    */
-  constructor({ keymap = USUAL, target = window, root = document, watch = (onChange) => watchShown(root, onChange) } = {}) {
+  constructor({
+    keymap = USUAL,
+    target = window,
+    root = document,
+    watch = (onChange) => watchShown(root, onChange),
+  } = {}) {
     this.keymap = keymap;
     this.root = root;
     /** @type {Set<KeyHandler>} */
@@ -70,9 +104,14 @@ export class KeyDispatcher {
     /** @type {Set<string>} codes of the keys that went to the users and are down */
     this.down = new Set();
     this.wasOpen = false;
-    target.addEventListener("keydown", (event) => this.#press(/** @type {KeyboardEvent} */ (event)));
-    target.addEventListener("keyup", (event) => this.#release(/** @type {KeyboardEvent} */ (event)));
-    target.addEventListener("blur", () => this.letGo()); // a release that is not seen would drive, or leave the microphone open
+    target.addEventListener("keydown", (event) =>
+      this.#press(/** @type {KeyboardEvent} */ (event)),
+    );
+    target.addEventListener("keyup", (event) =>
+      this.#release(/** @type {KeyboardEvent} */ (event)),
+    );
+    // a release that is not seen would drive, or leave the microphone open
+    target.addEventListener("blur", () => this.letGo());
     target.addEventListener("focusin", (event) => keyUse(event, null) === "text" && this.letGo());
     target.addEventListener("pointerdown", (event) => this.#pressBeside(event), { capture: true });
     watch(() => this.#watchHolder());
@@ -85,7 +124,8 @@ export class KeyDispatcher {
 
   /** Hear of keys by what they mean. @param {Record<string, KeyHandler>} commands */
   addCommands(commands) {
-    const handlerOf = (/** @type {KeyboardEvent} */ event) => commands[this.keymap.commandOf(event)];
+    const handlerOf = (/** @type {KeyboardEvent} */ event) =>
+      commands[this.keymap.commandOf(event)];
     if (Object.keys(commands).length) {
       this.add({
         down: (event) => handlerOf(event)?.down(event),
@@ -102,7 +142,9 @@ export class KeyDispatcher {
 
   /**
    * How something that takes the keys is closed.
-   * @param {Element} holder @param {() => void} close for Escape, gives the focus back @param {(() => void) | null} [beside] for a press beside it
+   * @param {Element} holder
+   * @param {() => void} close for Escape, gives the focus back
+   * @param {(() => void) | null} [beside] for a press beside it
    */
   closes(holder, close, beside = null) {
     this.closers.set(holder, { close, beside });
@@ -110,7 +152,9 @@ export class KeyDispatcher {
 
   /** Whether the page's keys belong to something that is open, or to a field that is written in. */
   get taken() {
-    return openHolder(this.root) !== null || keyUse({ target: this.root.activeElement }, null) === "text";
+    return (
+      openHolder(this.root) !== null || keyUse({ target: this.root.activeElement }, null) === "text"
+    );
   }
 
   /** Every key counts as released. */
@@ -153,11 +197,20 @@ export class KeyDispatcher {
   /** @param {any} event */
   #pressBeside({ target }) {
     const holder = openHolder(this.root);
-    if (holder && !holder.contains(target) && !target.closest?.(`[aria-controls~="${holder.id}"]`)) {
+    if (
+      holder &&
+      !holder.contains(target) &&
+      !target.closest?.(`[aria-controls~="${holder.id}"]`)
+    ) {
       this.closers.get(holder)?.beside?.();
     }
   }
 }
 
 /** @param {Node} root @param {() => void} onChange */
-const watchShown = (root, onChange) => new MutationObserver(onChange).observe(root, { subtree: true, attributes: true, attributeFilter: ["hidden", "open", "data-holds-keys"] });
+const watchShown = (root, onChange) =>
+  new MutationObserver(onChange).observe(root, {
+    subtree: true,
+    attributes: true,
+    attributeFilter: ["hidden", "open", "data-holds-keys"],
+  });

@@ -1,12 +1,19 @@
 /**
- * Steering with arrow keys and W A S D. Keys are taken by their place on the keyboard, so that it works on every layout.
+ * Steering with arrow keys and W A S D. Keys are taken by their place on the keyboard, so that it
+ * works on every layout.
  *
- * Which keys come here, and when all of them count as released, is decided in input/key_dispatcher.js.
+ * Which keys come here, and when all of them count as released, is decided in
+ * input/key_dispatcher.js.
  */
 
 import { ramp } from "./speeds.js";
 
-const DIRECTIONS = /** @type {Record<string, [string, number]>} */ ({ forward: ["ahead", 1], backward: ["ahead", -1], left: ["left", 1], right: ["left", -1] });
+const DIRECTIONS = /** @type {Record<string, [string, number]>} */ ({
+  forward: ["ahead", 1],
+  backward: ["ahead", -1],
+  left: ["left", 1],
+  right: ["left", -1],
+});
 const STEPS = /** @type {Record<string, number>} */ ({ faster: 1, slower: -1 });
 const LONGEST_FRAME = 0.1; // s; a page that was held up must not jump to full speed
 
@@ -17,11 +24,20 @@ export class Keyboard {
    * @param {(shares: {ahead: number, left: number}) => void} options.emit -1 to 1 each
    * @param {() => void} options.stop brake: its key, and every disable
    * @param {(change: number) => void} options.step a speed step up or down
-   * @param {() => void} [options.barred] a key was pressed that would steer, if keys were allowed to
+   * @param {() => void} [options.barred] a key was pressed that would steer, if keys were allowed
+   *   to
    * @param {(callback: (ms: number) => void) => unknown} [options.frame]
    * @param {() => number} [options.now] ms
    */
-  constructor({ keys, emit, stop, step, barred = () => undefined, frame = (callback) => requestAnimationFrame(callback), now = () => performance.now() }) {
+  constructor({
+    keys,
+    emit,
+    stop,
+    step,
+    barred = () => undefined,
+    frame = (callback) => requestAnimationFrame(callback),
+    now = () => performance.now(),
+  }) {
     this.keys = keys;
     this.emit = emit;
     this.stop = stop;
@@ -117,7 +133,10 @@ export class Keyboard {
   /** @param {number} dt seconds since the last move */
   #move(dt) {
     const wish = direction(this.held.values());
-    const next = { ahead: ramp(this.shares.ahead, wish.ahead, dt), left: ramp(this.shares.left, wish.left, dt) };
+    const next = {
+      ahead: ramp(this.shares.ahead, wish.ahead, dt),
+      left: ramp(this.shares.left, wish.left, dt),
+    };
     if (next.ahead !== this.shares.ahead || next.left !== this.shares.left) {
       this.shares = next;
       this.emit(next);
@@ -125,7 +144,10 @@ export class Keyboard {
   }
 }
 
-/** What the held keys say together: opposite ones cancel out. @param {Iterable<string>} held commands */
+/**
+ * What the held keys say together: opposite ones cancel out.
+ * @param {Iterable<string>} held commands
+ */
 export const direction = (held) => {
   const sum = { ahead: 0, left: 0 };
   for (const command of held) {

@@ -1,10 +1,14 @@
 /**
- * The keys of the drive page: which command each one gives. This list is what drives, what the hints on the page are written from, and
- * what a visitor's own keys take the place of. A key is a place on the keyboard (KeyboardEvent.code), so that it works on every layout,
- * or, where it has to be what is printed on it, a character (KeyboardEvent.key).
+ * The keys of the drive page: which command each one gives. This list is what drives, what the
+ * hints on the page are written from, and what a visitor's own keys take the place of. A key is a
+ * place on the keyboard (KeyboardEvent.code), so that it works on every layout, or, where it has to
+ * be what is printed on it, a character (KeyboardEvent.key).
  */
 
-/** @type {Readonly<Record<string, readonly string[]>>} a line a command; the hints show the first key */
+/**
+ * @type {Readonly<Record<string, readonly string[]>>} a line a command; the hints show the first
+ *   key
+ */
 export const DEFAULTS = Object.freeze({
   forward: ["ArrowUp", "KeyW"],
   left: ["ArrowLeft", "KeyA"],
@@ -31,16 +35,43 @@ export const MAP_DEFAULTS = Object.freeze({
 });
 
 const SIGNS = /** @type {Record<string, string>} */ ({
-  ...{ ArrowUp: "↑", ArrowLeft: "←", ArrowDown: "↓", ArrowRight: "→", Space: "␣", Equal: "+", Minus: "−" },
-  ...{ NumpadAdd: "+", NumpadSubtract: "−", NumpadMultiply: "×", NumpadDivide: "÷", NumpadDecimal: "." },
-  ...{ BracketLeft: "[", BracketRight: "]", Slash: "/", Backslash: "\\", Semicolon: ";", Quote: "'", Comma: ",", Period: ".", Backquote: "`" },
+  ...{
+    ArrowUp: "↑",
+    ArrowLeft: "←",
+    ArrowDown: "↓",
+    ArrowRight: "→",
+    Space: "␣",
+    Equal: "+",
+    Minus: "−",
+  },
+  ...{
+    NumpadAdd: "+",
+    NumpadSubtract: "−",
+    NumpadMultiply: "×",
+    NumpadDivide: "÷",
+    NumpadDecimal: ".",
+  },
+  ...{
+    BracketLeft: "[",
+    BracketRight: "]",
+    Slash: "/",
+    Backslash: "\\",
+    Semicolon: ";",
+    Quote: "'",
+    Comma: ",",
+    Period: ".",
+    Backquote: "`",
+  },
 });
 
 /** What is printed on a key, as far as that is the same everywhere. @param {string} key */
 export const labelOf = (key) => SIGNS[key] ?? key.replace(/^(?:Key|Digit|Numpad)/, "");
 
 /** What the browser and the page itself need, and what goes with other keys. */
-const NEVER = /^(?:|Escape|Tab|Enter|NumpadEnter|F\d+|ContextMenu|CapsLock|NumLock|ScrollLock|(?:Alt|Control|Shift|Meta|OS|Browser|Media|Audio).*)$/;
+const NEVER = [
+  /^(?:|Escape|Tab|Enter|NumpadEnter|F\d+|ContextMenu|CapsLock|NumLock|ScrollLock)$/,
+  /^(?:Alt|Control|Shift|Meta|OS|Browser|Media|Audio)/,
+];
 
 export class Keymap {
   mapCommands = invert(MAP_DEFAULTS);
@@ -52,11 +83,15 @@ export class Keymap {
 
   /**
    * Take a visitor's keys.
-   * @param {Record<string, string[]>} own by command; the rest keep theirs, unless they were taken. Something always stops the robot.
+   * @param {Record<string, string[]>} own by command; the rest keep theirs, unless they were taken.
+   *   Something always stops the robot.
    */
   use(own) {
     const taken = new Set(Object.keys(DEFAULTS).flatMap((command) => own[command] ?? []));
-    const keysOf = (/** @type {[string, readonly string[]]} */ [command, keys]) => [command, own[command] ?? keys.filter((key) => !taken.has(key))];
+    const keysOf = (/** @type {[string, readonly string[]]} */ [command, keys]) => [
+      command,
+      own[command] ?? keys.filter((key) => !taken.has(key)),
+    ];
     /** @type {Record<string, readonly string[]>} */
     this.keys = Object.fromEntries(Object.entries(DEFAULTS).map(/** @type {any} */ (keysOf)));
     if (!this.keys.stop.length) {
@@ -67,22 +102,38 @@ export class Keymap {
     this.keys.stop.forEach((key) => this.commands.set(key, "stop"));
   }
 
-  /** Why a key may not be a command's: "never" is it anybody's, or it is the only one that stops the robot. @param {string} command @param {string} key */
+  /**
+   * Why a key may not be a command's: "never" is it anybody's, or it is the only one that stops the
+   * robot.
+   * @param {string} command
+   * @param {string} key
+   */
   refuses(command, key) {
-    if (NEVER.test(key)) {
+    if (NEVER.some((one) => one.test(key))) {
       return "never";
     }
     return command !== "stop" && this.keys.stop.every((one) => one === key) ? "stop" : "";
   }
 
-  /** The visitor's keys with one more: it is this command's alone, and its only one. @param {string} command @param {string} key */
+  /**
+   * The visitor's keys with one more: it is this command's alone, and its only one.
+   * @param {string} command
+   * @param {string} key
+   */
   withKey(command, key) {
     const others = Object.entries(this.keys).filter(([, keys]) => keys.includes(key));
     const freed = others.map(([other, keys]) => [other, keys.filter((one) => one !== key)]);
-    return /** @type {Record<string, string[]>} */ ({ ...this.own, ...Object.fromEntries(freed), [command]: [key] });
+    return /** @type {Record<string, string[]>} */ ({
+      ...this.own,
+      ...Object.fromEntries(freed),
+      [command]: [key],
+    });
   }
 
-  /** @param {{code: string, key?: string}} event @returns {string} nothing for a key of no command */
+  /**
+   * @param {{code: string, key?: string}} event
+   * @returns {string} nothing for a key of no command
+   */
   commandOf({ code, key = "" }) {
     return this.commands.get(code) ?? this.commands.get(key) ?? "";
   }
@@ -94,21 +145,50 @@ export class Keymap {
 
   /** `key_talk` and so on, for sentences. @returns {Record<string, string>} */
   labels() {
-    return Object.fromEntries(Object.entries(this.keys).map(([command, keys]) => [`key_${command}`, keys.length ? labelOf(keys[0]) : "–"]));
+    return Object.fromEntries(
+      Object.entries(this.keys).map(([command, keys]) => [
+        `key_${command}`,
+        keys.length ? labelOf(keys[0]) : "–",
+      ]),
+    );
   }
 
-  /** Write the keys into the page: `data-keys` names commands, `data-keys-title` is a title with `{key_…}` in it. @param {ParentNode} root */
+  /**
+   * Write the keys into the page: `data-keys` names commands, `data-keys-title` is a title with
+   * `{key_…}` in it.
+   * @param {ParentNode} root
+   */
   writeHints(root) {
     const labels = this.labels();
-    for (const hint of /** @type {NodeListOf<HTMLElement>} */ (root.querySelectorAll("[data-keys]"))) {
-      const keys = (hint.dataset.keys ?? "").split(" ").map((command) => this.keys[command][0] ?? "");
-      hint.replaceChildren(...keys.map((key) => Object.assign(document.createElement("kbd"), { textContent: (key === "Space" && hint.dataset.space) || labelOf(key) })));
+    for (const hint of /** @type {NodeListOf<HTMLElement>} */ (
+      root.querySelectorAll("[data-keys]")
+    )) {
+      const keys = (hint.dataset.keys ?? "")
+        .split(" ")
+        .map((command) => this.keys[command][0] ?? "");
+      hint.replaceChildren(
+        ...keys.map((key) =>
+          Object.assign(document.createElement("kbd"), {
+            textContent: (key === "Space" && hint.dataset.space) || labelOf(key),
+          }),
+        ),
+      );
     }
-    for (const titled of /** @type {NodeListOf<HTMLElement>} */ (root.querySelectorAll("[data-keys-title]"))) {
-      titled.title = (titled.dataset.keysTitle ?? "").replace(/\{(\w+)\}/g, (whole, name) => labels[name] ?? whole);
+    for (const titled of /** @type {NodeListOf<HTMLElement>} */ (
+      root.querySelectorAll("[data-keys-title]")
+    )) {
+      titled.title = (titled.dataset.keysTitle ?? "").replace(
+        /\{(\w+)\}/g,
+        (whole, name) => labels[name] ?? whole,
+      );
     }
   }
 }
 
 /** @param {Record<string, readonly string[]>} keys @returns {Map<string, string>} */
-const invert = (keys) => new Map(Object.entries(keys).flatMap(([command, list]) => list.map((key) => /** @type {[string, string]} */ ([key, command]))));
+const invert = (keys) =>
+  new Map(
+    Object.entries(keys).flatMap(([command, list]) =>
+      list.map((key) => /** @type {[string, string]} */ ([key, command])),
+    ),
+  );

@@ -1,6 +1,7 @@
 /**
- * The page drives the robot to a point, turns it, or drives it out of its dock, for a visitor who pressed once: the same velocities as from any other
- * controller, by the same arbiter, and under the same name as the hand that pressed. It ends by itself, and at everything else that the
+ * The page drives the robot to a point, turns it, or drives it out of its dock, for a visitor who
+ * pressed once: the same velocities as from any other controller, by the same arbiter, and under
+ * the same name as the hand that pressed. It ends by itself, and at everything else that the
  * visitor does.
  */
 
@@ -16,21 +17,29 @@ const LOOK_AHEAD = 0.35; // m beyond the way of braking: what stands there ends 
 
 /** @typedef {"goal" | "turn" | "back"} Kind */
 /** @typedef {"there" | "blocked" | "stuck" | "lost" | "taken"} End */
-/** @typedef {{moment: import("../view/overlay/transforms.js").Moment | null, age: number, full: import("./pure_pursuit.js").Full, limits: any, footprint: [number, number][], seen: [number, number][]}} World */
+/**
+ * @typedef {{moment: import("../view/overlay/transforms.js").Moment | null, age: number,
+ *   full: import("./pure_pursuit.js").Full, limits: any, footprint: [number, number][],
+ *   seen: [number, number][]}} World
+ */
 
 const VELOCITIES = { goal: towards, turn: turnTo, back: backOut };
 
 export class Maneuver {
   /**
    * @param {object} options
-   * @param {(method: string, velocity: {linear: number, angular: number}) => boolean} options.offer false when something newer steers
+   * @param {(method: string, velocity: {linear: number, angular: number}) => boolean} options.offer
+   *   false when something newer steers
    * @param {(end: End, kind: string) => void} options.onEnd not told when the visitor let go
    */
   constructor({ offer, onEnd }) {
     this.offer = offer;
     this.onEnd = onEnd;
     this.methods = ["mouse", "touch", "keyboard"];
-    /** @type {{kind: Kind, point: [number, number], method: string, at: [number, number], turned: number, movedAt: number} | null} */
+    /**
+     * @type {{kind: Kind, point: [number, number], method: string, at: [number, number],
+     *   turned: number, movedAt: number} | null}
+     */
     this.now = null;
   }
 
@@ -40,13 +49,27 @@ export class Maneuver {
     this.letGo();
   }
 
-  /** Drive there from now on; another maneuver is over. @param {Kind} kind @param {[number, number]} point of the map: the goal, what to look at, or where the robot stands @param {string} method @param {number} now s */
+  /**
+   * Drive there from now on; another maneuver is over.
+   * @param {Kind} kind
+   * @param {[number, number]} point of the map: the goal, what to look at, or where the robot
+   *   stands
+   * @param {string} method
+   * @param {number} now s
+   */
   start(kind, point, method, now) {
     if (this.now && this.now.method !== method) {
       this.letGo();
     }
     const before = this.now?.kind === kind ? this.now : null;
-    this.now = { at: before?.at ?? [NaN, NaN], turned: before?.turned ?? NaN, movedAt: before?.movedAt ?? now, kind, point, method };
+    this.now = {
+      at: before?.at ?? [NaN, NaN],
+      turned: before?.turned ?? NaN,
+      movedAt: before?.movedAt ?? now,
+      kind,
+      point,
+      method,
+    };
   }
 
   /** The visitor does not want it any more. */
@@ -73,7 +96,12 @@ export class Maneuver {
       return;
     }
     this.#watch(moment, now);
-    const velocity = VELOCITIES[this.now.kind](moment, this.now.point, world.full, world.limits.linearBraking / 2);
+    const velocity = VELOCITIES[this.now.kind](
+      moment,
+      this.now.point,
+      world.full,
+      world.limits.linearBraking / 2,
+    );
     if (!velocity) {
       this.#end("there");
     } else if (this.now.kind === "goal" && isBlocked(moment, this.now.point, world)) {
@@ -97,15 +125,29 @@ export class Maneuver {
     return Boolean(this.now) && Math.hypot(x - this.now.at[0], y - this.now.at[1]) > JUMP;
   }
 
-  /** Whether it gets on. @param {import("../view/overlay/transforms.js").Moment} moment @param {number} now */
+  /**
+   * Whether it gets on.
+   * @param {import("../view/overlay/transforms.js").Moment} moment
+   * @param {number} now
+   */
   #watch({ x, y, theta }, now) {
-    if (this.now && !(Math.hypot(x - this.now.at[0], y - this.now.at[1]) < PROGRESS && Math.abs(wrap(theta - this.now.turned)) < PROGRESS)) {
+    if (
+      this.now &&
+      !(
+        Math.hypot(x - this.now.at[0], y - this.now.at[1]) < PROGRESS &&
+        Math.abs(wrap(theta - this.now.turned)) < PROGRESS
+      )
+    ) {
       Object.assign(this.now, { at: [x, y], turned: theta, movedAt: now });
     }
   }
 }
 
-/** @param {import("../view/overlay/transforms.js").Moment} moment @param {[number, number]} goal @param {World} world */
+/**
+ * @param {import("../view/overlay/transforms.js").Moment} moment
+ * @param {[number, number]} goal
+ * @param {World} world
+ */
 const isBlocked = (moment, goal, { limits, footprint, seen }) => {
   const brakes = (moment.linear * moment.linear) / (2 * limits.linearBraking) + LOOK_AHEAD;
   const sweptPath = sweep(arcTo(moment, goal), footprint, seen);

@@ -1,6 +1,7 @@
 /**
- * Where a visitor chooses keys: a line a command, with its keys on a button. Pressed, the button takes the next key. Nothing here drives:
- * the panel around it holds the keys (key_dispatcher.js), and the key that is chosen goes no farther.
+ * Where a visitor chooses keys: a line a command, with its keys on a button. Pressed, the button
+ * takes the next key. Nothing here drives: the panel around it holds the keys (key_dispatcher.js),
+ * and the key that is chosen goes no farther.
  */
 
 import { rememberKeys } from "../drive/storage.js";
@@ -10,23 +11,22 @@ import { labelOf } from "./keymap.js";
 /** @param {import("../drive/registry.js").Page} page */
 export const createOwnKeys = ({ element, words, keys: { keymap }, config, useKeys }) => {
   const section = element("own-keys");
-  const buttons = /** @type {HTMLButtonElement[]} */ (Array.from(section.querySelectorAll("button[data-command]")));
+  const buttons = /** @type {HTMLButtonElement[]} */ (
+    Array.from(section.querySelectorAll("button[data-command]"))
+  );
   const note = element("own-keys-note");
   /** @type {HTMLButtonElement | null} the one whose key is awaited */
   let asked = null;
 
-  const drawKeys = () => {
-    for (const button of buttons) {
-      const own = keymap.keys[button.dataset.command ?? ""];
-      writeKeys(button, own.length ? own.map((key) => (key === "Space" ? words.say("keys.space") : labelOf(key))) : ["–"]);
-      button.setAttribute("aria-pressed", String(button === asked));
-    }
-  };
-
-  const ask = (/** @type {HTMLButtonElement | null} */ button, sentence = button ? words.say("keys.press") : "") => {
+  const ask = (
+    /** @type {HTMLButtonElement | null} */ button,
+    sentence = button ? words.say("keys.press") : "",
+  ) => {
     asked = button;
     write(note, sentence);
-    drawKeys();
+    for (const one of buttons) {
+      writeKeys(one, signsOf(keymap.keys[one.dataset.command ?? ""], words), one === asked);
+    }
   };
 
   const choose = (/** @type {Record<string, string[]>} */ own) => {
@@ -77,10 +77,28 @@ export const createOwnKeys = ({ element, words, keys: { keymap }, config, useKey
   return { show };
 };
 
-/** What is under a pointer that is down must stay, or the browser sees no click. @param {HTMLElement} button @param {string[]} signs */
-const writeKeys = (button, signs) => {
+/**
+ * What stands on the button of a command.
+ * @param {string[]} own its keys
+ * @param {import("../lib/words.js").Words} words
+ */
+const signsOf = (own, words) =>
+  own.length ? own.map((key) => (key === "Space" ? words.say("keys.space") : labelOf(key))) : ["–"];
+
+/**
+ * What is under a pointer that is down must stay, or the browser sees no click.
+ * @param {HTMLElement} button
+ * @param {string[]} signs
+ * @param {boolean} isAsked its next key is awaited
+ */
+const writeKeys = (button, signs, isAsked) => {
   const different = Array.from(new Set(signs));
   if (button.textContent !== different.join("")) {
-    button.replaceChildren(...different.map((sign) => Object.assign(document.createElement("kbd"), { textContent: sign })));
+    button.replaceChildren(
+      ...different.map((sign) =>
+        Object.assign(document.createElement("kbd"), { textContent: sign }),
+      ),
+    );
   }
+  button.setAttribute("aria-pressed", String(isAsked));
 };

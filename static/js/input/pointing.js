@@ -1,6 +1,6 @@
 /**
- * Driving by pressing on the picture. Press and the way is shown, release and the robot drives there; drag to correct. Hold still and it
- * drives towards the finger for as long as it is held.
+ * Driving by pressing on the picture. Press and the way is shown, release and the robot drives
+ * there; drag to correct. Hold still and it drives towards the finger for as long as it is held.
  *
  * Here is only the hand: where it is and what it means. Where that is on the floor others know.
  */
@@ -8,7 +8,10 @@
 export const HOLD_SECONDS = 0.7;
 const STEADY = 10; // CSS pixels; a hand that moves further is still aiming
 
-/** @typedef {{px: number, py: number, method: "mouse" | "touch"}} Press CSS pixels of the picture's element */
+/**
+ * @typedef {{px: number, py: number, method: "mouse" | "touch"}} Press CSS pixels of the picture's
+ *   element
+ */
 
 export class Pointing {
   /**
@@ -16,18 +19,32 @@ export class Pointing {
    * @param {HTMLElement} options.stage
    * @param {(press: Press) => void} options.onAim again whenever it changes
    * @param {(press: Press) => void} options.onGo
-   * @param {(press: Press) => void} options.onHold again and again while it is held; call `tick` for that
+   * @param {(press: Press) => void} options.onHold again and again while it is held; call `tick`
+   *   for that
    * @param {(wasHeld: boolean) => void} options.onEnd the press is over, without a wish to go
    * @param {(method: string) => boolean} options.allowed
    * @param {(method: string) => void} options.barred
    * @param {() => void} options.stop
    * @param {() => number} [options.now] ms
    */
-  constructor({ stage, onAim, onGo, onHold, onEnd, allowed, barred, stop, now = () => performance.now() }) {
+  constructor({
+    stage,
+    onAim,
+    onGo,
+    onHold,
+    onEnd,
+    allowed,
+    barred,
+    stop,
+    now = () => performance.now(),
+  }) {
     Object.assign(this, { stage, onAim, onGo, onHold, onEnd, allowed, barred, stop, now });
     this.methods = ["mouse", "touch"];
     this.enabled = false;
-    /** @type {{pointer: number, press: Press, at: number, from: [number, number], held: boolean} | null} */
+    /**
+     * @type {{pointer: number, press: Press, at: number, from: [number, number],
+     *   held: boolean} | null}
+     */
     this.pressed = null;
     this.listeners = /** @type {[string, (event: any) => void][]} */ ([
       ["pointerdown", (event) => this.#down(event)],
@@ -77,7 +94,11 @@ export class Pointing {
   /** @param {PointerEvent} event */
   #down(event) {
     const { target } = event;
-    if (this.pressed || event.button !== 0 || !(target === this.stage || /** @type {Element} */ (target).matches("video, canvas"))) {
+    if (
+      this.pressed ||
+      event.button !== 0 ||
+      !(target === this.stage || /** @type {Element} */ (target).matches("video, canvas"))
+    ) {
       return;
     }
     const press = this.#press(event);
@@ -86,7 +107,13 @@ export class Pointing {
       return;
     }
     this.stage.setPointerCapture(event.pointerId);
-    this.pressed = { pointer: event.pointerId, press, at: this.now(), from: [press.px, press.py], held: false };
+    this.pressed = {
+      pointer: event.pointerId,
+      press,
+      at: this.now(),
+      from: [press.px, press.py],
+      held: false,
+    };
     this.onAim(press);
   }
 
@@ -128,6 +155,10 @@ export class Pointing {
   /** @param {PointerEvent} event @returns {Press} */
   #press({ clientX, clientY, pointerType }) {
     const box = this.stage.getBoundingClientRect();
-    return { px: clientX - box.left, py: clientY - box.top, method: pointerType === "mouse" ? "mouse" : "touch" };
+    return {
+      px: clientX - box.left,
+      py: clientY - box.top,
+      method: pointerType === "mouse" ? "mouse" : "touch",
+    };
   }
 }

@@ -1,8 +1,10 @@
 /**
- * Driving to a point of the floor that was pressed, turning to one at a side, and out of the dock backwards: what velocity now. Pure.
+ * Driving to a point of the floor that was pressed, turning to one at a side, and out of the dock
+ * backwards: what velocity now. Pure.
  *
- * One arc leads from a robot to every point before it: its curvature is 2 y / (x² + y²), as in pure pursuit (Coulter, Implementation of
- * the Pure Pursuit Path Tracking Algorithm, 1992). What lies far aside is turned to first.
+ * One arc leads from a robot to every point before it: its curvature is 2 y / (x² + y²), as in pure
+ * pursuit (Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, 1992). What lies
+ * far aside is turned to first.
  */
 
 import { robotFromMap, mapFromRobot } from "../view/overlay/transforms.js";
@@ -10,7 +12,8 @@ import { arcSteps, sweep } from "../view/overlay/swept_path.js";
 
 const ARRIVED = 0.12; // m
 export const SIDE_TURN = 0.6; // rad that a press at a side of the picture turns
-export const ABOUT = 3; // rad that "Turn around" turns: nearly half a turn, so that it is clear which way round
+// rad that "Turn around" turns: nearly half a turn, so that it is clear which way round
+export const ABOUT = 3;
 export const BACK_OUT = 0.55; // m backwards out of the dock: then there is room to turn
 const TURN_FIRST_BEARING = 0.9; // rad; a point further aside is turned to on the spot
 const SHARPEST = 2; // 1/m
@@ -25,7 +28,10 @@ const STAND_OFF = 0.15; // m that are left before what stands in the way
 /** @typedef {{linear: number, reverse: number, angular: number}} Full speeds, m/s and rad/s */
 
 /**
- * @param {import("../view/overlay/transforms.js").Place} robot @param {Point} goal m, of the map @param {Full} full @param {number} braking m/s²
+ * @param {import("../view/overlay/transforms.js").Place} robot
+ * @param {Point} goal m, of the map
+ * @param {Full} full
+ * @param {number} braking m/s²
  * @returns {{linear: number, angular: number} | null} null when it is there
  */
 export const towards = (robot, goal, full, braking) => {
@@ -39,49 +45,82 @@ export const towards = (robot, goal, full, braking) => {
     return { linear: 0, angular: Math.sign(bearing) * Math.min(full.angular, Math.abs(bearing)) };
   }
   const curvature = Math.max(-SHARPEST, Math.min(SHARPEST, (2 * y) / (distance * distance)));
-  const linear = Math.min(full.linear, Math.sqrt(braking * distance), full.angular / Math.max(1e-6, Math.abs(curvature)));
+  const linear = Math.min(
+    full.linear,
+    Math.sqrt(braking * distance),
+    full.angular / Math.max(1e-6, Math.abs(curvature)),
+  );
   return { linear, angular: linear * curvature };
 };
 
 /**
  * On the spot, to look at a point.
- * @param {import("../view/overlay/transforms.js").Place} robot @param {Point} point m, of the map @param {Full} full
+ * @param {import("../view/overlay/transforms.js").Place} robot
+ * @param {Point} point m, of the map
+ * @param {Full} full
  * @returns {{linear: number, angular: number} | null} null when it looks there
  */
 export const turnTo = (robot, point, full) => {
   const [x, y] = robotFromMap(robot, point);
   const bearing = Math.atan2(y, x);
-  return Math.abs(bearing) < BEARING_TOLERANCE ? null : { linear: 0, angular: Math.sign(bearing) * Math.min(full.angular, Math.max(LEAST_TURN, Math.abs(bearing))) };
+  return Math.abs(bearing) < BEARING_TOLERANCE
+    ? null
+    : {
+        linear: 0,
+        angular:
+          Math.sign(bearing) * Math.min(full.angular, Math.max(LEAST_TURN, Math.abs(bearing))),
+      };
 };
 
 /**
  * A point to look at after a turn.
- * @param {import("../view/overlay/transforms.js").Place} robot @param {number} turn rad @returns {Point} m, of the map
+ * @param {import("../view/overlay/transforms.js").Place} robot
+ * @param {number} turn rad
+ * @returns {Point} m, of the map
  */
 export const lookingAt = (robot, turn) => mapFromRobot(robot, [Math.cos(turn), Math.sin(turn)]);
 
-/** The arc that `towards` takes. @param {import("../view/overlay/transforms.js").Place} robot @param {Point} goal @returns {import("../view/overlay/swept_path.js").Step[]} */
+/**
+ * The arc that `towards` takes.
+ * @param {import("../view/overlay/transforms.js").Place} robot
+ * @param {Point} goal
+ * @returns {import("../view/overlay/swept_path.js").Step[]}
+ */
 export const arcTo = (robot, goal) => {
   const [x, y] = robotFromMap(robot, goal);
   const [distance, bearing] = [Math.hypot(x, y), Math.atan2(y, x)];
   const rest = Math.max(-TURN_FIRST_BEARING, Math.min(TURN_FIRST_BEARING, bearing));
   const length = Math.abs(rest) < 1e-3 ? distance : (distance * rest) / Math.sin(rest);
-  return arcSteps({ ...robot, theta: robot.theta + bearing - rest }, (2 * Math.sin(rest)) / (distance || 1), length);
+  return arcSteps(
+    { ...robot, theta: robot.theta + bearing - rest },
+    (2 * Math.sin(rest)) / (distance || 1),
+    length,
+  );
 };
 
 /**
- * @param {import("../view/overlay/transforms.js").Place} robot @param {Point} from where it stood @param {Full} full
+ * @param {import("../view/overlay/transforms.js").Place} robot
+ * @param {Point} from where it stood
+ * @param {Full} full
  * @returns {{linear: number, angular: number} | null} null when it is out
  */
 export const backOut = (robot, from, full) =>
-  Math.hypot(robot.x - from[0], robot.y - from[1]) >= BACK_OUT ? null : { linear: -Math.min(BACK_SPEED, full.reverse), angular: 0 };
+  Math.hypot(robot.x - from[0], robot.y - from[1]) >= BACK_OUT
+    ? null
+    : { linear: -Math.min(BACK_SPEED, full.reverse), angular: 0 };
 
-/** @typedef {{goal: Point, sweptPath: import("../view/overlay/swept_path.js").SweptPath} | {no: "sky" | "wall" | "close"}} Reach */
+/**
+ * @typedef {{goal: Point, sweptPath: import("../view/overlay/swept_path.js").SweptPath}
+ *   | {no: "sky" | "wall" | "close"}} Reach
+ */
 
 /**
  * Where a press on the floor leads: there, or as near as the way is free.
- * @param {import("../view/overlay/transforms.js").Place} robot @param {Point} point m, robot's frame
- * @param {Point[]} footprint @param {Point[]} seen m, of the map @returns {Reach}
+ * @param {import("../view/overlay/transforms.js").Place} robot
+ * @param {Point} point m, robot's frame
+ * @param {Point[]} footprint
+ * @param {Point[]} seen m, of the map
+ * @returns {Reach}
  */
 export const reach = (robot, point, footprint, seen) => {
   const share = Math.min(1, FARTHEST / Math.hypot(...point));
@@ -90,12 +129,20 @@ export const reach = (robot, point, footprint, seen) => {
   if (sweptPath?.blocked) {
     const free = cut(steps, sweptPath.length - STAND_OFF);
     const last = free.at(-1);
-    return sweptPath.length - STAND_OFF < LEAST_DISTANCE || !last ? { no: "close" } : { goal: [last.x, last.y], sweptPath };
+    return sweptPath.length - STAND_OFF < LEAST_DISTANCE || !last
+      ? { no: "close" }
+      : { goal: [last.x, last.y], sweptPath };
   }
-  return sweptPath?.slices.length ? { goal: [sweptPath.end.x, sweptPath.end.y], sweptPath } : { no: "close" };
+  return sweptPath?.slices.length
+    ? { goal: [sweptPath.end.x, sweptPath.end.y], sweptPath }
+    : { no: "close" };
 };
 
-/** The first steps of a path. @param {import("../view/overlay/swept_path.js").Step[]} steps @param {number} length m */
+/**
+ * The first steps of a path.
+ * @param {import("../view/overlay/swept_path.js").Step[]} steps
+ * @param {number} length m
+ */
 const cut = (steps, length) => {
   let distance = 0;
   return steps.filter((step, i) => {

@@ -1,13 +1,15 @@
 /**
- * How fast the robot is to go: what "full speed" is, the least of robot and lease, times the step that the visitor chose; and from a held
- * key to a share of it, a gentle start and then more, so that a short press is a small move. Pure.
+ * How fast the robot is to go: what "full speed" is, the least of robot and lease, times the step
+ * that the visitor chose; and from a held key to a share of it, a gentle start and then more, so
+ * that a short press is a small move. Pure.
  */
 
 export const STEPS = [0.4, 0.7, 1];
 const CAUTIOUS = { linear: 0.4, reverse: 0.2, angular: 0.6 };
 
 /**
- * @param {{linear: number, reverse: number, angular: number} | null} robot the factsheet's limits, null while unknown
+ * @param {{linear: number, reverse: number, angular: number} | null} robot the factsheet's limits,
+ *   null while unknown
  * @param {{linear: number | null, angular: number | null}} lease
  * @param {number} step index into STEPS
  * @returns {{linear: number, reverse: number, angular: number}} m/s, m/s, rad/s

@@ -7,7 +7,10 @@ import { Keyboard } from "./keyboard.js";
 import { STEPS, fullSpeeds, toVelocity } from "./speeds.js";
 import { Stick } from "./stick.js";
 
-/** @typedef {{methods: string[], enable: () => void, disable: () => void, letGo: () => void, outdone?: () => void}} Controller `outdone`: a hand steers */
+/**
+ * @typedef {{methods: string[], enable: () => void, disable: () => void, letGo: () => void,
+ *   outdone?: () => void}} Controller `outdone`: a hand steers
+ */
 
 export class Steering {
   /**
@@ -37,7 +40,12 @@ export class Steering {
       step: (change) => this.setStep(this.step + change),
       barred: () => onBarred("keyboard"),
     });
-    this.stick = new Stick({ pad, knob, emit: (shares) => this.steer("stick", shares), stop: onStop });
+    this.stick = new Stick({
+      pad,
+      knob,
+      emit: (shares) => this.steer("stick", shares),
+      stop: onStop,
+    });
     /** @type {Controller[]} */
     this.known = [this.keyboard, this.stick];
     /** those that may steer */
@@ -60,7 +68,9 @@ export class Steering {
     this.allowed = methods;
     this.keyboard.steers = this.mayUse("keyboard");
     // Keys that may not steer still stop the robot.
-    this.controllers = this.known.filter((one) => one === this.keyboard || one.methods.some((method) => this.mayUse(method)));
+    this.controllers = this.known.filter(
+      (one) => one === this.keyboard || one.methods.some((method) => this.mayUse(method)),
+    );
     for (const one of this.known) {
       if (!this.controllers.includes(one)) {
         one.disable();
@@ -107,7 +117,9 @@ export class Steering {
 
   /**
    * A velocity of a controller that works it out by itself.
-   * @param {string} method @param {{linear: number, angular: number}} velocity @returns {boolean} whether it steers now
+   * @param {string} method
+   * @param {{linear: number, angular: number}} velocity
+   * @returns {boolean} whether it steers now
    */
   drive(method, velocity) {
     this.shares.delete(method);

@@ -1,5 +1,6 @@
 /**
- * Steering with a finger: a stick on the screen. Which way it is pushed is where the robot goes, how far is how fast.
+ * Steering with a finger: a stick on the screen. Which way it is pushed is where the robot goes,
+ * how far is how fast.
  */
 
 const DEAD = 0.14; // of the radius

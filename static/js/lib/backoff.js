@@ -1,5 +1,6 @@
 /**
- * How long to wait before attempt n: doubling, bounded, and spread out, so that a thousand pages do not come back in one instant.
+ * How long to wait before attempt n: doubling, bounded, and spread out, so that a thousand pages do
+ * not come back in one instant.
  * @param {number} attempt 0 is the first
  * @param {{first?: number, most?: number, random?: () => number}} [options] times in seconds
  * @returns {number} seconds

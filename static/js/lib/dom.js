@@ -1,11 +1,18 @@
-/** Same words are not written again: screen readers would read them again. @param {HTMLElement} element @param {string} text */
+/**
+ * Same words are not written again: screen readers would read them again.
+ * @param {HTMLElement} element
+ * @param {string} text
+ */
 export const write = (element, text) => {
   if (element.textContent !== text) {
     element.textContent = text;
   }
 };
 
-/** The keys drive again, and the space bar stops the robot instead of pressing a button again. @param {(id: string) => HTMLElement} element */
+/**
+ * The keys drive again, and the space bar stops the robot instead of pressing a button again.
+ * @param {(id: string) => HTMLElement} element
+ */
 export const backToDriving = (element) => element("viewport").focus({ preventScroll: true });
 
 /** @param {HTMLElement} button @param {boolean} pressed @param {boolean} busy */

@@ -1,5 +1,6 @@
 /**
- * A fresh id of the shape that the Robot API takes. `crypto.randomUUID` exists in secure contexts only; this works in all.
+ * A fresh id of the shape that the Robot API takes. `crypto.randomUUID` exists in secure contexts
+ * only; this works in all.
  * @param {string} [prefix]
  * @returns {string}
  */

@@ -1,8 +1,10 @@
 /**
- * A part of the page that is fetched when it is first needed. The network may be away just then: the next need fetches it again.
+ * A part of the page that is fetched when it is first needed. The network may be away just then:
+ * the next need fetches it again.
  * @template T
  * @param {() => Promise<T>} fetch
- * @returns {(use: (it: T) => void, missing?: () => void) => void} `missing` is called when it could not be lazy
+ * @returns {(use: (it: T) => void, missing?: () => void) => void} `missing` is called when it could
+ *   not be lazy
  */
 export const lazy = (fetch) => {
   /** @type {Promise<T> | undefined} */

@@ -1,6 +1,7 @@
 /**
- * The sentences of the page, in the visitor's language. They stand in the template (sessions/_words.html), one element a key, and
- * `{name}` in them is filled in here. A key may have the forms `.one` and `.other` for counts.
+ * The sentences of the page, in the visitor's language. They stand in the template
+ * (sessions/_words.html), one element a key, and `{name}` in them is filled in here. A key may have
+ * the forms `.one` and `.other` for counts.
  */
 
 /**
@@ -14,8 +15,11 @@ export const createWords = (sentences, language, always = {}) => {
   /** @param {string} key @param {Record<string, string | number>} values */
   const say = (key, values = {}) => {
     const counted = "n" in values ? `${key}.${plurals.select(Number(values.n))}` : key;
-    const sentence = sentences.get(counted) ?? sentences.get(`${key}.other`) ?? sentences.get(key) ?? "";
-    return sentence.replace(/\{(\w+)\}/g, (whole, name) => String(values[name] ?? always[name] ?? whole));
+    const sentence =
+      sentences.get(counted) ?? sentences.get(`${key}.other`) ?? sentences.get(key) ?? "";
+    return sentence.replace(/\{(\w+)\}/g, (whole, name) =>
+      String(values[name] ?? always[name] ?? whole),
+    );
   };
 
   return { say, has: (/** @type {string} */ key) => sentences.has(key) };
@@ -30,6 +34,9 @@ export const createWords = (sentences, language, always = {}) => {
  */
 export const readWords = (template, language, always) => {
   const elements = template.content.querySelectorAll("[data-word]");
-  const sentences = Array.from(elements, (element) => [element.getAttribute("data-word") ?? "", (element.textContent ?? "").trim()]);
+  const sentences = Array.from(elements, (element) => [
+    element.getAttribute("data-word") ?? "",
+    (element.textContent ?? "").trim(),
+  ]);
   return createWords(new Map(/** @type {[string, string][]} */ (sentences)), language, always);
 };

@@ -1,4 +1,7 @@
-/** Buttons that copy what a field or another element contains; where the browser forbids it, the text is selected instead. `data-done` is what the button says then. */
+/**
+ * Buttons that copy what a field or another element contains; where the browser forbids it, the
+ * text is selected instead. `data-done` is what the button says then.
+ */
 
 import { copy } from "../lib/clipboard.js";
 

@@ -1,13 +1,21 @@
-/** The landing page: asks every few seconds how the robots are, while somebody looks, and changes only what changed. */
+/**
+ * The landing page: asks every few seconds how the robots are, while somebody looks, and changes
+ * only what changed.
+ */
 
 const PERIOD_MS = 5000;
 const section = document.querySelector("[data-robots]");
 const invitation = document.querySelector("[data-invitation] a");
 const stale = section.querySelector("[data-stale]");
-const shown = new Map([...section.querySelectorAll("[data-robot]")].map((card) => [card.dataset.robot, card]));
+const shown = new Map(
+  [...section.querySelectorAll("[data-robot]")].map((card) => [card.dataset.robot, card]),
+);
 let timer = 0;
 
-/** @param {Element} element @param {string} text Write only a change: each write is read out by a screen reader. */
+/**
+ * @param {Element} element
+ * @param {string} text Write only a change: each write is read out by a screen reader.
+ */
 function say(element, text) {
   if (element.textContent.trim() !== text) element.textContent = text;
 }
@@ -36,7 +44,10 @@ function sameRobots(robots) {
 
 async function refresh() {
   try {
-    const answer = await fetch(section.dataset.robots, { headers: { Accept: "application/json" }, signal: AbortSignal.timeout(PERIOD_MS) });
+    const answer = await fetch(section.dataset.robots, {
+      headers: { Accept: "application/json" },
+      signal: AbortSignal.timeout(PERIOD_MS),
+    });
     if (!answer.ok) throw new Error(`robots: ${answer.status}`);
     const { robots, invitation: offered } = await answer.json();
     stale.hidden = true;
@@ -55,5 +66,7 @@ function schedule() {
   if (!document.hidden) timer = setTimeout(refresh, PERIOD_MS);
 }
 
-document.addEventListener("visibilitychange", () => (document.hidden ? clearTimeout(timer) : refresh()));
+document.addEventListener("visibilitychange", () =>
+  document.hidden ? clearTimeout(timer) : refresh(),
+);
 schedule();

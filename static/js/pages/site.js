@@ -1,4 +1,7 @@
-/** Every light page: the password's "Show", and a menu that closes when one looks elsewhere. Both work without this, only less well. */
+/**
+ * Every light page: the password's "Show", and a menu that closes when one looks elsewhere. Both
+ * work without this, only less well.
+ */
 
 for (const button of document.querySelectorAll("[data-reveal]")) {
   const field = document.getElementById(button.dataset.reveal);
@@ -9,7 +12,8 @@ for (const button of document.querySelectorAll("[data-reveal]")) {
     button.textContent = shown ? button.dataset.hide : button.dataset.show;
     button.setAttribute("aria-pressed", String(shown));
   });
-  // A password that is on screen when the form leaves would be offered as plain text by the browser's form history.
+  // A password that is on screen when the form leaves would be offered as plain text by the
+  // browser's form history.
   field.form?.addEventListener("submit", () => {
     field.type = "password";
   });

@@ -1,6 +1,6 @@
 /**
- * The visitor's voice and video: the devices that give them, the lines of the connection that take them, and the call that the robot is
- * told of.
+ * The visitor's voice and video: the devices that give them, the lines of the connection that take
+ * them, and the call that the robot is told of.
  */
 
 import { isOffered } from "../autonomy/offer.js";
@@ -24,13 +24,20 @@ export class CallMedia {
     this.saidAt = -Infinity;
     /** @type {import("../protocol/peer.js").Peer | null} */
     this.peer = null;
-    /** @type {ReturnType<typeof import("./screen_preview.js").createPreview> | null} of the screen that is shown; without it it is shown all the same */
+    /**
+     * @type {ReturnType<typeof import("./screen_preview.js").createPreview> | null} of the screen
+     *   that is shown; without it it is shown all the same
+     */
     this.preview = null;
     this.devices = new Devices({ onLost: (kind) => this.#lost(kind) });
     this.talkKey = new PushToTalk((down) => this.#talk(down));
     const { element, driving } = page;
     this.fetchPreview = lazy(async () =>
-      (await import("./screen_preview.js")).createPreview({ element, sendPointer: driving.sendPointer, backToDriving: () => backToDriving(element) }),
+      (await import("./screen_preview.js")).createPreview({
+        element,
+        sendPointer: driving.sendPointer,
+        backToDriving: () => backToDriving(element),
+      }),
     );
     const volume = /** @type {HTMLInputElement} */ (element("volume-there"));
     volume.addEventListener("input", () => this.change({ volume: Number(volume.value) / 100 }));
@@ -43,8 +50,12 @@ export class CallMedia {
   /** What its buttons do, by their ids. @returns {Record<string, () => void>} */
   get clicks() {
     return {
-      "presence-mic": () => (this.own.mic === "off" ? void this.#begin("audio") : this.change({ mic: this.own.mic === "on" ? "muted" : "on", talking: false })),
-      "presence-camera": () => (this.own.camera === "off" ? void this.#begin("video") : this.#end("video")),
+      "presence-mic": () =>
+        this.own.mic === "off"
+          ? void this.#begin("audio")
+          : this.change({ mic: this.own.mic === "on" ? "muted" : "on", talking: false }),
+      "presence-camera": () =>
+        this.own.camera === "off" ? void this.#begin("video") : this.#end("video"),
       "presence-share": () => (this.own.shares ? this.#end("video") : void this.#share()),
       "presence-hang-up": () => {
         this.#end("audio");
@@ -84,9 +95,16 @@ export class CallMedia {
       this.endAll();
       this.change({ turnedAway: true });
     }
-    if (state.robot && isOffered(state, "call") && mustSay(this.own, known, takesPointers(state)) && now - this.saidAt > AGAIN_SECONDS) {
+    if (
+      state.robot &&
+      isOffered(state, "call") &&
+      mustSay(this.own, known, takesPointers(state)) &&
+      now - this.saidAt > AGAIN_SECONDS
+    ) {
       this.saidAt = now;
-      this.page.driving.sendAction(ask({ type: "call", ...(callOf(this.own) ?? { ringing: false }) }, freshId("call-"), now));
+      this.page.driving.sendAction(
+        ask({ type: "call", ...(callOf(this.own) ?? { ringing: false }) }, freshId("call-"), now),
+      );
     }
   }
 
@@ -104,21 +122,29 @@ export class CallMedia {
     const name = kind === "audio" ? "mic" : "camera";
     this.change({ [name]: "asking", trouble: null, turnedAway: false });
     const why = await this.devices.open(kind);
-    this.page.connection.report(kind === "audio" ? "microphone" : "camera", { on: why === null, why: why ?? "" });
+    this.page.connection.report(kind === "audio" ? "microphone" : "camera", {
+      on: why === null,
+      why: why ?? "",
+    });
     if (why !== null) {
       this.change({ [name]: "off", talking: false, trouble: { kind, why } });
     } else if (roleOf(this.store.get().visit) !== "driver") {
       this.devices.close(kind); // the session has ended while the browser asked
       this.change({ [name]: "off" });
     } else {
-      this.change({ [name]: kind === "audio" && this.talkKey.pressed ? "muted" : "on", talking: this.talkKey.pressed });
+      this.change({
+        [name]: kind === "audio" && this.talkKey.pressed ? "muted" : "on",
+        talking: this.talkKey.pressed,
+      });
     }
   }
 
   /** @param {"audio" | "video"} kind */
   #end(kind) {
     this.devices.close(kind);
-    this.change(kind === "audio" ? { mic: "off", talking: false } : { camera: "off", shares: false });
+    this.change(
+      kind === "audio" ? { mic: "off", talking: false } : { camera: "off", shares: false },
+    );
     this.page.connection.report(kind === "audio" ? "microphone" : "camera", { on: false, why: "" });
   }
 
@@ -151,10 +177,17 @@ export class CallMedia {
     }
   }
 
-  /** A device was unplugged. Who ends the sharing by the browser's own button has not lost anything. @param {"audio" | "video"} kind */
+  /**
+   * A device was unplugged. Who ends the sharing by the browser's own button has not lost anything.
+   * @param {"audio" | "video"} kind
+   */
   #lost(kind) {
-    const trouble = this.own.shares && kind === "video" ? null : { kind, why: /** @type {const} */ ("missing") };
-    this.change({ ...(kind === "audio" ? { mic: "off" } : { camera: "off", shares: false }), trouble });
+    const trouble =
+      this.own.shares && kind === "video" ? null : { kind, why: /** @type {const} */ ("missing") };
+    this.change({
+      ...(kind === "audio" ? { mic: "off" } : { camera: "off", shares: false }),
+      trouble,
+    });
   }
 }
 
@@ -174,8 +207,9 @@ const replace = async (sender, track) => {
       await sender.setParameters(parameters);
     }
   } catch (error) {
+    // a DOMException says that this connection is over: the next one is given the track again
     if (!(error instanceof DOMException)) {
-      throw error; // a DOMException says that this connection is over: the next one is given the track again
+      throw error;
     }
   }
 };

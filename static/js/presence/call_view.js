@@ -1,11 +1,17 @@
-/** Shows the call: its buttons, the line beside them, the visitor's own video, and the screen that they show. */
+/**
+ * Shows the call: its buttons, the line beside them, the visitor's own video, and the screen that
+ * they show.
+ */
 
 import { isOffered } from "../autonomy/offer.js";
 import { setPressed, write } from "../lib/dom.js";
 import { callOf, isHeard, noteOf, previewOf } from "./call.js";
 import { takesPointers } from "./call_media.js";
 
-/** @param {import("../drive/registry.js").Page} page @param {import("./call_media.js").CallMedia} media */
+/**
+ * @param {import("../drive/registry.js").Page} page
+ * @param {import("./call_media.js").CallMedia} media
+ */
 export const createCallView = ({ element, words }, media) => {
   const renderSelf = createSelfView(/** @type {HTMLVideoElement} */ (element("self")));
 
@@ -16,10 +22,13 @@ export const createCallView = ({ element, words }, media) => {
     setPressed(element("presence-camera"), own.camera === "on", own.camera === "asking");
     element("presence-mic").toggleAttribute("data-sending", isHeard(own));
     element("presence-camera").toggleAttribute("data-sending", own.camera === "on");
-    write(element("presence-mic-text"), words.say(own.mic === "off" || own.mic === "asking" ? "presence.let_hear" : own.mic === "on" ? "presence.mute" : "presence.unmute"));
-    write(element("presence-camera-text"), words.say(own.shares ? "presence.share_off" : own.camera === "on" ? "presence.camera_off" : "presence.let_see"));
+    write(element("presence-mic-text"), words.say(micWord(own)));
+    write(element("presence-camera-text"), words.say(cameraWord(own)));
     element("presence-share").hidden = !offered || !media.devices.canShare;
-    write(element("presence-share-text"), words.say(own.shares ? "presence.share_off" : "presence.share"));
+    write(
+      element("presence-share-text"),
+      words.say(own.shares ? "presence.share_off" : "presence.share"),
+    );
     element("presence-hang-up").hidden = !offered || !callOf(own);
   };
 
@@ -30,7 +39,8 @@ export const createCallView = ({ element, words }, media) => {
     note.toggleAttribute("data-sending", isHeard(own) || own.camera === "on");
     note.toggleAttribute("data-trouble", own.trouble !== null);
     write(element("presence-note-text"), key && words.say(key));
-    element("presence-where").toggleAttribute("hidden", own.trouble?.why !== "refused"); // an SVG has no property of that name
+    // an SVG has no property of that name
+    element("presence-where").toggleAttribute("hidden", own.trouble?.why !== "refused");
     element("presence-again").hidden = own.trouble === null || own.trouble.why === "unsupported";
     element("presence-dismiss").hidden = own.trouble === null && !own.turnedAway;
   };
@@ -44,10 +54,30 @@ export const createCallView = ({ element, words }, media) => {
       renderNote(own, offered ? noteOf(own, robot?.call ?? null, robot?.screens ?? 0) : "");
       renderSelf(media.devices.tracks.video, own.shares);
       const { seen, points } = previewOf(own, offered ? robot?.call : null, robot?.screens ?? 0);
-      media.preview?.show({ track: seen ? media.devices.tracks.video : null, points: points && takesPointers(state), name: state.room.driver ?? "" });
+      media.preview?.show({
+        track: seen ? media.devices.tracks.video : null,
+        points: points && takesPointers(state),
+        name: state.room.driver ?? "",
+      });
       element("volume-there-row").hidden = !isOffered(state, "call");
     },
   };
+};
+
+/** What the button of the microphone does. @param {import("./call.js").Own} own */
+const micWord = ({ mic }) => {
+  if (mic === "off" || mic === "asking") {
+    return "presence.let_hear";
+  }
+  return mic === "on" ? "presence.mute" : "presence.unmute";
+};
+
+/** What the button of the camera does. @param {import("./call.js").Own} own */
+const cameraWord = ({ camera, shares }) => {
+  if (shares) {
+    return "presence.share_off";
+  }
+  return camera === "on" ? "presence.camera_off" : "presence.let_see";
 };
 
 /** The visitor as they see them, small. @param {HTMLVideoElement} self */

@@ -1,6 +1,7 @@
 /**
- * What visitor and people at the robot have written to each other, on the drive page: a list in which every sentence of the visitor says
- * how far it has come. Fetched when the chat is first opened, or the people there write.
+ * What visitor and people at the robot have written to each other, on the drive page: a list in
+ * which every sentence of the visitor says how far it has come. Fetched when the chat is first
+ * opened, or the people there write.
  */
 
 import { unixNow } from "../lib/clock.js";
@@ -15,7 +16,10 @@ export class Conversation {
   constructor(page) {
     this.page = page;
     this.list = page.element("talk-list");
-    /** @type {Map<string, {delivery: import("./delivery.js").Delivery, line: HTMLElement}>} the visitor's own, by the id of their `say` */
+    /**
+     * @type {Map<string, {delivery: import("./delivery.js").Delivery, line: HTMLElement}>} the
+     *   visitor's own, by the id of their `say`
+     */
     this.own = new Map();
   }
 
@@ -24,16 +28,25 @@ export class Conversation {
     this.list.replaceChildren();
   }
 
-  /** The visitor's sentence leaves the page. @param {import("../autonomy/robot_action.js").RobotAction} action */
+  /**
+   * The visitor's sentence leaves the page.
+   * @param {import("../autonomy/robot_action.js").RobotAction} action
+   */
   sent(action) {
-    const line = lineOf({ who: this.page.words.say("presence.you"), text: action.fields.text, own: true });
+    const line = lineOf({
+      who: this.page.words.say("presence.you"),
+      text: action.fields.text,
+      own: true,
+    });
     line.append(this.#stateOf(action.id));
     this.own.set(action.id, { delivery: newDelivery(action), line });
     this.#append(line, true);
     this.#render(action.id);
   }
 
-  /** @param {{by: string, who: string, text: string, actionId: string, receipts: boolean}} message */
+  /**
+   * @param {{by: string, who: string, text: string, actionId: string, receipts: boolean}} message
+   */
   received(message) {
     const { by, who, text, actionId } = message;
     const { words } = this.page;
@@ -41,7 +54,14 @@ export class Conversation {
       this.#change(actionId, (delivery) => onWords(delivery, message, unixNow()));
     } else {
       const mine = by === "driver"; // written on this page before it was loaded anew
-      this.#append(lineOf({ who: mine ? words.say("presence.you") : who || words.say("presence.they"), text, own: mine }), mine);
+      this.#append(
+        lineOf({
+          who: mine ? words.say("presence.you") : who || words.say("presence.they"),
+          text,
+          own: mine,
+        }),
+        mine,
+      );
     }
   }
 
@@ -66,7 +86,11 @@ export class Conversation {
     }
   }
 
-  /** @param {string} id @param {(delivery: import("./delivery.js").Delivery) => import("./delivery.js").Delivery} change */
+  /**
+   * @param {string} id
+   * @param {(delivery: import("./delivery.js").Delivery) => import("./delivery.js").Delivery}
+   *   change
+   */
   #change(id, change) {
     const entry = this.own.get(id);
     if (entry) {
@@ -75,7 +99,11 @@ export class Conversation {
     }
   }
 
-  /** How far a sentence has come, and a button for one that was not sent. @param {string} id @returns {HTMLElement} */
+  /**
+   * How far a sentence has come, and a button for one that was not sent.
+   * @param {string} id
+   * @returns {HTMLElement}
+   */
   #stateOf(id) {
     const state = document.createElement("span");
     state.className = "line__state";
@@ -94,19 +122,28 @@ export class Conversation {
 
   /** @param {string} id */
   #render(id) {
-    const { delivery, line } = /** @type {{delivery: import("./delivery.js").Delivery, line: HTMLElement}} */ (this.own.get(id));
+    const { delivery, line } =
+      /** @type {{delivery: import("./delivery.js").Delivery, line: HTMLElement}} */ (
+        this.own.get(id)
+      );
     const state = /** @type {HTMLElement} */ (line.querySelector(".line__state"));
     if (state.dataset.stage !== delivery.stage) {
       state.dataset.stage = delivery.stage;
     }
     const [words, again] = /** @type {HTMLElement[]} */ (Array.from(state.children));
     again.hidden = delivery.stage !== "failed";
-    write(words, this.page.words.say(lineFor(delivery, this.page.store.get().robot?.screens ?? 0, unixNow())));
+    write(
+      words,
+      this.page.words.say(lineFor(delivery, this.page.store.get().robot?.screens ?? 0, unixNow())),
+    );
   }
 
   /** @param {HTMLElement} line @param {boolean} mine */
   #append(line, mine) {
-    const { list, page: { store } } = this;
+    const {
+      list,
+      page: { store },
+    } = this;
     list.append(line);
     while (list.children.length > MOST_LINES) {
       const first = list.firstElementChild;
@@ -118,7 +155,8 @@ export class Conversation {
       }
     }
     const { panel, unread } = store.get();
-    // What somebody says there is worth seeing at once; the keys go on driving, or stay with the menu that has them.
+    // What somebody says there is worth seeing at once; the keys go on driving, or stay with the
+    // menu that has them.
     const next = mine ? panel : panel || "talk";
     store.update({ panel: next, unread: next === "talk" ? 0 : unread + (mine ? 0 : 1) });
     store.flush(); // what is hidden cannot be scrolled

@@ -1,23 +1,42 @@
 /**
- * Microphone, camera and screen of the visitor: asked for one at a time and only on a click, given back when they are not wanted.
+ * Microphone, camera and screen of the visitor: asked for one at a time and only on a click, given
+ * back when they are not wanted.
  */
 
 const WANTED = {
   audio: { audio: { echoCancellation: true, noiseSuppression: true, autoGainControl: true } },
-  video: { video: { width: { ideal: 640 }, height: { ideal: 480 }, frameRate: { ideal: 24, max: 30 }, facingMode: "user" } },
+  video: {
+    video: {
+      width: { ideal: 640 },
+      height: { ideal: 480 },
+      frameRate: { ideal: 24, max: 30 },
+      facingMode: "user",
+    },
+  },
 };
 
-const SCREEN = { video: { width: { max: 1280 }, height: { max: 720 }, frameRate: { max: 10 } }, audio: false }; // sharp rather than smooth
+const SCREEN = {
+  video: { width: { max: 1280 }, height: { max: 720 }, frameRate: { max: 10 } },
+  audio: false,
+}; // sharp rather than smooth
 
 /** @typedef {"audio" | "video"} Kind */
 /** @typedef {"refused" | "missing" | "busy" | "unsupported"} Trouble */
 
-/** Why a browser did not give a device, by the name of its error. @param {string} name @returns {Trouble} */
+/**
+ * Why a browser did not give a device, by the name of its error.
+ * @param {string} name
+ * @returns {Trouble}
+ */
 export const troubleOf = (name) => {
   if (name === "NotAllowedError" || name === "SecurityError" || name === "PermissionDeniedError") {
     return "refused";
   }
-  if (name === "NotFoundError" || name === "OverconstrainedError" || name === "DevicesNotFoundError") {
+  if (
+    name === "NotFoundError" ||
+    name === "OverconstrainedError" ||
+    name === "DevicesNotFoundError"
+  ) {
     return "missing";
   }
   return name === "TypeError" ? "unsupported" : "busy";
@@ -26,7 +45,8 @@ export const troubleOf = (name) => {
 export class Devices {
   /**
    * @param {object} options
-   * @param {(kind: Kind) => void} options.onLost the device was unplugged, or the browser took it back
+   * @param {(kind: Kind) => void} options.onLost the device was unplugged, or the browser took it
+   *   back
    * @param {MediaDevices | undefined} [options.media]
    */
   constructor({ onLost, media = globalThis.navigator?.mediaDevices }) {
@@ -60,7 +80,10 @@ export class Devices {
     return Boolean(this.media?.getDisplayMedia);
   }
 
-  /** Have the visitor choose what to show, in place of the camera. @returns {Promise<boolean>} false when they would rather not */
+  /**
+   * Have the visitor choose what to show, in place of the camera.
+   * @returns {Promise<boolean>} false when they would rather not
+   */
   async share() {
     try {
       const stream = await /** @type {MediaDevices} */ (this.media).getDisplayMedia(SCREEN);

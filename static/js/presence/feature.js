@@ -1,6 +1,7 @@
 /**
- * Being there, on the drive page: voice and video to the robot, messages both ways, the head, and photos to keep. What to do is decided in
- * the pure modules beside it. Nothing here is needed to drive, and whatever fails leaves driving as it is.
+ * Being there, on the drive page: voice and video to the robot, messages both ways, the head, and
+ * photos to keep. What to do is decided in the pure modules beside it. Nothing here is needed to
+ * drive, and whatever fails leaves driving as it is.
  */
 
 import { backToDriving } from "../lib/dom.js";
@@ -19,21 +20,17 @@ import { createMessages } from "./messages.js";
 const setUp = (page) => {
   const { store, element } = page;
   const media = new CallMedia(page);
-  const fetchPhoto = lazy(async () => new (await import("./kept_photo.js")).KeptPhoto(page));
-  /** @type {import("./kept_photo.js").KeptPhoto | null} fetched with the first photo that is taken */
-  let photo = null;
-  const takePhoto = () =>
-    fetchPhoto(
-      (it) => {
-        photo = it;
-        photo.take();
-      },
-      () => store.update({ said: { word: "kept.failed", at: unixNow() }, now: unixNow() }),
-    );
-  const knock = newKnock(page);
+  const [photo, knock] = [newPhoto(page), newKnock(page)];
   const [messages, head, audience] = [createMessages(page), createHead(page), newAudience(page)];
   const callView = createCallView(page, media);
-  setUpButtons(page, { ...media.clicks, ...messages.clicks, "presence-photo": takePhoto, "presence-knock": knock.knock, "kept-close": () => photo?.close(), "presence-volumes": () => toggleVolumes(page, messages) });
+  setUpButtons(page, {
+    ...media.clicks,
+    ...messages.clicks,
+    "presence-photo": photo.take,
+    "presence-knock": knock.knock,
+    "kept-close": photo.close,
+    "presence-volumes": () => toggleVolumes(page, messages),
+  });
   page.keys.closes(element("volumes"), messages.closePanel, () => messages.show(""));
   const renders = [callView.render, messages.render, head.render, audience.render];
   return {
@@ -41,7 +38,7 @@ const setUp = (page) => {
     handlers: {
       ...audience.handlers,
       action: (/** @type {any} */ message) => {
-        photo?.heard(message);
+        photo.heard(message);
         knock.answered(message);
         messages.answered(message);
       },
@@ -56,33 +53,62 @@ const setUp = (page) => {
       poll: (/** @type {number} */ now) => {
         media.poll(now);
         head.poll(now);
-        photo?.poll(now);
+        photo.poll(now);
         messages.poll(now);
         knock.poll(now);
       },
     },
     render: (/** @type {import("../drive/features.js").State} */ before) => {
-      const { visit, own, panel, keptPhoto } = before;
       const waits = mayWriteWaiting(before);
-      if (roleOf(visit) !== "driver" && (callOf(own) || (panel && !(waits && panel === "talk")) || keptPhoto)) {
+      if (isLeftOpen(before, waits)) {
         media.endAll();
-        photo?.close();
+        photo.close();
         store.update({ panel: "", writing: false });
       }
       const state = store.get();
-      // Who writes goes on writing while the video is away: a field that goes would leave the next letters to the robot.
-      element("presence").hidden = !waits && (roleOf(visit) !== "driver" || !(state.playing || state.writing || state.panel === "volumes"));
-      showButtons(element, state, waits);
+      showBar(element, state, waits);
       renders.forEach((render) => render(state));
-      photo?.render(state);
+      photo.render(state);
     },
+  };
+};
+
+/**
+ * Whether something is open that only a driver may have.
+ * @param {import("../drive/features.js").State} state
+ * @param {boolean} waits at a stopped robot: with its chat
+ */
+const isLeftOpen = ({ visit, own, panel, keptPhoto }, waits) =>
+  roleOf(visit) !== "driver" &&
+  (callOf(own) || (panel && !(waits && panel === "talk")) || keptPhoto);
+
+/** @param {import("../drive/registry.js").Page} page */
+const newPhoto = (page) => {
+  const fetchPhoto = lazy(async () => new (await import("./kept_photo.js")).KeptPhoto(page));
+  /** @type {import("./kept_photo.js").KeptPhoto | null} fetched with the first photo */
+  let fetched = null;
+  return {
+    take: () =>
+      fetchPhoto(
+        (it) => {
+          fetched = it;
+          it.take();
+        },
+        () => page.store.update({ said: { word: "kept.failed", at: unixNow() }, now: unixNow() }),
+      ),
+    close: () => fetched?.close(),
+    heard: (/** @type {any} */ message) => fetched?.heard(message),
+    poll: (/** @type {number} */ now) => fetched?.poll(now),
+    render: (/** @type {import("../drive/features.js").State} */ state) => fetched?.render(state),
   };
 };
 
 /** @param {import("../drive/registry.js").Page} page */
 const newKnock = (page) => {
   const fetchKnock = lazy(async () => (await import("./knock.js")).createKnock(page));
-  /** @type {ReturnType<typeof import("./knock.js").createKnock> | null} fetched with the first knock */
+  /**
+   * @type {ReturnType<typeof import("./knock.js").createKnock> | null} fetched with the first knock
+   */
   let fetched = null;
   return {
     knock: () =>
@@ -98,7 +124,10 @@ const newKnock = (page) => {
 /** @param {import("../drive/registry.js").Page} page */
 const newAudience = (page) => {
   const fetchPanel = lazy(async () => (await import("../audience/panel.js")).createPanel(page));
-  /** @type {ReturnType<typeof import("../audience/panel.js").createPanel> | null} fetched when somebody watches */
+  /**
+   * @type {ReturnType<typeof import("../audience/panel.js").createPanel> | null} fetched when
+   *   somebody watches
+   */
   let panel = null;
   const render = (/** @type {import("../drive/features.js").State} */ state) => {
     if (!panel && state.audience?.open && state.room.observers) {
@@ -119,13 +148,20 @@ const newAudience = (page) => {
   };
 };
 
-/** @param {import("../drive/registry.js").Page} page @param {ReturnType<typeof createMessages>} messages */
+/**
+ * @param {import("../drive/registry.js").Page} page
+ * @param {ReturnType<typeof createMessages>} messages
+ */
 const toggleVolumes = ({ store, element }, messages) => {
   messages.show(store.get().panel === "volumes" ? "" : "volumes");
-  element("volumes").focus({ preventScroll: true }); // not the button, which the space bar would press again
+  // not the button, which the space bar would press again
+  element("volumes").focus({ preventScroll: true });
 };
 
-/** @param {import("../drive/registry.js").Page} page @param {Record<string, () => void>} clicks by the button's id */
+/**
+ * @param {import("../drive/registry.js").Page} page
+ * @param {Record<string, () => void>} clicks by the button's id
+ */
 const setUpButtons = ({ element, keys }, clicks) => {
   for (const [id, click] of Object.entries(clicks)) {
     element(id).addEventListener("click", () => {
@@ -135,7 +171,10 @@ const setUpButtons = ({ element, keys }, clicks) => {
       }
     });
   }
-  const [here, audio] = [/** @type {HTMLInputElement} */ (element("volume-here")), /** @type {HTMLAudioElement} */ (element("audio"))];
+  const [here, audio] = [
+    /** @type {HTMLInputElement} */ (element("volume-here")),
+    /** @type {HTMLAudioElement} */ (element("audio")),
+  ];
   here.addEventListener("input", () => {
     audio.volume = Number(here.value) / 100;
   });
@@ -144,11 +183,22 @@ const setUpButtons = ({ element, keys }, clicks) => {
 /** @type {import("../drive/registry.js").Feature} */
 export const presence = { name: "presence", setUp };
 
-/** @param {import("../drive/registry.js").Page["element"]} element @param {import("../drive/features.js").State} state @param {boolean} waits at a stopped robot: with its chat, and nothing else of this */
-const showButtons = (element, state, waits) => {
+/**
+ * @param {import("../drive/registry.js").Page["element"]} element
+ * @param {import("../drive/features.js").State} state
+ * @param {boolean} waits at a stopped robot: with its chat, and nothing else of this
+ */
+const showBar = (element, state, waits) => {
+  const drives = roleOf(state.visit) === "driver";
+  // Who writes goes on writing while the video is away: a field that goes would leave the next
+  // letters to the robot.
+  element("presence").hidden =
+    !waits && (!drives || !(state.playing || state.writing || state.panel === "volumes"));
   element("presence-volumes").hidden = waits;
   // In a study its photos belong to the task.
-  element("presence-photo").hidden = !isOffered(state, "photo") || Boolean(state.study) || !state.playing;
+  element("presence-photo").hidden =
+    !isOffered(state, "photo") || Boolean(state.study) || !state.playing;
   // What is shared lies beside the bar; on a phone there is no room for one more button.
-  element("presence-knock").hidden = roleOf(state.visit) !== "driver" || !state.robot?.knockable || state.own.shares || !mayAsk(state, "knock");
+  element("presence-knock").hidden =
+    !drives || !state.robot?.knockable || state.own.shares || !mayAsk(state, "knock");
 };

@@ -21,7 +21,8 @@ export const createHead = ({ store, element, driving, words }) => {
     }
   };
   slider.addEventListener("input", () => tiltTo(Number(slider.value)));
-  slider.addEventListener("pointerup", () => backToDriving(element)); // the arrows are to drive again, and not to nod
+  // the arrows are to drive again, and not to nod
+  slider.addEventListener("pointerup", () => backToDriving(element));
 
   /** @param {number} change rad, positive looks down */
   const step = (change) => ({
@@ -47,14 +48,21 @@ export const createHead = ({ store, element, driving, words }) => {
       const range = isOffered(state, "tilt") && state.playing ? state.factsheet.tilt : null;
       element("tilt").hidden = !range;
       if (range) {
-        Object.assign(slider, { min: String(range.minimum), max: String(range.maximum), step: "0.01" });
+        Object.assign(slider, {
+          min: String(range.minimum),
+          max: String(range.maximum),
+          step: "0.01",
+        });
         const shown = tilting.shown(state.robot?.tilt ?? null, unixNow());
         if (shown !== null && Math.abs(Number(slider.value) - shown) > 0.005) {
           slider.value = String(shown);
         }
         if (shown !== null) {
           const degrees = Math.round((Math.abs(shown) * 180) / Math.PI);
-          const said = words.say(degrees === 0 ? "tilt.level" : shown > 0 ? "tilt.down" : "tilt.up", { degrees });
+          const said = words.say(
+            degrees === 0 ? "tilt.level" : shown > 0 ? "tilt.down" : "tilt.up",
+            { degrees },
+          );
           if (slider.getAttribute("aria-valuetext") !== said) {
             slider.setAttribute("aria-valuetext", said);
           }

@@ -1,4 +1,7 @@
-/** A photo that the visitor takes for themselves: asked for, waited for, shown, and offered for download. */
+/**
+ * A photo that the visitor takes for themselves: asked for, waited for, shown, and offered for
+ * download.
+ */
 
 import { ask, heard, pass } from "../autonomy/robot_action.js";
 import { unixNow } from "../lib/clock.js";
@@ -64,7 +67,15 @@ export class KeptPhoto {
     const { keptPhoto: photo, keptPhotoUrl: url } = state;
     const done = photo?.status === "FINISHED" || url !== "";
     element("kept").hidden = photo === null;
-    const key = !photo ? "" : photo.status === "FAILED" ? "kept.failed" : url ? "kept.here" : done ? "kept.coming" : "kept.taking";
+    const key = !photo
+      ? ""
+      : photo.status === "FAILED"
+        ? "kept.failed"
+        : url
+          ? "kept.here"
+          : done
+            ? "kept.coming"
+            : "kept.taking";
     write(element("kept-text"), key && words.say(key));
     const image = /** @type {HTMLImageElement} */ (element("kept-picture"));
     const link = /** @type {HTMLAnchorElement} */ (element("kept-download"));

@@ -1,6 +1,6 @@
 /**
- * Knocking at the robot, so that somebody there comes to its screen. Fetched with the first knock. What becomes of it is read in the
- * robot's state; the line about it goes away when it was read.
+ * Knocking at the robot, so that somebody there comes to its screen. Fetched with the first knock.
+ * What becomes of it is read in the robot's state; the line about it goes away when it was read.
  */
 
 import { ask, heard, pass } from "../autonomy/robot_action.js";
@@ -9,12 +9,17 @@ import { write } from "../lib/dom.js";
 import { freshId } from "../lib/ids.js";
 
 const READ_SECONDS = 8;
-const ASKED_IN_VAIN = { too_soon: "knock.too_soon", declined: "knock.declined", nobody_there: "knock.nobody_there" };
+const ASKED_IN_VAIN = {
+  too_soon: "knock.too_soon",
+  declined: "knock.declined",
+  nobody_there: "knock.nobody_there",
+};
 
 /**
  * The key of the line about a knock, and whether that is its end. Pure.
  * @param {import("../autonomy/robot_action.js").RobotAction | null} action the newest knock
- * @param {{actionId: string, status: string} | null | undefined} known the knock as the robot's state has it
+ * @param {{actionId: string, status: string} | null | undefined} known the knock as the robot's
+ *   state has it
  * @returns {{word: string, ended: boolean}}
  */
 export const lineOfKnock = (action, known) => {
@@ -22,10 +27,15 @@ export const lineOfKnock = (action, known) => {
     return { word: "", ended: true };
   }
   if (action.status === "FAILED") {
-    return { word: ASKED_IN_VAIN[/** @type {keyof typeof ASKED_IN_VAIN} */ (action.reason)] ?? "knock.failed", ended: true };
+    return {
+      word:
+        ASKED_IN_VAIN[/** @type {keyof typeof ASKED_IN_VAIN} */ (action.reason)] ?? "knock.failed",
+      ended: true,
+    };
   }
   if (action.status === "ASKED" || known?.actionId !== action.id) {
-    return { word: "knock.asked", ended: action.status !== "ASKED" }; // the robot has taken it; a state that does not say so is old, or the last
+    // the robot has taken it; a state that does not say so is old, or the last
+    return { word: "knock.asked", ended: action.status !== "ASKED" };
   }
   return { word: `knock.${known.status}`, ended: known.status !== "ringing" };
 };

@@ -1,4 +1,7 @@
-/** Messages to the people there and from them: the panel that lists them, and its field. The list itself is conversation.js, fetched when it is needed. */
+/**
+ * Messages to the people there and from them: the panel that lists them, and its field. The list
+ * itself is conversation.js, fetched when it is needed.
+ */
 
 import { isOffered, mayWriteWaiting } from "../autonomy/offer.js";
 import { ask } from "../autonomy/robot_action.js";
@@ -11,21 +14,13 @@ import { lazy } from "../lib/lazy.js";
 export const createMessages = (page) => {
   const { store, element, keys } = page;
   let session = "";
-  const fetchConversation = lazy(async () => new (await import("./conversation.js")).Conversation(page));
-  /** @typedef {import("./conversation.js").Conversation} Conversation */
-  /** @type {Conversation | null} */
-  let conversation = null;
-  /** @type {((it: Conversation) => void)[]} what it is to hear, in order; kept while it cannot be fetched */
-  const waiting = [];
-  const tell = (/** @type {((it: Conversation) => void)[]} */ ...what) => {
-    waiting.push(...what);
-    fetchConversation((it) => {
-      conversation = it;
-      waiting.splice(0).forEach((one) => one(it));
-    });
-  };
+  const { tell, fetched, poll } = newConversation(page);
 
-  /** Open a panel, at once: the visitor's next key goes to what they have opened. @param {"" | "talk" | "volumes"} panel @param {boolean} [writing] */
+  /**
+   * Open a panel, at once: the visitor's next key goes to what they have opened.
+   * @param {"" | "talk" | "volumes"} panel
+   * @param {boolean} [writing]
+   */
   const show = (panel, writing = false) => {
     store.update({ panel, writing, unread: panel === "talk" ? 0 : store.get().unread });
     store.flush();
@@ -35,7 +30,9 @@ export const createMessages = (page) => {
     backToDriving(element);
   };
   keys.closes(element("talk"), closePanel, () => show("talk"));
-  const onSent = (/** @type {import("../autonomy/robot_action.js").RobotAction | null} */ action) => {
+  const onSent = (
+    /** @type {import("../autonomy/robot_action.js").RobotAction | null} */ action,
+  ) => {
     if (action) {
       tell((it) => it.sent(action));
     }
@@ -59,14 +56,14 @@ export const createMessages = (page) => {
     closePanel,
     clicks: { "presence-talk": toggleWriting },
     received: (/** @type {any} */ message) => tell((it) => it.received(message)),
-    answered: (/** @type {any} */ status) => conversation?.answered(status),
-    confirmed: (/** @type {any} */ receipt) => conversation?.confirmed(receipt),
-    poll: (/** @type {number} */ now) => (waiting.length ? tell() : conversation?.poll(now)),
+    answered: (/** @type {any} */ status) => fetched()?.answered(status),
+    confirmed: (/** @type {any} */ receipt) => fetched()?.confirmed(receipt),
+    poll,
     /** @param {import("../drive/features.js").State} state */
     render: (state) => {
       if (state.visit.session && state.visit.session !== session) {
         session = state.visit.session;
-        conversation?.clear();
+        fetched()?.clear();
       }
       const offered = isOffered(state, "say") || mayWriteWaiting(state);
       if (!offered && state.panel === "talk") {
@@ -77,11 +74,46 @@ export const createMessages = (page) => {
   };
 };
 
-/** @param {import("../drive/registry.js").Page} page @param {import("../drive/features.js").State} state @param {boolean} offered */
+/**
+ * The conversation, fetched once there is something to tell it.
+ * @param {import("../drive/registry.js").Page} page
+ */
+const newConversation = (page) => {
+  /** @typedef {import("./conversation.js").Conversation} Conversation */
+  const fetchConversation = lazy(
+    async () => new (await import("./conversation.js")).Conversation(page),
+  );
+  /** @type {Conversation | null} */
+  let conversation = null;
+  /**
+   * @type {((it: Conversation) => void)[]} what it is to hear, in order; kept while it cannot be
+   *   fetched
+   */
+  const waiting = [];
+  const tell = (/** @type {((it: Conversation) => void)[]} */ ...what) => {
+    waiting.push(...what);
+    fetchConversation((it) => {
+      conversation = it;
+      waiting.splice(0).forEach((one) => one(it));
+    });
+  };
+  return {
+    tell,
+    fetched: () => conversation,
+    poll: (/** @type {number} */ now) => (waiting.length ? tell() : conversation?.poll(now)),
+  };
+};
+
+/**
+ * @param {import("../drive/registry.js").Page} page
+ * @param {import("../drive/features.js").State} state
+ * @param {boolean} offered
+ */
 const renderPanels = ({ element }, { panel, writing, unread }, offered) => {
   const writes = writing && panel === "talk";
   element("presence-talk").hidden = !offered;
-  element("talk").hidden = panel !== "talk" || (!writes && element("talk-list").childElementCount === 0);
+  element("talk").hidden =
+    panel !== "talk" || (!writes && element("talk-list").childElementCount === 0);
   element("talk").toggleAttribute("data-holds-keys", writes);
   element("talk-writing").hidden = !writes;
   element("volumes").hidden = panel !== "volumes";
@@ -91,14 +123,28 @@ const renderPanels = ({ element }, { panel, writing, unread }, offered) => {
   write(element("unread"), String(unread));
 };
 
-/** @param {import("../drive/registry.js").Page} page @param {(action: import("../autonomy/robot_action.js").RobotAction | null) => void} onSent */
+/**
+ * @param {import("../drive/registry.js").Page} page
+ * @param {(action: import("../autonomy/robot_action.js").RobotAction | null) => void} onSent
+ */
 const setUpForm = ({ element, driving }, onSent) => {
   const input = (/** @type {string} */ id) => /** @type {HTMLInputElement} */ (element(id));
   element("talk-form").addEventListener("submit", (event) => {
     event.preventDefault();
     const field = input("talk-field");
     const text = field.value.trim().slice(0, 500);
-    const action = text ? ask({ type: "say", text, aloud: input("talk-aloud").checked, language: document.documentElement.lang }, freshId("say-"), unixNow()) : null;
+    const action = text
+      ? ask(
+          {
+            type: "say",
+            text,
+            aloud: input("talk-aloud").checked,
+            language: document.documentElement.lang,
+          },
+          freshId("say-"),
+          unixNow(),
+        )
+      : null;
     if (action) {
       driving.sendAction(action);
       field.value = "";

@@ -1,22 +1,29 @@
 /**
- * Pointing on a picture that stands in two places: where a hand is on it, when to say so, and how long a dot stays. Pure, and the same on
- * both sides. A spot is in shares of the picture's width from its left and of its height from its top, so that it is the same one however
- * large the picture is shown.
+ * Pointing on a picture that stands in two places: where a hand is on it, when to say so, and how
+ * long a dot stays. Pure, and the same on both sides. A spot is in shares of the picture's width
+ * from its left and of its height from its top, so that it is the same one however large the
+ * picture is shown.
  */
 
 import { boxOf } from "../view/overlay/camera_model.js";
 
-export const EVERY = 1 / 15; // s between two pointers that are sent; the robot takes twenty a second
-const AGAIN = 0.8; // s after which a hand that is pressed and rests is told again, before its dot fades
+// s between two pointers that are sent; the robot takes twenty a second
+export const EVERY = 1 / 15;
+// s after which a hand that is pressed and rests is told again, before its dot fades
+const AGAIN = 0.8;
 export const STAYS = 2; // s without another until a dot goes away
-const LEAST = 0.8; // s that a dot is shown at least: a finger that only taps is gone before anybody has looked
+// s that a dot is shown at least: a finger that only taps is gone before anybody has looked
+const LEAST = 0.8;
 
 /** @typedef {[number, number]} Spot */
 /** @typedef {{left: number, top: number, width: number, height: number}} Frame CSS pixels */
 
 /**
  * Where a picture lies in the element that shows it by `object-fit`, without the bars beside it.
- * @param {{width: number, height: number}} picture @param {number} width CSS pixels of the element @param {number} height @param {string} fit
+ * @param {{width: number, height: number}} picture
+ * @param {number} width CSS pixels of the element
+ * @param {number} height
+ * @param {string} fit
  * @returns {Frame}
  */
 export const frameOf = (picture, width, height, fit) => {
@@ -32,7 +39,10 @@ const share = (value) => Math.round(1e4 * Math.min(1, Math.max(0, value))) / 1e4
  * @param {Frame} frame @param {{clientX: number, clientY: number}} hand in the same pixels
  * @returns {Spot}
  */
-export const spotIn = ({ left, top, width, height }, { clientX, clientY }) => [share((clientX - left) / width), share((clientY - top) / height)];
+export const spotIn = ({ left, top, width, height }, { clientX, clientY }) => [
+  share((clientX - left) / width),
+  share((clientY - top) / height),
+];
 
 /** What there is to say of a hand, and when. */
 export class Hand {
@@ -51,11 +61,16 @@ export class Hand {
     this.pressed = pressed;
   }
 
-  /** What to say now: a spot, null that it is gone, undefined for nothing. @param {number} now s @returns {Spot | null | undefined} */
+  /**
+   * What to say now: a spot, null that it is gone, undefined for nothing.
+   * @param {number} now s
+   * @returns {Spot | null | undefined}
+   */
   take(now) {
     const { spot, said } = this;
     const isNews = spot?.[0] !== said?.[0] || spot?.[1] !== said?.[1];
-    const pause = spot === null ? 0 : !isNews ? AGAIN : said === null ? 2 * EVERY : EVERY; // that it is gone is told at once, and counts
+    // that it is gone is told at once, and counts
+    const pause = spot === null ? 0 : !isNews ? AGAIN : said === null ? 2 * EVERY : EVERY;
     if ((!isNews && !this.pressed) || now - this.saidAt < pause) {
       return undefined;
     }
@@ -77,7 +92,10 @@ export class RemotePointer {
     this.until = -Infinity;
   }
 
-  /** @param {{stamp: number, at: Spot | null}} message by the sender's clock @param {number} now by ours, s */
+  /**
+   * @param {{stamp: number, at: Spot | null}} message by the sender's clock
+   * @param {number} now by ours, s
+   */
   told({ stamp, at }, now) {
     if (stamp < this.stamp && now - this.heardAt < STAYS) {
       return; // overtaken; after a while of silence the sender's clock may have been set

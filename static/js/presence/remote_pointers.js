@@ -1,9 +1,11 @@
 /**
- * Two pointers over a video, one of each side, and the hand that moves one of them: what the drive page and the robot's own display have in
- * common. The layer stands in the element that the video fills, and is laid just over the picture, without the bars beside it, so that a
- * share of the layer is a share of the picture.
+ * Two pointers over a video, one of each side, and the hand that moves one of them: what the drive
+ * page and the robot's own display have in common. The layer stands in the element that the video
+ * fills, and is laid just over the picture, without the bars beside it, so that a share of the
+ * layer is a share of the picture.
  *
- * It takes presses and nothing else: who cannot point has words and voice, and no key leads here that would have to lead out again.
+ * It takes presses and nothing else: who cannot point has words and voice, and no key leads here
+ * that would have to lead out again.
  */
 
 import { write } from "../lib/dom.js";
@@ -20,7 +22,8 @@ const POLL_MS = 100; // between two looks at whether a pointer is to go
  * @property {HTMLElement} layer with a .remote-pointer of each side in it
  * @property {Side} own whose hand this is
  * @property {boolean} hovers whether a mouse points without being pressed
- * @property {(pointer: {stamp: number, at: import("./pointer_state.js").Spot | null}) => void} say tell the other side
+ * @property {(pointer: {stamp: number, at: import("./pointer_state.js").Spot | null}) => void} say
+ *   tell the other side
  * @property {() => void} [onLift] a press is over
  */
 
@@ -28,7 +31,10 @@ export class RemotePointers {
   /** @param {Options} options */
   constructor({ video, layer, own, hovers, say, onLift = () => undefined }) {
     Object.assign(this, { video, layer, own, hovers, say, onLift });
-    const side = (/** @type {Side} */ name) => ({ pointer: new RemotePointer(), element: /** @type {HTMLElement} */ (layer.querySelector(`.remote-pointer--${name}`)) });
+    const side = (/** @type {Side} */ name) => ({
+      pointer: new RemotePointer(),
+      element: /** @type {HTMLElement} */ (layer.querySelector(`.remote-pointer--${name}`)),
+    });
     this.sides = { driver: side("driver"), screen: side("screen") };
     this.hand = new Hand();
     this.open = false;
@@ -47,15 +53,31 @@ export class RemotePointers {
   place() {
     const { video, layer } = this;
     const size = { width: video.videoWidth, height: video.videoHeight };
-    const [box, around] = [video, /** @type {Element} */ (layer.parentElement)].map((element) => element.getBoundingClientRect());
+    const [box, around] = [video, /** @type {Element} */ (layer.parentElement)].map((element) =>
+      element.getBoundingClientRect(),
+    );
     if (size.width && size.height && box.width) {
-      const { left, top, width, height } = frameOf(size, box.width, box.height, getComputedStyle(video).objectFit);
+      const { left, top, width, height } = frameOf(
+        size,
+        box.width,
+        box.height,
+        getComputedStyle(video).objectFit,
+      );
       const from = { left: box.left - around.left + left, top: box.top - around.top + top };
-      Object.assign(layer.style, { left: `${from.left}px`, top: `${from.top}px`, width: `${width}px`, height: `${height}px` });
+      Object.assign(layer.style, {
+        left: `${from.left}px`,
+        top: `${from.top}px`,
+        width: `${width}px`,
+        height: `${height}px`,
+      });
     }
   }
 
-  /** Whether pointers are shown and the hand is heard from now on. @param {boolean} may @param {string} name of the visitor, whose initial their pointer bears */
+  /**
+   * Whether pointers are shown and the hand is heard from now on.
+   * @param {boolean} may
+   * @param {string} name of the visitor, whose initial their pointer bears
+   */
   allow(may, name) {
     write(this.sides.driver.element, (Array.from(name)[0] ?? "").toUpperCase());
     if (may !== this.open) {
@@ -70,7 +92,10 @@ export class RemotePointers {
     }
   }
 
-  /** A pointer of the other side. @param {{stamp: number, by: Side, at: import("./pointer_state.js").Spot | null}} message */
+  /**
+   * A pointer of the other side.
+   * @param {{stamp: number, by: Side, at: import("./pointer_state.js").Spot | null}} message
+   */
   told(message) {
     if (message.by !== this.own) {
       this.sides[message.by].pointer.told(message, unixNow());
@@ -88,7 +113,12 @@ export class RemotePointers {
       }
     });
     layer.addEventListener("pointermove", (event) => {
-      if (this.open && (this.pressed === null ? this.hovers && event.pointerType !== "touch" : this.pressed === event.pointerId)) {
+      if (
+        this.open &&
+        (this.pressed === null
+          ? this.hovers && event.pointerType !== "touch"
+          : this.pressed === event.pointerId)
+      ) {
         this.#follow(event);
       }
     });
@@ -134,7 +164,8 @@ export class RemotePointers {
     this.hand.is(at, this.pressed !== null);
     this.telling ??= setInterval(() => this.#tell(), 1000 * EVERY);
     this.#tell();
-    this.sides[this.own].pointer.told({ stamp: unixNow(), at }, unixNow()); // under one's own hand at once, not fifteen times a second
+    // under one's own hand at once, not fifteen times a second
+    this.sides[this.own].pointer.told({ stamp: unixNow(), at }, unixNow());
     this.#render();
   }
 

@@ -1,5 +1,6 @@
 /**
- * The robot's head by a slider and by keys: what angle to ask for, and when. Pure but for the clock that it is given.
+ * The robot's head by a slider and by keys: what angle to ask for, and when. Pure but for the clock
+ * that it is given.
  */
 
 export const STEP = 0.1; // rad a press of a key
@@ -35,7 +36,11 @@ export class Tilting {
     return angle;
   }
 
-  /** What the slider shows: the visitor's hand goes before what the robot reports. @param {number | null} measured @param {number} now */
+  /**
+   * What the slider shows: the visitor's hand goes before what the robot reports.
+   * @param {number | null} measured
+   * @param {number} now
+   */
   shown(measured, now) {
     return this.wanted ?? (this.asked !== null && now - this.askedAt < 2 ? this.asked : measured);
   }

@@ -1,12 +1,17 @@
 /**
- * Heartbeats: five a second on each transport, with echoes. They say how far the robot's clock is from the page's, how long a round trip
- * takes, and which transport is alive. Pure: times are Unix seconds of the page, given by the caller.
+ * Heartbeats: five a second on each transport, with echoes. They say how far the robot's clock is
+ * from the page's, how long a round trip takes, and which transport is alive. Pure: times are Unix
+ * seconds of the page, given by the caller.
  *
- * The two transports share the robot's echo, so a beat's number says on which transport it left: even on the data channel, odd on the WebSocket.
+ * The two transports share the robot's echo, so a beat's number says on which transport it left:
+ * even on the data channel, odd on the WebSocket.
  */
 
 /** @typedef {"datachannel" | "mqtt"} Transport */
-/** @typedef {{n: number, stamp: number, echoes: {peer: string, n: number, stamp: number, received: number}[]}} RobotHeartbeat */
+/**
+ * @typedef {{n: number, stamp: number, echoes: {peer: string, n: number, stamp: number,
+ *   received: number}[]}} RobotHeartbeat
+ */
 
 export const BEAT_SECONDS = 0.2;
 export const HASTY_SECONDS = BEAT_SECONDS / 2; // while they say what cannot wait
@@ -52,23 +57,37 @@ export class ClockSync {
 
   /** A new data channel has heard nothing yet. @param {Transport} transport */
   reset(transport) {
-    this.transports[transport] = { ...newTransport(), beats: this.transports[transport].beats, echoed: this.transports[transport].echoed };
+    this.transports[transport] = {
+      ...newTransport(),
+      beats: this.transports[transport].beats,
+      echoed: this.transports[transport].echoed,
+    };
   }
 
   /**
    * The next beat to send on a transport.
-   * @param {Transport} transport @param {number} now @param {number | null} frameAge seconds since the picture on the screen was taken
+   * @param {Transport} transport
+   * @param {number} now
+   * @param {number | null} frameAge seconds since the picture on the screen was taken
    */
   beat(transport, now, frameAge = null) {
     const { last } = this.transports[transport];
     const n = 2 * this.transports[transport].beats++ + PARITY[transport];
     const echo = last && { peer: "robot", n: last.n, stamp: last.stamp, received: last.received };
-    return { n, stamp: now, echo: echo ?? undefined, frameAge: frameAge === null ? undefined : Math.max(0, frameAge) };
+    return {
+      n,
+      stamp: now,
+      echo: echo ?? undefined,
+      frameAge: frameAge === null ? undefined : Math.max(0, frameAge),
+    };
   }
 
   /**
    * The robot's beat, heard on a transport.
-   * @param {Transport} transport @param {RobotHeartbeat} beat @param {string | null} peer this page's id @param {number} now
+   * @param {Transport} transport
+   * @param {RobotHeartbeat} beat
+   * @param {string | null} peer this page's id
+   * @param {number} now
    */
   heard(transport, beat, peer, now) {
     const heard = this.transports[transport];
@@ -81,7 +100,12 @@ export class ClockSync {
     }
   }
 
-  /** @param {Transport} transport @param {{n: number, stamp: number, received: number}} echo @param {number} sent @param {number} now */
+  /**
+   * @param {Transport} transport
+   * @param {{n: number, stamp: number, received: number}} echo
+   * @param {number} sent
+   * @param {number} now
+   */
   #echoed(transport, echo, sent, now) {
     const outward = this.transports[transportOf(echo.n)];
     if (echo.n <= outward.echoed || echo.n >= 2 * outward.beats + 2) {
@@ -93,7 +117,8 @@ export class ClockSync {
     if (!(roundTrip >= -0.001 && roundTrip <= LONGEST_ROUND_TRIP)) {
       return;
     }
-    // The Network Time Protocol's estimate (RFC 5905, section 8); its error is at most half the round trip.
+    // The Network Time Protocol's estimate (RFC 5905, section 8); its error is at most half the
+    // round trip.
     this.samples.push({ roundTrip, offset: (echo.received - echo.stamp + (sent - now)) / 2 });
     this.samples.splice(0, this.samples.length - SAMPLES);
     if (transport === transportOf(echo.n)) {
@@ -102,23 +127,41 @@ export class ClockSync {
     }
   }
 
-  /** Robot's clock minus the page's, in seconds, by the least round trip of the last ten; null while unknown. */
+  /**
+   * Robot's clock minus the page's, in seconds, by the least round trip of the last ten; null while
+   * unknown.
+   */
   get offset() {
-    const best = this.samples.reduce((least, one) => (least && least.roundTrip <= one.roundTrip ? least : one), /** @type {any} */ (null));
+    const best = this.samples.reduce(
+      (least, one) => (least && least.roundTrip <= one.roundTrip ? least : one),
+      /** @type {any} */ (null),
+    );
     return best ? /** @type {number} */ (best.offset) : null;
   }
 
-  /** Whether the robot has just proved that it hears us on this transport. @param {Transport} transport @param {number} now */
+  /**
+   * Whether the robot has just proved that it hears us on this transport.
+   * @param {Transport} transport
+   * @param {number} now
+   */
   isFresh(transport, now) {
     return now - this.transports[transport].echoedAt < FRESH_SECONDS;
   }
 
-  /** Seconds since the robot was heard on a transport. @param {Transport} transport @param {number} now */
+  /**
+   * Seconds since the robot was heard on a transport.
+   * @param {Transport} transport
+   * @param {number} now
+   */
   silence(transport, now) {
     return now - this.transports[transport].heardAt;
   }
 
-  /** Median of the last round trips on a transport, in seconds; null while unknown. @param {Transport} transport @param {number} [least] how many are enough to tell */
+  /**
+   * Median of the last round trips on a transport, in seconds; null while unknown.
+   * @param {Transport} transport
+   * @param {number} [least] how many are enough to tell
+   */
   roundTrip(transport, least = 1) {
     const sorted = [...this.transports[transport].roundTrips].sort((a, b) => a - b);
     return sorted.length >= least ? sorted[sorted.length >> 1] : null;

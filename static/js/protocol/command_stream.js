@@ -1,18 +1,25 @@
 /**
- * What is sent to make the robot move, and to make it stop. Pure: it makes messages, transport_router.js carries them.
+ * What is sent to make the robot move, and to make it stop. Pure: it makes messages,
+ * transport_router.js carries them.
  *
- * Velocities: at once when the visitor begins, lets go or reverses, and twenty times a second while the robot is being driven. After
- * letting go a few zeros, because a message may be lost, then silence. Stop and e-stop: repeated every 50 ms until the robot echoes
- * them, and nothing else is said meanwhile. One counter numbers all of it, whichever transport a message takes.
+ * Velocities: at once when the visitor begins, lets go or reverses, and twenty times a second while
+ * the robot is being driven. After letting go a few zeros, because a message may be lost, then
+ * silence. Stop and e-stop: repeated every 50 ms until the robot echoes them, and nothing else is
+ * said meanwhile. One counter numbers all of it, whichever transport a message takes.
  */
 
 export const TICK_SECONDS = 0.05;
 const ZEROS = 3;
 const UNCONFIRMED_SECONDS = 1;
-const EAGER_SECONDS = 10; // how long a stop is repeated with every tick; afterwards once a second, because nobody seems to hear it
+// how long a stop is repeated with every tick; afterwards once a second, because nobody seems to
+// hear it
+const EAGER_SECONDS = 10;
 const PATIENT_SECONDS = 1;
 
-/** @typedef {{linear: number, angular: number, method: string}} Intent m/s, rad/s, and the controller's name */
+/**
+ * @typedef {{linear: number, angular: number, method: string}} Intent m/s, rad/s, and the
+ *   controller's name
+ */
 /** @typedef {{session: string, epoch: number}} Binding */
 
 const NONE = Object.freeze({ linear: 0, angular: 0, method: "keyboard" });
@@ -31,7 +38,10 @@ export class CommandStream {
     this.pending = null;
   }
 
-  /** Take up a lease; its numbers begin at 1, and go on when it is the same as before. @param {Binding} binding */
+  /**
+   * Take up a lease; its numbers begin at 1, and go on when it is the same as before.
+   * @param {Binding} binding
+   */
   bind(binding) {
     if (binding.epoch !== this.binding?.epoch || binding.session !== this.binding?.session) {
       this.seq = 0;
@@ -61,7 +71,11 @@ export class CommandStream {
       return !isZero(before);
     }
     this.zeros = 0;
-    return isZero(before) || Math.sign(before.linear) !== Math.sign(intent.linear) || Math.sign(before.angular) !== Math.sign(intent.angular);
+    return (
+      isZero(before) ||
+      Math.sign(before.linear) !== Math.sign(intent.linear) ||
+      Math.sign(before.angular) !== Math.sign(intent.angular)
+    );
   }
 
   /**
@@ -76,7 +90,15 @@ export class CommandStream {
       this.zeros -= 1;
     }
     const { linear, angular, method } = this.intent;
-    return { ...this.binding, seq: this.#next(), stamp: now, linear, angular, method, frame: frame ?? undefined };
+    return {
+      ...this.binding,
+      seq: this.#next(),
+      stamp: now,
+      linear,
+      angular,
+      method,
+      frame: frame ?? undefined,
+    };
   }
 
   /**
@@ -89,14 +111,22 @@ export class CommandStream {
     if (this.pending && !(type === "estop" && this.pending.message.type === "stop")) {
       return this.#copy(now);
     }
-    const message = { type, actionId: this.freshId(), ...this.binding, ...(type === "stop" ? { seq: this.#next() } : {}) };
+    const message = {
+      type,
+      actionId: this.freshId(),
+      ...this.binding,
+      ...(type === "stop" ? { seq: this.#next() } : {}),
+    };
     this.pending = { message, since: now, sentAt: now };
     return this.#copy(now);
   }
 
   /** The stop to send again now, or null when none is pending. @param {number} now */
   repeat(now) {
-    if (!this.pending || (now - this.pending.since > EAGER_SECONDS && now - this.pending.sentAt < PATIENT_SECONDS)) {
+    if (
+      !this.pending ||
+      (now - this.pending.since > EAGER_SECONDS && now - this.pending.sentAt < PATIENT_SECONDS)
+    ) {
       return null;
     }
     this.pending.sentAt = now;
@@ -115,14 +145,18 @@ export class CommandStream {
 
   /**
    * A state of the robot: does it echo the stop?
-   * @param {{epoch: number, safety: {estop: boolean, stopId: string | null, stopSeq: number | null}}} state
+   * @param {{epoch: number, safety: {estop: boolean, stopId: string | null,
+   *   stopSeq: number | null}}} state
    */
   heardState({ epoch, safety }) {
     const message = this.pending?.message;
     if (!message) {
       return;
     }
-    const echoed = message.type === "estop" ? safety.estop : safety.stopSeq === message.seq && epoch === message.epoch;
+    const echoed =
+      message.type === "estop"
+        ? safety.estop
+        : safety.stopSeq === message.seq && epoch === message.epoch;
     if (echoed || safety.stopId === message.actionId) {
       this.pending = null;
     }

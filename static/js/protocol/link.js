@@ -1,6 +1,7 @@
 /**
- * The media link to the robot, from the visit's wish to have one to the peer connection that it is: prepared early, opened after a
- * pause that grows, judged twenty times a second, given up when it is silent.
+ * The media link to the robot, from the visit's wish to have one to the peer connection that it is:
+ * prepared early, opened after a pause that grows, judged twenty times a second, given up when it
+ * is silent.
  */
 
 import { backoff } from "../lib/backoff.js";
@@ -16,7 +17,8 @@ export class Link {
   /**
    * @param {object} options
    * @param {(role: LinkRole, link: Link) => AnyPeer} options.makePeer
-   * @param {(peer: AnyPeer) => void} options.onOpening a new peer is about to offer, or to answer the SFU
+   * @param {(peer: AnyPeer) => void} options.onOpening a new peer is about to offer, or to answer
+   *   the SFU
    * @param {() => void} options.onDropping its picture is about to go black
    * @param {() => void} options.onLive
    * @param {(why: string) => void} options.onLost
@@ -32,7 +34,10 @@ export class Link {
     /** @type {AnyPeer | null} made but not yet offered */
     this.prepared = null;
     this.live = false;
-    /** @type {Promise<ReturnType<CreateRelayRegions>> | null} fetched where there are several regions */
+    /**
+     * @type {Promise<ReturnType<CreateRelayRegions>> | null} fetched where there are several
+     *   regions
+     */
     this.regions = null;
     /** @type {number | null} Unix seconds since which a link is wanted and not there */
     this.lookingSince = null;
@@ -54,7 +59,11 @@ export class Link {
     }
   }
 
-  /** @param {LinkRole} role @param {RTCIceServer[]} iceServers @param {number} attempt 0 opens at once */
+  /**
+   * @param {LinkRole} role
+   * @param {RTCIceServer[]} iceServers
+   * @param {number} attempt 0 opens at once
+   */
   open(role, iceServers, attempt) {
     clearTimeout(this.timer);
     this.lookingSince ??= unixNow();
@@ -71,7 +80,9 @@ export class Link {
     }
   }
 
-  /** The network has changed: try now what was to be tried later, or what began before the change. */
+  /**
+   * The network has changed: try now what was to be tried later, or what began before the change.
+   */
   hurry() {
     if (this.lookingSince !== null && this.patient && this.next) {
       clearTimeout(this.timer);
@@ -136,7 +147,10 @@ export class Link {
       return;
     }
     const { connection, offeredAt, answeredAt, openedAt, heardAt } = this.peer;
-    const verdict = judge({ state: connection.connectionState, offeredAt, answeredAt, openedAt, heardAt }, now);
+    const verdict = judge(
+      { state: connection.connectionState, offeredAt, answeredAt, openedAt, heardAt },
+      now,
+    );
     if (verdict === "live" && !this.live) {
       this.live = true;
       this.lookingSince = null;
@@ -166,7 +180,10 @@ export class Link {
     });
   }
 
-  /** @param {RTCIceServer[]} iceServers @returns {RTCIceServer[] | Promise<RTCIceServer[]>} with the relays of the nearest region alone */
+  /**
+   * @param {RTCIceServer[]} iceServers
+   * @returns {RTCIceServer[] | Promise<RTCIceServer[]>} with the relays of the nearest region alone
+   */
   #nearest(iceServers) {
     if (iceServers.filter(isRelay).length < 2) {
       return iceServers;

@@ -1,13 +1,16 @@
 /**
- * When a media link has to be given up and opened anew. WebRTC itself notices a dead peer after half a minute; the robot's heartbeat
- * on the data channel tells in a second and a half.
+ * When a media link has to be given up and opened anew. WebRTC itself notices a dead peer after
+ * half a minute; the robot's heartbeat on the data channel tells in a second and a half.
  */
 
 const SILENCE_SECONDS = 1.5;
 const ANSWER_SECONDS = 5;
 const CONNECT_SECONDS = 10;
 const FIRST_BEAT_SECONDS = 3;
-/** How long a direct way is looked for before pictures are asked for through the server; with no address to try, that is known at once. */
+/**
+ * How long a direct way is looked for before pictures are asked for through the server; with no
+ * address to try, that is known at once.
+ */
 const LOOKING_SECONDS = 7;
 const BARREN_SECONDS = 1;
 
@@ -41,8 +44,11 @@ export const judge = (link, now) => {
  * Whether to stop waiting for a direct way to the robot, though not to stop looking for one.
  *
  * @param {object} link
- * @param {number | null} link.lookingSince when the page began to want a link that it does not have, Unix seconds
- * @param {boolean} link.barren there is nothing to connect; a browser without candidates may still reach a robot, which then is quick
+ * @param {number | null} link.lookingSince when the page began to want a link that it does not
+ *   have, Unix seconds
+ * @param {boolean} link.barren there is nothing to connect; a browser without candidates may still
+ *   reach a robot, which then is quick
  * @param {number} now
  */
-export const isStuck = ({ lookingSince, barren }, now) => lookingSince !== null && now - lookingSince > (barren ? BARREN_SECONDS : LOOKING_SECONDS);
+export const isStuck = ({ lookingSince, barren }, now) =>
+  lookingSince !== null && now - lookingSince > (barren ? BARREN_SECONDS : LOOKING_SECONDS);

@@ -1,5 +1,6 @@
 /**
- * The connection as the browser measures it, once a second: what `page/network` records and the HUD shows.
+ * The connection as the browser measures it, once a second: what `page/network` records and the HUD
+ * shows.
  */
 
 /**
@@ -21,7 +22,9 @@
  */
 export const pick = (report) => {
   const all = new Map(Array.from(report, (entry) => [entry.id, entry]));
-  const video = [...all.values()].find((entry) => entry.type === "inbound-rtp" && entry.kind === "video");
+  const video = [...all.values()].find(
+    (entry) => entry.type === "inbound-rtp" && entry.kind === "video",
+  );
   if (!video) {
     return null;
   }
@@ -62,7 +65,9 @@ export const between = (before, after) => {
 const pathOf = (all) => {
   const transport = [...all.values()].find((entry) => entry.type === "transport");
   const pairs = [...all.values()].filter((entry) => entry.type === "candidate-pair");
-  const pair = all.get(transport?.selectedCandidatePairId) ?? pairs.find((entry) => entry.selected || (entry.nominated && entry.state === "succeeded"));
+  const pair =
+    all.get(transport?.selectedCandidatePairId) ??
+    pairs.find((entry) => entry.selected || (entry.nominated && entry.state === "succeeded"));
   const local = pair && all.get(pair.localCandidateId);
   return local ? `${local.candidateType}/${local.relayProtocol ?? local.protocol}` : "";
 };

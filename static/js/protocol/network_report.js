@@ -1,5 +1,6 @@
 /**
- * How the network did in the last second: for the page's own figures, and for the record of the session.
+ * How the network did in the last second: for the page's own figures, and for the record of the
+ * session.
  */
 
 import { encodePacket } from "./robot_api.js";
@@ -10,7 +11,8 @@ import { between, pick } from "./link_stats.js";
  * @param {import("../drive/store.js").Store} page.store
  * @param {import("./socket.js").Socket} page.socket
  * @param {import("./link.js").Link} page.link
- * @param {() => {fallback: import("../view/video/jpeg_fallback.js").JpegFallback, frameAge: (now: number) => number | null}} page.video
+ * @param {() => {fallback: import("../view/video/jpeg_fallback.js").JpegFallback,
+ *   frameAge: (now: number) => number | null}} page.video
  */
 export const createNetworkReport = ({ store, socket, link, video }) => {
   /** @type {import("./link_stats.js").Sample | null} */
@@ -22,7 +24,13 @@ export const createNetworkReport = ({ store, socket, link, video }) => {
     const { visit, transport, roundTrip } = store.get();
     if (visit.phase === "driving") {
       const age = video().frameAge(now);
-      const message = { stamp: now, way: transport, roundTrip: roundTrip ?? undefined, frameAge: age ?? undefined, ...second };
+      const message = {
+        stamp: now,
+        way: transport,
+        roundTrip: roundTrip ?? undefined,
+        frameAge: age ?? undefined,
+        ...second,
+      };
       socket.send(encodePacket("page/network", message), { droppable: true });
     }
   };

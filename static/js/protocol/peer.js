@@ -1,6 +1,7 @@
 /**
- * One media link to the robot: one RTCPeerConnection from its offer to its end. It is never renegotiated and never repaired: every
- * track that a visit may ever need is in the first offer, and recovery is a new Peer.
+ * One media link to the robot: one RTCPeerConnection from its offer to its end. It is never
+ * renegotiated and never repaired: every track that a visit may ever need is in the first offer,
+ * and recovery is a new Peer.
  */
 
 import { unixNow } from "../lib/clock.js";
@@ -14,7 +15,8 @@ export class Peer {
    * @param {"driver" | "observer"} options.role
    * @param {(message: object) => void} options.onSignal what to tell the robot through the server
    * @param {(packet: unknown) => void} options.onPacket from the data channel
-   * @param {boolean} [options.gives] whether this page has sound and picture of its own, if they are wanted
+   * @param {boolean} [options.gives] whether this page has sound and picture of its own, if they
+   *   are wanted
    */
   constructor({ role, onSignal, onPacket, gives = role === "driver" }) {
     this.role = role;
@@ -29,11 +31,17 @@ export class Peer {
     this.candidates = 0;
     this.answerHasCandidates = true;
     this.connection = new RTCPeerConnection({ bundlePolicy: "max-bundle" });
-    // In this order for good: the robot's sound and, later, the visitor's voice; the robot's picture; the visitor's camera; a screen.
-    const lines = [this.connection.addTransceiver("audio", { direction: gives ? "sendrecv" : "recvonly" })];
+    // In this order for good: the robot's sound and, later, the visitor's voice; the robot's
+    // picture; the visitor's camera; a screen.
+    const lines = [
+      this.connection.addTransceiver("audio", { direction: gives ? "sendrecv" : "recvonly" }),
+    ];
     lines.push(this.connection.addTransceiver("video", { direction: "recvonly" }));
     if (gives) {
-      lines.push(this.connection.addTransceiver("video", { direction: "sendonly" }), this.connection.addTransceiver("video", { direction: "sendonly" }));
+      lines.push(
+        this.connection.addTransceiver("video", { direction: "sendonly" }),
+        this.connection.addTransceiver("video", { direction: "sendonly" }),
+      );
     }
     this.lines = lines;
     this.audio = lines[0].receiver;
@@ -74,7 +82,8 @@ export class Peer {
   }
 
   /**
-   * @param {{type: string, sdp?: string, candidate?: string, sdpMid?: string | null, sdpMLineIndex?: number | null}} message
+   * @param {{type: string, sdp?: string, candidate?: string, sdpMid?: string | null,
+   *   sdpMLineIndex?: number | null}} message
    * @returns {Promise<"taken" | "unexpected" | "bye">}
    */
   async signal(message) {
@@ -83,11 +92,16 @@ export class Peer {
     }
     if (message.type === "candidate") {
       if (this.connection.remoteDescription && message.candidate) {
-        await this.connection.addIceCandidate({ candidate: message.candidate, sdpMid: message.sdpMid, sdpMLineIndex: message.sdpMLineIndex });
+        await this.connection.addIceCandidate({
+          candidate: message.candidate,
+          sdpMid: message.sdpMid,
+          sdpMLineIndex: message.sdpMLineIndex,
+        });
       }
       return "taken";
     }
-    // An answer when none is awaited belongs to another offer: the one taken before it was not ours either.
+    // An answer when none is awaited belongs to another offer: the one taken before it was not ours
+    // either.
     if (this.answeredAt !== null || this.connection.signalingState !== "have-local-offer") {
       return "unexpected";
     }
@@ -106,12 +120,15 @@ export class Peer {
   }
 
   /**
-   * Whether there is nothing to connect: this side, or the robot's, has found no address of its own. A computer finds its own addresses in
-   * an instant; without any network Chromium goes on looking for ever.
+   * Whether there is nothing to connect: this side, or the robot's, has found no address of its
+   * own. A computer finds its own addresses in an instant; without any network Chromium goes on
+   * looking for ever.
    * @param {number} now
    */
   isBarren(now) {
-    const searched = this.connection.iceGatheringState === "complete" || (this.offeredAt !== null && now - this.offeredAt > SEARCH_SECONDS);
+    const searched =
+      this.connection.iceGatheringState === "complete" ||
+      (this.offeredAt !== null && now - this.offeredAt > SEARCH_SECONDS);
     return (searched && this.candidates === 0) || !this.answerHasCandidates;
   }
 
@@ -143,21 +160,39 @@ export class Peer {
   }
 }
 
-/** What the other side is told of a candidate, or of their end. @param {RTCIceCandidate | null} candidate */
+/**
+ * What the other side is told of a candidate, or of their end.
+ * @param {RTCIceCandidate | null} candidate
+ */
 export const messageOf = (candidate) => {
   const { candidate: line = "", sdpMid = null, sdpMLineIndex = null } = candidate ?? {};
   return { type: "candidate", candidate: line, sdpMid, sdpMLineIndex };
 };
 
-/** Have a connection that was made before ask the servers that the server named. @param {RTCPeerConnection} connection @param {RTCIceServer[]} iceServers */
+/**
+ * Have a connection that was made before ask the servers that the server named.
+ * @param {RTCPeerConnection} connection
+ * @param {RTCIceServer[]} iceServers
+ */
 export const useServers = (connection, iceServers) => {
   if (iceServers.length) {
-    connection.setConfiguration({ ...connection.getConfiguration(), iceServers: iceServers.map(forBrowser) });
+    connection.setConfiguration({
+      ...connection.getConfiguration(),
+      iceServers: iceServers.map(forBrowser),
+    });
   }
 };
 
-/** Whether a server of a list relays, for which there is one entry a region. @param {RTCIceServer} server */
+/**
+ * Whether a server of a list relays, for which there is one entry a region.
+ * @param {RTCIceServer} server
+ */
 export const isRelay = ({ urls }) => [urls].flat().some((url) => /^turns?:/.test(url));
 
-/** An empty user name is not the same as none. @param {RTCIceServer} server @returns {RTCIceServer} */
-export const forBrowser = ({ urls, username, credential }) => (username ? { urls, username, credential } : { urls });
+/**
+ * An empty user name is not the same as none.
+ * @param {RTCIceServer} server
+ * @returns {RTCIceServer}
+ */
+export const forBrowser = ({ urls, username, credential }) =>
+  username ? { urls, username, credential } : { urls };

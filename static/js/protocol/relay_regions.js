@@ -1,6 +1,7 @@
 /**
- * Which region's relays a page uses. The server names the relays of each region as one entry; the page measures the round trip to each, once,
- * and takes the nearest. The robot does the same for its side, so that a path over relays is never much longer than a direct one.
+ * Which region's relays a page uses. The server names the relays of each region as one entry; the
+ * page measures the round trip to each, once, and takes the nearest. The robot does the same for
+ * its side, so that a path over relays is never much longer than a direct one.
  */
 
 import { unixNow } from "../lib/clock.js";
@@ -20,7 +21,10 @@ export const questionFor = (server) => {
   return url ? `stun:${url.slice("turn:".length).split("?")[0]}` : null;
 };
 
-/** @param {string} url of an address server @returns {Promise<number>} s, infinite where none answers */
+/**
+ * @param {string} url of an address server
+ * @returns {Promise<number>} s, infinite where none answers
+ */
 const roundTrip = (url) =>
   new Promise((resolve) => {
     const connection = new RTCPeerConnection({ iceServers: [{ urls: url }] });
@@ -35,8 +39,10 @@ const roundTrip = (url) =>
       .createOffer()
       .then((offer) => {
         const began = unixNow();
-        // Where one's own address is a public one, the answer brings no new candidate, but ends the search.
-        connection.onicecandidate = ({ candidate }) => (!candidate || candidate.type === "srflx") && end(unixNow() - began);
+        // Where one's own address is a public one, the answer brings no new candidate, but ends the
+        // search.
+        connection.onicecandidate = ({ candidate }) =>
+          (!candidate || candidate.type === "srflx") && end(unixNow() - began);
         return connection.setLocalDescription(offer);
       })
       .catch(() => end(Infinity));
@@ -59,8 +65,10 @@ export const createRelayRegions = (measure = roundTrip) => {
   };
   return {
     /**
-     * The same servers, with the relays of the nearest region alone, if there is more than one region and any answers.
-     * @param {RTCIceServer[]} servers @returns {RTCIceServer[] | Promise<RTCIceServer[]>}
+     * The same servers, with the relays of the nearest region alone, if there is more than one
+     * region and any answers.
+     * @param {RTCIceServer[]} servers
+     * @returns {RTCIceServer[] | Promise<RTCIceServer[]>}
      */
     nearest(servers) {
       const regions = servers.filter(isRelay);
@@ -70,7 +78,9 @@ export const createRelayRegions = (measure = roundTrip) => {
       return Promise.all(regions.map(secondsTo)).then((seconds) => {
         const least = Math.min(...seconds);
         const one = regions[seconds.indexOf(least)];
-        return least === Infinity ? servers : servers.filter((server) => !isRelay(server) || server === one);
+        return least === Infinity
+          ? servers
+          : servers.filter((server) => !isRelay(server) || server === one);
       });
     },
   };

@@ -1,12 +1,28 @@
 /**
- * The words on the wire, for pages: Robot API version 1 as far as a page reads and writes it, and the WebSocket's own words.
+ * The words on the wire, for pages: Robot API version 1 as far as a page reads and writes it, and
+ * the WebSocket's own words.
  *
- * A packet is a suffix, a newline, and JSON. `decodePacket` is the only door: what passes it has the right types and ranges, with
- * defaults filled in; what does not throws a Rejection, which the caller counts and drops. tests/golden/ binds this file to
- * robots/api and sessions/protocol.py.
+ * A packet is a suffix, a newline, and JSON. `decodePacket` is the only door: what passes it has
+ * the right types and ranges, with defaults filled in; what does not throws a Rejection, which the
+ * caller counts and drops. tests/golden/ binds this file to robots/api and sessions/protocol.py.
  */
 
-import { ShapeError, dictionary, flag, integer, list, matching, nullable, number, object, oneOf, optional, tagged, text, tuple } from "./shapes.js";
+import {
+  ShapeError,
+  dictionary,
+  flag,
+  integer,
+  list,
+  matching,
+  nullable,
+  number,
+  object,
+  oneOf,
+  optional,
+  tagged,
+  text,
+  tuple,
+} from "./shapes.js";
 
 export class Rejection extends Error {
   /** @param {"oversized" | "malformed" | "unknown_topic"} reason @param {string} detail */
@@ -33,7 +49,8 @@ const variance = number(-1e10, 1e10);
 const method = oneOf("keyboard", "mouse", "touch", "stick", "gamepad", "map", "script");
 const way = oneOf("datachannel", "mqtt");
 const assist = oneOf("off", "slow", "steer");
-const absent = (/** @type {import("./shapes.js").Shape} */ shape) => optional(nullable(shape), null);
+const absent = (/** @type {import("./shapes.js").Shape} */ shape) =>
+  optional(nullable(shape), null);
 
 const pose = object({
   x: metres,
@@ -44,8 +61,20 @@ const pose = object({
   score: optional(share, 1),
 });
 const velocity = object({ linear: number(-10, 10), angular: number(-20, 20) });
-const battery = object({ charge: absent(share), voltage: absent(notNegative), charging: optional(nullable(flag), false) });
-const SAFE = { estop: false, estopSource: null, collision: false, inhibited: null, stopSeq: null, stopId: null, touched: [] };
+const battery = object({
+  charge: absent(share),
+  voltage: absent(notNegative),
+  charging: optional(nullable(flag), false),
+});
+const SAFE = {
+  estop: false,
+  estopSource: null,
+  collision: false,
+  inhibited: null,
+  stopSeq: null,
+  stopId: null,
+  touched: [],
+};
 const safety = object({
   estop: optional(flag, false),
   estopSource: absent(name),
@@ -87,18 +116,55 @@ const camera = object({
   z: metres,
   pitch: optional(radians, 0),
 });
-const tilt = object({ minimum: radians, maximum: radians, home: optional(radians, 0), speed: optional(positive, 1) });
+const tilt = object({
+  minimum: radians,
+  maximum: radians,
+  home: optional(radians, 0),
+  speed: optional(positive, 1),
+});
 const laser = object({ x: metres, y: optional(metres, 0), theta: optional(radians, 0) });
 const EVENTS = [
-  ...["docked", "undocked", "charging", "goal_reached", "goal_blocked", "collision", "estop", "estop_cleared", "stopped", "photo"],
-  ...["session_closed", "lease_taken", "lease_expired", "adapter_lost", "adapter_back", "localization_lost", "localization_found", "door_changed"],
+  ...[
+    "docked",
+    "undocked",
+    "charging",
+    "goal_reached",
+    "goal_blocked",
+    "collision",
+    "estop",
+    "estop_cleared",
+    "stopped",
+    "photo",
+  ],
+  ...[
+    "session_closed",
+    "lease_taken",
+    "lease_expired",
+    "adapter_lost",
+    "adapter_back",
+    "localization_lost",
+    "localization_found",
+    "door_changed",
+  ],
 ];
 const NO_LIMITS = { linear: null, angular: null, commandAge: null, frameAge: null };
-const leaseLimits = object({ linear: absent(positive), angular: absent(positive), commandAge: absent(positive), frameAge: absent(positive) });
-const iceServer = object({ urls: list(text(300), 8, 1), username: optional(text(300), ""), credential: optional(text(300), "") });
+const leaseLimits = object({
+  linear: absent(positive),
+  angular: absent(positive),
+  commandAge: absent(positive),
+  frameAge: absent(positive),
+});
+const iceServer = object({
+  urls: list(text(300), 8, 1),
+  username: optional(text(300), ""),
+  credential: optional(text(300), ""),
+});
 const iceServers = optional(list(iceServer, 8), []);
 
-/** What a page can be told: suffix → [the largest size in bytes, shape]. @type {Record<string, [number, import("./shapes.js").Shape]>} */
+/**
+ * What a page can be told: suffix → [the largest size in bytes, shape].
+ * @type {Record<string, [number, import("./shapes.js").Shape]>}
+ */
 const TO_PAGE = {
   factsheet: [
     16 * KIB,
@@ -154,8 +220,12 @@ const TO_PAGE = {
       ),
       screens: optional(count, 0),
       knockable: optional(flag, false),
-      knock: absent(object({ actionId: id, status: oneOf("ringing", "answered", "declined", "unanswered") })),
-      cameraStatus: absent(object({ status: oneOf("starting", "failed"), reason: optional(reason, "") })),
+      knock: absent(
+        object({ actionId: id, status: oneOf("ringing", "answered", "declined", "unanswered") }),
+      ),
+      cameraStatus: absent(
+        object({ status: oneOf("starting", "failed"), reason: optional(reason, "") }),
+      ),
     }),
   ],
   words: [
@@ -172,12 +242,31 @@ const TO_PAGE = {
       receipts: optional(flag, false),
     }),
   ],
-  receipt: [KIB, object({ stamp, actionId: id, session: id, state: oneOf("shown", "spoken", "not_spoken") })],
+  receipt: [
+    KIB,
+    object({ stamp, actionId: id, session: id, state: oneOf("shown", "spoken", "not_spoken") }),
+  ],
   pointer: [KIB, object({ stamp, by: oneOf("driver", "screen"), at: absent(tuple(share, share)) })],
-  pose: [KIB, object({ stamp, pose, velocity, tilt: absent(radians), assistWhy: optional(name, ""), assistPoint: absent(point) })],
+  pose: [
+    KIB,
+    object({
+      stamp,
+      pose,
+      velocity,
+      tilt: absent(radians),
+      assistWhy: optional(name, ""),
+      assistPoint: absent(point),
+    }),
+  ],
   scan: [
     32 * KIB,
-    object({ stamp, angleMin: radians, angleIncrement: radians, rangeMax: positive, ranges: list(nullable(notNegative), 2000) }),
+    object({
+      stamp,
+      angleMin: radians,
+      angleIncrement: radians,
+      rangeMax: positive,
+      ranges: list(nullable(notNegative), 2000),
+    }),
   ],
   path: [64 * KIB, object({ stamp, points: list(point, 2000) })],
   event: [
@@ -203,23 +292,48 @@ const TO_PAGE = {
       stamp,
       type: optional(name, ""),
       reason: optional(reason, ""),
-      result: optional(dictionary((value) => value, 16), {}),
+      result: optional(
+        dictionary((value) => value, 16),
+        {},
+      ),
     }),
   ],
-  heartbeat: [4 * KIB, object({ n: count, stamp, echoes: optional(list(object({ peer: id, n: count, stamp, received: stamp }), 16), []) })],
-  media: [KIB, object({ rtp: integer(0, 2 ** 32 - 1), stamp, rate: optional(integer(1, 1e6), 90000) })],
+  heartbeat: [
+    4 * KIB,
+    object({
+      n: count,
+      stamp,
+      echoes: optional(list(object({ peer: id, n: count, stamp, received: stamp }), 16), []),
+    }),
+  ],
+  media: [
+    KIB,
+    object({ rtp: integer(0, 2 ** 32 - 1), stamp, rate: optional(integer(1, 1e6), 90000) }),
+  ],
   "signal/reply": [
     128 * KIB,
     tagged("type", {
       answer: object({ sdp: text(64000) }),
-      candidate: object({ candidate: optional(text(2000), ""), sdpMid: absent(text(64)), sdpMLineIndex: absent(integer(0, 64)) }),
+      candidate: object({
+        candidate: optional(text(2000), ""),
+        sdpMid: absent(text(64)),
+        sdpMLineIndex: absent(integer(0, 64)),
+      }),
       bye: object({ reason: optional(reason, "") }),
       offer: object({ sdp: text(64000) }),
     }),
   ],
   hello: [
     KIB,
-    object({ peer: id, stamp, robot: id, online: flag, mayDrive: flag, mayObserve: flag, liveElsewhere: optional(flag, false) }),
+    object({
+      peer: id,
+      stamp,
+      robot: id,
+      online: flag,
+      mayDrive: flag,
+      mayObserve: flag,
+      liveElsewhere: optional(flag, false),
+    }),
   ],
   "session/granted": [
     16 * KIB,
@@ -260,13 +374,29 @@ const TO_PAGE = {
       doors: optional(list(name, 1000), []),
     }),
   ],
-  "session/queued": [KIB, object({ session: id, place: count, minutes: notNegative, reason: optional(reason, "") })],
+  "session/queued": [
+    KIB,
+    object({ session: id, place: count, minutes: notNegative, reason: optional(reason, "") }),
+  ],
   "session/offered": [KIB, object({ session: id, seconds })],
   "session/observing": [16 * KIB, object({ iceServers, sfu: optional(flag, false) })],
   "session/refused": [
     KIB,
     object({
-      reason: oneOf("offline", "disabled", "not_invited", "not_trained", "elsewhere", "observers_full", "not_allowed", "ended", "paused", "closed", "reserved", "full"),
+      reason: oneOf(
+        "offline",
+        "disabled",
+        "not_invited",
+        "not_trained",
+        "elsewhere",
+        "observers_full",
+        "not_allowed",
+        "ended",
+        "paused",
+        "closed",
+        "reserved",
+        "full",
+      ),
       session: absent(id),
       outcome: optional(name, ""),
     }),
@@ -275,7 +405,15 @@ const TO_PAGE = {
   "session/asked_there": [KIB, object({ session: id, seconds })],
   "session/found_there": [KIB, object({ session: id })],
   "session/ended": [2 * KIB, object({ session: id, outcome: name, reason: optional(reason, "") })],
-  room: [KIB, object({ driver: absent(name), driving: optional(flag, false), observers: optional(count, 0), waiting: optional(count, 0) })],
+  room: [
+    KIB,
+    object({
+      driver: absent(name),
+      driving: optional(flag, false),
+      observers: optional(count, 0),
+      waiting: optional(count, 0),
+    }),
+  ],
   audience: [
     64 * KIB,
     object({
@@ -285,14 +423,31 @@ const TO_PAGE = {
       hands: optional(count, 0),
       names: optional(list(name, 30), []),
       questions: optional(
-        list(object({ id, text: text(280), state: oneOf("waiting", "answering", "answered", "declined"), who: optional(name, ""), own: optional(flag, false) }), 100),
+        list(
+          object({
+            id,
+            text: text(280),
+            state: oneOf("waiting", "answering", "answered", "declined"),
+            who: optional(name, ""),
+            own: optional(flag, false),
+          }),
+          100,
+        ),
         [],
       ),
     }),
   ],
   screen: [
     16 * KIB,
-    object({ title: name, titles: optional(dictionary(name, 50), {}), session: absent(id), visitor: absent(name), waiting: absent(name), study: optional(flag, false), iceServers }),
+    object({
+      title: name,
+      titles: optional(dictionary(name, 50), {}),
+      session: absent(id),
+      visitor: absent(name),
+      waiting: absent(name),
+      study: optional(flag, false),
+      iceServers,
+    }),
   ],
   robot: [2 * KIB, object({ online: flag, reason: optional(reason, "") })],
   "session/operator_message": [2 * KIB, object({ session: id, text: reason })],
@@ -316,7 +471,17 @@ const TO_PAGE = {
 };
 
 /** The suffixes that a robot's data channel may carry to a page. */
-export const ON_DATA_CHANNEL = new Set(["state", "pose", "path", "scan", "event", "action", "heartbeat", "pointer", "media"]);
+export const ON_DATA_CHANNEL = new Set([
+  "state",
+  "pose",
+  "path",
+  "scan",
+  "event",
+  "action",
+  "heartbeat",
+  "pointer",
+  "media",
+]);
 
 /**
  * @param {string} suffix
@@ -330,7 +495,8 @@ const LARGEST_PICTURE = 48 * KIB;
 const STAMP_BYTES = 8;
 
 /**
- * A picture that came through the server, the one binary packet there is: suffix, newline, capture stamp, JPEG.
+ * A picture that came through the server, the one binary packet there is: suffix, newline, capture
+ * stamp, JPEG.
  * @param {ArrayBuffer} packet
  * @returns {{suffix: "picture", message: {stamp: number, jpeg: Uint8Array}}}
  * @throws {Rejection}
@@ -345,7 +511,11 @@ const decodePicture = (packet) => {
     throw new Rejection("malformed", "not a picture");
   }
   const taken = new DataView(packet).getFloat64(PICTURE.length);
-  const isJpeg = bytes[start] === 0xff && bytes[start + 1] === 0xd8 && bytes.at(-2) === 0xff && bytes.at(-1) === 0xd9;
+  const isJpeg =
+    bytes[start] === 0xff &&
+    bytes[start + 1] === 0xd8 &&
+    bytes.at(-2) === 0xff &&
+    bytes.at(-1) === 0xd9;
   if (!(taken >= 0 && taken <= 1e11) || !isJpeg) {
     throw new Rejection("malformed", "not a picture of a time");
   }
@@ -382,14 +552,19 @@ export const decode = (suffix, payload) => {
     throw new Rejection("unknown_topic", suffix.slice(0, 80));
   }
   const [limit, shape] = TO_PAGE[suffix];
-  // A character takes at least one byte: what is longer than the limit is oversized without counting bytes.
+  // A character takes at least one byte: what is longer than the limit is oversized without
+  // counting bytes.
   if (payload.length > limit) {
     throw new Rejection("oversized", `${suffix}: ${payload.length} > ${limit}`);
   }
   try {
     return shape(JSON.parse(payload));
   } catch (error) {
-    if (error instanceof SyntaxError || error instanceof ShapeError || error instanceof RangeError) {
+    if (
+      error instanceof SyntaxError ||
+      error instanceof ShapeError ||
+      error instanceof RangeError
+    ) {
       throw new Rejection("malformed", `${suffix}: ${error.message}`);
     }
     throw error;

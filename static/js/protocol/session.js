@@ -1,23 +1,27 @@
 /**
- * The visit: what this page is to the robot, from the first connection to the last word. Pure: `reduce` takes a visit and something
- * that happened and returns the next visit and what is to be done about it; drive/session.js does it.
+ * The visit: what this page is to the robot, from the first connection to the last word. Pure:
+ * `reduce` takes a visit and something that happened and returns the next visit and what is to be
+ * done about it; drive/session.js does it.
  *
  *   connecting → lobby → taking → driving → ended
  *                      ↘ queued → turn ↗
  *                      ↘ watching            refused, closed: with the reason
  *
- * A lost WebSocket changes no phase: the drive goes on over the data channel, and what was wanted is asked for again. A lost media
- * link changes no phase either: the robot stops by itself, and a new link is opened until one lives.
+ * A lost WebSocket changes no phase: the drive goes on over the data channel, and what was wanted
+ * is asked for again. A lost media link changes no phase either: the robot stops by itself, and a
+ * new link is opened until one lives.
  */
 
 /**
- * @typedef {"connecting" | "lobby" | "taking" | "queued" | "turn" | "driving" | "watching" | "elsewhere" | "refused" | "ended" | "closed"} Phase
+ * @typedef {"connecting" | "lobby" | "taking" | "queued" | "turn" | "driving" | "watching"
+ *   | "elsewhere" | "refused" | "ended" | "closed"} Phase
  *
  * @typedef {object} Visit
  * @property {Phase} phase
  * @property {"connecting" | "open" | "lost"} socket
  * @property {"none" | "connecting" | "live" | "lost"} link the media link to the robot
- * @property {"nothing" | "drive" | "watch"} wanted what is asked for again when the WebSocket is back
+ * @property {"nothing" | "drive" | "watch"} wanted what is asked for again when the WebSocket is
+ *   back
  * @property {boolean} online whether the robot is connected, as far as the server knows
  * @property {boolean} serverBlind the server knows nothing about robots at the moment
  * @property {boolean} mayDrive
@@ -27,23 +31,32 @@
  * @property {string | null} peer this page's id while it drives; secret
  * @property {number} epoch of the lease
  * @property {boolean} returning the session comes from before a reload
- * @property {boolean} takeover this very tab left the session a moment ago, so it may take it back without asking
+ * @property {boolean} takeover this very tab left the session a moment ago, so it may take it back
+ *   without asking
  * @property {boolean} fresh start again without a session when the remembered one is over
  * @property {RTCIceServer[]} iceServers
- * @property {boolean} sfu whether the page watches through the server's SFU, and not the robot itself
+ * @property {boolean} sfu whether the page watches through the server's SFU, and not the robot
+ *   itself
  * @property {boolean} sfuLost the SFU does not work at the moment
- * @property {{linear: number | null, angular: number | null, frameAge: number | null}} limits of the lease
- * @property {any} terms what somebody has fixed for the visit: sessions/protocol.py GrantedTerms; null for nothing
+ * @property {{linear: number | null, angular: number | null, frameAge: number | null}} limits of
+ *   the lease
+ * @property {any} terms what somebody has fixed for the visit: sessions/protocol.py GrantedTerms;
+ *   null for nothing
  * @property {number} attempt how many links in a row have failed
  * @property {number} place in the queue, 1 is next
  * @property {number} minutes estimated until the turn
- * @property {string} pause why a robot that nobody drives is not ready: `returning`, `charging`, `paused` or `start` (of a study), a colon, and its reason
- * @property {number | null} pressedAt Unix time at which the visitor pressed what asks for the robot
+ * @property {string} pause why a robot that nobody drives is not ready: `returning`, `charging`,
+ *   `paused` or `start` (of a study), a colon, and its reason
+ * @property {number | null} pressedAt Unix time at which the visitor pressed what asks for the
+ *   robot
  * @property {number | null} startBy Unix time until which an offered turn can be accepted
- * @property {number | null} askedUntil Unix time until which the visitor must give a sign of being there; null while nobody asks
- * @property {number | null} signingUntil Unix time until which a sign that was asked for is given again; null once the server has it
+ * @property {number | null} askedUntil Unix time until which the visitor must give a sign of being
+ *   there; null while nobody asks
+ * @property {number | null} signingUntil Unix time until which a sign that was asked for is given
+ *   again; null once the server has it
  * @property {number | null} turnEnds Unix time at which the turn ends, once the server has warned
- * @property {{session: string, peer?: string} | null} unsaid a visit that was left and whose end the server has not confirmed
+ * @property {{session: string, peer?: string} | null} unsaid a visit that was left and whose end
+ *   the server has not confirmed
  * @property {string} reason why it was refused, ended or closed, in one of the server's words
  */
 
@@ -85,7 +98,10 @@ export const newVisit = () => ({
   reason: "",
 });
 
-/** s after a press on "drive" in which a turn that comes needs no other: whoever leaves a robot has it for a moment longer than they see. */
+/**
+ * s after a press on "drive" in which a turn that comes needs no other: whoever leaves a robot has
+ * it for a moment longer than they see.
+ */
 const STILL_PRESSED = 5;
 
 /** Close codes after which connecting again is pointless: sessions/protocol.py. */
@@ -129,7 +145,8 @@ const take = (visit) => {
 const askAgain = (visit) => {
   if (visit.wanted === "drive") {
     // A turn that is offered is accepted by the visitor, never by a reconnection.
-    const watching = visit.phase === "queued" && visit.link !== "none" ? [send("session/observe")] : [];
+    const watching =
+      visit.phase === "queued" && visit.link !== "none" ? [send("session/observe")] : [];
     return visit.phase === "turn" ? [] : [take(visit), ...watching];
   }
   return visit.wanted === "watch" ? [send("session/observe")] : [];
@@ -140,8 +157,16 @@ const leaveAgain = ({ unsaid }) => (unsaid ? [send("session/leave", unsaid)] : [
 
 /** @param {Visit} visit @param {Partial<Visit>} [changes] @returns {[Partial<Visit>, Effect[]]} */
 const ask = (visit, changes = {}) => {
-  const next = { ...visit, wanted: /** @type {const} */ ("drive"), phase: /** @type {const} */ ("taking"), ...changes };
-  return [next, [{ type: "prepare_link", role: "driver" }, ...(visit.socket === "open" ? [take(next)] : [])]];
+  const next = {
+    ...visit,
+    wanted: /** @type {const} */ ("drive"),
+    phase: /** @type {const} */ ("taking"),
+    ...changes,
+  };
+  return [
+    next,
+    [{ type: "prepare_link", role: "driver" }, ...(visit.socket === "open" ? [take(next)] : [])],
+  ];
 };
 
 const OVER = /** @type {const} */ ({
@@ -161,15 +186,31 @@ const OVER = /** @type {const} */ ({
   attempt: 0,
 });
 
-/** @param {Phase} phase @param {string} reason @param {Effect[]} [more] @returns {[Partial<Visit>, Effect[]]} */
-const over = (phase, reason, more = []) => [{ ...OVER, phase, reason }, [...LET_GO, { type: "forget" }, ...more]];
+/**
+ * @param {Phase} phase
+ * @param {string} reason
+ * @param {Effect[]} [more]
+ * @returns {[Partial<Visit>, Effect[]]}
+ */
+const over = (phase, reason, more = []) => [
+  { ...OVER, phase, reason },
+  [...LET_GO, { type: "forget" }, ...more],
+];
 
 /** @type {Record<string, (visit: Visit, happening: any) => [Partial<Visit>, Effect[]?]>} */
 const HANDLERS = {
-  /** The page was loaded: `session` from before a reload, `go` when the link says to drive at once. */
+  /**
+   * The page was loaded: `session` from before a reload, `go` when the link says to drive at once.
+   */
   loaded: (visit, { session, takeover, go, now }) =>
     session || go
-      ? ask(visit, { session: session ?? null, returning: Boolean(session), takeover: Boolean(takeover), fresh: Boolean(go), pressedAt: go && !session ? now : null })
+      ? ask(visit, {
+          session: session ?? null,
+          returning: Boolean(session),
+          takeover: Boolean(takeover),
+          fresh: Boolean(go),
+          pressedAt: go && !session ? now : null,
+        })
       : [{}],
 
   socket_open: (visit) => [{ socket: "open" }, [...leaveAgain(visit), ...askAgain(visit)]],
@@ -192,7 +233,12 @@ const HANDLERS = {
 
   "session/granted": (visit, { message }) => {
     const kept = message.resumed && visit.epoch === message.epoch && visit.link === "live";
-    const lease = { session: message.session, epoch: message.epoch, peer: message.peer, limits: message.limits };
+    const lease = {
+      session: message.session,
+      epoch: message.epoch,
+      peer: message.peer,
+      limits: message.limits,
+    };
     return [
       {
         phase: "driving",
@@ -213,15 +259,34 @@ const HANDLERS = {
         askedUntil: message.resumed ? visit.askedUntil : null,
         reason: "",
       },
-      [{ type: "remember", session: message.session }, { type: "control", lease }, ...(kept ? [] : [openLink("driver", message.iceServers, 0)])],
+      [
+        { type: "remember", session: message.session },
+        { type: "control", lease },
+        ...(kept ? [] : [openLink("driver", message.iceServers, 0)]),
+      ],
     ];
   },
   "session/queued": (visit, { message }) => {
     const waits = visit.phase === "queued" || visit.phase === "turn";
-    const changes = { phase: "queued", session: message.session, peer: null, place: message.place, minutes: message.minutes, pause: message.reason ?? "", startBy: null };
+    const changes = {
+      phase: "queued",
+      session: message.session,
+      peer: null,
+      place: message.place,
+      minutes: message.minutes,
+      pause: message.reason ?? "",
+      startBy: null,
+    };
     // Whoever waits may watch meanwhile.
-    const first = [...LET_GO, { type: "remember", session: message.session }, ...(visit.mayObserve ? [send("session/observe")] : [])];
-    return [/** @type {Partial<Visit>} */ (waits ? changes : { ...changes, link: "none" }), waits ? [] : first];
+    const first = [
+      ...LET_GO,
+      { type: "remember", session: message.session },
+      ...(visit.mayObserve ? [send("session/observe")] : []),
+    ];
+    return [
+      /** @type {Partial<Visit>} */ (waits ? changes : { ...changes, link: "none" }),
+      waits ? [] : first,
+    ];
   },
   "session/offered": (visit, { message, now }) => {
     const turn = { session: message.session, startBy: now + message.seconds };
@@ -236,14 +301,35 @@ const HANDLERS = {
     }
     const waits = visit.phase === "queued" || visit.phase === "turn";
     const { iceServers, sfu } = message;
-    const changes = { iceServers, sfu, sfuLost: false, link: /** @type {const} */ ("connecting"), reason: "" };
-    return [waits ? changes : { ...changes, phase: "watching", wanted: "watch" }, [openLink(sfu ? "sfu" : "observer", iceServers, 0)]];
+    const changes = {
+      iceServers,
+      sfu,
+      sfuLost: false,
+      link: /** @type {const} */ ("connecting"),
+      reason: "",
+    };
+    return [
+      waits ? changes : { ...changes, phase: "watching", wanted: "watch" },
+      [openLink(sfu ? "sfu" : "observer", iceServers, 0)],
+    ];
   },
   "session/refused": (visit, { message }) => {
     if (message.reason === "elsewhere") {
-      return [{ phase: "elsewhere", wanted: "nothing", session: message.session ?? visit.session, peer: null, link: "none" }, LET_GO];
+      return [
+        {
+          phase: "elsewhere",
+          wanted: "nothing",
+          session: message.session ?? visit.session,
+          peer: null,
+          link: "none",
+        },
+        LET_GO,
+      ];
     }
-    if ((visit.phase === "queued" || visit.phase === "turn") && ["observers_full", "not_allowed"].includes(message.reason)) {
+    if (
+      (visit.phase === "queued" || visit.phase === "turn") &&
+      ["observers_full", "not_allowed"].includes(message.reason)
+    ) {
       return [{}]; // waiting goes on without a picture
     }
     if (message.reason !== "ended") {
@@ -252,21 +338,33 @@ const HANDLERS = {
     if (visit.fresh) {
       return ask({ ...visit, ...OVER, fresh: false }, { fresh: false });
     }
-    return over(visit.phase === "driving" ? "ended" : "lobby", visit.phase === "driving" ? message.outcome || "connection_lost" : "");
+    return over(
+      visit.phase === "driving" ? "ended" : "lobby",
+      visit.phase === "driving" ? message.outcome || "connection_lost" : "",
+    );
   },
   "session/turn_warning": (_visit, { message, now }) => [{ turnEnds: now + message.remaining }],
-  "session/asked_there": (_visit, { message, now }) => [{ askedUntil: now + message.seconds }, [{ type: "call", word: "idle" }]],
+  "session/asked_there": (_visit, { message, now }) => [
+    { askedUntil: now + message.seconds },
+    [{ type: "call", word: "idle" }],
+  ],
   "session/found_there": () => [{ askedUntil: null, signingUntil: null }],
   "session/ended": (visit, { message }) => {
     if (visit.session !== message.session) {
       return [visit.unsaid?.session === message.session ? { unsaid: null } : {}];
     }
     const missed = visit.phase === "turn" && message.outcome !== "stopped_by_operator";
-    return over("ended", missed ? "turn_missed" : message.reason === "idle" ? "idle" : message.outcome);
+    return over(
+      "ended",
+      missed ? "turn_missed" : message.reason === "idle" ? "idle" : message.outcome,
+    );
   },
   robot: (visit, { message }) => {
     const back = message.online && !visit.online && visit.link === "lost";
-    return [{ online: message.online, serverBlind: !message.online && message.reason === "server" }, back && roleOf(visit) ? [openLink(linkRoleOf(visit), visit.iceServers, 0)] : []];
+    return [
+      { online: message.online, serverBlind: !message.online && message.reason === "server" },
+      back && roleOf(visit) ? [openLink(linkRoleOf(visit), visit.iceServers, 0)] : [],
+    ];
   },
   "signal/reply": (visit, { message }) => {
     if (message.type === "bye" && message.reason === "sfu_lost") {
@@ -275,20 +373,42 @@ const HANDLERS = {
     if (message.type !== "bye" || message.reason !== "full" || visit.phase === "driving") {
       return [{}];
     }
-    return visit.phase === "watching" ? over("refused", "observers_full") : [{ link: "none" }, [{ type: "close_link" }]];
+    return visit.phase === "watching"
+      ? over("refused", "observers_full")
+      : [{ link: "none" }, [{ type: "close_link" }]];
   },
 
   /** The server has not answered for a while, or could not do it just then. */
-  no_answer: (visit) => [{}, visit.socket === "open" ? [...leaveAgain(visit), ...(visit.phase === "taking" ? askAgain(visit) : [])] : []],
-  denied: (_visit, { message }) => [message.suffix === "session/leave" && message.reason !== "unavailable" ? { unsaid: null } : {}],
+  no_answer: (visit) => [
+    {},
+    visit.socket === "open"
+      ? [...leaveAgain(visit), ...(visit.phase === "taking" ? askAgain(visit) : [])]
+      : [],
+  ],
+  denied: (_visit, { message }) => [
+    message.suffix === "session/leave" && message.reason !== "unavailable" ? { unsaid: null } : {},
+  ],
 
-  drive: (visit, { now }) => ask(visit, { session: null, peer: null, takeover: false, returning: false, reason: "", pressedAt: now }),
-  here: ({ askedUntil, signingUntil }) => [{ askedUntil: null, signingUntil: askedUntil ?? signingUntil }],
+  drive: (visit, { now }) =>
+    ask(visit, {
+      session: null,
+      peer: null,
+      takeover: false,
+      returning: false,
+      reason: "",
+      pressedAt: now,
+    }),
+  here: ({ askedUntil, signingUntil }) => [
+    { askedUntil: null, signingUntil: askedUntil ?? signingUntil },
+  ],
   take_over: (visit) => ask(visit, { peer: null, takeover: true, reason: "" }),
   start: (visit) => ask(visit),
   watch: (visit) => [
     { phase: "taking", wanted: "watch", reason: "" },
-    [{ type: "prepare_link", role: "observer" }, ...(visit.socket === "open" ? [send("session/observe")] : [])],
+    [
+      { type: "prepare_link", role: "observer" },
+      ...(visit.socket === "open" ? [send("session/observe")] : []),
+    ],
   ],
   leave: (visit) => {
     const drove = visit.phase === "driving";
@@ -296,36 +416,65 @@ const HANDLERS = {
     const unsaid = session ? { session, ...(peer ? { peer } : {}) } : null;
     const [changes, effects = []] = over(drove ? "ended" : "lobby", drove ? "left" : "");
     // A connection that is lost, or that is dead and does not know it yet, says so when it is back.
-    return [{ ...changes, unsaid }, visit.socket === "open" ? [...effects, send("session/leave", unsaid ?? {})] : effects];
+    return [
+      { ...changes, unsaid },
+      visit.socket === "open" ? [...effects, send("session/leave", unsaid ?? {})] : effects,
+    ];
   },
-  back: (visit) => (["ended", "refused", "elsewhere"].includes(visit.phase) ? over("lobby", "") : [{}]),
-  turn_missed: (visit) => (visit.phase === "turn" ? over("ended", "turn_missed", [send("session/leave")]) : [{}]),
+  back: (visit) =>
+    ["ended", "refused", "elsewhere"].includes(visit.phase) ? over("lobby", "") : [{}],
+  turn_missed: (visit) =>
+    visit.phase === "turn" ? over("ended", "turn_missed", [send("session/leave")]) : [{}],
 
   link_live: (visit) => (roleOf(visit) ? [{ link: "live", attempt: 0, sfuLost: false }] : [{}]),
   link_lost: (visit) => {
     if (!roleOf(visit) || visit.link === "none") {
       return [{}];
     }
-    return [{ link: "lost", attempt: visit.attempt + 1 }, [openLink(linkRoleOf(visit), visit.iceServers, visit.attempt)]];
+    return [
+      { link: "lost", attempt: visit.attempt + 1 },
+      [openLink(linkRoleOf(visit), visit.iceServers, visit.attempt)],
+    ];
   },
 };
 
-/** @param {string} role @param {RTCIceServer[]} iceServers @param {number} attempt @returns {Effect} */
+/**
+ * @param {string} role
+ * @param {RTCIceServer[]} iceServers
+ * @param {number} attempt
+ * @returns {Effect}
+ */
 const openLink = (role, iceServers, attempt) => ({ type: "open_link", role, iceServers, attempt });
 
 /** Whether the page has said something that the server has not answered. @param {Visit} visit */
 export const awaitsAnswer = ({ phase, unsaid }) => phase === "taking" || unsaid !== null;
 
-/** Whether a sign that was asked for is given again: until the server has it, or has stopped waiting. @param {Visit} visit @param {number} now Unix time */
-export const isSigning = ({ phase, signingUntil }, now) => phase === "driving" && signingUntil !== null && now < signingUntil;
+/**
+ * Whether a sign that was asked for is given again: until the server has it, or has stopped
+ * waiting.
+ * @param {Visit} visit
+ * @param {number} now Unix time
+ */
+export const isSigning = ({ phase, signingUntil }, now) =>
+  phase === "driving" && signingUntil !== null && now < signingUntil;
 
-/** What the page is to the robot: whoever waits watches, if the server lets them. @param {Visit} visit @returns {"driver" | "observer" | ""} */
+/**
+ * What the page is to the robot: whoever waits watches, if the server lets them.
+ * @param {Visit} visit
+ * @returns {"driver" | "observer" | ""}
+ */
 export const roleOf = ({ phase, link }) => {
   if (phase === "driving") {
     return "driver";
   }
-  return phase === "watching" || ((phase === "queued" || phase === "turn") && link !== "none") ? "observer" : "";
+  return phase === "watching" || ((phase === "queued" || phase === "turn") && link !== "none")
+    ? "observer"
+    : "";
 };
 
-/** Over which link the page does that. @param {Visit} visit @returns {"driver" | "observer" | "sfu" | ""} */
+/**
+ * Over which link the page does that.
+ * @param {Visit} visit
+ * @returns {"driver" | "observer" | "sfu" | ""}
+ */
 const linkRoleOf = (visit) => (roleOf(visit) === "observer" && visit.sfu ? "sfu" : roleOf(visit));

@@ -1,13 +1,16 @@
 /**
- * One media link to the server's SFU, for a page that watches a robot which too many others watch: like a Peer, but the SFU offers and
- * this page answers, and there is no data channel. What the robot says comes through the server.
+ * One media link to the server's SFU, for a page that watches a robot which too many others watch:
+ * like a Peer, but the SFU offers and this page answers, and there is no data channel. What the
+ * robot says comes through the server.
  */
 
 import { unixNow } from "../lib/clock.js";
 import { messageOf, useServers } from "./peer.js";
 
 export class SfuPeer {
-  /** @param {{onSignal: (message: object) => void}} options what to tell the SFU through the server */
+  /**
+   * @param {{onSignal: (message: object) => void}} options what to tell the SFU through the server
+   */
   constructor({ onSignal }) {
     this.role = /** @type {const} */ ("sfu");
     this.onSignal = onSignal;
@@ -52,7 +55,8 @@ export class SfuPeer {
     }
     this.answeredAt = unixNow();
     await this.connection.setRemoteDescription({ type, sdp: sdp ?? "" });
-    const receiver = (/** @type {string} */ kind) => this.connection.getReceivers().find(({ track }) => track.kind === kind) ?? null;
+    const receiver = (/** @type {string} */ kind) =>
+      this.connection.getReceivers().find(({ track }) => track.kind === kind) ?? null;
     this.audio = receiver("audio");
     this.video = receiver("video");
     await this.connection.setLocalDescription();
@@ -60,7 +64,10 @@ export class SfuPeer {
     return "offered";
   }
 
-  /** The last moment at which the connection was there; asked for by whoever judges the link, twenty times a second. */
+  /**
+   * The last moment at which the connection was there; asked for by whoever judges the link, twenty
+   * times a second.
+   */
   get heardAt() {
     if (this.connection.connectionState === "connected") {
       this.connectedAt = unixNow();

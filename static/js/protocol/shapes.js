@@ -1,7 +1,8 @@
 /**
  * Small checks that say what a message must look like; robot_api.js is written with them.
  *
- * A shape is a function that returns the value, with defaults filled in, or throws a ShapeError. Unknown fields are dropped.
+ * A shape is a function that returns the value, with defaults filled in, or throws a ShapeError.
+ * Unknown fields are dropped.
  */
 
 export class ShapeError extends Error {}
@@ -15,39 +16,58 @@ const fail = (wanted) => {
 
 /** @param {number} least @param {number} most @returns {Shape} */
 export const number = (least, most) => (value) =>
-  typeof value === "number" && value >= least && value <= most ? value : fail(`a number from ${least} to ${most}`);
+  typeof value === "number" && value >= least && value <= most
+    ? value
+    : fail(`a number from ${least} to ${most}`);
 
 /** @param {number} least @param {number} most @returns {Shape} */
 export const integer = (least, most) => (value) =>
-  Number.isSafeInteger(value) && Number(value) >= least && Number(value) <= most ? value : fail(`an integer from ${least} to ${most}`);
+  Number.isSafeInteger(value) && Number(value) >= least && Number(value) <= most
+    ? value
+    : fail(`an integer from ${least} to ${most}`);
 
 /** @param {number} longest @returns {Shape} */
-export const text = (longest) => (value) => (typeof value === "string" && value.length <= longest ? value : fail(`text of at most ${longest}`));
+export const text = (longest) => (value) =>
+  typeof value === "string" && value.length <= longest ? value : fail(`text of at most ${longest}`);
 
 /** @param {RegExp} pattern @returns {Shape} */
-export const matching = (pattern) => (value) => (typeof value === "string" && pattern.test(value) ? value : fail(`text like ${pattern}`));
+export const matching = (pattern) => (value) =>
+  typeof value === "string" && pattern.test(value) ? value : fail(`text like ${pattern}`);
 
 /** @type {Shape} */
 export const flag = (value) => (typeof value === "boolean" ? value : fail("true or false"));
 
 /** @param {string[]} words @returns {Shape} */
-export const oneOf = (...words) => (value) => (typeof value === "string" && words.includes(value) ? value : fail(words.join(" or ")));
+export const oneOf =
+  (...words) =>
+  (value) =>
+    typeof value === "string" && words.includes(value) ? value : fail(words.join(" or "));
 
 /** @param {Shape} shape @returns {Shape} */
 export const nullable = (shape) => (value) => (value === null ? null : shape(value));
 
 /** @param {Shape} shape @param {number} longest @param {number} [shortest] @returns {Shape} */
-export const list = (shape, longest, shortest = 0) => (value) =>
-  Array.isArray(value) && value.length >= shortest && value.length <= longest ? value.map(shape) : fail(`a list of ${shortest} to ${longest}`);
+export const list =
+  (shape, longest, shortest = 0) =>
+  (value) =>
+    Array.isArray(value) && value.length >= shortest && value.length <= longest
+      ? value.map(shape)
+      : fail(`a list of ${shortest} to ${longest}`);
 
 /** @param {Shape[]} shapes @returns {Shape} */
-export const tuple = (...shapes) => (value) =>
-  Array.isArray(value) && value.length === shapes.length ? shapes.map((shape, i) => shape(value[i])) : fail(`a list of ${shapes.length}`);
+export const tuple =
+  (...shapes) =>
+  (value) =>
+    Array.isArray(value) && value.length === shapes.length
+      ? shapes.map((shape, i) => shape(value[i]))
+      : fail(`a list of ${shapes.length}`);
 
 /** @param {Shape} shape @param {number} most @returns {Shape} */
 export const dictionary = (shape, most) => (value) => {
   const entries = isObject(value) ? Object.entries(value) : fail("an object");
-  return entries.length <= most ? Object.fromEntries(entries.map(([key, one]) => [key, shape(one)])) : fail(`at most ${most} entries`);
+  return entries.length <= most
+    ? Object.fromEntries(entries.map(([key, one]) => [key, shape(one)]))
+    : fail(`at most ${most} entries`);
 };
 
 const DEFAULT = Symbol("default");
@@ -56,7 +76,8 @@ const DEFAULT = Symbol("default");
  * A field that may be left out.
  * @param {Shape} shape @param {unknown} value what it is then
  */
-export const optional = (shape, value) => Object.assign((/** @type {unknown} */ given) => shape(given), { [DEFAULT]: () => value });
+export const optional = (shape, value) =>
+  Object.assign((/** @type {unknown} */ given) => shape(given), { [DEFAULT]: () => value });
 
 /**
  * @param {Record<string, Shape>} fields
@@ -73,10 +94,17 @@ export const object = (fields) => (value) => {
   return message;
 };
 
-/** @param {string} tag the field that tells which @param {Record<string, Shape>} shapes @returns {Shape} */
+/**
+ * @param {string} tag the field that tells which
+ * @param {Record<string, Shape>} shapes
+ * @returns {Shape}
+ */
 export const tagged = (tag, shapes) => (value) => {
   const name = isObject(value) ? value[tag] : fail("an object");
-  const shape = typeof name === "string" && Object.hasOwn(shapes, name) ? shapes[name] : fail(`${tag}: ${Object.keys(shapes).join(" or ")}`);
+  const shape =
+    typeof name === "string" && Object.hasOwn(shapes, name)
+      ? shapes[name]
+      : fail(`${tag}: ${Object.keys(shapes).join(" or ")}`);
   return { [tag]: name, ...shape(value) };
 };
 

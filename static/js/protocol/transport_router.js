@@ -1,17 +1,22 @@
 /**
- * Which transport a message takes. Velocities go over the data channel while the robot proves that it hears us there, else over the
- * WebSocket; a stop goes over both. The numbers are the same, so a change of transport is not noticed.
+ * Which transport a message takes. Velocities go over the data channel while the robot proves that
+ * it hears us there, else over the WebSocket; a stop goes over both. The numbers are the same, so a
+ * change of transport is not noticed.
  */
 
 import { encodePacket } from "./robot_api.js";
 
-/** s of silence on the data channel after which the server shall send everything again; the robot's heart beats five times a second. */
+/**
+ * s of silence on the data channel after which the server shall send everything again; the robot's
+ * heart beats five times a second.
+ */
 const DIRECT_SILENCE = 0.7;
 
 export class TransportRouter {
   /**
    * @param {object} options
-   * @param {{send: (packet: string, options?: {droppable?: boolean}) => boolean, isOpen: boolean}} options.socket
+   * @param {{send: (packet: string, options?: {droppable?: boolean}) => boolean, isOpen: boolean}}
+   *   options.socket
    * @param {{send: (packet: string) => boolean}} options.link
    * @param {import("./clock_sync.js").ClockSync} options.clockSync
    * @param {import("./command_stream.js").CommandStream} options.commands
@@ -23,7 +28,10 @@ export class TransportRouter {
     this.commands = commands;
     /** What the server was told last; every new connection to it begins anew. */
     this.direct = false;
-    /** The one transport that the robot takes commands on, where somebody has fixed it. A stop is taken on both all the same. */
+    /**
+     * The one transport that the robot takes commands on, where somebody has fixed it. A stop is
+     * taken on both all the same.
+     */
     this.only = /** @type {"any" | import("./clock_sync.js").Transport} */ ("any");
   }
 
@@ -40,22 +48,29 @@ export class TransportRouter {
     return this.clockSync.isFresh("datachannel", now) ? "datachannel" : "mqtt";
   }
 
-  /** The velocity of this moment, if there is one. @param {number} now @param {number | null} frame */
+  /**
+   * The velocity of this moment, if there is one.
+   * @param {number} now
+   * @param {number | null} frame
+   */
   sendVelocity(now, frame) {
     const message = this.commands.velocity(now, frame);
     if (message) {
       const encoded = encodePacket("command/velocity", message);
       const sent = this.transport(now) === "datachannel" && this.link.send(encoded);
       if (!sent && this.allows("mqtt")) {
-        // What cannot go out now is not kept: a command that waits is a command that comes too late.
+        // What cannot go out now is not kept: a command that waits is a command that comes too
+        // late.
         this.socket.send(encoded, { droppable: true });
       }
     }
   }
 
   /**
-   * An action, by the transport that loses nothing; on both, when it is said again or the server is out of reach.
-   * @param {object} action @param {boolean} again
+   * An action, by the transport that loses nothing; on both, when it is said again or the server is
+   * out of reach.
+   * @param {object} action
+   * @param {boolean} again
    */
   sendAction(action, again) {
     const packet = encodePacket("command/action", action);
@@ -67,7 +82,11 @@ export class TransportRouter {
     }
   }
 
-  /** A pointer on what is shared, by the transport of this moment or not at all. @param {number} now @param {object} pointer */
+  /**
+   * A pointer on what is shared, by the transport of this moment or not at all.
+   * @param {number} now
+   * @param {object} pointer
+   */
   sendPointer(now, pointer) {
     const packet = encodePacket("command/point", pointer);
     if (!(this.transport(now) === "datachannel" && this.link.send(packet)) && this.allows("mqtt")) {
@@ -90,14 +109,26 @@ export class TransportRouter {
 
   /** One heartbeat on each transport. @param {number} now @param {number | null} frameAge */
   beat(now, frameAge) {
-    this.link.send(encodePacket("command/heartbeat", this.clockSync.beat("datachannel", now, frameAge)));
-    this.socket.send(encodePacket("command/heartbeat", this.clockSync.beat("mqtt", now, frameAge)), { droppable: true });
+    this.link.send(
+      encodePacket("command/heartbeat", this.clockSync.beat("datachannel", now, frameAge)),
+    );
+    this.socket.send(
+      encodePacket("command/heartbeat", this.clockSync.beat("mqtt", now, frameAge)),
+      { droppable: true },
+    );
   }
 
-  /** Tell the server when that has changed whether the robot is heard directly, so that it need not send the same. @param {number} now */
+  /**
+   * Tell the server when that has changed whether the robot is heard directly, so that it need not
+   * send the same.
+   * @param {number} now
+   */
   tellDirect(now) {
     const direct = this.clockSync.silence("datachannel", now) < DIRECT_SILENCE;
-    if (direct !== this.direct && this.socket.send(encodePacket("page/direct", { direct }), { droppable: true })) {
+    if (
+      direct !== this.direct &&
+      this.socket.send(encodePacket("page/direct", { direct }), { droppable: true })
+    ) {
       this.direct = direct;
     }
   }

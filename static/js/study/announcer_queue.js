@@ -1,6 +1,6 @@
 /**
- * Tells screen readers what the task says next, without a stream of words: at most one sentence in a while, and of several that came
- * meanwhile only the last. Pure.
+ * Tells screen readers what the task says next, without a stream of words: at most one sentence in
+ * a while, and of several that came meanwhile only the last. Pure.
  */
 
 const PAUSE = 4; // s between two sentences
@@ -13,7 +13,11 @@ export class AnnouncerQueue {
     this.saidAt = -Infinity;
   }
 
-  /** @param {string} text what is true now @param {number} now Unix seconds @returns {string | null} what to say now, null for nothing new */
+  /**
+   * @param {string} text what is true now
+   * @param {number} now Unix seconds
+   * @returns {string | null} what to say now, null for nothing new
+   */
   hear(text, now) {
     this.wanted = text;
     if (text === this.said || now - this.saidAt < PAUSE) {
@@ -25,5 +29,10 @@ export class AnnouncerQueue {
   }
 }
 
-/** The time that is left, in few enough steps to be read out. @param {number | null} left seconds @returns {number | null} */
-export const roundLeft = (left) => (left === null ? null : TIMES.findLast((step) => left <= step) ?? null);
+/**
+ * The time that is left, in few enough steps to be read out.
+ * @param {number | null} left seconds
+ * @returns {number | null}
+ */
+export const roundLeft = (left) =>
+  left === null ? null : (TIMES.findLast((step) => left <= step) ?? null);

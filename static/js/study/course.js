@@ -1,6 +1,7 @@
 /**
- * The course on the map: zones and the suggested way faintly beneath everything, the checkpoints over the path that was driven. What is
- * next, passed or still to come differs by its shape, and not by its colour alone.
+ * The course on the map: zones and the suggested way faintly beneath everything, the checkpoints
+ * over the path that was driven. What is next, passed or still to come differs by its shape, and
+ * not by its colour alone.
  */
 
 import { toScreen } from "../view/map/transform.js";
@@ -9,9 +10,17 @@ import { stopsOf } from "./guide.js";
 const SIZE = 10; // CSS pixels, the radius of a checkpoint's disc
 const NEXT_SIZE = 14;
 
-/** @typedef {{zones: [number, number][][], path: [number, number][], stops: (import("./guide.js").Stop & {x: number, y: number, radius: number})[]}} Marks */
+/**
+ * @typedef {{zones: [number, number][][], path: [number, number][],
+ *   stops: (import("./guide.js").Stop & {x: number, y: number, radius: number})[]}} Marks
+ */
 
-/** Pure. @param {any} study @param {import("./guide.js").Told | null} told @returns {Marks | null} */
+/**
+ * Pure.
+ * @param {any} study
+ * @param {import("./guide.js").Told | null} told
+ * @returns {Marks | null}
+ */
 export const marksFor = (study, told) => {
   if (!study?.checkpoints.length) {
     return null;
@@ -20,10 +29,19 @@ export const marksFor = (study, told) => {
   // The station's docked pose: its checkpoint may lie a little beside it.
   place.set(0, { ...place.get(0), ...study.dock });
   const stops = stopsOf(study, told).map((stop) => ({ ...place.get(stop.number), ...stop }));
-  return { zones: study.zones.map((/** @type {any} */ zone) => zone.polygon), path: study.path, stops };
+  return {
+    zones: study.zones.map((/** @type {any} */ zone) => zone.polygon),
+    path: study.path,
+    stops,
+  };
 };
 
-/** @param {CanvasRenderingContext2D} context @param {import("../view/map/transform.js").View} view @param {Marks} marks @param {Record<string, string>} paint */
+/**
+ * @param {CanvasRenderingContext2D} context
+ * @param {import("../view/map/transform.js").View} view
+ * @param {Marks} marks
+ * @param {Record<string, string>} paint
+ */
 export const drawGround = (context, view, { zones, path }, paint) => {
   context.save();
   context.lineWidth = 1;
@@ -43,17 +61,29 @@ export const drawGround = (context, view, { zones, path }, paint) => {
   context.restore();
 };
 
-/** @param {CanvasRenderingContext2D} context @param {import("../view/map/transform.js").View} view @param {Marks} marks @param {Record<string, string>} paint */
+/**
+ * @param {CanvasRenderingContext2D} context
+ * @param {import("../view/map/transform.js").View} view
+ * @param {Marks} marks
+ * @param {Record<string, string>} paint
+ */
 export const drawStops = (context, view, { stops }, paint) => {
   context.save();
   // What is next is drawn last: nothing lies over it.
-  for (const stop of [...stops].sort((one, other) => Number(one.status === "next") - Number(other.status === "next"))) {
+  for (const stop of [...stops].sort(
+    (one, other) => Number(one.status === "next") - Number(other.status === "next"),
+  )) {
     drawStop(context, view, stop, paint);
   }
   context.restore();
 };
 
-/** @param {CanvasRenderingContext2D} context @param {import("../view/map/transform.js").View} view @param {Marks["stops"][number]} stop @param {Record<string, string>} paint */
+/**
+ * @param {CanvasRenderingContext2D} context
+ * @param {import("../view/map/transform.js").View} view
+ * @param {Marks["stops"][number]} stop
+ * @param {Record<string, string>} paint
+ */
 const drawStop = (context, view, { x, y, radius, number, status }, paint) => {
   const [px, py] = toScreen(view, x, y);
   const isNext = status === "next";
@@ -84,13 +114,22 @@ const drawStop = (context, view, { x, y, radius, number, status }, paint) => {
   context.fillText(status === "passed" ? "✓" : String(number), px, py + 0.5);
 };
 
-/** @param {CanvasRenderingContext2D} context @param {number} x @param {number} y @param {number} radius */
+/**
+ * @param {CanvasRenderingContext2D} context
+ * @param {number} x
+ * @param {number} y
+ * @param {number} radius
+ */
 const disc = (context, x, y, radius) => {
   context.beginPath();
   context.arc(x, y, radius, 0, 2 * Math.PI);
 };
 
-/** @param {CanvasRenderingContext2D} context @param {import("../view/map/transform.js").View} view @param {[number, number][]} points */
+/**
+ * @param {CanvasRenderingContext2D} context
+ * @param {import("../view/map/transform.js").View} view
+ * @param {[number, number][]} points
+ */
 const trace = (context, view, points) => {
   context.beginPath();
   for (const [x, y] of points) {

@@ -1,6 +1,6 @@
 /**
- * The cards of a visit that belongs to a study: how it ended, what follows, and that leaving is for good. Pure. They take the place of
- * those that would offer another drive or another robot.
+ * The cards of a visit that belongs to a study: how it ended, what follows, and that leaving is for
+ * good. Pure. They take the place of those that would offer another drive or another robot.
  */
 
 import { stopsOf } from "./guide.js";
@@ -9,10 +9,23 @@ export const GO_ON_SECONDS = 10; // until the study goes on by itself
 
 const GO_ON = { action: "go_on", word: "do.go_on" };
 const TO_STUDY = { action: "go_on", word: "do.to_study" };
-const ENDS = new Set(["completed", "timed_out", "cancelled", "left", "connection_lost", "connection_refused", "robot_fault", "stopped_by_operator"]);
+const ENDS = new Set([
+  "completed",
+  "timed_out",
+  "cancelled",
+  "left",
+  "connection_lost",
+  "connection_refused",
+  "robot_fault",
+  "stopped_by_operator",
+]);
 const PRACTICE_OVER = new Set(["completed", "timed_out", "cancelled", "left"]);
 /** What leads out of the study leads back to it instead. Watching is no part of it. */
-const INSTEAD = new Map([["home", TO_STUDY], ["back", TO_STUDY], ["watch", undefined]]);
+const INSTEAD = new Map([
+  ["home", TO_STUDY],
+  ["back", TO_STUDY],
+  ["watch", undefined],
+]);
 
 /**
  * @param {import("../drive/features.js").State} state
@@ -25,35 +38,67 @@ export const studyCard = (state, usual) => {
     return usual;
   }
   if (leaving) {
-    return { ...usual, word: study.kind === "practice" ? "practice.leaving" : "study.leaving" };
+    return {
+      ...usual,
+      word: study.kind === "practice" ? "practice.leaving" : "study.leaving",
+      values: { next: study.next },
+    };
   }
   if (hasEnded(state)) {
     return over(state, endOf(state));
   }
-  return { ...usual, main: inside(usual.main), other: inside(usual.other), extra: inside(usual.extra) };
+  return {
+    ...usual,
+    main: inside(usual.main),
+    other: inside(usual.other),
+    extra: inside(usual.extra),
+  };
 };
 
-/** Whether the drive is over, and not only gone to another tab, or its turn missed. @param {import("../drive/features.js").State} state */
-export const hasEnded = ({ visit }) => visit.phase === "ended" && visit.reason !== "moved" && visit.reason !== "turn_missed";
+/**
+ * Whether the drive is over, and not only gone to another tab, or its turn missed.
+ * @param {import("../drive/features.js").State} state
+ */
+export const hasEnded = ({ visit }) =>
+  visit.phase === "ended" && visit.reason !== "moved" && visit.reason !== "turn_missed";
 
 /**
- * How it ended, in one of the words that have a card. A visit that is left is a completed visit and no completed task.
- * @param {import("../drive/features.js").State} state @returns {string}
+ * How it ended, in one of the words that have a card. A visit that is left is a completed visit and
+ * no completed task.
+ * @param {import("../drive/features.js").State} state
+ * @returns {string}
  */
 const endOf = ({ study, visit, told }) => {
-  const outcome = visit.reason === "left" ? "left" : told?.outcome || (visit.reason === "idle" ? "timed_out" : visit.reason);
-  if (outcome === "completed" && !told?.outcome && stopsOf(study, told).some(({ number, status }) => number > 0 && status !== "passed")) {
+  const outcome =
+    visit.reason === "left"
+      ? "left"
+      : told?.outcome || (visit.reason === "idle" ? "timed_out" : visit.reason);
+  if (
+    outcome === "completed" &&
+    !told?.outcome &&
+    stopsOf(study, told).some(({ number, status }) => number > 0 && status !== "passed")
+  ) {
     return "left";
   }
   return ENDS.has(outcome) ? outcome : "other";
 };
 
-/** @param {import("../drive/features.js").State} state @param {string} end @returns {import("../view/hud/card.js").Card} */
+/**
+ * @param {import("../drive/features.js").State} state
+ * @param {string} end
+ * @returns {import("../view/hud/card.js").Card}
+ */
 const over = ({ study, endedAt, now }, end) => ({
-  word: study.kind === "practice" && PRACTICE_OVER.has(end) ? "practice.ended" : `study.ended.${end}`,
-  countdown: endedAt === null ? GO_ON_SECONDS : Math.min(GO_ON_SECONDS, Math.max(0, Math.ceil(endedAt + GO_ON_SECONDS - now))),
+  word:
+    study.kind === "practice" && PRACTICE_OVER.has(end) ? "practice.ended" : `study.ended.${end}`,
+  values: { next: study.next },
+  countdown:
+    endedAt === null
+      ? GO_ON_SECONDS
+      : Math.min(GO_ON_SECONDS, Math.max(0, Math.ceil(endedAt + GO_ON_SECONDS - now))),
   main: GO_ON,
 });
 
 /** @param {{action: string, word: string} | undefined} button */
-const inside = (button) => (button && INSTEAD.has(button.action) ? INSTEAD.get(button.action) : button);
+const inside = (button) =>
+  button && INSTEAD.has(button.action) ? INSTEAD.get(button.action) : button;

@@ -1,6 +1,7 @@
 /**
- * A study on the drive page: what it hears, shows, asks the robot for and writes down. What to do is decided in the pure modules beside
- * it; what only studies show is fetched by their pages alone (panels.js).
+ * A study on the drive page: what it hears, shows, asks the robot for and writes down. What to do
+ * is decided in the pure modules beside it; what only studies show is fetched by their pages alone
+ * (panels.js).
  */
 
 import { ask, heard, pass } from "../autonomy/robot_action.js";
@@ -28,7 +29,11 @@ const setUp = (page) => {
   const say = (answer) => {
     store.update({ answer });
     // The same answer has the same time, however often it is said.
-    connection.report("photo_answer", { id: answer.id, choice: answer.choice, photo: answer.photo }, answer.at);
+    connection.report(
+      "photo_answer",
+      { id: answer.id, choice: answer.choice, photo: answer.photo },
+      answer.at,
+    );
   };
   const actions = newActions(page, say);
 
@@ -36,14 +41,21 @@ const setUp = (page) => {
     handlers: newHandlers(store),
     actions,
     on: {
-      steered: (/** @type {import("../protocol/command_stream.js").Intent} */ { linear, angular, method }) => {
+      steered: (
+        /** @type {import("../protocol/command_stream.js").Intent} */ { linear, angular, method },
+      ) => {
         if (linear !== 0 || angular !== 0) {
           recorder.steered(method);
         }
       },
       granted: (/** @type {{session: string}} */ { session }) => {
         const { told } = store.get();
-        store.update({ told: told?.session === session ? told : null, endedAt: null, snap: null, answer: null });
+        store.update({
+          told: told?.session === session ? told : null,
+          endedAt: null,
+          snap: null,
+          answer: null,
+        });
       },
       poll: (/** @type {number} */ now) => {
         watchPhoto(page, now);
@@ -58,7 +70,10 @@ const setUp = (page) => {
   };
 };
 
-/** @param {import("../drive/registry.js").Page} page @param {(show: (state: any) => void) => void} use */
+/**
+ * @param {import("../drive/registry.js").Page} page
+ * @param {(show: (state: any) => void) => void} use
+ */
 const fetchPanels = ({ store, config, words, element, map, act }, use) => {
   const panels = lazy(() => import("./panels.js"));
   const begin = () =>
@@ -72,7 +87,10 @@ const fetchPanels = ({ store, config, words, element, map, act }, use) => {
   begin();
 };
 
-/** @param {import("../drive/registry.js").Page} page @param {(answer: import("./photo.js").Answer) => void} say */
+/**
+ * @param {import("../drive/registry.js").Page} page
+ * @param {(answer: import("./photo.js").Answer) => void} say
+ */
 const newActions = ({ store, config, driving }, say) => {
   /** @param {"keep" | "again" | "skip"} choice */
   const answerWith = (choice) => () => {
@@ -104,7 +122,11 @@ const newHandlers = (store) => ({
     const { visit, snap, answer } = store.get();
     if (visit.session === null || visit.session === message.session) {
       const told = hear(message, unixNow());
-      store.update({ told, snap: told.window === "open" ? snap : null, answer: pursue(answer, told, -Infinity).answer });
+      store.update({
+        told,
+        snap: told.window === "open" ? snap : null,
+        answer: pursue(answer, told, -Infinity).answer,
+      });
     }
   },
   action: (/** @type {Parameters<typeof heard>[1]} */ message) => {
@@ -127,7 +149,11 @@ const watchPhoto = ({ store, driving }, now) => {
   }
 };
 
-/** @param {import("../drive/store.js").Store} store @param {(answer: import("./photo.js").Answer) => void} say @param {number} now */
+/**
+ * @param {import("../drive/store.js").Store} store
+ * @param {(answer: import("./photo.js").Answer) => void} say
+ * @param {number} now
+ */
 const watchAnswer = (store, say, now) => {
   const { answer, told } = store.get();
   const next = pursue(answer, told, now);
@@ -138,7 +164,12 @@ const watchAnswer = (store, say, now) => {
   }
 };
 
-/** A study goes on by itself after its drive. @param {import("../drive/store.js").Store} store @param {{go_on: () => void}} actions @param {number} now */
+/**
+ * A study goes on by itself after its drive.
+ * @param {import("../drive/store.js").Store} store
+ * @param {{go_on: () => void}} actions
+ * @param {number} now
+ */
 const watchEnd = (store, actions, now) => {
   const { endedAt, study } = store.get();
   if (study && hasEnded(store.get()) && endedAt === null) {

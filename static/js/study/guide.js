@@ -1,6 +1,7 @@
 /**
- * What a participant is shown of the task: the sentence of the cue, the checkpoints, the time that is left, and where to go next. Pure.
- * The session manager decides all of it (`session/task`); the sentences stand in the page.
+ * What a participant is shown of the task: the sentence of the cue, the checkpoints, the time that
+ * is left, and where to go next. Pure. The session manager decides all of it (`session/task`); the
+ * sentences stand in the page.
  */
 
 import { roleOf } from "../protocol/session.js";
@@ -32,17 +33,34 @@ import { roleOf } from "../protocol/session.js";
 
 const PRACTICE_LAST = 60; // s: a practice drive says how long it goes on when it is about to end
 
-/** Keep what was said, with the time at which it ends. @param {Omit<Told, "endsAt">} message @param {number} now @returns {Told} */
-export const hear = (message, now) => ({ ...message, endsAt: message.remaining === null ? null : now + message.remaining });
+/**
+ * Keep what was said, with the time at which it ends.
+ * @param {Omit<Told, "endsAt">} message
+ * @param {number} now
+ * @returns {Told}
+ */
+export const hear = (message, now) => ({
+  ...message,
+  endsAt: message.remaining === null ? null : now + message.remaining,
+});
 
-/** @param {import("../drive/features.js").State} state @returns {Guide | null} null when there is nothing to guide */
+/**
+ * @param {import("../drive/features.js").State} state
+ * @returns {Guide | null} null when there is nothing to guide
+ */
 export const guideFor = (state) => {
   const { study, visit, told } = state;
   if (!study || roleOf(visit) !== "driver") {
     return null;
   }
   if (study.kind === "practice") {
-    return { cue: "cue.practice", number: null, place: "", stops: [], left: leftOf(state) ?? practiceLeft(state) };
+    return {
+      cue: "cue.practice",
+      number: null,
+      place: "",
+      stops: [],
+      left: leftOf(state) ?? practiceLeft(state),
+    };
   }
   const number = told?.number ?? null;
   return {
@@ -55,9 +73,13 @@ export const guideFor = (state) => {
 };
 
 /** @param {import("../drive/features.js").State} state */
-const leftOf = ({ told, now }) => (told === null || told.endsAt === null || told.outcome ? null : Math.max(0, told.endsAt - now));
+const leftOf = ({ told, now }) =>
+  told === null || told.endsAt === null || told.outcome ? null : Math.max(0, told.endsAt - now);
 
-/** A practice drive is over after its minutes, whether or not somebody says so. @param {import("../drive/features.js").State} state */
+/**
+ * A practice drive is over after its minutes, whether or not somebody says so.
+ * @param {import("../drive/features.js").State} state
+ */
 const practiceLeft = ({ study, began, now }) => {
   const left = began === null ? Infinity : Math.max(0, began.at + study.minutes * 60 - now);
   return left <= PRACTICE_LAST ? left : null;
@@ -73,12 +95,27 @@ export const stopsOf = ({ checkpoints }, told) => {
   return [...others, ...(station ? [station] : [])].map(({ number, title }) => ({
     number,
     title,
-    status: (number === 0 ? told?.outcome === "completed" : passed.has(number)) ? "passed" : number === next?.number ? "next" : "later",
+    status: (number === 0 ? told?.outcome === "completed" : passed.has(number))
+      ? "passed"
+      : number === next?.number
+        ? "next"
+        : "later",
   }));
 };
 
-/** Where the cue leads, as far as there is a place to lead to. @param {import("../drive/features.js").State} state @returns {{x: number, y: number, number: number | null} | null} */
+/**
+ * Where the cue leads, as far as there is a place to lead to.
+ * @param {import("../drive/features.js").State} state
+ * @returns {{x: number, y: number, number: number | null} | null}
+ */
 export const targetOf = ({ told, study }) => {
-  const leads = study?.kind === "task" && told && !told.outcome && told.cue !== "leave_station" && told.window !== "review";
-  return leads && told.x !== null && told.y !== null ? { x: told.x, y: told.y, number: told.number } : null;
+  const leads =
+    study?.kind === "task" &&
+    told &&
+    !told.outcome &&
+    told.cue !== "leave_station" &&
+    told.window !== "review";
+  return leads && told.x !== null && told.y !== null
+    ? { x: told.x, y: told.y, number: told.number }
+    : null;
 };

@@ -1,6 +1,7 @@
 /**
- * What the page adds to the record of a drive: how it was laid out, what was hidden, which sentences were shown for how long, and which
- * controller was taken up. Pure: it says what to write down, recorder.js sends it. Times are Unix seconds by the page's clock.
+ * What the page adds to the record of a drive: how it was laid out, what was hidden, which
+ * sentences were shown for how long, and which controller was taken up. Pure: it says what to write
+ * down, recorder.js sends it. Times are Unix seconds by the page's clock.
  */
 
 const LEAST_SHOWN = 0.3; // s; what flickers by was not read
@@ -17,13 +18,28 @@ export class Shown {
     this.since = 0;
   }
 
-  /** @param {string} word nothing when none is shown @param {number | null} number @param {number} now @returns {Note | null} the sentence that has gone */
+  /**
+   * @param {string} word nothing when none is shown
+   * @param {number | null} number
+   * @param {number} now
+   * @returns {Note | null} the sentence that has gone
+   */
   hear(word, number, now) {
     if (word === this.word && number === this.number) {
       return null;
     }
     const seconds = now - this.since;
-    const gone = this.word && seconds >= LEAST_SHOWN ? { type: this.type, data: { word: this.word, number: this.number, seconds: Math.round(seconds * 1000) / 1000 } } : null;
+    const gone =
+      this.word && seconds >= LEAST_SHOWN
+        ? {
+            type: this.type,
+            data: {
+              word: this.word,
+              number: this.number,
+              seconds: Math.round(seconds * 1000) / 1000,
+            },
+          }
+        : null;
     Object.assign(this, { word, number, since: now });
     return gone;
   }
@@ -51,5 +67,10 @@ export class Changes {
   }
 }
 
-/** Which of the page's layouts that is: static/css/drive.css. @param {number} width CSS pixels @param {number} height */
-export const layoutOf = (width, height) => (height <= 540 && width >= height ? "low" : width <= 999 ? "upright" : "wide");
+/**
+ * Which of the page's layouts that is: static/css/drive.css.
+ * @param {number} width CSS pixels
+ * @param {number} height
+ */
+export const layoutOf = (width, height) =>
+  height <= 540 && width >= height ? "low" : width <= 999 ? "upright" : "wide";

@@ -1,6 +1,6 @@
 /**
- * What a study shows on the drive page: its panel, its arrow, the window of its photo, its course on the map, and what is read out of
- * them. Fetched by pages of studies alone.
+ * What a study shows on the drive page: its panel, its arrow, the window of its photo, its course
+ * on the map, and what is read out of them. Fetched by pages of studies alone.
  */
 
 import { clockTime } from "../view/hud/dials.js";
@@ -38,18 +38,31 @@ export const createStudyPanels = ({ snapshots, words, element, map, act }) => {
     const key = JSON.stringify(marks?.stops.map(({ status }) => status));
     if (key !== drawn) {
       drawn = key;
-      map.setCourse(marks && { below: (...on) => drawGround(...on.slice(0, 2), marks, on[2]), above: (...on) => drawStops(...on.slice(0, 2), marks, on[2]) });
+      map.setCourse(
+        marks && {
+          below: (...on) => drawGround(...on.slice(0, 2), marks, on[2]),
+          above: (...on) => drawStops(...on.slice(0, 2), marks, on[2]),
+        },
+      );
     }
   };
 
   return (state) => {
     shows.forEach((show) => show(state));
     showCourse(state);
-    write(element("task-said"), announcerQueue.hear(spoken(state, words), unixNow()) ?? announcerQueue.said);
+    write(
+      element("task-said"),
+      announcerQueue.hear(spoken(state, words), unixNow()) ?? announcerQueue.said,
+    );
   };
 };
 
-/** What is read out. @param {import("../drive/features.js").State} state @param {import("../lib/words.js").Words} words @returns {string} */
+/**
+ * What is read out.
+ * @param {import("../drive/features.js").State} state
+ * @param {import("../lib/words.js").Words} words
+ * @returns {string}
+ */
 const spoken = (state, words) => {
   const guide = guideFor(state);
   if (!guide) {
@@ -57,5 +70,11 @@ const spoken = (state, words) => {
   }
   const left = roundLeft(guide.left);
   const photo = windowFor(state);
-  return [photo ? photoSentence(photo, words) : sentence(guide, words), photo ? "" : guide.place, left === null ? "" : words.say("reading.left", { time: clockTime(left) })].filter(Boolean).join(" ");
+  return [
+    photo ? photoSentence(photo, words) : sentence(guide, words),
+    photo ? "" : guide.place,
+    left === null ? "" : words.say("reading.left", { time: clockTime(left) }),
+  ]
+    .filter(Boolean)
+    .join(" ");
 };

@@ -1,6 +1,7 @@
 /**
- * The photo's window: what it shows, and which of its buttons can be pressed. Pure. It opens and closes when the session manager says
- * so; taking a picture is never refused, wherever the robot looks.
+ * The photo's window: what it shows, and which of its buttons can be pressed. Pure. It opens and
+ * closes when the session manager says so; taking a picture is never refused, wherever the robot
+ * looks.
  */
 
 import { roleOf } from "../protocol/session.js";
@@ -24,7 +25,16 @@ export const windowFor = ({ visit, told, snap, answer }) => {
   }
   const taking = isUnderWay(snap) || snap?.status === "FINISHED";
   const skipped = answer !== null;
-  return { mode: "hint", word: taking ? "photo.taking" : snap?.status === "FAILED" ? "photo.failed" : `photo.${told.cue}`, photo: "", busy: taking || skipped };
+  return {
+    mode: "hint",
+    word: taking
+      ? "photo.taking"
+      : snap?.status === "FAILED"
+        ? "photo.failed"
+        : `photo.${told.cue}`,
+    photo: "",
+    busy: taking || skipped,
+  };
 };
 
 const AGAIN_SECONDS = 1.5; // an answer that the session manager has not taken up is said again
@@ -44,9 +54,12 @@ const AGAIN_SECONDS = 1.5; // an answer that the session manager has not taken u
  * @returns {{answer: Answer | null, say: boolean}}
  */
 export const pursue = (answer, told, now) => {
-  // A question that is not asked any more was answered: the window is shut, or it shows something else than what was judged.
+  // A question that is not asked any more was answered: the window is shut, or it shows something
+  // else than what was judged.
   if (!answer || !told || told.outcome || told.window === "shut" || told.photo !== answer.photo) {
     return { answer: null, say: false };
   }
-  return now - answer.saidAt > AGAIN_SECONDS ? { answer: { ...answer, saidAt: now }, say: true } : { answer, say: false };
+  return now - answer.saidAt > AGAIN_SECONDS
+    ? { answer: { ...answer, saidAt: now }, say: true }
+    : { answer, say: false };
 };

@@ -50,5 +50,9 @@ export const createPhotoWindow = (element, words, { list, act }) => {
   };
 };
 
-/** A newer server's cue has a general sentence. @param {import("./photo.js").Window} what @param {import("../lib/words.js").Words} words */
+/**
+ * A newer server's cue has a general sentence.
+ * @param {import("./photo.js").Window} what
+ * @param {import("../lib/words.js").Words} words
+ */
 export const photoSentence = ({ word }, words) => words.say(words.has(word) ? word : "photo.other");

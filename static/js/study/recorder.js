@@ -1,5 +1,6 @@
 /**
- * Watches the page for what belongs into the record of a drive (page_events.js), and sends it. Works with and without a study.
+ * Watches the page for what belongs into the record of a drive (page_events.js), and sends it.
+ * Works with and without a study.
  */
 
 import { alertFor } from "../view/hud/alert.js";
@@ -16,17 +17,24 @@ const PERMISSIONS = ["camera", "microphone"];
 /**
  * @param {object} options
  * @param {() => import("../drive/features.js").State} options.get
- * @param {(type: string, data?: Record<string, string | number | boolean | null>) => boolean} options.report whether it was handed to the network
+ * @param {(type: string, data?: Record<string, string | number | boolean | null>) => boolean}
+ *   options.report whether it was handed to the network
  * @param {() => number} options.now Unix seconds
  */
 export const createRecorder = ({ get, report, now }) => {
-  const [cue, alert, card] = [new Shown("cue_shown"), new Shown("alert_shown"), new Shown("card_shown")];
+  const [cue, alert, card] = [
+    new Shown("cue_shown"),
+    new Shown("alert_shown"),
+    new Shown("card_shown"),
+  ];
   const photo = new Shown("photo_window_shown");
-  const [layout, map, controller] = [new Changes("layout"), new Changes("map"), new Changes("controller")];
-  const permissions = new Map(PERMISSIONS.map((name) => [name, new Changes("permission")]));
-  const granted = new Map(/** @type {[string, string][]} */ ([]));
+  const [layout, map, controller] = [
+    new Changes("layout"),
+    new Changes("map"),
+    new Changes("controller"),
+  ];
+  const firstFrame = newFirstFrame(report, now);
   let session = /** @type {string | null} */ (null);
-  let framed = -Infinity;
   let profile = "";
 
   /** @param {import("./page_events.js").Note | null} note */
@@ -36,34 +44,23 @@ export const createRecorder = ({ get, report, now }) => {
   const hasBegun = () => isDriving() && get().visit.session === session;
   const sayLayout = () => hasBegun() && write(layout.hear(layoutNow(get())));
 
-  const sayPermissions = () => hasBegun() && granted.forEach((state, name) => write(permissions.get(name)?.hear({ name, state }) ?? null));
-
+  const sayPermissions = () => hasBegun() && permissions.notes().forEach(write);
   onResized(sayLayout);
-  document.addEventListener("visibilitychange", () => isDriving() && report("tab", { hidden: document.hidden }));
+  document.addEventListener(
+    "visibilitychange",
+    () => isDriving() && report("tab", { hidden: document.hidden }),
+  );
   addEventListener("pagehide", () => write(cue.hear("", null, now())));
-  for (const name of PERMISSIONS) {
-    void watchPermission(name, (state) => {
-      granted.set(name, state);
-      sayPermissions();
-    });
-  }
+  const permissions = watchPermissions(sayPermissions);
 
   /** A visit has begun: what has been so for long is said once. @param {string} id */
   const begin = (id) => {
     session = id;
-    framed = -Infinity;
+    firstFrame.reset();
     [alert, card, photo].forEach((shown) => shown.hear("", null, now()));
-    [layout, map, controller, ...permissions.values()].forEach((changes) => changes.reset());
+    [layout, map, controller, permissions].forEach((changes) => changes.reset());
     sayLayout();
     sayPermissions();
-  };
-
-  /** The task's time begins with it: it is told until it is known. @param {import("../drive/features.js").State} state */
-  const sayFirstFrame = ({ told, playing, slow }) => {
-    const unknown = framed === -Infinity || told?.cue === "wait_for_picture";
-    if (playing && unknown && now() - framed > AGAIN_SECONDS && report("first_frame", { way: slow ? "server" : "direct" })) {
-      framed = now();
-    }
   };
 
   /** @param {import("../drive/features.js").State} state */
@@ -85,10 +82,39 @@ export const createRecorder = ({ get, report, now }) => {
       profile = nameOf(state);
       sayLayout();
     }
-    sayFirstFrame(state);
+    firstFrame.say(state);
   };
 
-  return { show, steered: (/** @type {string} */ method) => hasBegun() && write(controller.hear({ method })) };
+  return {
+    show,
+    steered: (/** @type {string} */ method) => hasBegun() && write(controller.hear({ method })),
+  };
+};
+
+/**
+ * The task's time begins with the first frame: it is told until it is known.
+ * @param {Parameters<typeof createRecorder>[0]["report"]} report
+ * @param {() => number} now Unix seconds
+ */
+const newFirstFrame = (report, now) => {
+  let framed = -Infinity;
+  return {
+    reset: () => {
+      framed = -Infinity;
+    },
+    /** @param {import("../drive/features.js").State} state */
+    say: ({ told, playing, slow }) => {
+      const unknown = framed === -Infinity || told?.cue === "wait_for_picture";
+      if (
+        playing &&
+        unknown &&
+        now() - framed > AGAIN_SECONDS &&
+        report("first_frame", { way: slow ? "server" : "direct" })
+      ) {
+        framed = now();
+      }
+    },
+  };
 };
 
 /** Once the window has its size. @param {() => void} tell */
@@ -113,10 +139,34 @@ const layoutNow = (state) => ({
   touch: matchMedia("(any-pointer: coarse)").matches,
 });
 
-/** What the browser has been allowed, now and whenever that changes. @param {string} name @param {(state: string) => unknown} tell */
+/** What the browser has been allowed. @param {() => unknown} changed */
+const watchPermissions = (changed) => {
+  const told = new Map(PERMISSIONS.map((name) => [name, new Changes("permission")]));
+  const granted = new Map(/** @type {[string, string][]} */ ([]));
+  for (const name of PERMISSIONS) {
+    void watchPermission(name, (state) => {
+      granted.set(name, state);
+      changed();
+    });
+  }
+  return {
+    reset: () => told.forEach((changes) => changes.reset()),
+    /** What has not been told yet. */
+    notes: () =>
+      Array.from(granted, ([name, state]) => told.get(name)?.hear({ name, state }) ?? null),
+  };
+};
+
+/**
+ * One permission, now and whenever it changes.
+ * @param {string} name
+ * @param {(state: string) => unknown} tell
+ */
 const watchPermission = async (name, tell) => {
   try {
-    const status = await navigator.permissions.query({ name: /** @type {PermissionName} */ (name) });
+    const status = await navigator.permissions.query({
+      name: /** @type {PermissionName} */ (name),
+    });
     status.onchange = () => tell(status.state);
     tell(status.state);
   } catch (error) {

@@ -1,5 +1,6 @@
 /**
- * Fetches the address of a picture that the robot has taken: it is there once the server has it whole, which may take a moment.
+ * Fetches the address of a picture that the robot has taken: it is there once the server has it
+ * whole, which may take a moment.
  */
 
 const FIRST = 0.3; // s until it is asked again
@@ -13,7 +14,12 @@ export class Snapshots {
    * @param {(url: string) => Promise<{ok: boolean, json: () => Promise<any>}>} [options.fetch]
    * @param {(callback: () => void, ms: number) => unknown} [options.later]
    */
-  constructor({ list, onFound, fetch = (url) => globalThis.fetch(url, { credentials: "same-origin" }), later = setTimeout.bind(globalThis) }) {
+  constructor({
+    list,
+    onFound,
+    fetch = (url) => globalThis.fetch(url, { credentials: "same-origin" }),
+    later = setTimeout.bind(globalThis),
+  }) {
     this.list = list;
     this.onFound = onFound;
     this.fetch = fetch;
@@ -21,7 +27,10 @@ export class Snapshots {
     this.wanted = "";
   }
 
-  /** Look for a picture until it is found, or another one, or none, is wanted. @param {string} actionId */
+  /**
+   * Look for a picture until it is found, or another one, or none, is wanted.
+   * @param {string} actionId
+   */
   want(actionId) {
     if (actionId !== this.wanted) {
       this.wanted = actionId;
@@ -40,11 +49,17 @@ export class Snapshots {
     if (url) {
       this.onFound(actionId, url);
     } else {
-      this.later(() => actionId === this.wanted && void this.#poll(actionId, Math.min(SLOWEST, pause * 1.5)), pause * 1000);
+      this.later(
+        () => actionId === this.wanted && void this.#poll(actionId, Math.min(SLOWEST, pause * 1.5)),
+        pause * 1000,
+      );
     }
   }
 
-  /** @param {string} actionId @returns {Promise<string | null>} null while it is not there, or the server is not */
+  /**
+   * @param {string} actionId
+   * @returns {Promise<string | null>} null while it is not there, or the server is not
+   */
   async #address(actionId) {
     try {
       const answer = await this.fetch(this.list);

@@ -1,7 +1,10 @@
 /** The study's slice of the page's state. */
 
 export const newSlice = () => ({
-  /** what the page was told about the study that the drive belongs to: experiments/participation/drive_config.py; null without one */
+  /**
+   * what the page was told about the study that the drive belongs to:
+   * experiments/participation/drive_config.py; null without one
+   */
   study: /** @type {any} */ (null),
   /** how far the task of the study is, as the session manager last said: guide.js */
   told: /** @type {import("./guide.js").Told | null} */ (null),

@@ -1,4 +1,7 @@
-/** Shows the task: its sentence, the checkpoints, the time that is left; on a small screen one line that opens. */
+/**
+ * Shows the task: its sentence, the checkpoints, the time that is left; on a small screen one line
+ * that opens.
+ */
 
 import { clockTime } from "../view/hud/dials.js";
 import { write } from "../lib/dom.js";
@@ -46,7 +49,12 @@ export const createPanel = (element, words) => {
     panel.dataset.cue = guide.cue;
     write(element("task-cue"), sentence(guide, words));
     write(element("task-place"), guide.place);
-    write(element("task-time"), guide.left === null ? "" : words.say("reading.left", { time: clockTime(Math.ceil(guide.left)) }));
+    write(
+      element("task-time"),
+      guide.left === null
+        ? ""
+        : words.say("reading.left", { time: clockTime(Math.ceil(guide.left)) }),
+    );
     write(element("task-note"), noteOf(state, words));
     const key = JSON.stringify(guide.stops);
     if (key !== drawn) {
@@ -56,12 +64,23 @@ export const createPanel = (element, words) => {
   };
 };
 
-/** The sentence of a cue; a newer server's cue has a general one. @param {import("./guide.js").Guide} guide @param {import("../lib/words.js").Words} words */
-export const sentence = ({ cue, number }, words) => words.say(words.has(cue) ? cue : "cue.other", { number: number ?? "" });
+/**
+ * The sentence of a cue; a newer server's cue has a general one.
+ * @param {import("./guide.js").Guide} guide
+ * @param {import("../lib/words.js").Words} words
+ */
+export const sentence = ({ cue, number }, words) =>
+  words.say(words.has(cue) ? cue : "cue.other", { number: number ?? "" });
 
-/** @param {import("../drive/features.js").State} state @param {import("../lib/words.js").Words} words @returns {string} which controllers are off, when some are */
+/**
+ * @param {import("../drive/features.js").State} state
+ * @param {import("../lib/words.js").Words} words
+ * @returns {string} which controllers are off, when some are
+ */
 const noteOf = (state, words) => {
-  return OURS.filter((method) => !maySteer(state, method)).map((method) => words.say(`off.${method}`)).join(" ");
+  return OURS.filter((method) => !maySteer(state, method))
+    .map((method) => words.say(`off.${method}`))
+    .join(" ");
 };
 
 /** @param {import("./guide.js").Stop} stop @param {import("../lib/words.js").Words} words */
@@ -75,7 +94,9 @@ const stopItem = ({ number, title, status }, words) => {
   sign.textContent = status === "passed" ? "✓" : number === 0 ? "ϟ" : String(number);
   const said = document.createElement("span");
   said.className = "visually-hidden";
-  said.textContent = words.say(`stop.${number === 0 ? "station" : "checkpoint"}.${status}`, { number });
+  said.textContent = words.say(`stop.${number === 0 ? "station" : "checkpoint"}.${status}`, {
+    number,
+  });
   item.append(sign, said);
   return item;
 };

@@ -3,8 +3,8 @@
 import { standstillOf } from "../view/hud/standstill.js";
 
 /**
- * Whether it is the robot that keeps the video away: it is gone or silent, has a fault, or its camera gives none. Then nothing is to be
- * looked for in the visitor's network. Pure.
+ * Whether it is the robot that keeps the video away: it is gone or silent, has a fault, or its
+ * camera gives none. Then nothing is to be looked for in the visitor's network. Pure.
  * @param {import("../drive/features.js").State} state
  */
 export const isRobotsFault = ({ visit, robot, faults }) =>

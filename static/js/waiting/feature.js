@@ -1,6 +1,6 @@
 /**
- * Waiting for the robot, and what helps when its connection does not come about. All of it is fetched when it is first needed
- * (lazy_panels.js).
+ * Waiting for the robot, and what helps when its connection does not come about. All of it is
+ * fetched when it is first needed (lazy_panels.js).
  */
 
 import { lazy } from "../lib/lazy.js";
@@ -11,11 +11,20 @@ const UNREACHED = "check.server.blocked";
 const TROUBLE_PATIENCE = 6; // s without a connection to server or robot until the page looks why
 
 const newSlice = () => ({
-  /** what seems wrong with the connection, and what to do: pages/check/verdict.js; null while nothing is known */
+  /**
+   * what seems wrong with the connection, and what to do: pages/check/verdict.js; null while
+   * nothing is known
+   */
   finding: /** @type {{word: string, values: Record<string, string | number>} | null} */ (null),
-  /** the browser to open this page in where one inside an app has no live video: pages/check/in_app.js; empty elsewhere */
+  /**
+   * the browser to open this page in where one inside an app has no live video:
+   * pages/check/in_app.js; empty elsewhere
+   */
   betterBrowser: "",
-  /** practising with a simulated robot while one waits: not offered, offered, being made ready, under way: practice.js */
+  /**
+   * practising with a simulated robot while one waits: not offered, offered, being made ready,
+   * under way: practice.js
+   */
   practice: /** @type {"none" | "off" | "starting" | "on"} */ ("none"),
   /** whether the link to this page was copied */
   copied: false,
@@ -29,7 +38,10 @@ const setUp = (page) => {
   const lazyPanels = lazy(async () => (await import("./lazy_panels.js")).createLazyPanels(page));
   let troubledSince = 0; // 0: all is well
 
-  /** When a connection does not come about, find out once what to tell the visitor. @param {number} now */
+  /**
+   * When a connection does not come about, find out once what to tell the visitor.
+   * @param {number} now
+   */
   const watchTrouble = (now) => {
     const { visit, playing, slow, finding } = store.get();
     const blind = roleOf(visit) !== "" && (slow || !playing) && !isRobotsFault(store.get());
@@ -44,7 +56,8 @@ const setUp = (page) => {
       troubledSince = Infinity; // once for each trouble
       lazyPanels(
         ({ examine }) => void examine(),
-        () => (troubledSince = now), // no connection to the server at all: tried again while the trouble lasts
+        // no connection to the server at all: tried again while the trouble lasts
+        () => (troubledSince = now),
       );
     }
   };

@@ -1,6 +1,7 @@
 /**
- * What the drive page needs only now and then, fetched when it does: calling a visitor who waits, practising meanwhile, saying what is
- * wrong with the connection, and the way out of browsers that have no live video.
+ * What the drive page needs only now and then, fetched when it does: calling a visitor who waits,
+ * practising meanwhile, saying what is wrong with the connection, and the way out of browsers that
+ * have no live video.
  */
 
 import { examine } from "../pages/check/examine.js";
@@ -13,7 +14,14 @@ import { saveSouvenir } from "./souvenir.js";
 
 /** @param {import("../drive/registry.js").Page} page */
 export const createLazyPanels = (page) => {
-  const { store, config, words, element, connection: { report }, begin } = page;
+  const {
+    store,
+    config,
+    words,
+    element,
+    connection: { report },
+    begin,
+  } = page;
   const { visit } = store.get();
   const practice = createPractice({ store, address: config.practice, element, words, report });
   return {
@@ -27,14 +35,21 @@ export const createLazyPanels = (page) => {
     tell_me: async () => store.update({ notifiable: (await askPermission()) === "default" }),
     examine: async () => {
       const connected = () => store.get().visit.socket === "open";
-      const { advice, record } = await examine({ socket: config.check, iceServers: store.get().visit.iceServers, connected });
+      const { advice, record } = await examine({
+        socket: config.check,
+        iceServers: store.get().visit.iceServers,
+        connected,
+      });
       store.update({ finding: connected() && isRobotsFault(store.get()) ? null : advice });
       report("check", record);
     },
     /** This browser has no live video: say so, and where there is some. */
     explain: () => {
       const reason = appOf(navigator.userAgent) ? "in_app" : "unsupported";
-      store.update({ betterBrowser: browserFor(navigator.userAgent), visit: { ...visit, phase: "closed", reason } });
+      store.update({
+        betterBrowser: browserFor(navigator.userAgent),
+        visit: { ...visit, phase: "closed", reason },
+      });
     },
     copy_link: async () => store.update({ copied: await copy(location.href) }),
     souvenir: async () => {

@@ -1,9 +1,10 @@
 /**
- * Calling a visitor who looks elsewhere: two short tones, a trembling telephone, and a notification where the visitor has allowed them.
- * Loaded only for whoever waits, or is asked whether they are still there.
+ * Calling a visitor who looks elsewhere: two short tones, a trembling telephone, and a notification
+ * where the visitor has allowed them. Loaded only for whoever waits, or is asked whether they are
+ * still there.
  *
- * A browser lets a page sound only after the visitor has touched it, so `prepare` is called on every touch until then. Whether
- * notifications may be shown is asked for on a click alone.
+ * A browser lets a page sound only after the visitor has touched it, so `prepare` is called on
+ * every touch until then. Whether notifications may be shown is asked for on a click alone.
  */
 
 const TONES = [
@@ -24,8 +25,12 @@ export const prepare = () => {
   }
 };
 
-/** Whether the visitor can still be asked to allow notifications: "default", or what they said. @returns {"default" | "granted" | "denied"} */
-export const permission = () => (typeof Notification === "function" ? Notification.permission : "denied");
+/**
+ * Whether the visitor can still be asked to allow notifications: "default", or what they said.
+ * @returns {"default" | "granted" | "denied"}
+ */
+export const permission = () =>
+  typeof Notification === "function" ? Notification.permission : "denied";
 
 /** Ask for it; within a click. @returns {Promise<"default" | "granted" | "denied">} */
 export const askPermission = async () => {
@@ -51,7 +56,12 @@ const sound = () => {
 
 /** @param {string} title @param {string} body */
 const notify = async (title, body) => {
-  const options = { body, tag: "turn", renotify: true, icon: /** @type {HTMLLinkElement | null} */ (document.querySelector("link[rel=icon]"))?.href };
+  const options = {
+    body,
+    tag: "turn",
+    renotify: true,
+    icon: /** @type {HTMLLinkElement | null} */ (document.querySelector("link[rel=icon]"))?.href,
+  };
   const worker = await navigator.serviceWorker?.getRegistration();
   if (worker?.active) {
     await worker.showNotification(title, options);
@@ -66,7 +76,9 @@ const notify = async (title, body) => {
 
 /**
  * Call the visitor.
- * @param {string} title @param {string} body of the notification, which is shown only while the visitor looks at something else
+ * @param {string} title
+ * @param {string} body of the notification, which is shown only while the visitor looks at
+ *   something else
  */
 export const call = async (title, body) => {
   sound();
@@ -75,7 +87,8 @@ export const call = async (title, body) => {
     try {
       await notify(title, body);
     } catch (error) {
-      // Telephones know notifications only from a service worker, and have none here: tones and title have to do.
+      // Telephones know notifications only from a service worker, and have none here: tones and
+      // title have to do.
       if (!(error instanceof TypeError)) {
         throw error;
       }

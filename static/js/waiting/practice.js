@@ -1,6 +1,7 @@
 /**
- * Practising in a simulated robot while one waits for a real one: its drive page in a frame over this one, which goes on waiting behind
- * it. When the turn comes the frame goes, and leaves its robot.
+ * Practising in a simulated robot while one waits for a real one: its drive page in a frame over
+ * this one, which goes on waiting behind it. When the turn comes the frame goes, and leaves its
+ * robot.
  */
 
 import { write } from "../lib/dom.js";
@@ -20,7 +21,11 @@ export const createPractice = ({ store, address, element, words, report }) => {
   const frame = /** @type {HTMLIFrameElement} */ (element("practice-frame"));
   let timer = 0;
 
-  /** Without a trace in the history: the browser's own way back must not lead into a practice that is over. @param {string} url */
+  /**
+   * Without a trace in the history: the browser's own way back must not lead into a practice that
+   * is over.
+   * @param {string} url
+   */
   const go = (url) => frame.contentWindow?.location.replace(url);
   const waits = () => ["queued", "taking"].includes(store.get().visit.phase);
 
@@ -58,7 +63,10 @@ export const createPractice = ({ store, address, element, words, report }) => {
   store.subscribe(({ practice, visit }) => {
     if (practice === "on") {
       const word = visit.place > 1 ? "practice.waits" : "practice.next";
-      write(element("practice-words"), words.say(word, { place: visit.place, minutes: Math.max(1, Math.ceil(visit.minutes)) }));
+      write(
+        element("practice-words"),
+        words.say(word, { place: visit.place, minutes: Math.max(1, Math.ceil(visit.minutes)) }),
+      );
     }
   });
 
@@ -73,7 +81,10 @@ export const createPractice = ({ store, address, element, words, report }) => {
   };
 };
 
-/** @param {string} address @returns {Promise<string | null>} null while none is ready, or the server cannot be asked */
+/**
+ * @param {string} address
+ * @returns {Promise<string | null>} null while none is ready, or the server cannot be asked
+ */
 const whereTo = async (address) => {
   try {
     const answer = await fetch(address, { headers: { Accept: "application/json" } });

@@ -1,6 +1,6 @@
 /**
- * A picture to keep of a visit that is over: the map with the path that was driven, how far and how long, and the visitor's own photos.
- * Drawn in the browser, for nobody else.
+ * A picture to keep of a visit that is over: the map with the path that was driven, how far and how
+ * long, and the visitor's own photos. Drawn in the browser, for nobody else.
  */
 
 import { RobotMap } from "../view/map/robot_map.js";
@@ -13,11 +13,14 @@ const PHOTO_WIDTH = (WIDTH - 4 * MARGIN) / 3;
 const PHOTO_HEIGHT = (PHOTO_WIDTH * 3) / 4;
 const MOST_PHOTOS = 9;
 
-/** @typedef {{session: string, metres: number, minutes: number, trail: [number, number][][]}} Trip */
+/**
+ * @typedef {{session: string, metres: number, minutes: number, trail: [number, number][][]}} Trip
+ */
 
 /**
  * Draw the picture and have the browser save it.
- * @param {Pick<import("../drive/registry.js").Page, "config" | "words" | "map">} page @param {Trip} trip
+ * @param {Pick<import("../drive/registry.js").Page, "config" | "words" | "map">} page
+ * @param {Trip} trip
  */
 export const saveSouvenir = async ({ config, words, map }, trip) => {
   const photos = await ownPhotos(config.snapshots, trip.session);
@@ -36,7 +39,12 @@ export const saveSouvenir = async ({ config, words, map }, trip) => {
   context.fillText(config.title, MARGIN, 28, WIDTH - 2 * MARGIN);
   context.font = `26px ${style.fontFamily}`;
   const day = new Date().toLocaleDateString(document.documentElement.lang, { dateStyle: "long" });
-  context.fillText(`${day} · ${words.say("souvenir.facts", factsOf(trip))}`, MARGIN, 84, WIDTH - 2 * MARGIN);
+  context.fillText(
+    `${day} · ${words.say("souvenir.facts", factsOf(trip))}`,
+    MARGIN,
+    84,
+    WIDTH - 2 * MARGIN,
+  );
   if (ground) {
     drawGround(context, map, trip.trail);
   }
@@ -49,13 +57,19 @@ export const saveSouvenir = async ({ config, words, map }, trip) => {
 };
 
 /** What the sentence of a trip is filled with. @param {Trip} trip */
-export const factsOf = ({ metres, minutes }) => ({ metres: metres < 10 ? metres.toFixed(1) : metres.toFixed(0), minutes: Math.max(1, Math.round(minutes)) });
+export const factsOf = ({ metres, minutes }) => ({
+  metres: metres < 10 ? metres.toFixed(1) : metres.toFixed(0),
+  minutes: Math.max(1, Math.round(minutes)),
+});
 
 /** @param {CanvasRenderingContext2D} context @param {RobotMap} map @param {Trip["trail"]} trail */
 const drawGround = (context, map, trail) => {
   const canvas = document.createElement("canvas");
   // It is laid out, out of sight, for a map takes its size and its colours from the page.
-  canvas.style.cssText = `position: fixed; left: -${2 * WIDTH}px; width: ${WIDTH - 2 * MARGIN}px; height: ${MAP_HEIGHT}px`;
+  canvas.style.cssText = [
+    `position: fixed; left: -${2 * WIDTH}px`,
+    `width: ${WIDTH - 2 * MARGIN}px; height: ${MAP_HEIGHT}px`,
+  ].join("; ");
   map.canvas.parentElement?.append(canvas);
   const ground = new RobotMap({ canvas, frame: (draw) => draw() });
   ground.trail.pieces = trail;
@@ -64,20 +78,43 @@ const drawGround = (context, map, trail) => {
   canvas.remove();
 };
 
-/** As large as its place, cut at the edges. @param {CanvasRenderingContext2D} context @param {HTMLImageElement} photo @param {number} x @param {number} y */
+/**
+ * As large as its place, cut at the edges.
+ * @param {CanvasRenderingContext2D} context
+ * @param {HTMLImageElement} photo
+ * @param {number} x
+ * @param {number} y
+ */
 const drawPhoto = (context, photo, x, y) => {
   const scale = Math.max(PHOTO_WIDTH / photo.naturalWidth, PHOTO_HEIGHT / photo.naturalHeight);
   const [width, height] = [PHOTO_WIDTH / scale, PHOTO_HEIGHT / scale];
-  context.drawImage(photo, (photo.naturalWidth - width) / 2, (photo.naturalHeight - height) / 2, width, height, x, y, PHOTO_WIDTH, PHOTO_HEIGHT);
+  context.drawImage(
+    photo,
+    (photo.naturalWidth - width) / 2,
+    (photo.naturalHeight - height) / 2,
+    width,
+    height,
+    x,
+    y,
+    PHOTO_WIDTH,
+    PHOTO_HEIGHT,
+  );
 };
 
-/** The photos of a visit, the first one first; none where the server cannot be asked. @param {string} list @param {string} session @returns {Promise<HTMLImageElement[]>} */
+/**
+ * The photos of a visit, the first one first; none where the server cannot be asked.
+ * @param {string} list
+ * @param {string} session
+ * @returns {Promise<HTMLImageElement[]>}
+ */
 const ownPhotos = async (list, session) => {
   try {
     const answer = await fetch(list, { credentials: "same-origin" });
     const { snapshots } = answer.ok ? await answer.json() : { snapshots: [] };
     const own = snapshots.filter((/** @type {any} */ one) => one.session === session).reverse();
-    return await Promise.all(own.slice(0, MOST_PHOTOS).map((/** @type {any} */ one) => picture(one.url)));
+    return await Promise.all(
+      own.slice(0, MOST_PHOTOS).map((/** @type {any} */ one) => picture(one.url)),
+    );
   } catch {
     return []; // a map without photos is better than none
   }

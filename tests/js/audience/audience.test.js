@@ -5,11 +5,23 @@ import { countOf, handsText, isOffered } from "../../../static/js/audience/panel
 import { createWords } from "../../../static/js/lib/words.js";
 
 const question = (state) => ({ id: state, text: "Why?", state, who: "", own: false });
-const audience = (changes = {}) => ({ open: true, moderates: false, raised: false, hands: 0, names: [], questions: [], ...changes });
+const audience = (changes = {}) => ({
+  open: true,
+  moderates: false,
+  raised: false,
+  hands: 0,
+  names: [],
+  questions: [],
+  ...changes,
+});
 
 describe("the audience on the drive page", () => {
   test("is offered to whoever watches, and to the driver as soon as somebody does", () => {
-    const state = (phase, observers, changes = {}) => ({ visit: { phase, link: "live" }, room: { observers }, audience: audience(changes) });
+    const state = (phase, observers, changes = {}) => ({
+      visit: { phase, link: "live" },
+      room: { observers },
+      audience: audience(changes),
+    });
     assert.ok(isOffered(state("watching", 1)));
     assert.ok(!isOffered(state("watching", 1, { open: false })));
     assert.ok(!isOffered(state("lobby", 1)));
@@ -19,15 +31,29 @@ describe("the audience on the drive page", () => {
   });
 
   test("counts for whoever moderates what waits for them, and for nobody else", () => {
-    const waits = { hands: 2, questions: [question("waiting"), question("answering"), question("declined")] };
+    const waits = {
+      hands: 2,
+      questions: [question("waiting"), question("answering"), question("declined")],
+    };
     assert.equal(countOf(audience({ ...waits, moderates: true })), 3);
     assert.equal(countOf(audience(waits)), 0);
   });
 
   test("says who has a hand up, and of many how many more", () => {
-    const words = createWords(new Map([["audience.hands.one", "1 hand: {names}"], ["audience.hands.other", "{n} hands: {names}"], ["audience.more", "{n} more"], ["audience.no_hands", "none"]]), "en");
+    const words = createWords(
+      new Map([
+        ["audience.hands.one", "1 hand: {names}"],
+        ["audience.hands.other", "{n} hands: {names}"],
+        ["audience.more", "{n} more"],
+        ["audience.no_hands", "none"],
+      ]),
+      "en",
+    );
     assert.equal(handsText({ hands: 0, names: [] }, words, "en"), "none");
     assert.equal(handsText({ hands: 1, names: ["Ada"] }, words, "en"), "1 hand: Ada");
-    assert.equal(handsText({ hands: 5, names: ["Ada", "Bob"] }, words, "en"), "5 hands: Ada, Bob, and 3 more");
+    assert.equal(
+      handsText({ hands: 5, names: ["Ada", "Bob"] }, words, "en"),
+      "5 hands: Ada, Bob, and 3 more",
+    );
   });
 });

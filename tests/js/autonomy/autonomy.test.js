@@ -283,7 +283,10 @@ describe("what is offered", () => {
       .flatMap(({ word, detail, main, other }) => [word, detail?.word, main?.word, other?.word])
       .filter(Boolean);
     const menu = menuFor(driving()).flatMap(({ word }) => word ?? []);
-    assert.deepEqual([...keys, ...menu].filter((key) => !KEYS.has(key)), []);
+    assert.deepEqual(
+      [...keys, ...menu].filter((key) => !KEYS.has(key)),
+      [],
+    );
   });
 });
 
@@ -297,8 +300,7 @@ describe("reasons", () => {
     "blocked: something stands in the way at (3.2, 4.0) in Laboratory": "reason.in_the_way",
     "blocked: something stands in the way at (3.2, 4.0)": "reason.blocked",
     ["blocked: something stands in the way at (3.2, 4.0) in Laboratory" +
-    " and Laboratory door is closed"]:
-      "reason.blocked",
+    " and Laboratory door is closed"]: "reason.blocked",
     "the robot is boxed in: it has no room to move": "reason.boxed_in",
     "the charging station cannot be reached: no way leads to the goal on the map": "reason.no_way",
     "the goal (3.2, 4.0) lies in a wall or where the robot does not fit": "reason.in_wall",
@@ -319,7 +321,10 @@ describe("reasons", () => {
       Object.keys(SAID).map((reason) => [reason, reasonFor(reason).word]),
       Object.entries(SAID),
     );
-    assert.deepEqual(Object.values(SAID).filter((word) => !KEYS.has(word)), []);
+    assert.deepEqual(
+      Object.values(SAID).filter((word) => !KEYS.has(word)),
+      [],
+    );
     assert.equal(reasonFor(""), null);
   });
 
@@ -367,7 +372,10 @@ describe("assistance", () => {
     const words = ["slow", "stop", "steer", "blind"].flatMap((why) =>
       points.map((point) => wordOf(helpFrom(why, point))),
     );
-    assert.deepEqual(words.filter((word) => !KEYS.has(word)), []);
+    assert.deepEqual(
+      words.filter((word) => !KEYS.has(word)),
+      [],
+    );
     assert.equal(wordOf(NO_HELP), "");
   });
 
@@ -417,10 +425,13 @@ describe("the level of assistance that is shown", () => {
     assert.equal(assistIn(driving({ visit: visit(), robot: of("s1", "off") })), "off");
   });
 
-  test("stays the last one of the visit while the robot is out of reach, or is back without it", () => {
+  test("stays the last of the visit while the robot is out of reach, or is back without it", () => {
     const assistKnown = { session: "s1", level: "slow" };
     for (const robot of [of(null, "off"), of("s0", "off"), null]) {
-      assert.equal(assistIn(driving({ visit: visit({ link: "lost" }), robot, assistKnown })), "slow");
+      assert.equal(
+        assistIn(driving({ visit: visit({ link: "lost" }), robot, assistKnown })),
+        "slow",
+      );
     }
   });
 
@@ -528,11 +539,7 @@ describe("the queue of a robot that is not ready", () => {
       ),
       Array(4).fill("queued.checked"),
     );
-    const reasons = [
-      "no_picture",
-      "network",
-      "the robot control architecture is not connected",
-    ];
+    const reasons = ["no_picture", "network", "the robot control architecture is not connected"];
     const unfit = reasons.map((reason) => card(`paused: ${reason}`));
     assert.deepEqual(
       unfit.map(({ word, detail }) => [word, detail.word]),
@@ -607,7 +614,10 @@ describe("the map", () => {
     say("pointermove", 1, 190, 80);
     say("pointerup", 1, 190, 80);
     say("pointermove", 1, 300, 300);
-    assert.deepEqual(aims, [[5, 3, null], [5, 3, 0]]);
+    assert.deepEqual(aims, [
+      [5, 3, null],
+      [5, 3, 0],
+    ]);
   });
 
   test("what the laser sees is seen from where the laser sits", () => {

@@ -9,14 +9,16 @@ import { Registry } from "../../../static/js/drive/registry.js";
 describe("the registry", () => {
   test("hands a message to every feature that takes it, in order, and says when none does", () => {
     const [registry, log] = [new Registry(), []];
-    registry.add({ handlers: { state: (message, transport) => log.push(["one", message, transport]) } });
+    registry.add({
+      handlers: { state: (message, transport) => log.push(["one", message, transport]) },
+    });
     registry.add({ handlers: { state: () => log.push("two") } });
     assert.equal(registry.handle("state", 1, "mqtt"), true);
     assert.equal(registry.handle("hello", 1, "mqtt"), false);
     assert.deepEqual(log, [["one", 1, "mqtt"], "two"]);
   });
 
-  test("runs an action by its name, with the argument behind it, and says when there is none", () => {
+  test("runs an action by its name, with its argument, and says when there is none", () => {
     const [registry, log] = [new Registry(), []];
     registry.add({
       actions: {
@@ -25,14 +27,19 @@ describe("the registry", () => {
         go_to: (place) => log.push(`to ${place}`),
       },
     });
-    const done = ["stop", "speed-2", "go_to:room-1:west", "drive"].map((action) => registry.act(action));
+    const done = ["stop", "speed-2", "go_to:room-1:west", "drive"].map((action) =>
+      registry.act(action),
+    );
     assert.deepEqual(log, ["stop", "speed 2", "to room-1:west"]);
     assert.deepEqual(done, [true, true, true, false]);
   });
 
   test("renders all features and tells those that listen what happens", () => {
     const [registry, log] = [new Registry(), []];
-    registry.add({ render: (state) => log.push(`render ${state}`), on: { tick: (now) => log.push(now) } });
+    registry.add({
+      render: (state) => log.push(`render ${state}`),
+      on: { tick: (now) => log.push(now) },
+    });
     registry.add({ render: (state) => log.push(`again ${state}`) });
     registry.emit("tick", 7);
     registry.emit("nothing that anybody listens to");

@@ -131,7 +131,11 @@ describe("keyboard", () => {
     const frames = [];
     let now = 0;
     const keyboard = new Keyboard({
-      keys: new KeyDispatcher({ target, root: { querySelectorAll: () => [] }, watch: () => undefined }),
+      keys: new KeyDispatcher({
+        target,
+        root: { querySelectorAll: () => [] },
+        watch: () => undefined,
+      }),
       emit: ({ ahead, left }) => log.push([ahead, left]),
       stop: () => log.push("stop"),
       step: (change) => log.push(`step ${change}`),
@@ -184,7 +188,10 @@ describe("keyboard", () => {
     press("keydown", "ArrowUp");
     keyboard.letGo();
     press("keydown", "ArrowUp", { repeat: true });
-    assert.deepEqual(log, [[START, 0], [0, 0]]);
+    assert.deepEqual(log, [
+      [START, 0],
+      [0, 0],
+    ]);
   });
 
   test("space stops; on a button it presses the button as well", () => {

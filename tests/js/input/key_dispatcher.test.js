@@ -196,7 +196,11 @@ describe("the page's keys", () => {
   test("Escape closes what is open and nothing else; where nothing is open it does nothing", () => {
     const { keys, log, send, shows, holder } = rig();
     const closed = [];
-    keys.closes(holder, () => closed.push("escape"), () => closed.push("beside"));
+    keys.closes(
+      holder,
+      () => closed.push("escape"),
+      () => closed.push("beside"),
+    );
     send("keydown", "Escape");
     shows(true);
     send("keydown", "Escape", { on: FIELD, isComposing: true });
@@ -225,7 +229,12 @@ describe("the page's keys", () => {
 test("whatever listens to keys asks the rule", () => {
   const root = new URL("../../../static/js/", import.meta.url);
   // a sign of presence, the choice of keys, which hand it was, and Escape of a menu of a light page
-  const others = ["drive/activity.js", "input/own_keys.js", "view/overlay/floor_press.js", "pages/site.js"];
+  const others = [
+    "drive/activity.js",
+    "input/own_keys.js",
+    "view/overlay/floor_press.js",
+    "pages/site.js",
+  ];
   const heard = readdirSync(root, { recursive: true })
     .filter(
       (name) =>

@@ -32,11 +32,14 @@ describe("the keymap", () => {
     assert.deepEqual([key_talk, key_look_down, key_forward], ["F", "–", "↑"]);
   });
 
-  test("gives a command one key, which nothing else has then, and takes nothing from the others", () => {
+  test("gives a command one key, which no other has then, and takes nothing else from them", () => {
     const keymap = new Keymap();
     keymap.use(keymap.withKey("talk", "KeyW"));
     keymap.use(keymap.withKey("forward", "KeyI"));
-    assert.deepEqual(["KeyW", "KeyI", "ArrowUp", "KeyT", "KeyS"].map((code) => keymap.commandOf({ code })), ["talk", "forward", "", "", "backward"]);
+    assert.deepEqual(
+      ["KeyW", "KeyI", "ArrowUp", "KeyT", "KeyS"].map((code) => keymap.commandOf({ code })),
+      ["talk", "forward", "", "", "backward"],
+    );
     keymap.use(keymap.withKey("look_up", "KeyI"));
     assert.deepEqual(keymap.keys.forward, []);
     keymap.use({});
@@ -48,7 +51,10 @@ describe("the keymap", () => {
     assert.equal(keymap.refuses("talk", "Space"), "stop");
     assert.equal(keymap.refuses("stop", "Space"), "");
     keymap.use(keymap.withKey("stop", "KeyX"));
-    assert.deepEqual([keymap.refuses("talk", "Space"), keymap.refuses("talk", "KeyX")], ["", "stop"]);
+    assert.deepEqual(
+      [keymap.refuses("talk", "Space"), keymap.refuses("talk", "KeyX")],
+      ["", "stop"],
+    );
     for (const spoiled of [{ stop: [] }, { talk: ["Space"] }, { stop: [], talk: ["Space"] }]) {
       assert.equal(new Keymap(spoiled).commandOf({ code: "Space" }), "stop");
     }
@@ -56,7 +62,16 @@ describe("the keymap", () => {
 
   test("leaves the browser and the page the keys that they need", () => {
     const keymap = new Keymap();
-    for (const key of ["", "Escape", "Tab", "Enter", "F5", "ShiftLeft", "MetaRight", "MediaPlayPause"]) {
+    for (const key of [
+      "",
+      "Escape",
+      "Tab",
+      "Enter",
+      "F5",
+      "ShiftLeft",
+      "MetaRight",
+      "MediaPlayPause",
+    ]) {
       assert.equal(keymap.refuses("talk", key), "never", key);
     }
     assert.equal(keymap.refuses("talk", "KeyF"), "");
@@ -70,10 +85,18 @@ describe("the keymap", () => {
   test("is what the page's hints and sentences are written from", () => {
     const names = ["drive", "_presence", "_presence_words"];
     const pages = names.map((name) => read(`templates/sessions/${name}.html`)).join("\n");
-    const commands = [...pages.matchAll(/data-keys="([^"]+)"/g)].flatMap(([, list]) => list.split(" "));
+    const commands = [...pages.matchAll(/data-keys="([^"]+)"/g)].flatMap(([, list]) =>
+      list.split(" "),
+    );
     const named = [...pages.matchAll(/\{key_(\w+)\}/g)].map(([, command]) => command);
-    assert.deepEqual([...commands, ...named].filter((command) => !(command in DEFAULTS)), []);
-    assert.deepEqual(Object.keys(DEFAULTS).filter((command) => ![...commands, ...named].includes(command)), []);
+    assert.deepEqual(
+      [...commands, ...named].filter((command) => !(command in DEFAULTS)),
+      [],
+    );
+    assert.deepEqual(
+      Object.keys(DEFAULTS).filter((command) => ![...commands, ...named].includes(command)),
+      [],
+    );
     assert.doesNotMatch(pages, /<kbd>/);
   });
 });

@@ -25,9 +25,10 @@ import { newState } from "../../../static/js/drive/features.js";
 
 const WORDS = new Set(
   Array.from(
-    readFileSync(new URL("../../../templates/sessions/_words.html", import.meta.url), "utf8").matchAll(
-      /data-word="([^"]+)"/g,
-    ),
+    readFileSync(
+      new URL("../../../templates/sessions/_words.html", import.meta.url),
+      "utf8",
+    ).matchAll(/data-word="([^"]+)"/g),
     ([, key]) => key,
   ),
 );
@@ -47,7 +48,13 @@ const HOME = { x: 0, y: 0, theta: 0, tilt: 0, linear: 0, angular: 0, stamp: 0, l
 const wall = (x) => Array.from({ length: 81 }, (_, i) => [x, -2 + i / 20]);
 
 describe("driving to a point", () => {
-  for (const goal of [[3, 0], [3, 1.5], [2, -1.6], [0.6, 0.2], [-1, 2]]) {
+  for (const goal of [
+    [3, 0],
+    [3, 1.5],
+    [2, -1.6],
+    [0.6, 0.2],
+    [-1, 2],
+  ]) {
     test(`a robot comes to (${goal}) on the way that was shown, and stands there`, () => {
       let place = { ...HOME };
       const shown = arcTo(HOME, goal);
@@ -74,7 +81,10 @@ describe("driving to a point", () => {
     const free = reach(HOME, [3, 0.5], FOOTPRINT, []);
     assert.ok(Math.hypot(free.goal[0] - 3, free.goal[1] - 0.5) < 0.02);
     const short = reach(HOME, [3, 0], FOOTPRINT, wall(2));
-    assert.ok(short.goal[0] > 1.2 && short.goal[0] < 1.6 && short.sweptPath.blocked, `${short.goal}`);
+    assert.ok(
+      short.goal[0] > 1.2 && short.goal[0] < 1.6 && short.sweptPath.blocked,
+      `${short.goal}`,
+    );
     assert.deepEqual(reach(HOME, [3, 0], FOOTPRINT, wall(0.7)), { no: "close" });
     assert.ok(reach(HOME, [40, 0], FOOTPRINT, []).goal[0] < 8.1, "not to the horizon");
   });
@@ -250,7 +260,11 @@ describe("pressing on the picture", () => {
     send("pointermove", 160, 220, { pointerType: "touch" });
     clock.ms += 100;
     pointing.tick();
-    assert.equal(said.some(([what]) => what === "hold"), false, "who drags still aims");
+    assert.equal(
+      said.some(([what]) => what === "hold"),
+      false,
+      "who drags still aims",
+    );
     clock.ms += 1000 * HOLD_SECONDS;
     pointing.tick();
     assert.deepEqual(said.at(-1), ["hold", 150, 200, "touch"]);
@@ -279,7 +293,10 @@ describe("pressing on the picture", () => {
     pointing.outdone();
     pointing.tick();
     send("pointerup", 110, 220);
-    assert.deepEqual(said.map(([what]) => what), ["aim", "hold", "end"]);
+    assert.deepEqual(
+      said.map(([what]) => what),
+      ["aim", "hold", "end"],
+    );
   });
 
   test("a hand that a study keeps off is told so", () => {

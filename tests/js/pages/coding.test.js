@@ -1,14 +1,52 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { edited, moved, openOne, press, withEdits } from "../../../static/js/pages/replay/coding/events.js";
+import {
+  edited,
+  moved,
+  openOne,
+  press,
+  withEdits,
+} from "../../../static/js/pages/replay/coding/events.js";
 import { SaveQueue } from "../../../static/js/pages/replay/coding/save_queue.js";
 
 const CODES = [
-  { code: "help", name: "Help", kind: "point", key: "h", description: "", group: "", modifiers: [] },
-  { code: "lost", name: "Lost", kind: "interval", key: "l", description: "", group: "route", modifiers: [] },
-  { code: "sure", name: "Sure", kind: "interval", key: "s", description: "", group: "route", modifiers: [] },
-  { code: "talk", name: "Talk", kind: "interval", key: "t", description: "", group: "", modifiers: [] },
+  {
+    code: "help",
+    name: "Help",
+    kind: "point",
+    key: "h",
+    description: "",
+    group: "",
+    modifiers: [],
+  },
+  {
+    code: "lost",
+    name: "Lost",
+    kind: "interval",
+    key: "l",
+    description: "",
+    group: "route",
+    modifiers: [],
+  },
+  {
+    code: "sure",
+    name: "Sure",
+    kind: "interval",
+    key: "s",
+    description: "",
+    group: "route",
+    modifiers: [],
+  },
+  {
+    code: "talk",
+    name: "Talk",
+    kind: "interval",
+    key: "t",
+    description: "",
+    group: "",
+    modifiers: [],
+  },
 ];
 const ids = () => {
   let n = 0;
@@ -26,33 +64,66 @@ const pressed = (presses) => {
     edits.push(...found.edits);
     problems.push(found.problem);
   }
-  return { events: withEdits([], edits).map(({ code, begin, end }) => [code, begin, end]), problems, edits };
+  return {
+    events: withEdits([], edits).map(({ code, begin, end }) => [code, begin, end]),
+    problems,
+    edits,
+  };
 };
 
 test("a key sets a point, begins a state and ends it", () => {
-  const { events } = pressed([[1, "help"], [2, "talk"], [2.5, "help"], [4.0004, "talk"]]);
-  assert.deepEqual(events, [["help", 1, null], ["talk", 2, 4], ["help", 2.5, null]]);
+  const { events } = pressed([
+    [1, "help"],
+    [2, "talk"],
+    [2.5, "help"],
+    [4.0004, "talk"],
+  ]);
+  assert.deepEqual(events, [
+    ["help", 1, null],
+    ["talk", 2, 4],
+    ["help", 2.5, null],
+  ]);
 });
 
 test("a state ends the others of its group and leaves the rest on", () => {
-  const { events } = pressed([[1, "talk"], [2, "lost"], [5, "sure"]]);
-  assert.deepEqual(events, [["talk", 1, null], ["lost", 2, 5], ["sure", 5, null]]);
+  const { events } = pressed([
+    [1, "talk"],
+    [2, "lost"],
+    [5, "sure"],
+  ]);
+  assert.deepEqual(events, [
+    ["talk", 1, null],
+    ["lost", 2, 5],
+    ["sure", 5, null],
+  ]);
 });
 
 test("a state cannot end before it begins", () => {
-  const { events, problems } = pressed([[5, "lost"], [4, "lost"], [5, "sure"]]);
+  const { events, problems } = pressed([
+    [5, "lost"],
+    [4, "lost"],
+    [5, "sure"],
+  ]);
   assert.deepEqual(events, [["lost", 5, null]]);
   assert.deepEqual(problems, ["", "too_early", "too_early"]);
 });
 
-test("a change has the version that it was made of, also when the one before is not saved yet", () => {
-  const { edits } = pressed([[1, "talk"], [3, "talk"]]);
-  assert.deepEqual(edits.map(({ base }) => base), [0, 1]);
+test("a change has the version it was made of, even if the one before is not saved yet", () => {
+  const { edits } = pressed([
+    [1, "talk"],
+    [3, "talk"],
+  ]);
+  assert.deepEqual(
+    edits.map(({ base }) => base),
+    [0, 1],
+  );
   assert.equal(edits[0].event, edits[1].event);
 });
 
 test("changes that are not saved lie over what the server has, until they are deleted", () => {
-  const saved = [{ event: "e", version: 3, code: "help", begin: 2, end: null, modifiers: {}, comment: "" }];
+  const saved = [
+    { event: "e", version: 3, code: "help", begin: 2, end: null, modifiers: {}, comment: "" },
+  ];
   const change = edited(saved[0], { comment: "again" }, ids());
   assert.deepEqual([change.base, withEdits(saved, [change])[0].comment], [3, "again"]);
   assert.deepEqual(withEdits(saved, [change, edited(saved[0], { is_deleted: true }, ids())]), []);
@@ -60,13 +131,21 @@ test("changes that are not saved lie over what the server has, until they are de
 });
 
 test("a beginning moves within the session and never behind its end", () => {
-  const event = { event: "e", version: 1, code: "lost", begin: 2, end: 4, modifiers: {}, comment: "" };
+  const event = {
+    event: "e",
+    version: 1,
+    code: "lost",
+    begin: 2,
+    end: 4,
+    modifiers: {},
+    comment: "",
+  };
   assert.equal(moved(event, "begin", -1, 60, ids()).begin, 0);
   assert.equal(moved(event, "end", 99, 60, ids()).end, 60);
   assert.equal(moved(event, "begin", 4, 60, ids()), null);
 });
 
-// --- saving -----------------------------------------------------------------------------------------
+// --- saving --------------------------------------------------------------------------------------
 
 class MemoryStorage {
   setItem(name, value) {
@@ -80,7 +159,17 @@ class MemoryStorage {
   }
 }
 
-const edit = (id) => ({ id, event: `e-${id}`, base: 0, code: "help", begin: 1, end: null, modifiers: {}, comment: "", is_deleted: false });
+const edit = (id) => ({
+  id,
+  event: `e-${id}`,
+  base: 0,
+  code: "help",
+  begin: 1,
+  end: null,
+  modifiers: {},
+  comment: "",
+  is_deleted: false,
+});
 const settled = () => new Promise((resolve) => setImmediate(resolve));
 
 const queueWith = (answers, storage = new MemoryStorage()) => {
@@ -109,17 +198,23 @@ test("what is saved is forgotten", async () => {
   queue.add([edit("a")]);
   assert.equal(Object.keys(storage).length, 1);
   await settled();
-  assert.deepEqual([told.states.at(-1), queue.pending.length, Object.keys(storage).length], ["saved", 0, 0]);
+  assert.deepEqual(
+    [told.states.at(-1), queue.pending.length, Object.keys(storage).length],
+    ["saved", 0, 0],
+  );
 });
 
-test("without a network changes wait, in order, and are sent again with longer and longer pauses", async () => {
+test("offline, changes wait in order, and are sent again after longer pauses", async () => {
   const { queue, told } = queueWith([0, 503, 200, 200]);
   queue.add([edit("a")]);
   await settled();
   queue.add([edit("b")]);
   await settled();
   assert.equal(told.states.at(-1), "waiting");
-  assert.deepEqual(told.later.map(([seconds]) => seconds), [1]);
+  assert.deepEqual(
+    told.later.map(([seconds]) => seconds),
+    [1],
+  );
   told.later[0][1]();
   await settled();
   assert.deepEqual(told.sent, [["a"], ["a", "b"], ["a", "b"]]);
@@ -133,7 +228,10 @@ test("a page that is loaded again sends what the one before it could not", async
   first.storage["coding:2:x"] = JSON.stringify(edit("of another session"));
   first.storage["coding:1:broken"] = "{";
   const again = queueWith([200], first.storage);
-  assert.deepEqual(again.queue.pending.map(({ id }) => id), ["a", "b"]);
+  assert.deepEqual(
+    again.queue.pending.map(({ id }) => id),
+    ["a", "b"],
+  );
   await again.queue.flush();
   assert.deepEqual(again.told.sent, [["a", "b"]]);
   assert.deepEqual(Object.keys(first.storage), ["coding:2:x", "coding:1:broken"]);
@@ -150,7 +248,11 @@ test("it is told when all is saved, or that it is not", async () => {
 });
 
 test("what the server does not take is kept, and the page says why", async () => {
-  for (const [status, state] of [[409, "refused"], [403, "signed_out"], [302, "signed_out"]]) {
+  for (const [status, state] of [
+    [409, "refused"],
+    [403, "signed_out"],
+    [302, "signed_out"],
+  ]) {
     const { queue, told } = queueWith([status]);
     queue.add([edit("a")]);
     await settled();

@@ -12,8 +12,17 @@ import {
 } from "../../../static/js/pages/admin/course_points.js";
 
 test("points are read from lines and written back to the centimetre", () => {
-  assert.deepEqual(parsePoints("1 2\n\n 3,5;-4 \n"), [[1, 2], [3.5, -4]]);
-  assert.equal(formatPoints([[1.006, 2], [-0.001, 3]]), "1.01 2\n0 3");
+  assert.deepEqual(parsePoints("1 2\n\n 3,5;-4 \n"), [
+    [1, 2],
+    [3.5, -4],
+  ]);
+  assert.equal(
+    formatPoints([
+      [1.006, 2],
+      [-0.001, 3],
+    ]),
+    "1.01 2\n0 3",
+  );
   assert.deepEqual(parsePoints(formatPoints([[0.1, 0.2]])), [[0.1, 0.2]]);
 });
 
@@ -25,18 +34,78 @@ test("a line that is no point is no path", () => {
 });
 
 test("a new point goes into the line that it is near to, else to the end", () => {
-  const path = [[0, 0], [4, 0], [4, 4]];
-  assert.deepEqual(withPoint(path, [2, 0.2]), [[0, 0], [2, 0.2], [4, 0], [4, 4]]);
-  assert.deepEqual(withPoint(path, [4.1, 3]), [[0, 0], [4, 0], [4.1, 3], [4, 4]]);
-  assert.deepEqual(withPoint(path, [0, 4]), [[0, 0], [4, 0], [4, 4], [0, 4]]);
+  const path = [
+    [0, 0],
+    [4, 0],
+    [4, 4],
+  ];
+  assert.deepEqual(withPoint(path, [2, 0.2]), [
+    [0, 0],
+    [2, 0.2],
+    [4, 0],
+    [4, 4],
+  ]);
+  assert.deepEqual(withPoint(path, [4.1, 3]), [
+    [0, 0],
+    [4, 0],
+    [4.1, 3],
+    [4, 4],
+  ]);
+  assert.deepEqual(withPoint(path, [0, 4]), [
+    [0, 0],
+    [4, 0],
+    [4, 4],
+    [0, 4],
+  ]);
   assert.deepEqual(withPoint([], [1, 1]), [[1, 1]]);
-  assert.deepEqual(withPoint([[1, 1]], [1, 1.1]), [[1, 1], [1, 1.1]]);
+  assert.deepEqual(withPoint([[1, 1]], [1, 1.1]), [
+    [1, 1],
+    [1, 1.1],
+  ]);
 });
 
 test("a point is moved, and taken away while enough are left", () => {
-  assert.deepEqual(withMoved([[0, 0], [1, 1]], 1, [2, 2]), [[0, 0], [2, 2]]);
-  assert.deepEqual(without([[0, 0], [1, 1]], 0, 0), [[1, 1]]);
-  assert.deepEqual(without([[0, 0], [1, 1], [2, 2]], 0, 3), [[0, 0], [1, 1], [2, 2]]);
+  assert.deepEqual(
+    withMoved(
+      [
+        [0, 0],
+        [1, 1],
+      ],
+      1,
+      [2, 2],
+    ),
+    [
+      [0, 0],
+      [2, 2],
+    ],
+  );
+  assert.deepEqual(
+    without(
+      [
+        [0, 0],
+        [1, 1],
+      ],
+      0,
+      0,
+    ),
+    [[1, 1]],
+  );
+  assert.deepEqual(
+    without(
+      [
+        [0, 0],
+        [1, 1],
+        [2, 2],
+      ],
+      0,
+      3,
+    ),
+    [
+      [0, 0],
+      [1, 1],
+      [2, 2],
+    ],
+  );
 });
 
 test("arrow keys move by ten centimetres, and by two with shift; up is up on the map", () => {

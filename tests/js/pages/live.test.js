@@ -5,10 +5,18 @@ import { courseOf, trailOf } from "../../../static/js/pages/live/course.js";
 import { doorStates } from "../../../static/js/pages/live/labels.js";
 
 const stop = (number) => ({ number, x: number, y: 0, radius: 0.5, title: "" });
-const course = { checkpoints: [stop(0), stop(1), stop(2)], dock: { x: 0, y: 0, theta: 0 }, path: [[0, 0], [2, 0]], zones: [] };
+const course = {
+  checkpoints: [stop(0), stop(1), stop(2)],
+  dock: { x: 0, y: 0, theta: 0 },
+  path: [
+    [0, 0],
+    [2, 0],
+  ],
+  zones: [],
+};
 const statuses = (marks) => marks.stops.map(({ number, status }) => [number, status]);
 
-test("a door is drawn as the robot says it is, else as it was set for the drive, else for the robot", () => {
+test("a door is drawn as the robot says, else as set for the drive, else for the robot", () => {
   const robot = {
     doors: [
       { name: "said", set: "open", confirmed: "closed" },
@@ -24,17 +32,28 @@ test("a door is drawn as the robot says it is, else as it was set for the drive,
 test("the course of whoever drives has what was passed and what is next", () => {
   const task = { cue: "go_to_checkpoint", number: 2, passed: [1], checkpoints: 2, remaining: null };
   const marks = courseOf({ 1: course, 2: { ...course, path: [] } }, 2, { version: 1, task });
-  assert.deepEqual(statuses(marks), [[1, "passed"], [2, "next"], [0, "later"]]);
+  assert.deepEqual(statuses(marks), [
+    [1, "passed"],
+    [2, "next"],
+    [0, "later"],
+  ]);
   assert.deepEqual(marks.path, course.path);
 });
 
 test("while nobody drives nothing is next, and a drive without a task has no course", () => {
   const marks = courseOf({ 2: course }, 2, null);
-  assert.deepEqual(statuses(marks), [[1, "later"], [2, "later"], [0, "later"]]);
+  assert.deepEqual(statuses(marks), [
+    [1, "later"],
+    [2, "later"],
+    [0, "later"],
+  ]);
   assert.equal(courseOf({ 2: course }, 2, { version: 2, task: null }), null);
   assert.equal(courseOf({}, 2, null), null);
 });
 
 test("the path so far has no place where the robot had lost its position", () => {
-  assert.deepEqual(trailOf({ x: [0, 1, 2], y: [0, 0, 1], localized: [1, 0, 1] }), [[0, 0], [2, 1]]);
+  assert.deepEqual(trailOf({ x: [0, 1, 2], y: [0, 0, 1], localized: [1, 0, 1] }), [
+    [0, 0],
+    [2, 1],
+  ]);
 });

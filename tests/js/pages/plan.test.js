@@ -15,9 +15,24 @@ const fieldsOf = (values) => ({
 });
 
 test("an opening has two ends, and each is moved by itself", () => {
-  const fields = fieldsOf({ "openings.0.x": "1", "openings.0.y": "2", "openings.0.x2": "2,5", "openings.0.y2": "2" });
-  const [start, end] = handlesOf({ part: "openings.0", kind: "opening", label: "Opening 1" }, fields, WORDS);
-  assert.deepEqual([start.at, end.at], [[1, 2], [2.5, 2]]);
+  const fields = fieldsOf({
+    "openings.0.x": "1",
+    "openings.0.y": "2",
+    "openings.0.x2": "2,5",
+    "openings.0.y2": "2",
+  });
+  const [start, end] = handlesOf(
+    { part: "openings.0", kind: "opening", label: "Opening 1" },
+    fields,
+    WORDS,
+  );
+  assert.deepEqual(
+    [start.at, end.at],
+    [
+      [1, 2],
+      [2.5, 2],
+    ],
+  );
   end.move([3.004, -0.001]);
   assert.equal(fields.values["openings.0.x2"], "3");
   assert.equal(fields.values["openings.0.y2"], "0");
@@ -27,7 +42,11 @@ test("an opening has two ends, and each is moved by itself", () => {
 
 test("the direction of a dock follows the handle before it", () => {
   const fields = fieldsOf({ "docks.0.x": "1", "docks.0.y": "1", "docks.0.heading": "180.0" });
-  const [dock, heading] = handlesOf({ part: "docks.0", kind: "dock", label: "Dock" }, fields, WORDS);
+  const [dock, heading] = handlesOf(
+    { part: "docks.0", kind: "dock", label: "Dock" },
+    fields,
+    WORDS,
+  );
   assert.ok(Math.abs(heading.at[0] - 0.4) < 1e-9);
   heading.move([1, 3]);
   assert.equal(fields.values["docks.0.heading"], "90");
@@ -37,11 +56,21 @@ test("the direction of a dock follows the handle before it", () => {
 
 test("what is removed or has no number is not on the map", () => {
   const part = { part: "places.0", kind: "place", label: "A" };
-  assert.equal(handlesOf(part, fieldsOf({ "places.0.x": "1", "places.0.y": "east" }), WORDS).length, 0);
+  assert.equal(
+    handlesOf(part, fieldsOf({ "places.0.x": "1", "places.0.y": "east" }), WORDS).length,
+    0,
+  );
   const fields = fieldsOf({ "places.0.x": "1", "places.0.y": "2" });
   handlesOf(part, fields, WORDS)[0].remove();
   assert.equal(handlesOf(part, fields, WORDS).length, 0);
-  assert.equal(handlesOf({ part: "rooms.0", kind: "room", label: "Hall" }, fieldsOf({ "rooms.0.title": "Hall" }), WORDS).length, 0);
+  assert.equal(
+    handlesOf(
+      { part: "rooms.0", kind: "room", label: "Hall" },
+      fieldsOf({ "rooms.0.title": "Hall" }),
+      WORDS,
+    ).length,
+    0,
+  );
 });
 
 test("directions are written within half a turn", () => {

@@ -18,7 +18,16 @@ import {
   piecesOf,
 } from "../../../static/js/pages/replay/record.js";
 import { drawStrips, scaleEnd, stretches } from "../../../static/js/pages/replay/strips.js";
-import { AXIS, asked, clamp, plotWidth, ticks, timeAt, written, xOf } from "../../../static/js/pages/replay/timeline.js";
+import {
+  AXIS,
+  asked,
+  clamp,
+  plotWidth,
+  ticks,
+  timeAt,
+  written,
+  xOf,
+} from "../../../static/js/pages/replay/timeline.js";
 
 const statesOf = (rows) => ({
   t: rows.map(([t]) => t),
@@ -46,13 +55,22 @@ test("the last state before a moment is found for every moment", () => {
 });
 
 test("between two states the robot is on the straight line, and turns the short way round", () => {
-  const moment = momentAt(statesOf([[0, 0, 0, 3.0], [0.25, 0.2, 0.1, -3.0]]), 0.125);
+  const moment = momentAt(
+    statesOf([
+      [0, 0, 0, 3.0],
+      [0.25, 0.2, 0.1, -3.0],
+    ]),
+    0.125,
+  );
   assert.ok(Math.abs(moment.x - 0.1) < 1e-9 && Math.abs(moment.y - 0.05) < 1e-9);
   assert.ok(Math.abs(Math.abs(moment.theta) - Math.PI) < 1e-6, `${moment.theta}`);
 });
 
 test("where states are missing the robot stays where it was last seen, and that is said", () => {
-  const states = statesOf([[0, 0, 0, 0], [10, 4, 0, 0]]);
+  const states = statesOf([
+    [0, 0, 0, 0],
+    [10, 4, 0, 0],
+  ]);
   assert.deepEqual([momentAt(states, 1).x, momentAt(states, 1).stale], [0, false]);
   assert.deepEqual([momentAt(states, 5).x, momentAt(states, 5).stale], [0, true]);
   assert.deepEqual([momentAt(states, 10).x, momentAt(states, 99).x], [4, 4]);
@@ -67,7 +85,10 @@ test("a robot that found itself somewhere else is not drawn on the way there", (
     [0.75, 5.1, 5, 0],
     [1, 5.2, 5, 0, 0],
   ]);
-  assert.deepEqual(piecesOf(states), [[0, 1], [2, 3]]);
+  assert.deepEqual(piecesOf(states), [
+    [0, 1],
+    [2, 3],
+  ]);
   assert.equal(momentAt(states, 0.4).x, 0.1);
   assert.deepEqual(piecesOf(statesOf([])), []);
 });
@@ -177,7 +198,15 @@ test("commands in a row with one input method are one stretch, until a pause or 
 });
 
 test("a scale ends at a round number that holds its values", () => {
-  for (const [least, end] of [[0.5, 0.5], [0.51, 1], [1.2, 2], [100, 100], [130, 200], [201, 500], [600, 1000]]) {
+  for (const [least, end] of [
+    [0.5, 0.5],
+    [0.51, 1],
+    [1.2, 2],
+    [100, 100],
+    [130, 200],
+    [201, 500],
+    [600, 1000],
+  ]) {
     assert.equal(scaleEnd(least), end, `${least}`);
   }
 });
@@ -185,7 +214,10 @@ test("a scale ends at a round number that holds its values", () => {
 test("each strip has an axis with its unit, and the lines stand between the axes", () => {
   const texts = [];
   const context = new Proxy(
-    { fillText: (text, x) => texts.push([text, x]), measureText: (text) => ({ width: 6 * text.length }) },
+    {
+      fillText: (text, x) => texts.push([text, x]),
+      measureText: (text) => ({ width: 6 * text.length }),
+    },
     { get: (target, name) => target[name] ?? (() => {}), set: () => true },
   );
   const canvas = { clientWidth: 600, style: {}, getContext: () => context };
@@ -199,7 +231,18 @@ test("each strip has an axis with its unit, and the lines stand between the axes
     words: [],
     network: { t: [0, 1], fps: [30, 30], roundTrip: [0.12, 0.13], loss: [0, 0.02] },
   };
-  drawStrips(canvas, record, { speed: "speed", trip: "round trip", fps: "frames/s", loss: "packet loss", method: (name) => name }, new Set());
+  drawStrips(
+    canvas,
+    record,
+    {
+      speed: "speed",
+      trip: "round trip",
+      fps: "frames/s",
+      loss: "packet loss",
+      method: (name) => name,
+    },
+    new Set(),
+  );
   const width = plotWidth(600);
   assert.equal(width, 600 - 2 * AXIS);
   const of = (text) => texts.find(([told]) => told === text)?.[1];
@@ -210,7 +253,18 @@ test("each strip has an axis with its unit, and the lines stand between the axes
   const whole = parseInt(canvas.style.blockSize, 10);
   texts.length = 0;
   const blinded = { ...record, network: { t: [], fps: [], roundTrip: [], loss: [] } };
-  drawStrips(canvas, blinded, { speed: "speed", trip: "round trip", fps: "frames/s", loss: "packet loss", method: (name) => name }, new Set());
+  drawStrips(
+    canvas,
+    blinded,
+    {
+      speed: "speed",
+      trip: "round trip",
+      fps: "frames/s",
+      loss: "packet loss",
+      method: (name) => name,
+    },
+    new Set(),
+  );
   assert.ok(of("0.5 m/s") < 0);
   assert.equal(of("packet loss"), undefined, "who is blind to the network has no strip of it");
   assert.ok(parseInt(canvas.style.blockSize, 10) < whole);

@@ -82,5 +82,8 @@ test("an unplugged camera is asked for again, for the current connection only", 
   old.given = {};
   again[0][0]();
   await new Promise(setImmediate);
-  assert.deepEqual([old.given, peer.given, mediaSender.trouble], [{}, { video: "video track" }, ""]);
+  assert.deepEqual(
+    [old.given, peer.given, mediaSender.trouble],
+    [{}, { video: "video track" }, ""],
+  );
 });

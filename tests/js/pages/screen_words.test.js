@@ -52,7 +52,7 @@ describe("receipts", () => {
     assert.equal(sent.length, 4);
   });
 
-  test("end when the robot knows nothing of the words, after a minute, and with the session", () => {
+  test("end when the robot does not know the words, after a minute, and with the session", () => {
     const { sent, receipts } = world();
     receipts.say("a1", "shown", 100);
     receipts.answered(answer(sent[0][0], "FAILED", "unknown_words"));
@@ -62,7 +62,10 @@ describe("receipts", () => {
     assert.equal(receipts.known.get("a3"), "shown");
     receipts.forget();
     receipts.tick(180);
-    assert.deepEqual(sent.map(([, { target }]) => target), ["a1", "a2", "a3"]);
+    assert.deepEqual(
+      sent.map(([, { target }]) => target),
+      ["a1", "a2", "a3"],
+    );
     assert.equal(receipts.known.size, 0);
   });
 });
@@ -86,7 +89,8 @@ describe("the display's voice", () => {
       },
       never: (timer) => timers.delete(timer),
     });
-    const say = (text, volume = 1) => voice.speak(text, "en", volume, (done) => ends.push([text, done]));
+    const say = (text, volume = 1) =>
+      voice.speak(text, "en", volume, (done) => ends.push([text, done]));
     const fire = () => {
       const [timer] = timers;
       timers.delete(timer);
@@ -99,14 +103,20 @@ describe("the display's voice", () => {
     const { say, spoken, ends, timers } = world();
     say("one");
     say("two");
-    assert.deepEqual(spoken.map(({ text }) => text), ["one"]);
+    assert.deepEqual(
+      spoken.map(({ text }) => text),
+      ["one"],
+    );
     spoken[0].onstart();
     assert.deepEqual(ends, []);
     spoken[0].onend();
     assert.deepEqual([ends, spoken[1].text], [[["one", true]], "two"]);
     spoken[1].onerror();
     spoken[1].onend();
-    assert.deepEqual(ends, [["one", true], ["two", false]]);
+    assert.deepEqual(ends, [
+      ["one", true],
+      ["two", false],
+    ]);
     assert.equal(timers.size, 0);
   });
 
@@ -117,7 +127,10 @@ describe("the display's voice", () => {
     fire();
     spoken[1].onstart();
     fire();
-    assert.deepEqual(ends, [["never begins", false], ["never ends", false]]);
+    assert.deepEqual(ends, [
+      ["never begins", false],
+      ["never ends", false],
+    ]);
     assert.equal(cancelled(), 2);
   });
 
@@ -127,9 +140,15 @@ describe("the display's voice", () => {
     say("two");
     voice.hush();
     spoken[0].onend();
-    assert.deepEqual(ends, [["one", false], ["two", false]]);
+    assert.deepEqual(ends, [
+      ["one", false],
+      ["two", false],
+    ]);
     say("three");
-    assert.deepEqual(spoken.map(({ text }) => text), ["one", "three"]);
+    assert.deepEqual(
+      spoken.map(({ text }) => text),
+      ["one", "three"],
+    );
   });
 
   test("at volume 0, or without speech, was not heard", () => {

@@ -16,7 +16,8 @@ const CASES = JSON.parse(
 for (const { name, questions, said, shown } of CASES) {
   test(`conditions say the same as the server: ${name}`, () => {
     const listed = Object.entries(questions).map(([key, condition]) => ({
-      key, condition: condition && { is: [], at_least: null, at_most: null, ...condition },
+      key,
+      condition: condition && { is: [], at_least: null, at_most: null, ...condition },
     }));
     assert.deepEqual([...shownKeys(listed, (key) => said[key] ?? [])], shown);
   });
@@ -56,7 +57,10 @@ test("what is moved makes the others move up by one place", () => {
   assert.deepEqual(moved(["a", "b", "c", "d"], 1, 1), ["a", "b", "c", "d"]);
 });
 
-/** Drag the row called `held` to a height, and return the order once nothing moves; rows are 10 px apart. */
+/**
+ * Drag the row called `held` to a height, and return the order once nothing moves; rows are 10 px
+ * apart.
+ */
 const dragged = (heights, held, y) => {
   const names = Object.keys(heights);
   for (let steps = 0; steps < 20; steps += 1) {
@@ -130,7 +134,10 @@ test("answers are sent one after the other, and of each question only the newest
   saver.save("a", [["a", "3"]]);
   assert.equal(sent.length, 1);
   for (let n = 0; n < 3; n += 1) await answer(OK);
-  assert.deepEqual(sent.map(({ fields }) => fields), [[["a", "1"]], [["b", "2"]], [["a", "3"]]]);
+  assert.deepEqual(
+    sent.map(({ fields }) => fields),
+    [[["a", "1"]], [["b", "2"]], [["a", "3"]]],
+  );
   assert.equal(saver.unsent().size, 0);
 });
 
@@ -141,7 +148,10 @@ test("what does not arrive is tried again, with longer and longer waits", async 
     await answer(LOST);
     waits.at(-1).run();
   }
-  assert.deepEqual(waits.map(({ ms }) => ms), [1000, 2000, 4000, 8000, 15000, 15000, 15000]);
+  assert.deepEqual(
+    waits.map(({ ms }) => ms),
+    [1000, 2000, 4000, 8000, 15000, 15000, 15000],
+  );
   await answer(OK);
   assert.deepEqual(told.at(-1), ["saved", "a", ""]);
   assert.equal(sent.length, 8);

@@ -21,7 +21,11 @@ test("a turn around goes by the robot's own heading, also across the back, and e
     let heading = 2;
     let now = 0;
     move = turned(move, heading);
-    for (let velocity = velocityOf(move, now, LIMITS); velocity; velocity = velocityOf(move, now, LIMITS)) {
+    for (
+      let velocity = velocityOf(move, now, LIMITS);
+      velocity;
+      velocity = velocityOf(move, now, LIMITS)
+    ) {
       assert.ok(Math.abs(velocity.angular) <= LIMITS.angular);
       heading += velocity.angular * dt;
       now += dt;
@@ -52,7 +56,11 @@ test("what is held is a velocity, and letting go is none", () => {
 });
 
 test("a packet of the server has its defaults, and one of nobody is refused", () => {
-  const { message } = readPacket('wizard/session\n{"session": "s", "script": {"stages": [{"key": "a", "title": "A", "steps": [{"key": "b", "title": "B", "drive": {"seconds": 2}}]}]}}');
+  const step = { key: "b", title: "B", drive: { seconds: 2 } };
+  const stage = { key: "a", title: "A", steps: [step] };
+  const { message } = readPacket(
+    `wizard/session\n${JSON.stringify({ session: "s", script: { stages: [stage] } })}`,
+  );
   assert.deepEqual(message.script.stages[0].steps[0].drive, { linear: 0, angular: 0, seconds: 2 });
   assert.equal(message.script.byHand, true);
   assert.equal(message.operator, "");

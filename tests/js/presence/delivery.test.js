@@ -30,7 +30,7 @@ const pass = (delivery, from, to) => {
   return { delivery, sent };
 };
 
-test("a sentence is sent when the robot has it, shown and read aloud when its screen says so", () => {
+test("a sentence is sent when the robot has it, shown and read when its screen says so", () => {
   let delivery = said({ aloud: true });
   const lines = [lineFor(delivery, 1, 100)];
   for (const change of [
@@ -82,13 +82,13 @@ test("what was not sent goes out once more under the same id", () => {
   assert.equal(onAnswer(again, finished, 120.5).stage, "sent");
 });
 
-test("a robot that gives no receipts is never asked for them, and nothing beyond sent is claimed", () => {
+test("a robot that gives no receipts is never asked for any, and only sent is claimed", () => {
   const { delivery, sent } = pass(onAnswer(said(), finished, 100), 100, 300);
   assert.deepEqual([delivery.stage, sent], ["sent", 0]);
   assert.equal(lineFor(delivery, 0, 300), "said.sent");
 });
 
-test("a receipt that is lost is asked for a few times, and its absence is told with the reason", () => {
+test("a lost receipt is asked for a few times, and its absence is told with the reason", () => {
   const { delivery, sent } = pass(onWords(said(), withReceipts, 100), 100, 300);
   assert.equal(sent, 3);
   assert.equal(lineFor(delivery, 1, 100 + DOUBT - 1), "said.sent");

@@ -25,13 +25,10 @@ describe("the line about a knock", () => {
 
   test("tells why nobody hears it", () => {
     const failed = (reason) => lineOfKnock(asked({ status: "FAILED", reason }), null).word;
-    assert.deepEqual(["too_soon", "declined", "nobody_there", "no_answer", "not_allowed"].map(failed), [
-      "knock.too_soon",
-      "knock.declined",
-      "knock.nobody_there",
-      "knock.failed",
-      "knock.failed",
-    ]);
+    assert.deepEqual(
+      ["too_soon", "declined", "nobody_there", "no_answer", "not_allowed"].map(failed),
+      ["knock.too_soon", "knock.declined", "knock.nobody_there", "knock.failed", "knock.failed"],
+    );
   });
 });
 
@@ -58,7 +55,13 @@ describe("knocking", () => {
     knock.poll(now + 1);
     assert.equal(sent.length, 2);
     assert.equal(new Set(sent).size, 1);
-    knock.answered({ actionId: sent[0], status: "FINISHED", type: "knock", reason: "", result: {} });
+    knock.answered({
+      actionId: sent[0],
+      status: "FINISHED",
+      type: "knock",
+      reason: "",
+      result: {},
+    });
     state.robot.knock = { actionId: sent[0], status: "ringing" };
     knock.poll(now + 2);
     knock.poll(now + 25);
@@ -86,7 +89,13 @@ describe("knocking", () => {
     const { knock, sent, said } = world();
     knock.knock();
     const now = Date.now() / 1000;
-    knock.answered({ actionId: sent[0], status: "FINISHED", type: "knock", reason: "", result: {} });
+    knock.answered({
+      actionId: sent[0],
+      status: "FINISHED",
+      type: "knock",
+      reason: "",
+      result: {},
+    });
     knock.poll(now + 1);
     assert.equal(said(), "knock.asked");
     knock.poll(now + 10);
@@ -132,7 +141,11 @@ describe("on the robot's own display", () => {
         resume: async () => undefined,
         createOscillator: () => {
           const frequency = {};
-          return node({ frequency, start: () => played.push([frequency.value]), stop: () => undefined });
+          return node({
+            frequency,
+            start: () => played.push([frequency.value]),
+            stop: () => undefined,
+          });
         },
         createGain: () => {
           const gain = parameter();

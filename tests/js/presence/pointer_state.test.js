@@ -1,7 +1,14 @@
 import assert from "node:assert/strict";
 import { describe, test } from "node:test";
 
-import { RemotePointer, EVERY, Hand, STAYS, frameOf, spotIn } from "../../../static/js/presence/pointer_state.js";
+import {
+  RemotePointer,
+  EVERY,
+  Hand,
+  STAYS,
+  frameOf,
+  spotIn,
+} from "../../../static/js/presence/pointer_state.js";
 
 describe("a spot of a picture", () => {
   const WIDE = { width: 1280, height: 720 };

@@ -136,7 +136,7 @@ describe("what they see of a screen", () => {
   const shared = own({ camera: "on", shares: true });
   const seen = { ...accepted, shares: true };
 
-  test("is shown to visitors once they see it, and takes pointers where the robot shows them", () => {
+  test("is shown to visitors who see it, and takes pointers where the robot shows them", () => {
     assert.deepEqual(previewOf(shared, seen, 1), { seen: true, points: true });
     assert.deepEqual(previewOf(shared, seen, 0), { seen: true, points: false });
     assert.deepEqual(previewOf(shared, { ...seen, status: "ringing" }, 1), {
@@ -295,7 +295,11 @@ describe("the robot's own display", () => {
     assert.equal(scene(told({ online: false })), "offline");
     assert.equal(scene(told(), 105), "offline");
     const nobody = { title: "Giraff", session: null, visitor: null, study: false };
-    assert.equal(scene(told({ screen: nobody }), 135), "idle", "nobody drives, so the robot may be silent");
+    assert.equal(
+      scene(told({ screen: nobody }), 135),
+      "idle",
+      "nobody drives, so the robot may be silent",
+    );
     assert.equal(scene(told({ screen: nobody }), 150), "offline");
     assert.equal(
       scene(told({ screen: { title: "Giraff", session: null, visitor: null, study: false } })),

@@ -52,7 +52,10 @@ describe("velocities", () => {
     commands.velocity(0, null);
     commands.intend(STILL);
     const after = Array.from({ length: 6 }, (_, i) => commands.velocity(i * TICK_SECONDS, null));
-    assert.deepEqual(after.map((command) => command?.linear ?? null), [0, 0, 0, null, null, null]);
+    assert.deepEqual(
+      after.map((command) => command?.linear ?? null),
+      [0, 0, 0, null, null, null],
+    );
   });
 
   test("idle is silence", () => {
@@ -269,7 +272,10 @@ describe("which way", () => {
     const { router, sent } = rig();
     router.stop(1, "stop");
     router.repeatStop(1.05);
-    assert.deepEqual(sent.map(([way]) => way), ["datachannel", "mqtt", "datachannel", "mqtt"]);
+    assert.deepEqual(
+      sent.map(([way]) => way),
+      ["datachannel", "mqtt", "datachannel", "mqtt"],
+    );
     assert.equal(
       new Set(sent.map(([, frame]) => JSON.parse(frame.split("\n")[1]).actionId)).size,
       1,
@@ -281,7 +287,12 @@ describe("which way", () => {
     router.beat(1, 0.04);
     router.beat(1.2, null);
     const beats = sent.map(([way, frame]) => [way, JSON.parse(frame.split("\n")[1]).n]);
-    assert.deepEqual(beats, [["datachannel", 0], ["mqtt", 1], ["datachannel", 2], ["mqtt", 3]]);
+    assert.deepEqual(beats, [
+      ["datachannel", 0],
+      ["mqtt", 1],
+      ["datachannel", 2],
+      ["mqtt", 3],
+    ]);
   });
 
   test("what the page writes is not what it reads: its decoder does not know its suffixes", () => {

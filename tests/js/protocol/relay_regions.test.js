@@ -4,7 +4,11 @@ import { test } from "node:test";
 import { createRelayRegions, questionFor } from "../../../static/js/protocol/relay_regions.js";
 
 const STUN = { urls: ["stun:a.example.org"] };
-const EU = { urls: ["turns:eu.example.org?transport=tcp", "turn:eu.example.org?transport=udp"], username: "u", credential: "c" };
+const EU = {
+  urls: ["turns:eu.example.org?transport=tcp", "turn:eu.example.org?transport=udp"],
+  username: "u",
+  credential: "c",
+};
 const US = { urls: ["turn:us.example.org:3479"], username: "u", credential: "c" };
 
 /** @param {Record<string, number>} seconds */
@@ -18,7 +22,10 @@ const regions = (seconds) => {
 };
 
 test("the relays of the nearest region are used, and each is measured once", async () => {
-  const { asked, nearest } = regions({ "stun:eu.example.org": 0.2, "stun:us.example.org:3479": 0.1 });
+  const { asked, nearest } = regions({
+    "stun:eu.example.org": 0.2,
+    "stun:us.example.org:3479": 0.1,
+  });
   assert.deepEqual(await nearest([STUN, EU, US]), [STUN, US]);
   assert.deepEqual(await nearest([STUN, EU, US]), [STUN, US]);
   assert.deepEqual(asked, ["stun:eu.example.org", "stun:us.example.org:3479"]);

@@ -2,7 +2,12 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 
-import { Rejection, decode, decodePacket, encodePacket } from "../../../static/js/protocol/robot_api.js";
+import {
+  Rejection,
+  decode,
+  decodePacket,
+  encodePacket,
+} from "../../../static/js/protocol/robot_api.js";
 
 const golden = (name) =>
   JSON.parse(readFileSync(new URL(`../../golden/${name}.json`, import.meta.url), "utf8"));

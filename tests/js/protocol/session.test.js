@@ -29,10 +29,10 @@ const HELLO = {
 
 /** Runs happenings one after the other and collects what is to be done. */
 const play = (...happenings) =>
-  happenings.reduce(
-    ({ visit }, happening) => reduce(visit, { now: 100, ...happening }),
-    { visit: newVisit(), effects: [] },
-  );
+  happenings.reduce(({ visit }, happening) => reduce(visit, { now: 100, ...happening }), {
+    visit: newVisit(),
+    effects: [],
+  });
 const after = (visit, happening) => reduce(visit, { now: 100, ...happening });
 const message = (type, content) => ({ type, message: content });
 const sent = (effects) =>
@@ -202,7 +202,8 @@ describe("reload and other tabs", () => {
 
   test("a drive that ended while the page was cut off says how, as far as the server tells", () => {
     const end = (more) =>
-      play(...DRIVING, message("session/refused", { reason: "ended", session: "s1", ...more })).visit;
+      play(...DRIVING, message("session/refused", { reason: "ended", session: "s1", ...more }))
+        .visit;
     const told = end({ outcome: "robot_fault" });
     assert.deepEqual([told.phase, told.reason], ["ended", "robot_fault"]);
     assert.equal(end({ outcome: "" }).reason, "connection_lost");
@@ -253,10 +254,20 @@ describe("queue and turn", () => {
     assert.equal(roleOf(watching.visit), "observer");
   });
 
-  test("whoever watches through the SFU comes back to it, hears why it is gone, and drives without it", () => {
-    const watching = play(...OPEN, { type: "watch" }, message("session/observing", { iceServers: [], sfu: true }));
-    assert.deepEqual(watching.effects.map(({ type, role }) => [type, role]), [["open_link", "sfu"]]);
-    const told = after(watching.visit, message("signal/reply", { type: "bye", reason: "sfu_lost" }));
+  test("who watches by the SFU comes back to it, hears why it is gone, drives without it", () => {
+    const watching = play(
+      ...OPEN,
+      { type: "watch" },
+      message("session/observing", { iceServers: [], sfu: true }),
+    );
+    assert.deepEqual(
+      watching.effects.map(({ type, role }) => [type, role]),
+      [["open_link", "sfu"]],
+    );
+    const told = after(
+      watching.visit,
+      message("signal/reply", { type: "bye", reason: "sfu_lost" }),
+    );
     assert.equal(told.visit.sfuLost, true);
     const lost = after(told.visit, { type: "link_lost" });
     assert.equal(lost.effects[0].role, "sfu");
@@ -349,7 +360,9 @@ describe("queue and turn", () => {
       isSigning(after(answered, { type: "here" }).visit, 101),
       "a later touch changes nothing",
     );
-    assert.ok(!isSigning(after(answered, message("session/found_there", { session: "s1" })).visit, 101));
+    assert.ok(
+      !isSigning(after(answered, message("session/found_there", { session: "s1" })).visit, 101),
+    );
     assert.ok(!isSigning(after(play(...DRIVING).visit, { type: "here" }).visit, 101));
     assert.deepEqual(
       [
@@ -371,7 +384,8 @@ describe("queue and turn", () => {
 
   test("a warning tells when the turn ends", () => {
     assert.equal(
-      play(...DRIVING, message("session/turn_warning", { session: "s1", remaining: 90 })).visit.turnEnds,
+      play(...DRIVING, message("session/turn_warning", { session: "s1", remaining: 90 })).visit
+        .turnEnds,
       190,
     );
   });
@@ -450,7 +464,10 @@ describe("ends", () => {
       { type: "drive" },
       { type: "socket_open" },
     );
-    assert.deepEqual(sent(effects).map(([suffix]) => suffix), ["session/leave", "session/take"]);
+    assert.deepEqual(
+      sent(effects).map(([suffix]) => suffix),
+      ["session/leave", "session/take"],
+    );
   });
 
   test("the end of another session is not ours", () => {

@@ -13,14 +13,21 @@ Object.assign(globalThis, {
   devicePixelRatio: 1,
   matchMedia: () => ({ matches: false }),
 });
-Object.defineProperty(globalThis, "navigator", { value: { permissions: { query: async () => ({ state: "prompt" }) } }, configurable: true });
+Object.defineProperty(globalThis, "navigator", {
+  value: { permissions: { query: async () => ({ state: "prompt" }) } },
+  configurable: true,
+});
 
 test("a recorder that comes while the robot is driven writes once what has been so", async () => {
   const state = newState({});
   state.visit = { ...state.visit, phase: "driving", session: "one" };
   /** @type {string[]} */
   const written = [];
-  const recorder = createRecorder({ get: () => state, report: (type, data) => written.push(data?.name ? `${type} ${data.name}` : type) > 0, now: () => 0 });
+  const recorder = createRecorder({
+    get: () => state,
+    report: (type, data) => written.push(data?.name ? `${type} ${data.name}` : type) > 0,
+    now: () => 0,
+  });
   recorder.steered("keyboard");
   await new Promise((heard) => setTimeout(heard));
   assert.deepEqual(written, []);
@@ -28,5 +35,8 @@ test("a recorder that comes while the robot is driven writes once what has been 
   recorder.show(state);
   recorder.steered("keyboard");
   const once = ["layout", "permission camera", "permission microphone", "controller"];
-  assert.deepEqual(written.filter((type) => once.includes(type)), once);
+  assert.deepEqual(
+    written.filter((type) => once.includes(type)),
+    once,
+  );
 });

@@ -56,8 +56,22 @@ const STUDY = {
     { number: 2, x: 4, y: 3, radius: 0.5, title: "Window" },
   ],
   dock: { x: 0.1, y: 0, theta: 3.14 },
-  path: [[0, 0], [2, 0], [4, 3]],
-  zones: [{ name: "hall", title: "Hall", polygon: [[0, 0], [1, 0], [1, 1]] }],
+  path: [
+    [0, 0],
+    [2, 0],
+    [4, 3],
+  ],
+  zones: [
+    {
+      name: "hall",
+      title: "Hall",
+      polygon: [
+        [0, 0],
+        [1, 0],
+        [1, 1],
+      ],
+    },
+  ],
   doors: [],
   photo: { checkpoint: 2 },
   controllers: ["keyboard", "stick"],
@@ -375,11 +389,7 @@ describe("what a study fixes", () => {
       robot: robot({ docked: true }),
       plan: { places: [{ name: "sofa", title: "Sofa" }] },
     });
-    assert.equal(
-      offerFor(docked).main.action,
-      "back_out",
-      "the page drives it out, as the participant's hand would",
-    );
+    assert.deepEqual(offerFor(docked), { word: "dock.here_yourself", tone: "calm" });
     assert.equal(can(docked, "dock"), false);
     assert.deepEqual(menuFor(docked), []);
     const lost = state({ robot: robot({ pose: { x: 0, y: 0, theta: 0, localized: false } }) });
@@ -397,6 +407,18 @@ describe("what a study fixes", () => {
     const goes = (one) => menuFor(one).some(({ action }) => action === "go_to:sofa");
     assert.deepEqual([goes(sent("places")), maySend(sent("places"), "map")], [true, false]);
     assert.deepEqual([goes(sent("map")), maySend(sent("map"), "map")], [false, true]);
+  });
+
+  test("takes the button out of the station away where the robot may not leave it by itself", () => {
+    const docked = (study) =>
+      offerFor(state({ study: { ...STUDY, ...study }, robot: robot({ docked: true }) }));
+    const forbidden = { actions: ["stop"], ownActions: [] };
+    const byHand = docked({ ...forbidden, controllers: ["keyboard", "mouse", "touch", "stick"] });
+    assert.deepEqual([byHand.word, byHand.main], ["dock.here_yourself", undefined]);
+    assert.ok(SENTENCES.has(byHand.word));
+    // who can only point sees nothing behind the robot to point at
+    assert.equal(docked({ ...forbidden, controllers: ["mouse"] }).main.action, "back_out");
+    assert.equal(docked({ ...forbidden, controllers: [] }), null);
   });
 
   test("is what the terms of the visit say, once they are known", () => {
@@ -468,7 +490,11 @@ describe("what a study fixes", () => {
     const [moved, stopped, barred] = [[], [], []];
     const target = new EventTarget();
     const keyboard = new Keyboard({
-      keys: new KeyDispatcher({ target, root: { querySelectorAll: () => [] }, watch: () => undefined }),
+      keys: new KeyDispatcher({
+        target,
+        root: { querySelectorAll: () => [] },
+        watch: () => undefined,
+      }),
       emit: (shares) => moved.push(shares),
       stop: () => stopped.push(1),
       step: () => undefined,
@@ -493,7 +519,12 @@ describe("a way of control that is fixed", () => {
       { send: () => sent.push("datachannel") > 0 },
     ];
     const commands = { velocity: () => ({ linear: 1 }), stop: () => ({ type: "stop" }) };
-    const router = new TransportRouter({ socket, link, clockSync: { isFresh: () => fresh }, commands });
+    const router = new TransportRouter({
+      socket,
+      link,
+      clockSync: { isFresh: () => fresh },
+      commands,
+    });
     router.only = only;
     return { router, sent };
   };
@@ -578,6 +609,15 @@ describe("the end of a drive", () => {
     );
   });
 
+  test("says what the study says comes next, at the end and before leaving", () => {
+    const study = { ...STUDY, next: "Another drive is next." };
+    const texts = [ended("completed", { study }), state({ study, leaving: true })].map((one) => {
+      const { word, values } = cardFor(one);
+      return words.say(`${word}.text`, values);
+    });
+    assert.ok(texts.every((text) => text.endsWith(study.next)), String(texts));
+  });
+
   test("of a practice leads on to the study, and not to questions", () => {
     const practice = { ...STUDY, kind: "practice" };
     assert.equal(cardFor(ended("timed_out", { study: practice })).word, "practice.ended");
@@ -644,7 +684,11 @@ describe("what is read out", () => {
     const announcerQueue = new AnnouncerQueue();
     assert.equal(announcerQueue.hear("Go to 1", 100), "Go to 1");
     assert.deepEqual(
-      [announcerQueue.hear("turn left", 101), announcerQueue.hear("turn right", 102), announcerQueue.hear("ready", 103)],
+      [
+        announcerQueue.hear("turn left", 101),
+        announcerQueue.hear("turn right", 102),
+        announcerQueue.hear("ready", 103),
+      ],
       [null, null, null],
     );
     assert.equal(announcerQueue.hear("ready", 104.5), "ready");

@@ -192,8 +192,14 @@ describe("cards", () => {
 
   test("whoever watches through the SFU reads that it is down, or has lost the robot", () => {
     const watching = { phase: "watching", link: "lost", online: true, sfu: true };
-    assert.equal(alertFor(state({ ...watching, sfuLost: true }, { robot: ROBOT })).word, "alert.sfu_lost");
-    const still = state({ ...watching, link: "live" }, { robot: ROBOT, playing: true, still: true });
+    assert.equal(
+      alertFor(state({ ...watching, sfuLost: true }, { robot: ROBOT })).word,
+      "alert.sfu_lost",
+    );
+    const still = state(
+      { ...watching, link: "live" },
+      { robot: ROBOT, playing: true, still: true },
+    );
     assert.equal(alertFor(still).word, "alert.link_observer");
   });
 
@@ -203,7 +209,8 @@ describe("cards", () => {
   });
 
   test("who has driven may keep a picture of it, and nobody else is offered one", () => {
-    const ended = (reason, changes) => cardFor(state({ phase: "ended", reason }, changes)).extra?.action;
+    const ended = (reason, changes) =>
+      cardFor(state({ phase: "ended", reason }, changes)).extra?.action;
     const trip = { session: "s", metres: 4, minutes: 1, trail: [] };
     assert.equal(ended("left", { trip }), "souvenir");
     assert.equal(ended("left", { trip: null }), undefined);
@@ -328,7 +335,11 @@ describe("alerts", () => {
   test("every part that fails has words for what follows, whoever looks", () => {
     for (const phase of ["driving", "watching", "queued", "turn", "taking"]) {
       for (const part of PARTS) {
-        for (const [then, at] of [["waits", null], ["stops", 105], ["stopped", null]]) {
+        for (const [then, at] of [
+          ["waits", null],
+          ["stops", 105],
+          ["stopped", null],
+        ]) {
           const said = alertFor(
             state({ phase, link: phase === "driving" ? "live" : "none" }, fault(part, then, at)),
           );
@@ -414,7 +425,13 @@ describe("alerts", () => {
 
 describe("words", () => {
   test("counts choose their form by the language", () => {
-    const words = createWords(new Map([["w.one", "{n} Gast"], ["w.other", "{n} Gäste"]]), "de");
+    const words = createWords(
+      new Map([
+        ["w.one", "{n} Gast"],
+        ["w.other", "{n} Gäste"],
+      ]),
+      "de",
+    );
     assert.deepEqual([words.say("w", { n: 1 }), words.say("w", { n: 3 })], ["1 Gast", "3 Gäste"]);
   });
 
@@ -435,7 +452,14 @@ describe("words", () => {
 });
 
 describe("dials", () => {
-  const L = [[0, 0], [4, 0], [4, 1], [1, 1], [1, 3], [0, 3]];
+  const L = [
+    [0, 0],
+    [4, 0],
+    [4, 1],
+    [1, 1],
+    [1, 3],
+    [0, 3],
+  ];
 
   test("a point is in a room of any shape or it is not", () => {
     assert.deepEqual(
@@ -468,17 +492,16 @@ describe("store", () => {
 describe("modules", () => {
   const files = readdirSync(ROOT, { recursive: true }).filter(
     (name) =>
-      name.endsWith(".js") &&
-      !/^(pages|waiting|view\/technical|drive\/load_retry)/.test(name),
+      name.endsWith(".js") && !/^(pages|waiting|view\/technical|drive\/load_retry)/.test(name),
   );
   const source = (name) => readFileSync(new URL(name, ROOT), "utf8");
 
   test("every import is relative and ends in a semicolon, so that it gets its hashed name", () => {
     for (const name of files) {
-      for (const [statement] of source(name).matchAll(/^import .*$|^export .* from .*$/gm)) {
+      for (const [statement] of source(name).matchAll(/^(?:import|export [{*])[^;]*;?/gm)) {
         assert.match(
           statement,
-          /^(?:import|export) .* from ["']\.\.?\/[\w./]+\.js["'];$/,
+          /^(?:import|export) [^"';]* from ["']\.\.?\/[\w./]+\.js["'];$/,
           `${name}: ${statement}`,
         );
       }

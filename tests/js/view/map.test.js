@@ -4,7 +4,13 @@ import { describe, test } from "node:test";
 import { boundsOfSite } from "../../../static/js/view/map/floor_plan.js";
 import { ALL, NEAREST, moved, viewOf, zoomed } from "../../../static/js/view/map/pan_zoom.js";
 import { Trail } from "../../../static/js/view/map/trail.js";
-import { boundsOf, fit, imageTransform, toScreen, toWorld } from "../../../static/js/view/map/transform.js";
+import {
+  boundsOf,
+  fit,
+  imageTransform,
+  toScreen,
+  toWorld,
+} from "../../../static/js/view/map/transform.js";
 
 const BOUNDS = { left: -0.2, bottom: -0.2, right: 12.2, top: 7.8 };
 const close = (actual, expected, tolerance = 1e-9) =>
@@ -14,7 +20,11 @@ const close = (actual, expected, tolerance = 1e-9) =>
 
 test("to the screen and back is where it was", () => {
   const view = fit(BOUNDS, 344, 500);
-  for (const point of [[0, 0], [3.2, 4.6], [-7, 30]]) {
+  for (const point of [
+    [0, 0],
+    [3.2, 4.6],
+    [-7, 30],
+  ]) {
     close(toWorld(view, ...toScreen(view, ...point)), point);
   }
 });
@@ -25,7 +35,11 @@ test("y of the world goes up on the screen", () => {
 });
 
 test("a fitted view shows everything with its margin, in the middle, undistorted", () => {
-  for (const [width, height] of [[344, 500], [160, 170], [900, 100]]) {
+  for (const [width, height] of [
+    [344, 500],
+    [160, 170],
+    [900, 100],
+  ]) {
     const view = fit(BOUNDS, width, height, 10);
     const [left, bottom] = toScreen(view, BOUNDS.left, BOUNDS.bottom);
     const [right, top] = toScreen(view, BOUNDS.right, BOUNDS.top);
@@ -49,7 +63,11 @@ test("an image of a map lies where ROS says, turned origins included", () => {
   for (const theta of [0, 0.5, -2]) {
     const map = { resolution: 0.05, origin: [-0.3, -0.4, theta], height: 164 };
     const [a, b, c, d, e, f] = imageTransform(view, map, 2);
-    for (const [u, v] of [[0, 164], [0, 0], [252, 37]]) {
+    for (const [u, v] of [
+      [0, 164],
+      [0, 0],
+      [252, 37],
+    ]) {
       // robots.api.geometry.MapTransform.to_world
       const [right, up] = [u * 0.05, (164 - v) * 0.05];
       const world = [
@@ -85,7 +103,13 @@ test("a site is as large as its rooms, or as its image when it has no plan", () 
     { left: 0, bottom: 0, right: 3, top: 2 },
   );
   assert.deepEqual(boundsOfSite({ ...grid, plan: {} }), { left: 1, bottom: 2, right: 3, top: 5 });
-  assert.deepEqual(boundsOf([[1, 5], [-2, 3]]), { left: -2, bottom: 3, right: 1, top: 5 });
+  assert.deepEqual(
+    boundsOf([
+      [1, 5],
+      [-2, 3],
+    ]),
+    { left: -2, bottom: 3, right: 1, top: 5 },
+  );
 });
 
 test("the trail keeps a point every few centimetres and breaks where the robot jumped", () => {

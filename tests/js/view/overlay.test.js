@@ -2,7 +2,12 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { describe, test } from "node:test";
 
-import { Track, along, robotFromMap, mapFromRobot } from "../../../static/js/view/overlay/transforms.js";
+import {
+  Track,
+  along,
+  robotFromMap,
+  mapFromRobot,
+} from "../../../static/js/view/overlay/transforms.js";
 import {
   boxOf,
   depthOf,
@@ -13,7 +18,13 @@ import {
   toPicture,
 } from "../../../static/js/view/overlay/camera_model.js";
 import { hidesWall, isBehind } from "../../../static/js/view/overlay/visibility.js";
-import { arcSteps, heldSteps, lineSteps, reachOf, sweep } from "../../../static/js/view/overlay/swept_path.js";
+import {
+  arcSteps,
+  heldSteps,
+  lineSteps,
+  reachOf,
+  sweep,
+} from "../../../static/js/view/overlay/swept_path.js";
 
 const TRUTH = JSON.parse(
   readFileSync(new URL("../../golden/projection.json", import.meta.url), "utf8"),
@@ -213,8 +224,19 @@ describe("swath", () => {
   });
 
   test("a line that is followed is shown from the robot on", () => {
-    const steps = lineSteps({ x: 1, y: 0.05, theta: 0 }, [[0, 0], [1, 0], [2, 0], [2, 1]]);
-    assert.deepEqual(steps.map(({ x, y }) => [x, y]), [[2, 0], [2, 1]]);
+    const steps = lineSteps({ x: 1, y: 0.05, theta: 0 }, [
+      [0, 0],
+      [1, 0],
+      [2, 0],
+      [2, 1],
+    ]);
+    assert.deepEqual(
+      steps.map(({ x, y }) => [x, y]),
+      [
+        [2, 0],
+        [2, 1],
+      ],
+    );
     assert.deepEqual(lineSteps({ x: 0, y: 0, theta: 0 }, []), []);
     assert.equal(sweep([], GIRAFF.footprint, []), null);
   });
@@ -234,7 +256,11 @@ describe("sight", () => {
   });
 
   test("what lies beyond what the laser saw is behind it", () => {
-    const seen = [[2, -0.05], [2, 0.02], [2, 0.06]];
+    const seen = [
+      [2, -0.05],
+      [2, 0.02],
+      [2, 0.06],
+    ];
     assert.equal(isBehind(seen, [3, 0]), true);
     assert.equal(isBehind(seen, [1.5, 0]), false);
     assert.equal(isBehind(seen, [2.1, 0]), false);

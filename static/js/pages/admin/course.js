@@ -1,17 +1,31 @@
 /**
- * The map of a course in the study builder. The fields of the form are the state: what is dragged or moved by keys writes into them, and
- * what is written into them moves on the map. What makes a new checkpoint or zone is the form's own button, told where.
+ * The map of a course in the study builder. The fields of the form are the state: what is dragged
+ * or moved by keys writes into them, and what is written into them moves on the map. What makes a
+ * new checkpoint or zone is the form's own button, told where.
  */
 
-import { formatPoints, parsePoints, rounded, withMoved, without, withPoint } from "./course_points.js";
+import {
+  formatPoints,
+  parsePoints,
+  rounded,
+  withMoved,
+  without,
+  withPoint,
+} from "./course_points.js";
 import { element, ground, pointList, toUnits, UNIT, viewBoxOf } from "./course_ground.js";
 import { GRIP, movable, pointAt } from "./map_handles.js";
 
 /** @typedef {[number, number]} Point */
 /**
  * @typedef {object} Handle something on the map that can be moved
- * @property {string} id @property {string} kind spot, point or corner @property {string} label @property {Point} at m
- * @property {(at: Point) => void} move @property {(() => void) | null} remove @property {string} [number] @property {number} [radius] m
+ * @property {string} id
+ * @property {string} kind spot, point or corner
+ * @property {string} label
+ * @property {Point} at m
+ * @property {(at: Point) => void} move
+ * @property {(() => void) | null} remove
+ * @property {string} [number]
+ * @property {number} [radius] m
  * @property {string} [item] the part of the form that it belongs to
  */
 
@@ -46,24 +60,45 @@ const mark = (item) => {
 const checkpoints = (title) => {
   const found = [];
   for (let n = 0; field(`checkpoints.${n}`); n += 1) {
-    const [x, y, radius] = ["x", "y", "radius"].map((key) => Number((field(`checkpoints.${n}.${key}`)?.value ?? "").replace(",", ".") || NaN));
+    const [x, y, radius] = ["x", "y", "radius"].map((key) =>
+      Number((field(`checkpoints.${n}.${key}`)?.value ?? "").replace(",", ".") || NaN),
+    );
     if (Number.isFinite(x) && Number.isFinite(y)) {
       found.push({
-        id: `c${n}`, kind: "spot", label: `${title} ${n}`, at: /** @type {Point} */ ([x, y]), number: String(n), item: `checkpoints.${n}`,
-        radius: Number.isFinite(radius) ? radius : 0.6, remove: null,
-        move: (/** @type {Point} */ at) => ["x", "y"].forEach((key, axis) => write(`checkpoints.${n}.${key}`, String(rounded(at[axis])))),
+        id: `c${n}`,
+        kind: "spot",
+        label: `${title} ${n}`,
+        at: /** @type {Point} */ ([x, y]),
+        number: String(n),
+        item: `checkpoints.${n}`,
+        radius: Number.isFinite(radius) ? radius : 0.6,
+        remove: null,
+        move: (/** @type {Point} */ at) =>
+          ["x", "y"].forEach((key, axis) =>
+            write(`checkpoints.${n}.${key}`, String(rounded(at[axis]))),
+          ),
       });
     }
   }
   return found;
 };
 
-/** @param {string} name @param {string} kind @param {number} least @param {string} [item] @returns {Handle[]} */
+/**
+ * @param {string} name
+ * @param {string} kind
+ * @param {number} least
+ * @param {string} [item]
+ * @returns {Handle[]}
+ */
 const pointsOf = (name, kind, least, item) => {
   const points = parsePoints(field(name)?.value ?? "") ?? [];
   const label = field(name)?.labels?.[0]?.textContent?.trim() ?? name;
   return points.map((at, n) => ({
-    id: `${name}${n}`, kind, label: `${label} ${n + 1}`, at, item,
+    id: `${name}${n}`,
+    kind,
+    label: `${label} ${n + 1}`,
+    at,
+    item,
     move: (to) => write(name, formatPoints(withMoved(points, n, to))),
     remove: () => write(name, formatPoints(without(points, n, least))),
   }));
@@ -83,26 +118,55 @@ const lines = () => {
   const found = [];
   for (let n = 0; field(`zones.${n}`); n += 1) {
     const zone = parsePoints(field(`zones.${n}.polygon`)?.value ?? "");
-    found.push(...(zone ? [element("polygon", { class: "course__zone", points: pointList(zone), "stroke-width": 2 })] : []));
+    found.push(
+      ...(zone
+        ? [
+            element("polygon", {
+              class: "course__zone",
+              points: pointList(zone),
+              "stroke-width": 2,
+            }),
+          ]
+        : []),
+    );
   }
   const path = parsePoints(field("path")?.value ?? "");
-  return [...found, ...(path ? [element("polyline", { class: "course__path", points: pointList(path), "stroke-width": 5 })] : [])];
+  return [
+    ...found,
+    ...(path
+      ? [element("polyline", { class: "course__path", points: pointList(path), "stroke-width": 5 })]
+      : []),
+  ];
 };
 
 /** @param {Handle} handle @param {number} pixel units @returns {SVGElement} */
 const drawn = (handle, pixel) => {
   const parts = [];
   if (handle.kind === "spot") {
-    parts.push(element("circle", { class: "course__near", r: (handle.radius ?? 0.6) * UNIT, "stroke-width": 1.5 }));
+    parts.push(
+      element("circle", {
+        class: "course__near",
+        r: (handle.radius ?? 0.6) * UNIT,
+        "stroke-width": 1.5,
+      }),
+    );
     parts.push(element("circle", { class: "course__spot", r: 12 * pixel }));
     const number = element("text", { class: "course__number", "font-size": 14 * pixel });
     number.textContent = handle.number ?? "";
     parts.push(number);
   } else {
-    parts.push(element("circle", { class: `course__${handle.kind}`, r: 5 * pixel, "stroke-width": 2 * pixel }));
+    parts.push(
+      element("circle", {
+        class: `course__${handle.kind}`,
+        r: 5 * pixel,
+        "stroke-width": 2 * pixel,
+      }),
+    );
   }
   const size = handle.kind === "spot" ? GRIP : GRIP / 2;
-  parts.push(element("circle", { class: "course__ring", r: 15 * pixel, "stroke-width": 3 * pixel }));
+  parts.push(
+    element("circle", { class: "course__ring", r: 15 * pixel, "stroke-width": 3 * pixel }),
+  );
   parts.push(element("circle", { class: "course__grip", r: size * pixel }));
   return element("g", {}, parts);
 };
@@ -113,10 +177,17 @@ class CourseMap {
     this.page = page;
     this.words = page.dataset;
     this.svg = /** @type {any} */ (document.getElementById("course-map"));
-    const { plan: site, robot } = JSON.parse(/** @type {HTMLElement} */ (document.getElementById("course-ground")).textContent ?? "");
+    const { plan: site, robot } = JSON.parse(
+      /** @type {HTMLElement} */ (document.getElementById("course-ground")).textContent ?? "",
+    );
     this.viewBox = viewBoxOf(site);
     // What is on top is hit first: checkpoints over the path over zones, however they came.
-    this.layers = /** @type {Record<string, SVGElement>} */ ({ drawn: element("g"), corner: element("g"), point: element("g"), spot: element("g") });
+    this.layers = /** @type {Record<string, SVGElement>} */ ({
+      drawn: element("g"),
+      corner: element("g"),
+      point: element("g"),
+      spot: element("g"),
+    });
     this.svg.setAttribute("viewBox", this.viewBox.join(" "));
     this.svg.append(ground(site, robot), ...Object.values(this.layers));
     /** @type {Map<string, {group: SVGElement, handle: Handle}>} */
@@ -137,7 +208,11 @@ class CourseMap {
   draw() {
     this.layers.drawn.replaceChildren(...lines());
     const pixel = this.viewBox[2] / Math.max(this.svg.clientWidth, 1);
-    const handles = [...corners(), ...pointsOf("path", "point", 0), ...checkpoints(this.words.wordsCheckpoint ?? "")];
+    const handles = [
+      ...corners(),
+      ...pointsOf("path", "point", 0),
+      ...checkpoints(this.words.wordsCheckpoint ?? ""),
+    ];
     const ids = new Set(handles.map((handle) => handle.id));
     for (const [id, { group }] of this.shown) {
       if (!ids.has(id)) {
@@ -150,8 +225,14 @@ class CourseMap {
       this.shown.set(handle.id, { group, handle });
       const [x, y] = toUnits(handle.at);
       group.setAttribute("transform", `translate(${x} ${y})`);
-      group.setAttribute("aria-label", `${handle.label}: ${rounded(handle.at[0])} ${rounded(handle.at[1])}`);
-      group.classList.toggle("is-unreachable", handle.kind === "spot" && this.unreachable.includes(Number(handle.number)));
+      group.setAttribute(
+        "aria-label",
+        `${handle.label}: ${rounded(handle.at[0])} ${rounded(handle.at[1])}`,
+      );
+      group.classList.toggle(
+        "is-unreachable",
+        handle.kind === "spot" && this.unreachable.includes(Number(handle.number)),
+      );
       group.replaceChildren(drawn(handle, pixel));
       if (!group.isConnected) {
         this.layers[handle.kind].append(group);
@@ -165,14 +246,22 @@ class CourseMap {
     this.asked = new AbortController();
     const place = /** @type {HTMLElement} */ (document.getElementById("course-check"));
     try {
-      const answer = await fetch(this.words.check ?? "", { method: "POST", body: new FormData(form), signal: this.asked.signal });
+      const answer = await fetch(this.words.check ?? "", {
+        method: "POST",
+        body: new FormData(form),
+        signal: this.asked.signal,
+      });
       if (!answer.ok) {
         throw new TypeError(String(answer.status));
       }
       const { problems, checkpoints: wrong } = await answer.json();
       this.unreachable = wrong;
       const list = document.createElement("ul");
-      list.append(...problems.map((/** @type {string} */ problem) => Object.assign(document.createElement("li"), { textContent: problem })));
+      list.append(
+        ...problems.map((/** @type {string} */ problem) =>
+          Object.assign(document.createElement("li"), { textContent: problem }),
+        ),
+      );
       place.replaceChildren(...(problems.length ? [list] : [this.words.wordsFree ?? ""]));
       this.draw();
     } catch (error) {
@@ -185,7 +274,12 @@ class CourseMap {
   /** @param {Handle} handle */
   #attached({ id, item }) {
     const now = () => /** @type {{handle: Handle}} */ (this.shown.get(id)).handle;
-    return movable({ now, mayChange, worldAt: (event) => this.#worldAt(event), onFocus: () => mark(item ?? "") });
+    return movable({
+      now,
+      mayChange,
+      worldAt: (event) => this.#worldAt(event),
+      onFocus: () => mark(item ?? ""),
+    });
   }
 
   /** @param {MouseEvent} event @returns {Point} m */
@@ -194,12 +288,17 @@ class CourseMap {
   }
 
   get #tool() {
-    return /** @type {HTMLInputElement | null} */ (this.page.querySelector(`[name="${TOOL}"]:checked`))?.value ?? "move";
+    return (
+      /** @type {HTMLInputElement | null} */ (this.page.querySelector(`[name="${TOOL}"]:checked`))
+        ?.value ?? "move"
+    );
   }
 
   /** The tool that was used last. */
   #chooseTool() {
-    const last = /** @type {HTMLInputElement | null} */ (this.page.querySelector(`[name="${TOOL}"][value="${sessionStorage.getItem(TOOL) ?? "move"}"]`));
+    const last = /** @type {HTMLInputElement | null} */ (
+      this.page.querySelector(`[name="${TOOL}"][value="${sessionStorage.getItem(TOOL) ?? "move"}"]`)
+    );
     if (last) {
       last.checked = true;
     }
@@ -212,7 +311,11 @@ class CourseMap {
 
   /** @param {MouseEvent} event */
   #add(event) {
-    if (this.#tool === "move" || !mayChange() || /** @type {Element} */ (event.target).closest(".course__handle")) {
+    if (
+      this.#tool === "move" ||
+      !mayChange() ||
+      /** @type {Element} */ (event.target).closest(".course__handle")
+    ) {
       return;
     }
     const at = this.#worldAt(event);
@@ -221,7 +324,9 @@ class CourseMap {
       return;
     }
     write("at", `${rounded(at[0])} ${rounded(at[1])}`);
-    form.requestSubmit(/** @type {HTMLElement} */ (form.querySelector(`[data-add="${this.#tool}"]`)));
+    form.requestSubmit(
+      /** @type {HTMLElement} */ (form.querySelector(`[data-add="${this.#tool}"]`)),
+    );
   }
 
   /** @param {Event} event */

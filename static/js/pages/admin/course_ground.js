@@ -1,4 +1,7 @@
-/** The ground of a course as SVG: rooms, walls, doors, mirrors and stations of a plan, or the image of a map. One unit is a centimetre. */
+/**
+ * The ground of a course as SVG: rooms, walls, doors, mirrors and stations of a plan, or the image
+ * of a map. One unit is a centimetre.
+ */
 
 import { boundsOfSite } from "../../view/map/floor_plan.js";
 
@@ -7,7 +10,9 @@ const MARGIN = 0.4; // m
 const SVG = "http://www.w3.org/2000/svg";
 
 /**
- * @param {string} tag @param {Record<string, string | number>} [attributes] @param {Element[]} [children]
+ * @param {string} tag
+ * @param {Record<string, string | number>} [attributes]
+ * @param {Element[]} [children]
  * @returns {SVGElement}
  */
 export const element = (tag, attributes = {}, children = []) => {
@@ -28,14 +33,24 @@ export const pointList = (points) => points.map((point) => toUnits(point).join("
 /** @param {string} kind @param {any} line @param {number} width m */
 const segment = (kind, { start, end }, width) => {
   const [[x1, y1], [x2, y2]] = [toUnits(start), toUnits(end)];
-  return element("line", { class: `course__${kind}`, x1, y1, x2, y2, "stroke-width": width * UNIT });
+  return element("line", {
+    class: `course__${kind}`,
+    x1,
+    y1,
+    x2,
+    y2,
+    "stroke-width": width * UNIT,
+  });
 };
 
 /** @param {any} room */
 const roomName = (room) => {
   const xs = room.polygon.map((/** @type {number[]} */ [x]) => x);
   const ys = room.polygon.map((/** @type {number[]} */ [, y]) => y);
-  const [x, y] = toUnits([(Math.min(...xs) + Math.max(...xs)) / 2, (Math.min(...ys) + Math.max(...ys)) / 2]);
+  const [x, y] = toUnits([
+    (Math.min(...xs) + Math.max(...xs)) / 2,
+    (Math.min(...ys) + Math.max(...ys)) / 2,
+  ]);
   const text = element("text", { class: "course__name", x, y, "font-size": 28 });
   text.textContent = room.title;
   return text;
@@ -45,17 +60,33 @@ const roomName = (room) => {
 const furniture = (piece) => {
   const [x, y] = toUnits([piece.x, piece.y]);
   if (piece.shape === "cylinder") {
-    return element("circle", { class: "course__furniture", cx: x, cy: y, r: (piece.width / 2) * UNIT });
+    return element("circle", {
+      class: "course__furniture",
+      cx: x,
+      cy: y,
+      r: (piece.width / 2) * UNIT,
+    });
   }
   const [width, depth] = [piece.width * UNIT, (piece.depth ?? 0.5) * UNIT];
   const turn = `translate(${x} ${y}) rotate(${(-(piece.theta ?? 0) * 180) / Math.PI})`;
-  return element("rect", { class: "course__furniture", x: -width / 2, y: -depth / 2, width, height: depth, transform: turn });
+  return element("rect", {
+    class: "course__furniture",
+    x: -width / 2,
+    y: -depth / 2,
+    width,
+    height: depth,
+    transform: turn,
+  });
 };
 
 /** @param {any} dock @param {string} robot */
 const station = (dock, robot) => {
   const [x, y] = toUnits([dock.x, dock.y]);
-  const sign = element("path", { class: "course__dock", d: "M8 -34 L-18 4 L-2 4 L-8 34 L18 -6 L2 -6 Z", transform: `translate(${x} ${y})` });
+  const sign = element("path", {
+    class: "course__dock",
+    d: "M8 -34 L-18 4 L-2 4 L-8 34 L18 -6 L2 -6 Z",
+    transform: `translate(${x} ${y})`,
+  });
   sign.setAttribute("opacity", dock.type === robot ? "1" : "0.3");
   return sign;
 };
@@ -63,8 +94,17 @@ const station = (dock, robot) => {
 /** @param {any} site robots.floorplans.plan_content @returns {SVGElement} */
 export const picture = ({ origin: [x, y, theta], resolution, width, height, image }) => {
   const [left, bottom] = toUnits([x, y]);
-  const turn = `translate(${left} ${bottom}) rotate(${(-theta * 180) / Math.PI}) translate(0 ${-height * resolution * UNIT})`;
-  return element("image", { href: image, width: width * resolution * UNIT, height: height * resolution * UNIT, transform: turn });
+  const turn = [
+    `translate(${left} ${bottom})`,
+    `rotate(${(-theta * 180) / Math.PI})`,
+    `translate(0 ${-height * resolution * UNIT})`,
+  ].join(" ");
+  return element("image", {
+    href: image,
+    width: width * resolution * UNIT,
+    height: height * resolution * UNIT,
+    transform: turn,
+  });
 };
 
 /** @param {any} site @param {string} robot @returns {SVGElement} */
@@ -75,10 +115,14 @@ export const ground = (site, robot) => {
   }
   const openings = [...(plan.doors ?? []), ...(plan.passages ?? [])];
   return element("g", {}, [
-    ...plan.rooms.map((/** @type {any} */ room) => element("polygon", { class: "course__room", points: pointList(room.polygon) })),
+    ...plan.rooms.map((/** @type {any} */ room) =>
+      element("polygon", { class: "course__room", points: pointList(room.polygon) }),
+    ),
     ...openings.map((opening) => segment("gap", opening, (opening.thickness ?? 0.15) + 0.02)),
     ...(plan.furniture ?? []).map(furniture),
-    ...(plan.walls ?? []).map((/** @type {any} */ wall) => segment("wall", wall, wall.thickness ?? 0.15)),
+    ...(plan.walls ?? []).map((/** @type {any} */ wall) =>
+      segment("wall", wall, wall.thickness ?? 0.15),
+    ),
     ...(plan.doors ?? []).map((/** @type {any} */ door) => segment("door", door, 0.06)),
     ...(plan.mirrors ?? []).map((/** @type {any} */ mirror) => segment("mirror", mirror, 0.08)),
     ...(plan.docks ?? []).map((/** @type {any} */ dock) => station(dock, robot)),
@@ -86,7 +130,10 @@ export const ground = (site, robot) => {
   ]);
 };
 
-/** @param {any} site @returns {[number, number, number, number]} what the map shows: left, top, width, height in units */
+/**
+ * @param {any} site
+ * @returns {[number, number, number, number]} what the map shows: left, top, width, height in units
+ */
 export const viewBoxOf = (site) => {
   const { left, right, bottom, top } = boundsOfSite(site);
   const wide = (right - left + 2 * MARGIN) * UNIT;

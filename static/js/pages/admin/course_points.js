@@ -4,15 +4,26 @@
 
 const NEAR = 0.4; // m: a click so near to a line of the path goes between its ends
 
-/** @param {string} text one point a line, "x y" @returns {Point[] | null} null when a line is none */
+/**
+ * @param {string} text one point a line, "x y"
+ * @returns {Point[] | null} null when a line is none
+ */
 export const parsePoints = (text) => {
-  const lines = text.split("\n").map((line) => line.trim()).filter(Boolean);
-  const points = lines.map((line) => line.split(/[\s;]+/).map((word) => Number(word.replace(",", "."))));
-  return points.every((point) => point.length === 2 && point.every(Number.isFinite)) ? /** @type {Point[]} */ (points) : null;
+  const lines = text
+    .split("\n")
+    .map((line) => line.trim())
+    .filter(Boolean);
+  const points = lines.map((line) =>
+    line.split(/[\s;]+/).map((word) => Number(word.replace(",", "."))),
+  );
+  return points.every((point) => point.length === 2 && point.every(Number.isFinite))
+    ? /** @type {Point[]} */ (points)
+    : null;
 };
 
 /** @param {Point[]} points @returns {string} */
-export const formatPoints = (points) => points.map(([x, y]) => `${rounded(x)} ${rounded(y)}`).join("\n");
+export const formatPoints = (points) =>
+  points.map(([x, y]) => `${rounded(x)} ${rounded(y)}`).join("\n");
 
 /** @param {number} value m @returns {number} to the centimetre */
 export const rounded = (value) => Math.round(value * 100) / 100 + 0;
@@ -21,7 +32,8 @@ export const rounded = (value) => Math.round(value * 100) / 100 + 0;
 const distanceToLine = ([ax, ay], [bx, by], [x, y]) => {
   const [dx, dy] = [bx - ax, by - ay];
   const square = dx * dx + dy * dy;
-  const share = square === 0 ? 0 : Math.min(1, Math.max(0, ((x - ax) * dx + (y - ay) * dy) / square));
+  const share =
+    square === 0 ? 0 : Math.min(1, Math.max(0, ((x - ax) * dx + (y - ay) * dy) / square));
   return Math.hypot(ax + share * dx - x, ay + share * dy - y);
 };
 
@@ -37,14 +49,31 @@ export const withPoint = (points, point) => {
 };
 
 /** @param {Point[]} points @param {number} n @param {Point} point @returns {Point[]} */
-export const withMoved = (points, n, point) => points.map((old, index) => (index === n ? point : old));
+export const withMoved = (points, n, point) =>
+  points.map((old, index) => (index === n ? point : old));
 
-/** @param {Point[]} points @param {number} n @param {number} least how many must stay @returns {Point[]} */
-export const without = (points, n, least) => (points.length > least ? points.filter((_, index) => index !== n) : points);
+/**
+ * @param {Point[]} points
+ * @param {number} n
+ * @param {number} least how many must stay
+ * @returns {Point[]}
+ */
+export const without = (points, n, least) =>
+  points.length > least ? points.filter((_, index) => index !== n) : points;
 
-/** How far the arrow keys move what is chosen. @param {string} key @param {boolean} small @returns {Point | null} m */
+/**
+ * How far the arrow keys move what is chosen.
+ * @param {string} key
+ * @param {boolean} small
+ * @returns {Point | null} m
+ */
 export const stepOf = (key, small) => {
   const step = small ? 0.02 : 0.1;
-  const steps = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, step], ArrowDown: [0, -step] };
+  const steps = {
+    ArrowLeft: [-step, 0],
+    ArrowRight: [step, 0],
+    ArrowUp: [0, step],
+    ArrowDown: [0, -step],
+  };
   return /** @type {Record<string, Point>} */ (steps)[key] ?? null;
 };

@@ -5,17 +5,25 @@ import { element, UNIT } from "./course_ground.js";
 import { stepOf } from "./course_points.js";
 
 /** @typedef {[number, number]} Point */
-/** @typedef {{at: Point, move: (at: Point) => void, remove: (() => void) | null}} Movable positions in metres */
+/**
+ * @typedef {{at: Point, move: (at: Point) => void, remove: (() => void) | null}} Movable positions
+ *   in metres
+ */
 
 export const GRIP = 22; // CSS px: half of what a finger hits
 
 /** Where an event is on the map. @param {any} svg @param {MouseEvent} event @returns {Point} m */
 export const pointAt = (svg, event) => {
-  const point = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());
+  const point = new DOMPoint(event.clientX, event.clientY).matrixTransform(
+    svg.getScreenCTM().inverse(),
+  );
   return [point.x / UNIT, -point.y / UNIT];
 };
 
-/** @typedef {{now: () => Movable, mayChange: () => boolean, worldAt: (event: MouseEvent) => Point, onFocus: () => void}} Moving */
+/**
+ * @typedef {{now: () => Movable, mayChange: () => boolean, worldAt: (event: MouseEvent) => Point,
+ *   onFocus: () => void}} Moving
+ */
 
 /** @param {PointerEvent} event @param {SVGElement} group @param {Moving} moving */
 const drag = (event, group, { now, mayChange, worldAt }) => {
@@ -33,11 +41,17 @@ const drag = (event, group, { now, mayChange, worldAt }) => {
   };
   group.addEventListener("pointermove", follow);
   for (const end of ["pointerup", "pointercancel"]) {
-    group.addEventListener(end, () => group.removeEventListener("pointermove", follow), { once: true });
+    group.addEventListener(end, () => group.removeEventListener("pointermove", follow), {
+      once: true,
+    });
   }
 };
 
-/** A group to draw a handle into; `now` gives what it moves. @param {Moving} moving @returns {SVGElement} */
+/**
+ * A group to draw a handle into; `now` gives what it moves.
+ * @param {Moving} moving
+ * @returns {SVGElement}
+ */
 export const movable = (moving) => {
   const group = element("g", { class: "course__handle", tabindex: 0, role: "button" });
   group.addEventListener("pointerdown", (event) => drag(event, group, moving));

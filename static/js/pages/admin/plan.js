@@ -1,6 +1,7 @@
 /**
- * The map of the page that finishes a plan. The fields are the state: what is dragged or moved by keys writes into them, and what is
- * written into them moves on the map. New things are made by the form's own buttons, told where.
+ * The map of the page that finishes a plan. The fields are the state: what is dragged or moved by
+ * keys writes into them, and what is written into them moves on the map. New things are made by the
+ * form's own buttons, told where.
  */
 
 import { element, ground, picture, toUnits, viewBoxOf } from "./course_ground.js";
@@ -12,14 +13,27 @@ import { handlesOf } from "./plan_handles.js";
 /** @typedef {import("./plan_handles.js").Part} Part */
 
 const TOOL = "plan-tool";
-const SIZES = /** @type {Record<string, number>} */ ({ opening: 7, dock: 12, heading: 6, place: 8, checkpoint: 12 }); // CSS px
-const LOOKS = /** @type {Record<string, string>} */ ({ opening: "course__point", dock: "plan__dock", heading: "course__point", place: "plan__place", checkpoint: "course__spot" });
+const SIZES = /** @type {Record<string, number>} */ ({
+  opening: 7,
+  dock: 12,
+  heading: 6,
+  place: 8,
+  checkpoint: 12,
+}); // CSS px
+const LOOKS = /** @type {Record<string, string>} */ ({
+  opening: "course__point",
+  dock: "plan__dock",
+  heading: "course__point",
+  place: "plan__place",
+  checkpoint: "course__spot",
+});
 
 const form = /** @type {HTMLFormElement | null} */ (document.getElementById("plan"));
 
 /** @param {HTMLFormElement} form @returns {import("./plan_handles.js").Fields} */
 const fieldsOf = (form) => {
-  const field = (/** @type {string} */ name) => /** @type {HTMLInputElement | null} */ (form.elements.namedItem(name));
+  const field = (/** @type {string} */ name) =>
+    /** @type {HTMLInputElement | null} */ (form.elements.namedItem(name));
   return {
     read: (name) => {
       const input = field(name);
@@ -38,27 +52,42 @@ const fieldsOf = (form) => {
 /** @param {Handle} handle @param {number} pixel units @returns {SVGElement} */
 const drawn = ({ kind, number }, pixel) => {
   const size = SIZES[kind];
-  const parts = [element("circle", { class: LOOKS[kind], r: size * pixel, "stroke-width": 2 * pixel })];
+  const parts = [
+    element("circle", { class: LOOKS[kind], r: size * pixel, "stroke-width": 2 * pixel }),
+  ];
   if (number) {
     const text = element("text", { class: "course__number", "font-size": 14 * pixel });
     text.textContent = number;
     parts.push(text);
   }
-  parts.push(element("circle", { class: "course__ring", r: (size + 4) * pixel, "stroke-width": 3 * pixel }));
-  parts.push(element("circle", { class: "course__grip", r: (kind === "dock" || kind === "checkpoint" ? GRIP : GRIP * 0.6) * pixel }));
+  parts.push(
+    element("circle", { class: "course__ring", r: (size + 4) * pixel, "stroke-width": 3 * pixel }),
+  );
+  parts.push(
+    element("circle", {
+      class: "course__grip",
+      r: (kind === "dock" || kind === "checkpoint" ? GRIP : GRIP * 0.6) * pixel,
+    }),
+  );
   return element("g", {}, parts);
 };
 
-/** Openings between their ends, and docks to where they look. @param {Handle[]} handles @param {number} pixel @returns {SVGElement[]} */
-const lines = (handles, pixel) => handles.flatMap((handle, n) => {
-  const next = handles[n + 1];
-  if (next?.part !== handle.part) {
-    return [];
-  }
-  const [[x1, y1], [x2, y2]] = [toUnits(handle.at), toUnits(next.at)];
-  const kind = handle.kind === "dock" ? "plan__heading" : "plan__opening";
-  return [element("line", { class: kind, x1, y1, x2, y2, "stroke-width": 4 * pixel })];
-});
+/**
+ * Openings between their ends, and docks to where they look.
+ * @param {Handle[]} handles
+ * @param {number} pixel
+ * @returns {SVGElement[]}
+ */
+const lines = (handles, pixel) =>
+  handles.flatMap((handle, n) => {
+    const next = handles[n + 1];
+    if (next?.part !== handle.part) {
+      return [];
+    }
+    const [[x1, y1], [x2, y2]] = [toUnits(handle.at), toUnits(next.at)];
+    const kind = handle.kind === "dock" ? "plan__heading" : "plan__opening";
+    return [element("line", { class: kind, x1, y1, x2, y2, "stroke-width": 4 * pixel })];
+  });
 
 class PlanMap {
   /** @param {HTMLFormElement} form */
@@ -66,16 +95,25 @@ class PlanMap {
     this.form = form;
     this.fields = fieldsOf(form);
     this.svg = /** @type {any} */ (document.getElementById("plan-map"));
-    this.site = JSON.parse(/** @type {HTMLElement} */ (document.getElementById("plan-site")).textContent ?? "");
+    this.site = JSON.parse(
+      /** @type {HTMLElement} */ (document.getElementById("plan-site")).textContent ?? "",
+    );
     this.viewBox = viewBoxOf(this.site);
     this.svg.setAttribute("viewBox", this.viewBox.join(" "));
-    this.layers = { ground: element("g"), picture: element("g", { class: "plan__picture" }, [picture(this.site)]), lines: element("g"), handles: element("g") };
+    this.layers = {
+      ground: element("g"),
+      picture: element("g", { class: "plan__picture" }, [picture(this.site)]),
+      lines: element("g"),
+      handles: element("g"),
+    };
     this.svg.append(...Object.values(this.layers));
     /** @type {Map<string, {group: SVGElement, handle: Handle}>} */
     this.shown = new Map();
     this.svg.addEventListener("click", (/** @type {MouseEvent} */ event) => this.#add(event));
     form.addEventListener("input", (event) => this.#changed(event));
-    form.addEventListener("focusin", (event) => this.#mark(/** @type {Element} */ (event.target).closest("[data-part]")));
+    form.addEventListener("focusin", (event) =>
+      this.#mark(/** @type {Element} */ (event.target).closest("[data-part]")),
+    );
     new ResizeObserver(() => this.draw()).observe(this.svg);
     this.#showTool();
     this.#drawGround();
@@ -84,20 +122,36 @@ class PlanMap {
 
   /** @returns {Part[]} */
   #parts() {
-    return [.../** @type {NodeListOf<HTMLElement>} */ (this.form.querySelectorAll("[data-part]"))].map(({ dataset }) => ({
-      part: dataset.part ?? "", kind: dataset.kind ?? "", label: this.fields.read(`${dataset.part}.title`) || `${dataset.kind} ${dataset.number ?? ""}`, number: dataset.number,
+    return [
+      .../** @type {NodeListOf<HTMLElement>} */ (this.form.querySelectorAll("[data-part]")),
+    ].map(({ dataset }) => ({
+      part: dataset.part ?? "",
+      kind: dataset.kind ?? "",
+      label: this.fields.read(`${dataset.part}.title`) || `${dataset.kind} ${dataset.number ?? ""}`,
+      number: dataset.number,
     }));
   }
 
   /** What nothing on this page moves, under the names that the rooms have now. */
   #drawGround() {
-    const rooms = this.site.plan.rooms.map((/** @type {any} */ room, /** @type {number} */ n) => ({ ...room, title: this.fields.read(`rooms.${n}.title`) ?? room.title }));
-    this.layers.ground.replaceChildren(ground({ ...this.site, plan: { ...this.site.plan, rooms, doors: [], passages: [], docks: [] } }, ""));
+    const rooms = this.site.plan.rooms.map((/** @type {any} */ room, /** @type {number} */ n) => ({
+      ...room,
+      title: this.fields.read(`rooms.${n}.title`) ?? room.title,
+    }));
+    this.layers.ground.replaceChildren(
+      ground(
+        { ...this.site, plan: { ...this.site.plan, rooms, doors: [], passages: [], docks: [] } },
+        "",
+      ),
+    );
   }
 
   draw() {
     const pixel = this.viewBox[2] / Math.max(this.svg.clientWidth, 1);
-    const words = { end: this.form.dataset.wordsEnd ?? "", heading: this.form.dataset.wordsHeading ?? "" };
+    const words = {
+      end: this.form.dataset.wordsEnd ?? "",
+      heading: this.form.dataset.wordsHeading ?? "",
+    };
     const handles = this.#parts().flatMap((part) => handlesOf(part, this.fields, words));
     this.layers.lines.replaceChildren(...lines(handles, pixel));
     const ids = new Set(handles.map((handle) => handle.id));
@@ -112,7 +166,10 @@ class PlanMap {
       this.shown.set(handle.id, { group, handle });
       const [x, y] = toUnits(handle.at);
       group.setAttribute("transform", `translate(${x} ${y})`);
-      group.setAttribute("aria-label", `${handle.label}: ${rounded(handle.at[0])} ${rounded(handle.at[1])}`);
+      group.setAttribute(
+        "aria-label",
+        `${handle.label}: ${rounded(handle.at[0])} ${rounded(handle.at[1])}`,
+      );
       group.replaceChildren(drawn(handle, pixel));
       if (!group.isConnected) {
         this.layers.handles.append(group);
@@ -124,7 +181,12 @@ class PlanMap {
   #attached({ id, part }) {
     const now = () => /** @type {{handle: Handle}} */ (this.shown.get(id)).handle;
     const onFocus = () => this.#mark(this.form.querySelector(`[data-part="${part}"]`));
-    return movable({ now, mayChange: () => true, worldAt: (event) => pointAt(this.svg, event), onFocus });
+    return movable({
+      now,
+      mayChange: () => true,
+      worldAt: (event) => pointAt(this.svg, event),
+      onFocus,
+    });
   }
 
   /** @param {Element | null} chosen */
@@ -135,7 +197,10 @@ class PlanMap {
   }
 
   get #tool() {
-    return /** @type {HTMLInputElement | null} */ (this.form.querySelector(`[name="${TOOL}"]:checked`))?.value ?? "";
+    return (
+      /** @type {HTMLInputElement | null} */ (this.form.querySelector(`[name="${TOOL}"]:checked`))
+        ?.value ?? ""
+    );
   }
 
   #showTool() {
@@ -150,7 +215,9 @@ class PlanMap {
     const [x, y] = pointAt(this.svg, event);
     this.fields.write("at_x", String(rounded(x)));
     this.fields.write("at_y", String(rounded(y)));
-    this.form.requestSubmit(/** @type {HTMLElement} */ (this.form.querySelector(`[data-add="${this.#tool}"]`)));
+    this.form.requestSubmit(
+      /** @type {HTMLElement} */ (this.form.querySelector(`[data-add="${this.#tool}"]`)),
+    );
   }
 
   /** @param {Event} event */

@@ -1,15 +1,30 @@
-/** What of the page that finishes a plan can be moved: read from its fields and written back to them. */
+/**
+ * What of the page that finishes a plan can be moved: read from its fields and written back to
+ * them.
+ */
 
 import { rounded } from "./course_points.js";
 
 /** @typedef {[number, number]} Point */
 /**
  * @typedef {object} Handle
- * @property {string} id @property {string} kind opening, dock, heading, place or checkpoint @property {string} label @property {string} part
- * @property {Point} at m @property {(at: Point) => void} move @property {(() => void) | null} remove @property {string} [number]
+ * @property {string} id
+ * @property {string} kind opening, dock, heading, place or checkpoint
+ * @property {string} label
+ * @property {string} part
+ * @property {Point} at m
+ * @property {(at: Point) => void} move
+ * @property {(() => void) | null} remove
+ * @property {string} [number]
  */
-/** @typedef {{read: (name: string) => string | null, write: (name: string, value: string) => void}} Fields */
-/** @typedef {{part: string, kind: string, label: string, number?: string}} Part a fieldset of the page */
+/**
+ * @typedef {{read: (name: string) => string | null, write: (name: string, value: string) => void}}
+ *   Fields
+ */
+/**
+ * @typedef {{part: string, kind: string, label: string, number?: string}} Part a fieldset of the
+ *   page
+ */
 
 export const AHEAD = 0.6; // m from a dock to the handle of its direction
 
@@ -17,37 +32,74 @@ export const AHEAD = 0.6; // m from a dock to the handle of its direction
 const number = (text) => Number((text ?? "").trim().replace(",", ".") || NaN);
 
 /** @param {number} degrees @returns {number} in (-180, 180], to a tenth */
-export const wrapped = (degrees) => Math.round(((((degrees + 180) % 360) + 360) % 360 - 180) * 10) / 10 + 0;
+export const wrapped = (degrees) =>
+  Math.round((((((degrees + 180) % 360) + 360) % 360) - 180) * 10) / 10 + 0;
 
 /** @param {Point} at @param {number} degrees @returns {Point} */
-export const ahead = ([x, y], degrees) => [x + AHEAD * Math.cos((degrees * Math.PI) / 180), y + AHEAD * Math.sin((degrees * Math.PI) / 180)];
+export const ahead = ([x, y], degrees) => [
+  x + AHEAD * Math.cos((degrees * Math.PI) / 180),
+  y + AHEAD * Math.sin((degrees * Math.PI) / 180),
+];
 
-/** @param {Part} part @param {Fields} fields @param {string[]} names @param {string} label @returns {Handle | null} */
+/**
+ * @param {Part} part
+ * @param {Fields} fields
+ * @param {string[]} names
+ * @param {string} label
+ * @returns {Handle | null}
+ */
 const spot = ({ part, kind, number: shown }, fields, names, label) => {
   const at = /** @type {Point} */ (names.map((name) => number(fields.read(`${part}.${name}`))));
   if (!at.every(Number.isFinite)) {
     return null;
   }
   return {
-    id: `${part}.${names[0]}`, kind, label, part, at, number: shown, remove: () => fields.write(`${part}.remove`, "on"),
-    move: (to) => names.forEach((name, axis) => fields.write(`${part}.${name}`, String(rounded(to[axis])))),
+    id: `${part}.${names[0]}`,
+    kind,
+    label,
+    part,
+    at,
+    number: shown,
+    remove: () => fields.write(`${part}.remove`, "on"),
+    move: (to) =>
+      names.forEach((name, axis) => fields.write(`${part}.${name}`, String(rounded(to[axis])))),
   };
 };
 
-/** @param {Part} part @param {Fields} fields @param {Handle} dock @param {string} word @returns {Handle[]} */
+/**
+ * @param {Part} part
+ * @param {Fields} fields
+ * @param {Handle} dock
+ * @param {string} word
+ * @returns {Handle[]}
+ */
 const heading = ({ part, label }, fields, dock, word) => {
   const degrees = number(fields.read(`${part}.heading`));
   return Number.isFinite(degrees)
-    ? [{
-        id: `${part}.heading`, kind: "heading", label: `${label}, ${word}`, part, at: ahead(dock.at, degrees), remove: null,
-        move: ([x, y]) => fields.write(`${part}.heading`, String(wrapped((Math.atan2(y - dock.at[1], x - dock.at[0]) * 180) / Math.PI))),
-      }]
+    ? [
+        {
+          id: `${part}.heading`,
+          kind: "heading",
+          label: `${label}, ${word}`,
+          part,
+          at: ahead(dock.at, degrees),
+          remove: null,
+          move: ([x, y]) =>
+            fields.write(
+              `${part}.heading`,
+              String(wrapped((Math.atan2(y - dock.at[1], x - dock.at[0]) * 180) / Math.PI)),
+            ),
+        },
+      ]
     : [];
 };
 
 /**
  * The handles of a part, none when it is to be removed or has no numbers.
- * @param {Part} part @param {Fields} fields @param {{end: string, heading: string}} words @returns {Handle[]}
+ * @param {Part} part
+ * @param {Fields} fields
+ * @param {{end: string, heading: string}} words
+ * @returns {Handle[]}
  */
 export const handlesOf = (part, fields, words) => {
   if (fields.read(`${part.part}.remove`)) {
@@ -60,6 +112,9 @@ export const handlesOf = (part, fields, words) => {
   if (part.kind === "dock") {
     return [first, ...heading(part, fields, first, words.heading)];
   }
-  const second = part.kind === "opening" ? spot(part, fields, ["x2", "y2"], `${part.label}, ${words.end}`) : null;
+  const second =
+    part.kind === "opening"
+      ? spot(part, fields, ["x2", "y2"], `${part.label}, ${words.end}`)
+      : null;
   return second ? [first, second] : [first];
 };

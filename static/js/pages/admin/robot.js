@@ -1,11 +1,15 @@
-/** A robot's page in the administration: asks every two seconds how the robot is, while somebody looks, and changes only what changed. */
+/**
+ * A robot's page in the administration: asks every two seconds how the robot is, while somebody
+ * looks, and changes only what changed.
+ */
 
 import { write } from "../../lib/dom.js";
 
 const PERIOD_MS = 2000;
 const PATIENCE_MS = 5000;
 const section = document.getElementById("robot-overview");
-const part = (/** @type {string} */ name) => /** @type {HTMLElement} */ (section.querySelector(`[data-${name}]`));
+const part = (/** @type {string} */ name) =>
+  /** @type {HTMLElement} */ (section.querySelector(`[data-${name}]`));
 let timer = 0;
 
 /** The first sign of life: says so, and lets the owner show the robot to visitors. */
@@ -30,7 +34,10 @@ function render(status) {
 
 async function refresh() {
   try {
-    const answer = await fetch(section.dataset.status, { headers: { Accept: "application/json" }, signal: AbortSignal.timeout(PATIENCE_MS) });
+    const answer = await fetch(section.dataset.status, {
+      headers: { Accept: "application/json" },
+      signal: AbortSignal.timeout(PATIENCE_MS),
+    });
     if (answer.ok && !answer.redirected) render(await answer.json());
   } catch {
     // The server or the network is away for a moment: what the page says is as old as that.
@@ -43,5 +50,7 @@ function schedule() {
   if (!document.hidden) timer = setTimeout(refresh, PERIOD_MS);
 }
 
-document.addEventListener("visibilitychange", () => (document.hidden ? clearTimeout(timer) : refresh()));
+document.addEventListener("visibilitychange", () =>
+  document.hidden ? clearTimeout(timer) : refresh(),
+);
 if (section) schedule();

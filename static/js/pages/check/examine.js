@@ -1,9 +1,15 @@
-/** What the drive page wants to know when its connection does not come about: one piece of advice, and what goes into the record. */
+/**
+ * What the drive page wants to know when its connection does not come about: one piece of advice,
+ * and what goes into the record.
+ */
 
 import { probe } from "./probe.js";
 import { advice, forRecord, judge } from "./verdict.js";
 
-/** @param {{socket: string, iceServers: RTCIceServer[], connected: () => boolean}} config `connected`: the page itself reaches the server */
+/**
+ * @param {{socket: string, iceServers: RTCIceServer[], connected: () => boolean}} config
+ *   `connected`: the page itself reaches the server
+ */
 export const examine = async (config) => {
   const found = await probe(config);
   const lines = judge(found, config.iceServers);

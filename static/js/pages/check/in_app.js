@@ -1,5 +1,6 @@
 /**
- * Browsers inside other apps, which open links that somebody sent. Many of them carry no live video, and the way out is a menu of theirs.
+ * Browsers inside other apps, which open links that somebody sent. Many of them carry no live
+ * video, and the way out is a menu of theirs.
  */
 
 /** What their names look like in the user agent, and the app that visitors know them by. */
@@ -18,8 +19,17 @@ const APPS = /** @type {[RegExp, string][]} */ ([
   [/; wv\)/, "app"],
 ]);
 
-/** @param {string} userAgent @returns {string} the app whose browser this is, "app" for one without a name, empty for a browser proper */
+/**
+ * @param {string} userAgent
+ * @returns {string} the app whose browser this is, "app" for one without a name, empty for a
+ *   browser proper
+ */
 export const appOf = (userAgent) => APPS.find(([name]) => name.test(userAgent))?.[1] ?? "";
 
-/** The browser that such a device surely has. @param {string} userAgent @returns {"Safari" | "Chrome"} */
-export const browserFor = (userAgent) => (/\b(?:iPhone|iPad|iPod)\b/.test(userAgent) ? "Safari" : "Chrome");
+/**
+ * The browser that such a device surely has.
+ * @param {string} userAgent
+ * @returns {"Safari" | "Chrome"}
+ */
+export const browserFor = (userAgent) =>
+  /\b(?:iPhone|iPad|iPod)\b/.test(userAgent) ? "Safari" : "Chrome";

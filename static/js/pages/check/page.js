@@ -6,9 +6,13 @@ import { browserFor } from "./in_app.js";
 import { probe } from "./probe.js";
 import { judge, overall } from "./verdict.js";
 
-const element = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
+const element = (/** @type {string} */ id) =>
+  /** @type {HTMLElement} */ (document.getElementById(id));
 const config = JSON.parse(element("config").textContent ?? "{}");
-const words = readWords(/** @type {HTMLTemplateElement} */ (element("words")), document.documentElement.lang);
+const words = readWords(
+  /** @type {HTMLTemplateElement} */ (element("words")),
+  document.documentElement.lang,
+);
 const section = element("check");
 const again = /** @type {HTMLButtonElement} */ (element("check-again"));
 const link = /** @type {HTMLButtonElement} */ (element("check-copy"));
@@ -16,7 +20,10 @@ const link = /** @type {HTMLButtonElement} */ (element("check-copy"));
 /** @param {import("./verdict.js").Line} line */
 const draw = ({ topic, mark, word, values }) => {
   const row = /** @type {HTMLTemplateElement} */ (element("check-row")).content.cloneNode(true);
-  const part = (/** @type {string} */ name) => /** @type {HTMLElement} */ (/** @type {DocumentFragment} */ (row).querySelector(`[data-${name}]`));
+  const part = (/** @type {string} */ name) =>
+    /** @type {HTMLElement} */ (
+      /** @type {DocumentFragment} */ (row).querySelector(`[data-${name}]`)
+    );
   part("mark").dataset.mark = mark;
   part("mark-text").textContent = words.say(`check.mark.${mark}`);
   part("topic").textContent = words.say(`check.topic.${topic}`);

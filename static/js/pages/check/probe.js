@@ -1,6 +1,7 @@
 /**
- * What this browser and its network can do, found out without asking the visitor for anything: nothing is allowed, nothing is sent but
- * a few words to the server and to the address servers that the site has. What it means stands in verdict.js.
+ * What this browser and its network can do, found out without asking the visitor for anything:
+ * nothing is allowed, nothing is sent but a few words to the server and to the address servers that
+ * the site has. What it means stands in verdict.js.
  */
 
 import { appOf } from "./in_app.js";
@@ -21,7 +22,8 @@ const ADDRESS_SECONDS = 6;
  * @property {Device} camera
  * @property {string} gamepad its name, empty without one
  *
- * @typedef {"there" | "none" | "blocked" | "barred"} Device barred: the page came over an address where browsers give none
+ * @typedef {"there" | "none" | "blocked" | "barred"} Device barred: the page came over an address
+ *   where browsers give none
  */
 
 /**
@@ -37,7 +39,16 @@ export const probe = async (config) => {
     device("videoinput", "camera"),
   ]);
   const gamepad = [...(navigator.getGamepads?.() ?? [])].find((pad) => pad?.connected)?.id ?? "";
-  return { ...server, live, app: appOf(navigator.userAgent), codecs: live ? codecs() : [], ways, microphone, camera, gamepad };
+  return {
+    ...server,
+    live,
+    app: appOf(navigator.userAgent),
+    codecs: live ? codecs() : [],
+    ways,
+    microphone,
+    camera,
+    gamepad,
+  };
 };
 
 /** @param {number} seconds @returns {Promise<void>} */
@@ -69,14 +80,19 @@ const reach = async (address) => {
   return { reached: trips.length > 0, roundTrip: trips[Math.floor(trips.length / 2)] ?? null };
 };
 
-/** The kinds of addresses at which this browser can be reached. @param {RTCIceServer[]} iceServers @returns {Promise<string[]>} */
+/**
+ * The kinds of addresses at which this browser can be reached.
+ * @param {RTCIceServer[]} iceServers
+ * @returns {Promise<string[]>}
+ */
 const addresses = async (iceServers) => {
   const connection = new RTCPeerConnection({ iceServers });
   const kinds = new Set();
   try {
     connection.createDataChannel("check");
     const done = new Promise((resolve) => {
-      connection.onicecandidate = ({ candidate }) => (candidate ? kinds.add(kindOf(candidate)) : resolve(undefined));
+      connection.onicecandidate = ({ candidate }) =>
+        candidate ? kinds.add(kindOf(candidate)) : resolve(undefined);
     });
     await connection.setLocalDescription(await connection.createOffer());
     await Promise.race([done, wait(ADDRESS_SECONDS)]);
@@ -87,18 +103,31 @@ const addresses = async (iceServers) => {
   return [...kinds];
 };
 
-/** @param {RTCIceCandidate} candidate a line of it says its kind also where the browser does not; some end with an empty one */
+/**
+ * @param {RTCIceCandidate} candidate a line of it says its kind also where the browser does not;
+ *   some end with an empty one
+ */
 const kindOf = ({ candidate, type }) => type ?? / typ (\w+)/.exec(candidate)?.[1] ?? "";
 
-const codecs = () => [...new Set((RTCRtpReceiver.getCapabilities?.("video")?.codecs ?? []).map(({ mimeType }) => mimeType))];
+const codecs = () => [
+  ...new Set(
+    (RTCRtpReceiver.getCapabilities?.("video")?.codecs ?? []).map(({ mimeType }) => mimeType),
+  ),
+];
 
-/** @param {MediaDeviceKind} kind @param {string} name of the permission @returns {Promise<Device>} */
+/**
+ * @param {MediaDeviceKind} kind
+ * @param {string} name of the permission
+ * @returns {Promise<Device>}
+ */
 const device = async (kind, name) => {
   if (!navigator.mediaDevices) {
     return "barred";
   }
   try {
-    const permission = await navigator.permissions.query({ name: /** @type {PermissionName} */ (name) });
+    const permission = await navigator.permissions.query({
+      name: /** @type {PermissionName} */ (name),
+    });
     if (permission.state === "denied") {
       return "blocked";
     }

@@ -1,5 +1,6 @@
 /**
- * What the live view draws of a study on a robot's map: the course, and the path driven so far. Pure.
+ * What the live view draws of a study on a robot's map: the course, and the path driven so far.
+ * Pure.
  */
 
 import { marksFor } from "../../study/course.js";
@@ -7,9 +8,11 @@ import { marksFor } from "../../study/course.js";
 const TASK = { window: "shut", outcome: "" };
 
 /**
- * The course of whoever drives, with what was passed; while nobody drives that of the version that is shown, and nothing of it is next. A
- * drive without a task, to practise, has none.
- * @param {Record<string, any>} courses by version of the study @param {number | null} version @param {any} drive or null
+ * The course of whoever drives, with what was passed; while nobody drives that of the version that
+ * is shown, and nothing of it is next. A drive without a task, to practise, has none.
+ * @param {Record<string, any>} courses by version of the study
+ * @param {number | null} version
+ * @param {any} drive or null
  * @returns {import("../../study/course.js").Marks | null}
  */
 export const courseOf = (courses, version, drive) => {
@@ -18,8 +21,15 @@ export const courseOf = (courses, version, drive) => {
     return null;
   }
   const marks = marksFor(course, drive ? { ...TASK, ...drive.task } : null);
-  return marks && !drive ? { ...marks, stops: marks.stops.map((stop) => ({ ...stop, status: "later" })) } : marks;
+  return marks && !drive
+    ? { ...marks, stops: marks.stops.map((stop) => ({ ...stop, status: "later" })) }
+    : marks;
 };
 
-/** The places where a robot knew where it was. @param {{x: number[], y: number[], localized: number[]}} states columns of a record @returns {[number, number][]} m */
-export const trailOf = ({ x, y, localized }) => x.flatMap((each, i) => (localized[i] ? [/** @type {[number, number]} */ ([each, y[i]])] : []));
+/**
+ * The places where a robot knew where it was.
+ * @param {{x: number[], y: number[], localized: number[]}} states columns of a record
+ * @returns {[number, number][]} m
+ */
+export const trailOf = ({ x, y, localized }) =>
+  x.flatMap((each, i) => (localized[i] ? [/** @type {[number, number]} */ ([each, y[i]])] : []));

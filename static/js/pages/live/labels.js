@@ -12,8 +12,13 @@ const NONE = "–";
 /** @param {number} stamp Unix seconds @returns {string} */
 export const timeOf = (stamp) => new Date(stamp * 1000).toLocaleTimeString();
 
-/** How long, in minutes and seconds. @param {number | null | undefined} seconds @returns {string} */
-export const lasted = (seconds) => (seconds === null || seconds === undefined ? NONE : written(Math.max(0, seconds)));
+/**
+ * How long, in minutes and seconds.
+ * @param {number | null | undefined} seconds
+ * @returns {string}
+ */
+export const lasted = (seconds) =>
+  seconds === null || seconds === undefined ? NONE : written(Math.max(0, seconds));
 
 /** @param {any} robot @param {any} drive or null @param {Words} words @returns {string} */
 export const stateOf = (robot, drive, words) => {
@@ -37,8 +42,16 @@ export const driverOf = (drive, words) => {
   if (!drive) {
     return words.say("nobody");
   }
-  const old = drive.heard !== null && drive.heard > OLD ? words.say("old", { s: lasted(drive.heard) }) : "";
-  const parts = [drive.code, words.say(drive.kind), words.say("session", { k: drive.number }), drive.condition, words.say(drive.state), old];
+  const old =
+    drive.heard !== null && drive.heard > OLD ? words.say("old", { s: lasted(drive.heard) }) : "";
+  const parts = [
+    drive.code,
+    words.say(drive.kind),
+    words.say("session", { k: drive.number }),
+    drive.condition,
+    words.say(drive.state),
+    old,
+  ];
   return parts.filter(Boolean).join(" · ");
 };
 
@@ -49,7 +62,9 @@ export const wizardOf = (drive, words) => {
     return NONE;
   }
   const deviation = wizard.deviation ? words.say(`wizard_${wizard.deviation}`) : "";
-  const step = wizard.step ? words.say("wizard_step", { step: wizard.step, s: lasted(wizard.age) }) : "";
+  const step = wizard.step
+    ? words.say("wizard_step", { step: wizard.step, s: lasted(wizard.age) })
+    : "";
   return [words.say(`wizard_${wizard.status}`), step, deviation].filter(Boolean).join(" · ");
 };
 
@@ -60,7 +75,9 @@ export const taskOf = (drive, words) => {
     return NONE;
   }
   const cue = task.cue ? words.say(`cue.${task.cue}`, { k: task.number ?? "" }) : "";
-  return [words.say("passed", { n: task.passed.length, all: task.checkpoints }), cue].filter(Boolean).join(" · ");
+  return [words.say("passed", { n: task.passed.length, all: task.checkpoints }), cue]
+    .filter(Boolean)
+    .join(" · ");
 };
 
 /** @param {any} network or null @param {Words} words @returns {string} */
@@ -82,22 +99,53 @@ export const networkOf = (network, words) => {
 export const batteryOf = (robot, words) => {
   const charge = robot.battery?.charge;
   const share = charge === undefined || charge === null ? NONE : `${Math.round(charge * 100)} %`;
-  return [share, robot.battery?.charging ? words.say("charging") : "", robot.docked ? words.say("docked") : ""].filter(Boolean).join(" · ");
+  return [
+    share,
+    robot.battery?.charging ? words.say("charging") : "",
+    robot.docked ? words.say("docked") : "",
+  ]
+    .filter(Boolean)
+    .join(" · ");
 };
 
-/** How each door is, as far as is known: as the robot says, else as it was set, by the condition where somebody drives in one. @param {any} robot @param {any} drive or null @returns {Record<string, string>} open or closed, by name */
+/**
+ * How each door is, as far as is known: as the robot says, else as it was set, by the condition
+ * where somebody drives in one.
+ * @param {any} robot
+ * @param {any} drive or null
+ * @returns {Record<string, string>} open or closed, by name
+ */
 export const doorStates = (robot, drive) =>
-  Object.fromEntries(robot.doors.map((/** @type {any} */ door) => [door.name, door.confirmed ?? drive?.doors?.[door.name] ?? door.set]));
+  Object.fromEntries(
+    robot.doors.map((/** @type {any} */ door) => [
+      door.name,
+      door.confirmed ?? drive?.doors?.[door.name] ?? door.set,
+    ]),
+  );
 
-/** Each door as it was set, by the condition where somebody drives in one, and as the robot says it is. @param {any} robot @param {any} drive or null @param {Words} words @returns {string} */
+/**
+ * Each door as it was set, by the condition where somebody drives in one, and as the robot says it
+ * is.
+ * @param {any} robot
+ * @param {any} drive or null
+ * @param {Words} words
+ * @returns {string}
+ */
 export const doorsOf = (robot, drive, words) =>
   robot.doors
     .map((/** @type {any} */ door) => {
       const set = words.say(drive?.doors?.[door.name] ?? door.set);
-      const says = door.confirmed ? words.say("confirmed", { state: words.say(door.confirmed), t: timeOf(door.at) }) : words.say("unconfirmed");
+      const says = door.confirmed
+        ? words.say("confirmed", { state: words.say(door.confirmed), t: timeOf(door.at) })
+        : words.say("unconfirmed");
       return `${door.title}: ${set} (${says})`;
     })
     .join("; ") || NONE;
 
-/** @param {string[]} queue codes, empty for those outside the study @param {Words} words @returns {string} */
-export const queueOf = (queue, words) => queue.map((code) => code || words.say("somebody")).join(", ") || words.say("nobody");
+/**
+ * @param {string[]} queue codes, empty for those outside the study
+ * @param {Words} words
+ * @returns {string}
+ */
+export const queueOf = (queue, words) =>
+  queue.map((code) => code || words.say("somebody")).join(", ") || words.say("nobody");

@@ -6,7 +6,19 @@ import { readWords } from "../../lib/words.js";
 import { drawGround, drawStops } from "../../study/course.js";
 import { RobotMap } from "../../view/map/robot_map.js";
 import { courseOf, trailOf } from "./course.js";
-import { batteryOf, doorStates, doorsOf, driverOf, lasted, networkOf, queueOf, stateOf, taskOf, timeOf, wizardOf } from "./labels.js";
+import {
+  batteryOf,
+  doorStates,
+  doorsOf,
+  driverOf,
+  lasted,
+  networkOf,
+  queueOf,
+  stateOf,
+  taskOf,
+  timeOf,
+  wizardOf,
+} from "./labels.js";
 
 const PERIOD_MS = 2000;
 const PATIENCE_MS = 5000;
@@ -15,20 +27,27 @@ const NOBODYS = "00000000-0000-0000-0000-000000000000"; // stands in addresses f
 const element = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
 const config = JSON.parse(element("config").textContent);
 const words = readWords(element("words"), document.documentElement.lang);
-/** @typedef {{card: HTMLElement, parts: Record<string, any>, map: RobotMap, session: string | null, stops: string | null}} Card stops: as they are drawn */
+/**
+ * @typedef {{card: HTMLElement, parts: Record<string, any>, map: RobotMap, session: string | null,
+ *   stops: string | null}} Card stops: as they are drawn
+ */
 /** @type {Map<string, Card>} */
 const cards = new Map();
 let freshAt = Date.now() / 1000;
 let timer = 0;
 
-/** Write only a change: each write is read out by a screen reader. @param {HTMLElement} place @param {string} text */
+/**
+ * Write only a change: each write is read out by a screen reader.
+ * @param {HTMLElement} place
+ * @param {string} text
+ */
 const say = (place, text) => {
   if (place.textContent !== text) {
     place.textContent = text;
   }
 };
 
-// --- robots ---------------------------------------------------------------------------------------------------------
+// --- robots --------------------------------------------------------------------------------------
 
 /** @param {any} robot */
 const cardOf = (robot) => {
@@ -37,17 +56,27 @@ const cardOf = (robot) => {
     return known;
   }
   const card = element("robot").content.firstElementChild.cloneNode(true);
-  const parts = Object.fromEntries(Array.from(card.querySelectorAll("[data-part]"), (part) => [part.dataset.part, part]));
+  const parts = Object.fromEntries(
+    Array.from(card.querySelectorAll("[data-part]"), (part) => [part.dataset.part, part]),
+  );
   card.dataset.robot = robot.name;
   element("robots").append(card);
-  const made = { card, parts, map: new RobotMap({ canvas: parts.map }), session: null, stops: null };
+  const made = {
+    card,
+    parts,
+    map: new RobotMap({ canvas: parts.map }),
+    session: null,
+    stops: null,
+  };
   cards.set(robot.name, made);
   const site = config.sites[robot.name];
   parts.map.parentElement.hidden = !site;
   if (site) {
     showSite(made.map, site);
   }
-  parts.form?.addEventListener("submit", (/** @type {SubmitEvent} */ event) => act(event, robot.name));
+  parts.form?.addEventListener("submit", (/** @type {SubmitEvent} */ event) =>
+    act(event, robot.name),
+  );
   return made;
 };
 
@@ -84,7 +113,10 @@ const showRobot = (robot, drive, queue) => {
   say(parts.wizard, wizardOf(drive, words));
   parts.wizard.parentElement.hidden = !drive?.wizard;
   say(parts.remaining, lasted(drive?.task?.remaining));
-  say(parts.speed, drive?.speed === null || drive?.speed === undefined ? "–" : `${drive.speed.toFixed(2)} m/s`);
+  say(
+    parts.speed,
+    drive?.speed === null || drive?.speed === undefined ? "–" : `${drive.speed.toFixed(2)} m/s`,
+  );
   say(parts.network, networkOf(drive?.network, words));
   say(parts.battery, batteryOf(robot, words));
   say(parts.queue, queueOf(queue, words));
@@ -92,7 +124,12 @@ const showRobot = (robot, drive, queue) => {
   showLinks(parts, robot, drive);
 };
 
-/** Checkpoints and suggested path; the canvas tells in data-stops how it drew them. @param {Card} shown @param {any} robot @param {any} drive or null */
+/**
+ * Checkpoints and suggested path; the canvas tells in data-stops how it drew them.
+ * @param {Card} shown
+ * @param {any} robot
+ * @param {any} drive or null
+ */
 const showCourse = (shown, robot, drive) => {
   const marks = courseOf(config.courses[robot.name] ?? {}, config.version, drive);
   const stops = marks?.stops.map(({ number, status }) => `${number}:${status}`).join(" ") ?? "";
@@ -108,13 +145,20 @@ const showCourse = (shown, robot, drive) => {
   }
 };
 
-/** What was driven before this page was opened. @param {Card} shown @param {string | null} session */
+/**
+ * What was driven before this page was opened.
+ * @param {Card} shown
+ * @param {string | null} session
+ */
 const showTrail = async (shown, session) => {
   if (!session) {
     return;
   }
   try {
-    const answer = await fetch(config.record.replace(NOBODYS, session), { credentials: "same-origin", signal: AbortSignal.timeout(RECORD_PATIENCE_MS) });
+    const answer = await fetch(config.record.replace(NOBODYS, session), {
+      credentials: "same-origin",
+      signal: AbortSignal.timeout(RECORD_PATIENCE_MS),
+    });
     const record = answer.ok ? await answer.json() : null;
     if (record && shown.session === session) {
       shown.map.setTrail(trailOf(record.states));
@@ -132,7 +176,9 @@ const showLinks = (parts, robot, drive) => {
   parts.replay.hidden = !drive;
   parts.replay.href = drive ? config.replay.replace(NOBODYS, drive.session) : "";
   for (const button of parts.form?.querySelectorAll("button") ?? []) {
-    const wanted = { message: drive, end: drive, hold: !robot.held, release: robot.held }[/** @type {"message"} */ (button.value)];
+    const wanted = { message: drive, end: drive, hold: !robot.held, release: robot.held }[
+      /** @type {"message"} */ (button.value)
+    ];
     button.disabled = !wanted;
   }
 };
@@ -149,8 +195,15 @@ const act = async (event, name) => {
   body.set("robot", name);
   body.set("session", session ?? "");
   try {
-    const answer = await fetch(config.act, { method: "POST", body, credentials: "same-origin", signal: AbortSignal.timeout(PATIENCE_MS) });
-    const { problem } = answer.headers.get("Content-Type")?.startsWith("application/json") ? await answer.json() : { problem: words.say("failed") };
+    const answer = await fetch(config.act, {
+      method: "POST",
+      body,
+      credentials: "same-origin",
+      signal: AbortSignal.timeout(PATIENCE_MS),
+    });
+    const { problem } = answer.headers.get("Content-Type")?.startsWith("application/json")
+      ? await answer.json()
+      : { problem: words.say("failed") };
     say(parts.said, problem || words.say("done"));
     if (!problem) {
       form.reset();
@@ -161,7 +214,7 @@ const act = async (event, name) => {
   refresh();
 };
 
-// --- people ---------------------------------------------------------------------------------------------------------
+// --- people --------------------------------------------------------------------------------------
 
 /** @param {any[]} people */
 const showPeople = (people) => {
@@ -169,21 +222,34 @@ const showPeople = (people) => {
   const rows = people.map((person) => {
     const row = document.createElement("tr");
     const kind = words.say(person.kind);
-    const cells = [kind ? `${person.code} (${kind})` : person.code, person.step, lasted(person.since), String(person.visit), person.condition, lasted(person.seen)];
-    row.append(...cells.map((text, i) => Object.assign(document.createElement(i ? "td" : "th"), { textContent: text || "–" })));
+    const cells = [
+      kind ? `${person.code} (${kind})` : person.code,
+      person.step,
+      lasted(person.since),
+      String(person.visit),
+      person.condition,
+      lasted(person.seen),
+    ];
+    row.append(
+      ...cells.map((text, i) =>
+        Object.assign(document.createElement(i ? "td" : "th"), { textContent: text || "–" }),
+      ),
+    );
     return row;
   });
   element("people").replaceChildren(...rows);
 };
 
-// --- asking ---------------------------------------------------------------------------------------------------------
+// --- asking --------------------------------------------------------------------------------------
 
 /** @param {any} news */
 const show = (news) => {
   freshAt = news.stamp;
   const drives = new Map(news.drives.map((/** @type {any} */ drive) => [drive.robot, drive]));
   element("no-robots").hidden = news.robots.length > 0;
-  news.robots.forEach((/** @type {any} */ robot) => showRobot(robot, drives.get(robot.name) ?? null, news.queues[robot.name] ?? []));
+  news.robots.forEach((/** @type {any} */ robot) =>
+    showRobot(robot, drives.get(robot.name) ?? null, news.queues[robot.name] ?? []),
+  );
   for (const [name, { card }] of cards) {
     card.hidden = !news.robots.some((/** @type {any} */ robot) => robot.name === name);
   }
@@ -203,7 +269,11 @@ const showStale = (word) => {
 const refresh = async () => {
   clearTimeout(timer);
   try {
-    const answer = await fetch(config.data, { credentials: "same-origin", headers: { Accept: "application/json" }, signal: AbortSignal.timeout(PATIENCE_MS) });
+    const answer = await fetch(config.data, {
+      credentials: "same-origin",
+      headers: { Accept: "application/json" },
+      signal: AbortSignal.timeout(PATIENCE_MS),
+    });
     if (answer.ok && answer.headers.get("Content-Type")?.startsWith("application/json")) {
       show(await answer.json());
     } else {
@@ -218,5 +288,7 @@ const refresh = async () => {
   }
 };
 
-document.addEventListener("visibilitychange", () => (document.hidden ? clearTimeout(timer) : refresh()));
+document.addEventListener("visibilitychange", () =>
+  document.hidden ? clearTimeout(timer) : refresh(),
+);
 refresh();

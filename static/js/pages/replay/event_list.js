@@ -19,8 +19,11 @@ const make = (tag, name, text = "") => {
 /** @typedef {{t: number, source: string, type: string, detail: string, photo: string}} Entry */
 
 /**
- * @param {HTMLElement} list @param {import("./record.js").Record} record @param {{t: number, url: string}[]} photos
- * @param {import("../../lib/words.js").Words} words @param {(t: number) => void} go
+ * @param {HTMLElement} list
+ * @param {import("./record.js").Record} record
+ * @param {{t: number, url: string}[]} photos
+ * @param {import("../../lib/words.js").Words} words
+ * @param {(t: number) => void} go
  */
 export const createEventList = (list, record, photos, words, go) => {
   /** @type {Entry[]} */
@@ -45,32 +48,49 @@ export const createEventList = (list, record, photos, words, go) => {
       }
     },
     /** @param {Set<string>} sources */
-    show: (sources) => rows.forEach((row, i) => row.toggleAttribute("hidden", !sources.has(entries[i].source))),
+    show: (sources) =>
+      rows.forEach((row, i) => row.toggleAttribute("hidden", !sources.has(entries[i].source))),
   };
 };
 
-/** Scroll the list, and nothing but the list. @param {HTMLElement} list @param {HTMLElement | undefined} row */
+/**
+ * Scroll the list, and nothing but the list.
+ * @param {HTMLElement} list
+ * @param {HTMLElement | undefined} row
+ */
 const reveal = (list, row) => {
   if (row && list.scrollHeight > list.clientHeight) {
     list.scrollTop = row.offsetTop - list.offsetTop - list.clientHeight / 2;
   }
 };
 
-/** @param {Entry} entry @param {import("../../lib/words.js").Words} words @param {(t: number) => void} go */
+/**
+ * @param {Entry} entry
+ * @param {import("../../lib/words.js").Words} words
+ * @param {(t: number) => void} go
+ */
 const rowOf = ({ t, source, type, detail, photo }, words, go) => {
   const row = make("li", "replay-event");
   row.dataset.source = source;
   const button = make("button", "replay-event__button");
   button.setAttribute("type", "button");
   const name = words.has(`event.${type}`) ? words.say(`event.${type}`) : plain(type);
-  button.append(make("span", "replay-event__time numbers", written(t, true)), make("span", "replay-event__source", words.say(`source.${source}`)));
+  button.append(
+    make("span", "replay-event__time numbers", written(t, true)),
+    make("span", "replay-event__source", words.say(`source.${source}`)),
+  );
   button.append(make("span", "replay-event__name", name));
   if (detail) {
     button.append(make("span", "replay-event__detail", plain(detail)));
   }
   if (photo) {
     const picture = document.createElement("img");
-    Object.assign(picture, { src: photo, alt: name, loading: "lazy", className: "replay-event__photo" });
+    Object.assign(picture, {
+      src: photo,
+      alt: name,
+      loading: "lazy",
+      className: "replay-event__photo",
+    });
     button.append(picture);
   }
   button.addEventListener("click", () => go(t));

@@ -1,5 +1,6 @@
 /**
- * The replay's page: wires record, player, map, strips and lists. Nothing is asked of the server but the record, once.
+ * The replay's page: wires record, player, map, strips and lists. Nothing is asked of the server
+ * but the record, once.
  */
 
 import { isShortcut, openHolder } from "../../input/key_dispatcher.js";
@@ -16,7 +17,15 @@ import { AXIS, asked, plotWidth, timeAt, written, xOf } from "./timeline.js";
 const element = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
 const config = JSON.parse(element("config").textContent);
 const words = readWords(element("words"), document.documentElement.lang);
-const [stage, strips, now, slider, playing, speed, clock] = ["replay", "strips", "strips-now", "slider", "play", "speed", "clock"].map(element);
+const [stage, strips, now, slider, playing, speed, clock] = [
+  "replay",
+  "strips",
+  "strips-now",
+  "slider",
+  "play",
+  "speed",
+  "clock",
+].map(element);
 const sources = new Set(["task", "server", "robot", "page", "lab"]);
 
 class ReplayPage {
@@ -26,7 +35,9 @@ class ReplayPage {
     this.map = new ReplayMap(element("replay-map"), config.site, record, config.footprint);
     loadImage(this.map);
     this.player = newPlayer(record.duration, asked(location.search, record.duration));
-    this.list = createEventList(element("events"), record, config.photos, words, (t) => this.update(seek(this.player, t)));
+    this.list = createEventList(element("events"), record, config.photos, words, (t) =>
+      this.update(seek(this.player, t)),
+    );
     this.readings = createReadings(element, record, words);
     /** @type {CodingPanel | null} */
     this.coding = null;
@@ -35,7 +46,9 @@ class ReplayPage {
     this.drawnWidth = 0;
     slider.max = String(record.duration);
     this.#listen();
-    new ResizeObserver(() => strips.clientWidth === this.drawnWidth || this.redraw()).observe(strips); // it tells of the first size, too
+    new ResizeObserver(() => strips.clientWidth === this.drawnWidth || this.redraw()).observe(
+      strips,
+    ); // it tells of the first size, too
     stage.dataset.state = record.states.t.length ? "ready" : "empty";
     if (config.coding) {
       this.coding = new CodingPanel(element, config.coding, words, {
@@ -62,8 +75,14 @@ class ReplayPage {
   redraw() {
     const { say } = words;
     this.drawnWidth = strips.clientWidth;
-    const method = (/** @type {string} */ name) => (words.has(`method.${name}`) ? say(`method.${name}`) : name);
-    drawStrips(strips, this.record, { speed: say("speed"), trip: say("trip"), fps: say("fps"), loss: say("loss"), method }, sources);
+    const method = (/** @type {string} */ name) =>
+      words.has(`method.${name}`) ? say(`method.${name}`) : name;
+    drawStrips(
+      strips,
+      this.record,
+      { speed: say("speed"), trip: say("trip"), fps: say("fps"), loss: say("loss"), method },
+      sources,
+    );
     this.#render();
   }
 
@@ -76,7 +95,10 @@ class ReplayPage {
     const text = written(t);
     if (text !== this.spoken) {
       this.spoken = text;
-      slider.setAttribute("aria-valuetext", words.say("moment", { t: text, all: written(record.duration) }));
+      slider.setAttribute(
+        "aria-valuetext",
+        words.say("moment", { t: text, all: written(record.duration) }),
+      );
     }
     clock.textContent = `${written(t, true)} / ${written(record.duration)}`;
     playing.dataset.playing = String(player.playing);
@@ -101,10 +123,18 @@ class ReplayPage {
     slider.addEventListener("input", () => this.update(seek(this.player, Number(slider.value))));
     playing.addEventListener("click", () => this.update(toggle(this.player)));
     speed.addEventListener("change", () => this.update(setSpeed(this.player, Number(speed.value))));
-    scrub(strips, (x) => this.update(seek(this.player, timeAt(x - AXIS, this.record.duration, plotWidth(strips.clientWidth)))));
+    scrub(strips, (x) =>
+      this.update(
+        seek(this.player, timeAt(x - AXIS, this.record.duration, plotWidth(strips.clientWidth))),
+      ),
+    );
     document.addEventListener("keydown", (event) => {
       const target = /** @type {Element} */ (event.target);
-      if (isShortcut(event) || openHolder(document) || target.closest("select, button, a, summary, textarea, input:not([type=range])")) {
+      if (
+        isShortcut(event) ||
+        openHolder(document) ||
+        target.closest("select, button, a, summary, textarea, input:not([type=range])")
+      ) {
         return;
       }
       const next = pressed(this.player, event.key, event.shiftKey);
@@ -124,9 +154,14 @@ class ReplayPage {
   }
 }
 
-/** Pointer, pen and finger on the strips. @param {HTMLElement} target @param {(x: number) => void} moved CSS pixels from its left edge */
+/**
+ * Pointer, pen and finger on the strips.
+ * @param {HTMLElement} target
+ * @param {(x: number) => void} moved CSS pixels from its left edge
+ */
 const scrub = (target, moved) => {
-  const tell = (/** @type {PointerEvent} */ event) => moved(event.clientX - target.getBoundingClientRect().left);
+  const tell = (/** @type {PointerEvent} */ event) =>
+    moved(event.clientX - target.getBoundingClientRect().left);
   target.addEventListener("pointerdown", (event) => {
     target.setPointerCapture(event.pointerId);
     tell(event);
@@ -149,7 +184,8 @@ const loadImage = (map) => {
 
 const load = async () => {
   try {
-    const answer = await fetch(config.data, { credentials: "same-origin" }); // as the page's preload does
+    // as the page's preload does
+    const answer = await fetch(config.data, { credentials: "same-origin" });
     if (!answer.ok) {
       throw new Error(`replay: ${answer.status}`);
     }

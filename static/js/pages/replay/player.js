@@ -1,5 +1,6 @@
 /**
- * What plays: a moment, a speed, and whether time goes on. Pure; the page tells it how much real time has passed.
+ * What plays: a moment, a speed, and whether time goes on. Pure; the page tells it how much real
+ * time has passed.
  */
 
 import { clamp } from "./timeline.js";
@@ -9,7 +10,12 @@ export const SPEEDS = [0.5, 1, 2, 4, 8, 16];
 /** @typedef {{t: number, playing: boolean, speed: number, duration: number}} Player s */
 
 /** @param {number} duration s @param {number} [t] s @returns {Player} */
-export const newPlayer = (duration, t = 0) => ({ t: clamp(t, duration), playing: false, speed: 1, duration });
+export const newPlayer = (duration, t = 0) => ({
+  t: clamp(t, duration),
+  playing: false,
+  speed: 1,
+  duration,
+});
 
 /** @param {Player} player @param {number} t @returns {Player} */
 export const seek = (player, t) => ({ ...player, t: clamp(t, player.duration) });
@@ -32,7 +38,13 @@ export const advance = (player, seconds) => {
   return { ...player, t, playing: t < player.duration };
 };
 
-/** What a key does to it; the same player where it does nothing. @param {Player} player @param {string} key @param {boolean} shift @returns {Player} */
+/**
+ * What a key does to it; the same player where it does nothing.
+ * @param {Player} player
+ * @param {string} key
+ * @param {boolean} shift
+ * @returns {Player}
+ */
 export const pressed = (player, key, shift) => {
   const step = shift ? 10 : 1;
   const turn = SPEEDS.indexOf(player.speed);

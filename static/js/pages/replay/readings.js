@@ -10,11 +10,18 @@ const NONE = "–";
 const told = (value, write) => (value === null || value === undefined ? NONE : write(value));
 
 /**
- * @param {(id: string) => HTMLElement} element @param {import("./record.js").Record} record @param {import("../../lib/words.js").Words} words
+ * @param {(id: string) => HTMLElement} element
+ * @param {import("./record.js").Record} record
+ * @param {import("../../lib/words.js").Words} words
  * @returns {(t: number) => void}
  */
 export const createReadings = (element, record, words) => {
-  const places = Object.fromEntries(["place", "driven", "command", "battery", "clearance", "network"].map((name) => [name, element(`reading-${name}`)]));
+  const places = Object.fromEntries(
+    ["place", "driven", "command", "battery", "clearance", "network"].map((name) => [
+      name,
+      element(`reading-${name}`),
+    ]),
+  );
   return (t) => {
     for (const [name, text] of Object.entries(readingsAt(record, t, words))) {
       if (places[name].textContent !== text) {
@@ -24,37 +31,73 @@ export const createReadings = (element, record, words) => {
   };
 };
 
-/** @param {import("./record.js").Record} record @param {number} t @param {import("../../lib/words.js").Words} words @returns {Record<string, string>} */
+/**
+ * @param {import("./record.js").Record} record
+ * @param {number} t
+ * @param {import("../../lib/words.js").Words} words
+ * @returns {Record<string, string>}
+ */
 export const readingsAt = (record, t, words) => {
   const moment = momentAt(record.states, t);
   const { states } = record;
   const i = moment?.index ?? 0;
-  const place = () => (moment ? `${moment.x.toFixed(2)}, ${moment.y.toFixed(2)} m · ${((moment.theta * 180) / Math.PI).toFixed(0)}°` : NONE);
+  const place = () => (moment ? placeTold(moment) : NONE);
   return {
-    place: moment?.stale ? words.say("unknown") : moment && !moment.localized ? `${place()} · ${words.say("lost")}` : place(),
-    driven: moment && !moment.stale ? `${states.v[i].toFixed(2)} m/s · ${states.w[i].toFixed(2)} rad/s` : NONE,
+    place: moment?.stale
+      ? words.say("unknown")
+      : moment && !moment.localized
+        ? `${place()} · ${words.say("lost")}`
+        : place(),
+    driven:
+      moment && !moment.stale
+        ? `${states.v[i].toFixed(2)} m/s · ${states.w[i].toFixed(2)} rad/s`
+        : NONE,
     command: commandTold(commandAt(record, t), words),
-    battery: moment ? `${told(states.charge[i], (charge) => `${Math.round(charge * 100)} %`)}${states.docked[i] ? ` · ${words.say("docked")}` : ""}` : NONE,
+    battery: moment ? batteryTold(states.charge[i], states.docked[i], words) : NONE,
     clearance: told(moment && states.clearance[i], (value) => `${value.toFixed(2)} m`),
     network: networkTold(networkAt(record, t), words),
   };
 };
 
-/** @param {ReturnType<typeof commandAt>} command @param {import("../../lib/words.js").Words} words */
+/** @param {{x: number, y: number, theta: number}} pose */
+const placeTold = ({ x, y, theta }) =>
+  `${x.toFixed(2)}, ${y.toFixed(2)} m · ${((theta * 180) / Math.PI).toFixed(0)}°`;
+
+/**
+ * @param {number | null} charge
+ * @param {boolean} docked
+ * @param {import("../../lib/words.js").Words} words
+ */
+const batteryTold = (charge, docked, words) => {
+  const level = told(charge, (share) => `${Math.round(share * 100)} %`);
+  return docked ? `${level} · ${words.say("docked")}` : level;
+};
+
+/**
+ * @param {ReturnType<typeof commandAt>} command
+ * @param {import("../../lib/words.js").Words} words
+ */
 const commandTold = (command, words) => {
   if (!command) {
     return NONE;
   }
-  const method = words.has(`method.${command.method}`) ? words.say(`method.${command.method}`) : command.method;
-  return `${method} · ${command.v.toFixed(2)} m/s · ${command.w.toFixed(2)} rad/s · ${told(command.age, (age) => `${Math.round(age * 1000)} ms`)}`;
+  const method = words.has(`method.${command.method}`)
+    ? words.say(`method.${command.method}`)
+    : command.method;
+  const age = told(command.age, (seconds) => `${Math.round(seconds * 1000)} ms`);
+  return `${method} · ${command.v.toFixed(2)} m/s · ${command.w.toFixed(2)} rad/s · ${age}`;
 };
 
-/** @param {Record<string, number | null> | null} network @param {import("../../lib/words.js").Words} words */
+/**
+ * @param {Record<string, number | null> | null} network
+ * @param {import("../../lib/words.js").Words} words
+ */
 const networkTold = (network, words) => {
   if (!network) {
     return NONE;
   }
   const trip = told(network.roundTrip, (value) => `${Math.round(value * 1000)} ms`);
   const loss = told(network.loss, (value) => `${(value * 100).toFixed(1)} % ${words.say("loss")}`);
-  return `${trip} · ${loss} · ${told(network.fps, (value) => `${Math.round(value)} ${words.say("fps")}`)}`;
+  const rate = told(network.fps, (value) => `${Math.round(value)} ${words.say("fps")}`);
+  return `${trip} · ${loss} · ${rate}`;
 };

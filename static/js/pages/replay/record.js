@@ -1,6 +1,6 @@
 /**
- * A session's record, and what it says of a moment. Pure; the columns are those of docs/reference/replay.md, times in seconds since the
- * robot was granted.
+ * A session's record, and what it says of a moment. Pure; the columns are those of
+ * docs/reference/replay.md, times in seconds since the robot was granted.
  */
 
 /**
@@ -8,20 +8,30 @@
  * @property {number} begin Unix seconds
  * @property {number} duration s
  * @property {boolean} ended
- * @property {Record<string, number[]>} states t, x, y, theta, localized, v, w, charge, docked, clearance, contacts
+ * @property {Record<string, number[]>} states t, x, y, theta, localized, v, w, charge, docked,
+ *   clearance, contacts
  * @property {Record<string, number[]>} commands t, v, w, method, way, age
  * @property {string[]} words what `method` and `way` stand for
  * @property {Record<string, (number | null)[]>} network t, roundTrip, loss, fps, bitrate, frameAge
- * @property {[number, string, string, string][]} events seconds, who says so, type, what more is known
+ * @property {[number, string, string, string][]} events seconds, who says so, type, what more is
+ *   known
  */
 
-/** @typedef {{x: number, y: number, theta: number, localized: boolean, index: number, stale: boolean}} Moment */
+/**
+ * @typedef {{x: number, y: number, theta: number, localized: boolean, index: number,
+ *   stale: boolean}} Moment
+ */
 
 const GAP = 2; // s without a state: where the robot was in between is not known
 const JUMP = 1.5; // m; a robot that found itself somewhere else did not drive there
 const SPEED = 2.5; // m/s
 
-/** The index of the last time that is not after `t`; -1 before the first. @param {number[]} times ascending @param {number} t @returns {number} */
+/**
+ * The index of the last time that is not after `t`; -1 before the first.
+ * @param {number[]} times ascending
+ * @param {number} t
+ * @returns {number}
+ */
 export const lastBefore = (times, t) => {
   let [low, high] = [0, times.length];
   while (low < high) {
@@ -35,50 +45,98 @@ export const lastBefore = (times, t) => {
   return low - 1;
 };
 
-/** Whether the robot drove from one state to the next, as far as is known. @param {Record<string, number[]>} states @param {number} i of the earlier @returns {boolean} */
+/**
+ * Whether the robot drove from one state to the next, as far as is known.
+ * @param {Record<string, number[]>} states
+ * @param {number} i of the earlier
+ * @returns {boolean}
+ */
 export const follows = ({ t, x, y, localized }, i) => {
   const seconds = t[i + 1] - t[i];
   const metres = Math.hypot(x[i + 1] - x[i], y[i + 1] - y[i]);
-  return Boolean(localized[i] && localized[i + 1]) && seconds <= GAP && metres <= JUMP + SPEED * seconds;
+  return (
+    Boolean(localized[i] && localized[i + 1]) && seconds <= GAP && metres <= JUMP + SPEED * seconds
+  );
 };
 
-/** @param {number} from rad @param {number} to rad @param {number} share @returns {number} the short way round */
-const between = (from, to, share) => from + share * Math.atan2(Math.sin(to - from), Math.cos(to - from));
+/**
+ * @param {number} from rad
+ * @param {number} to rad
+ * @param {number} share
+ * @returns {number} the short way round
+ */
+const between = (from, to, share) =>
+  from + share * Math.atan2(Math.sin(to - from), Math.cos(to - from));
 
 /**
- * Where the robot was: as the states say, on a straight line between two of them, and where it was last where nothing is known.
- * @param {Record<string, number[]>} states @param {number} t s @returns {Moment | null} null without any state
+ * Where the robot was: as the states say, on a straight line between two of them, and where it was
+ * last where nothing is known.
+ * @param {Record<string, number[]>} states
+ * @param {number} t s
+ * @returns {Moment | null} null without any state
  */
 export const momentAt = (states, t) => {
   if (!states.t.length) {
     return null;
   }
   const i = Math.max(0, lastBefore(states.t, t));
-  const here = { x: states.x[i], y: states.y[i], theta: states.theta[i], localized: Boolean(states.localized[i]), index: i, stale: t - states.t[i] > GAP };
+  const here = {
+    x: states.x[i],
+    y: states.y[i],
+    theta: states.theta[i],
+    localized: Boolean(states.localized[i]),
+    index: i,
+    stale: t - states.t[i] > GAP,
+  };
   if (t <= states.t[i] || i + 1 >= states.t.length || !follows(states, i)) {
     return here;
   }
   const share = (t - states.t[i]) / (states.t[i + 1] - states.t[i]);
-  const [x, y] = [here.x + share * (states.x[i + 1] - here.x), here.y + share * (states.y[i + 1] - here.y)];
+  const [x, y] = [
+    here.x + share * (states.x[i + 1] - here.x),
+    here.y + share * (states.y[i + 1] - here.y),
+  ];
   return { ...here, x, y, theta: between(here.theta, states.theta[i + 1], share), stale: false };
 };
 
-/** The command in force: the last one, unless it is too old to be. @param {Record} record @param {number} t @returns {{v: number, w: number, method: string, way: string, age: number | null} | null} */
+/**
+ * The command in force: the last one, unless it is too old to be.
+ * @param {Record} record
+ * @param {number} t
+ * @returns {{v: number, w: number, method: string, way: string, age: number | null} | null}
+ */
 export const commandAt = ({ commands, words }, t) => {
   const i = lastBefore(commands.t, t);
   if (i < 0 || t - commands.t[i] > 0.5) {
     return null;
   }
-  return { v: commands.v[i], w: commands.w[i], method: words[commands.method[i]] ?? "", way: words[commands.way[i]] ?? "", age: commands.age[i] };
+  return {
+    v: commands.v[i],
+    w: commands.w[i],
+    method: words[commands.method[i]] ?? "",
+    way: words[commands.way[i]] ?? "",
+    age: commands.age[i],
+  };
 };
 
-/** The second of network that a moment lies in. @param {Record} record @param {number} t @returns {Record<string, number | null> | null} */
+/**
+ * The second of network that a moment lies in.
+ * @param {Record} record
+ * @param {number} t
+ * @returns {Record<string, number | null> | null}
+ */
 export const networkAt = ({ network }, t) => {
   const i = lastBefore(/** @type {number[]} */ (network.t), t);
-  return i < 0 || t - Number(network.t[i]) > 3 ? null : Object.fromEntries(Object.entries(network).map(([name, column]) => [name, column[i]]));
+  return i < 0 || t - Number(network.t[i]) > 3
+    ? null
+    : Object.fromEntries(Object.entries(network).map(([name, column]) => [name, column[i]]));
 };
 
-/** Pieces of the path as pairs of indices, first and last, each driven without a break. @param {Record<string, number[]>} states @returns {[number, number][]} */
+/**
+ * Pieces of the path as pairs of indices, first and last, each driven without a break.
+ * @param {Record<string, number[]>} states
+ * @returns {[number, number][]}
+ */
 export const piecesOf = (states) => {
   /** @type {[number, number][]} */
   const pieces = [];

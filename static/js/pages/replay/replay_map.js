@@ -1,8 +1,10 @@
 /**
- * The path on the floor plan, coloured by time, and the robot's outline where it was. The still part is drawn once a size into a picture
- * of its own. data-marker-x, -y and -t on the canvas tell where the robot was drawn, for whoever wants to check.
+ * The path on the floor plan, coloured by time, and the robot's outline where it was. The still
+ * part is drawn once a size into a picture of its own. data-marker-x, -y and -t on the canvas tell
+ * where the robot was drawn, for whoever wants to check.
  */
 
+import { createPaint } from "../../lib/colours.js";
 import { boundsOfSite, drawFloorPlan } from "../../view/map/floor_plan.js";
 import { boundsOf, fit, toScreen } from "../../view/map/transform.js";
 import { compose } from "../../view/map/layers.js";
@@ -10,18 +12,23 @@ import { piecesOf } from "./record.js";
 
 const SHADES = 64; // colours that the time is told with
 const SMALLEST = 8; // CSS pixels from the robot's middle to its tip
-const HUES = { from: [118, 214, 200], to: [255, 138, 60] }; // petrol at the beginning, apricot at the end
+const COLOURS = ["floor", "wall", "furniture", "door", "dock", "name", "robot", "lost", "edge"];
+// petrol at the beginning, apricot at the end
+const HUES = { from: [118, 214, 200], to: [255, 138, 60] };
 
 /** @param {number} share of the time @returns {string} */
 const shade = (share) => {
   const step = Math.round(Math.min(Math.max(share, 0), 1) * (SHADES - 1)) / (SHADES - 1);
-  return `rgb(${HUES.from.map((from, i) => Math.round(from + step * (HUES.to[i] - from))).join(" ")})`;
+  const hue = HUES.from.map((from, i) => Math.round(from + step * (HUES.to[i] - from)));
+  return `rgb(${hue.join(" ")})`;
 };
 
 export class ReplayMap {
   /**
-   * @param {HTMLCanvasElement} canvas @param {import("../../view/map/floor_plan.js").FloorPlan | null} site
-   * @param {import("./record.js").Record} record @param {[number, number][]} footprint m, in the robot's frame
+   * @param {HTMLCanvasElement} canvas
+   * @param {import("../../view/map/floor_plan.js").FloorPlan | null} site
+   * @param {import("./record.js").Record} record
+   * @param {[number, number][]} footprint m, in the robot's frame
    */
   constructor(canvas, site, record, footprint) {
     this.canvas = canvas;
@@ -33,7 +40,12 @@ export class ReplayMap {
     /** @type {import("../../view/map/transform.js").View | null} */
     this.view = null;
     this.density = 1;
-    /** @type {import("../../view/map/floor_plan.js").Paint & {robot: string, lost: string, edge: string}} */
+    /** @type {() => any} */
+    this.colours = createPaint(canvas, "--map-", COLOURS, "600 12px");
+    /**
+     * @type {import("../../view/map/floor_plan.js").Paint & {robot: string, lost: string,
+     *   edge: string}}
+     */
     this.paint = /** @type {any} */ ({});
     this.still = document.createElement("canvas");
     this.pieces = piecesOf(record.states);
@@ -46,7 +58,11 @@ export class ReplayMap {
   /** Whether it is drawn in the size that it has: an observer tells of the first size, too. */
   #fits() {
     const { clientWidth, clientHeight } = this.canvas;
-    return this.view?.width === clientWidth && this.view.height === clientHeight && this.density === devicePixelRatio;
+    return (
+      this.view?.width === clientWidth &&
+      this.view.height === clientHeight &&
+      this.density === devicePixelRatio
+    );
   }
 
   /** The image of a site that has no plan of rooms. @param {CanvasImageSource} image */
@@ -62,7 +78,7 @@ export class ReplayMap {
     }
     this.density = devicePixelRatio;
     this.view = fit(this.#bounds(), width, height);
-    this.paint = this.#colours();
+    this.paint = this.colours();
     for (const canvas of [this.canvas, this.still]) {
       canvas.width = Math.round(width * this.density);
       canvas.height = Math.round(height * this.density);
@@ -76,7 +92,16 @@ export class ReplayMap {
 
   #bounds() {
     const { x, y } = this.record.states;
-    return this.site ? boundsOfSite(this.site) : boundsOf(x.length ? x.map((each, i) => /** @type {[number, number]} */ ([each, y[i]])) : [[-1, -1], [1, 1]]);
+    return this.site
+      ? boundsOfSite(this.site)
+      : boundsOf(
+          x.length
+            ? x.map((each, i) => /** @type {[number, number]} */ ([each, y[i]]))
+            : [
+                [-1, -1],
+                [1, 1],
+              ],
+        );
   }
 
   /** @param {CanvasRenderingContext2D} context */
@@ -93,7 +118,14 @@ export class ReplayMap {
     }
   }
 
-  /** One stroke a shade. @param {CanvasRenderingContext2D} context @param {any} states @param {number} first @param {number} last @param {number} duration */
+  /**
+   * One stroke a shade.
+   * @param {CanvasRenderingContext2D} context
+   * @param {any} states
+   * @param {number} first
+   * @param {number} last
+   * @param {number} duration
+   */
   #drawPiece(context, states, first, last, duration) {
     let colour = "";
     for (let i = first; i < last; i += 1) {
@@ -117,13 +149,6 @@ export class ReplayMap {
     return this.view ? toScreen(this.view, x, y) : [0, 0];
   }
 
-  #colours() {
-    const style = getComputedStyle(this.canvas);
-    const names = ["floor", "wall", "furniture", "door", "dock", "name", "robot", "lost", "edge"];
-    const colours = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--map-${name}`).trim()]));
-    return /** @type {any} */ ({ ...colours, font: `600 12px ${style.fontFamily}` });
-  }
-
   /** @param {import("./record.js").Moment | null} moment @param {number} t s */
   draw(moment, t) {
     this.shown = [moment, t];
@@ -140,7 +165,11 @@ export class ReplayMap {
     if (moment) {
       this.#drawRobot(context, moment);
       const [x, y] = this.#at(moment.x, moment.y);
-      Object.assign(this.canvas.dataset, { markerX: x.toFixed(2), markerY: y.toFixed(2), markerT: t.toFixed(3) });
+      Object.assign(this.canvas.dataset, {
+        markerX: x.toFixed(2),
+        markerY: y.toFixed(2),
+        markerT: t.toFixed(3),
+      });
     }
   }
 
@@ -150,7 +179,9 @@ export class ReplayMap {
     const colour = moment.localized && !moment.stale ? paint.robot : paint.lost;
     if (this.footprint.length) {
       context.beginPath();
-      this.footprint.forEach((corner) => context.lineTo(...this.#at(...compose(moment, ...corner))));
+      this.footprint.forEach((corner) =>
+        context.lineTo(...this.#at(...compose(moment, ...corner))),
+      );
       context.closePath();
       context.strokeStyle = colour;
       context.lineWidth = 1.5;

@@ -1,6 +1,7 @@
 /**
- * The strips over the time line: events, speed with the input method, network and packet loss, between axes with their units. Drawn once a
- * size; the line of the present moment is an element of its own over them, so that playing draws nothing anew. x counts from the left axis.
+ * The strips over the time line: events, speed with the input method, network and packet loss,
+ * between axes with their units. Drawn once a size; the line of the present moment is an element of
+ * its own over them, so that playing draws nothing anew. x counts from the left axis.
  */
 
 import { AXIS, plotWidth, ticks, written, xOf } from "./timeline.js";
@@ -9,17 +10,24 @@ const ROWS = { events: 26, speed: 76, network: 76, loss: 48, time: 20 }; // CSS 
 const PADDING = 4;
 const COMMANDS = 5; // CSS pixels of the band that tells by what was driven
 const COMMAND_SECONDS = 0.12; // how long a command counts in it
-const MOST = { speed: 0.5, trip: 100, fps: 40, loss: 20 }; // m/s, ms, 1/s, %: the least ends of the scales, and the ends of the last two
+// m/s, ms, 1/s, %: the least ends of the scales, and the ends of the last two
+const MOST = { speed: 0.5, trip: 100, fps: 40, loss: 20 };
 const HEADROOM = 1.15; // room for the legend
 const TEXT = 11; // CSS pixels
 const METHODS = 6; // --strip-method-0 … -5
 const SOURCES = ["task", "server", "robot", "page", "lab"];
 
-/** @typedef {{context: CanvasRenderingContext2D, width: number, top: number, height: number, colour: (name: string) => string, duration: number}} Row */
+/**
+ * @typedef {{context: CanvasRenderingContext2D, width: number, top: number, height: number,
+ *   colour: (name: string) => string, duration: number}} Row
+ */
 
 /**
- * @param {HTMLCanvasElement} canvas @param {import("./record.js").Record} record
- * @param {{speed: string, trip: string, fps: string, loss: string, method: (name: string) => string}} words @param {Set<string>} sources whose events are shown
+ * @param {HTMLCanvasElement} canvas
+ * @param {import("./record.js").Record} record
+ * @param {{speed: string, trip: string, fps: string, loss: string,
+ *   method: (name: string) => string}} words
+ * @param {Set<string>} sources whose events are shown
  */
 export const drawStrips = (canvas, record, words, sources) => {
   const context = canvas.getContext("2d");
@@ -37,8 +45,18 @@ export const drawStrips = (canvas, record, words, sources) => {
   const style = getComputedStyle(canvas);
   const colour = remembered((name) => style.getPropertyValue(`--${name}`).trim());
   context.font = `600 ${TEXT}px ${style.fontFamily}`;
-  const row = (/** @type {number} */ top, /** @type {number} */ height) => ({ context, width, top, height, colour, duration: record.duration });
-  drawEvents(row(0, rows.events), record.events.filter(([, source]) => sources.has(source)));
+  const row = (/** @type {number} */ top, /** @type {number} */ height) => ({
+    context,
+    width,
+    top,
+    height,
+    colour,
+    duration: record.duration,
+  });
+  drawEvents(
+    row(0, rows.events),
+    record.events.filter(([, source]) => sources.has(source)),
+  );
   drawSpeed(row(rows.events, rows.speed), record, words);
   if (rows.network) {
     drawNetwork(row(rows.events + rows.speed, rows.network), record, words);
@@ -47,11 +65,15 @@ export const drawStrips = (canvas, record, words, sources) => {
   drawTime(row(whole - rows.time, rows.time));
 };
 
-/** Ask once for each name: a browser computes a style each time that it is asked. @param {(name: string) => string} ask @returns {(name: string) => string} */
+/**
+ * Ask once for each name: a browser computes a style each time that it is asked.
+ * @param {(name: string) => string} ask
+ * @returns {(name: string) => string}
+ */
 const remembered = (ask) => {
   /** @type {Map<string, string>} */
   const known = new Map();
-  return (name) => known.get(name) ?? (known.set(name, ask(name)).get(name) ?? "");
+  return (name) => known.get(name) ?? known.set(name, ask(name)).get(name) ?? "";
 };
 
 /** @param {Row} row @param {import("./record.js").Record["events"]} events */
@@ -59,12 +81,32 @@ const drawEvents = ({ context, width, top, height, colour, duration }, events) =
   for (const [t, source] of events) {
     const lane = Math.max(0, SOURCES.indexOf(source));
     context.fillStyle = colour(`strip-${source}`);
-    context.fillRect(Math.min(xOf(t, duration, width), width - 2), top + 2 + lane * 5, 2, height - 4 - lane * 5);
+    context.fillRect(
+      Math.min(xOf(t, duration, width), width - 2),
+      top + 2 + lane * 5,
+      2,
+      height - 4 - lane * 5,
+    );
   }
 };
 
-/** A line of values, broken where one is missing or late. @param {Row} row @param {number[]} times @param {(number | null)[]} values @param {[number, number]} range @param {string} stroke @param {number} gap s */
-const drawLine = ({ context, width, top, height, duration }, times, values, [low, high], stroke, gap) => {
+/**
+ * A line of values, broken where one is missing or late.
+ * @param {Row} row
+ * @param {number[]} times
+ * @param {(number | null)[]} values
+ * @param {[number, number]} range
+ * @param {string} stroke
+ * @param {number} gap s
+ */
+const drawLine = (
+  { context, width, top, height, duration },
+  times,
+  values,
+  [low, high],
+  stroke,
+  gap,
+) => {
   context.beginPath();
   context.strokeStyle = stroke;
   context.lineWidth = 1.5;
@@ -75,7 +117,10 @@ const drawLine = ({ context, width, top, height, duration }, times, values, [low
       return;
     }
     const share = (Math.min(Math.max(value, low), high) - low) / (high - low);
-    const point = /** @type {[number, number]} */ ([xOf(times[i], duration, width), top + height - PADDING - share * (height - 2 * PADDING)]);
+    const point = /** @type {[number, number]} */ ([
+      xOf(times[i], duration, width),
+      top + height - PADDING - share * (height - 2 * PADDING),
+    ]);
     if (times[i] - last > gap) {
       context.moveTo(...point);
     } else {
@@ -86,7 +131,11 @@ const drawLine = ({ context, width, top, height, duration }, times, values, [low
   context.stroke();
 };
 
-/** @param {Row} row @param {import("./record.js").Record} record @param {{speed: string, method: (name: string) => string}} words */
+/**
+ * @param {Row} row
+ * @param {import("./record.js").Record} record
+ * @param {{speed: string, method: (name: string) => string}} words
+ */
 const drawSpeed = (row, { states, commands, words: names }, words) => {
   const { context, width, top, height, colour, duration } = row;
   const most = scaleEnd(Math.max(MOST.speed, largest(states.v) * HEADROOM));
@@ -94,16 +143,32 @@ const drawSpeed = (row, { states, commands, words: names }, words) => {
   axis({ ...row, height: height - COMMANDS }, [-most, 0, most], "m/s", "left");
   for (const [from, to, method] of stretches(commands)) {
     context.fillStyle = colour(methodColour(method));
-    context.fillRect(xOf(from, duration, width), top + height - COMMANDS, Math.max(1, xOf(to - from, duration, width)), COMMANDS);
+    context.fillRect(
+      xOf(from, duration, width),
+      top + height - COMMANDS,
+      Math.max(1, xOf(to - from, duration, width)),
+      COMMANDS,
+    );
   }
-  drawLine({ ...row, height: height - COMMANDS }, states.t, states.v, [-most, most], colour("ink"), 2);
-  const methods = [...new Set(commands.method)].map((i) => /** @type {[string, string]} */ ([words.method(names[i]), colour(methodColour(i))]));
+  drawLine(
+    { ...row, height: height - COMMANDS },
+    states.t,
+    states.v,
+    [-most, most],
+    colour("ink"),
+    2,
+  );
+  const methods = [...new Set(commands.method)].map(
+    (i) => /** @type {[string, string]} */ ([words.method(names[i]), colour(methodColour(i))]),
+  );
   legend(row, [[words.speed, colour("ink")], ...methods]);
 };
 
 /**
- * Stretches of time that were driven with one input method without a pause, so that thousands of commands are a few rectangles.
- * @param {{t: number[], method: number[]}} commands @returns {[number, number, number][]} from s, to s, method
+ * Stretches of time that were driven with one input method without a pause, so that thousands of
+ * commands are a few rectangles.
+ * @param {{t: number[], method: number[]}} commands
+ * @returns {[number, number, number][]} from s, to s, method
  */
 export const stretches = ({ t, method }) => {
   /** @type {[number, number, number][]} */
@@ -122,11 +187,17 @@ export const stretches = ({ t, method }) => {
 /** @param {number} i @returns {string} */
 const methodColour = (i) => `strip-method-${i % METHODS}`;
 
-/** @param {Row} row @param {import("./record.js").Record} record @param {{trip: string, fps: string, loss: string}} words */
+/**
+ * @param {Row} row
+ * @param {import("./record.js").Record} record
+ * @param {{trip: string, fps: string, loss: string}} words
+ */
 const drawNetwork = (row, { network }, words) => {
   const { top, colour } = row;
   const times = /** @type {number[]} */ (network.t);
-  const trips = network.roundTrip.map((value) => (value === null || value === undefined ? null : value * 1000));
+  const trips = network.roundTrip.map((value) =>
+    value === null || value === undefined ? null : value * 1000,
+  );
   const slowest = scaleEnd(Math.max(MOST.trip, largest(trips) * HEADROOM));
   rule(row, top, colour("line"));
   axis(row, [0, slowest / 2, slowest], "ms", "left");
@@ -147,18 +218,33 @@ const drawLoss = (row, { network }, words) => {
   context.fillStyle = colour("strip-loss");
   network.loss.forEach((value, i) => {
     const tall = Math.min(1, ((value ?? 0) * 100) / MOST.loss) * (height - 2 * PADDING);
-    context.fillRect(xOf(Number(network.t[i]), duration, width), top + height - PADDING - tall, 2, tall);
+    context.fillRect(
+      xOf(Number(network.t[i]), duration, width),
+      top + height - PADDING - tall,
+      2,
+      tall,
+    );
   });
   legend(row, [[words.loss, colour("strip-loss")]]);
 };
 
-/** A round end of a scale: 1, 2 or 5 and as many zeros as it takes. @param {number} least @returns {number} */
+/**
+ * A round end of a scale: 1, 2 or 5 and as many zeros as it takes.
+ * @param {number} least
+ * @returns {number}
+ */
 export const scaleEnd = (least) => {
   const ten = 10 ** Math.floor(Math.log10(least));
   return ten * ([1, 2, 5].find((step) => step * ten >= least * (1 - 1e-9)) ?? 10);
 };
 
-/** A scale beside a strip, with a fine line through the strip at each value of the left one. @param {Row} row @param {number[]} values ascending @param {string} unit @param {"left" | "right"} side */
+/**
+ * A scale beside a strip, with a fine line through the strip at each value of the left one.
+ * @param {Row} row
+ * @param {number[]} values ascending
+ * @param {string} unit
+ * @param {"left" | "right"} side
+ */
 const axis = (row, values, unit, side) => {
   const { context, width, top, height, colour } = row;
   const [low, high] = [values[0], values[values.length - 1]];
@@ -172,12 +258,17 @@ const axis = (row, values, unit, side) => {
     }
     context.fillStyle = colour("ink-2");
     const text = String(value).replace("-", "−");
-    context.fillText(value === high ? `${text} ${unit}` : text, x, Math.min(Math.max(y, top + TEXT / 2 + 1), top + height - TEXT / 2));
+    context.fillText(
+      value === high ? `${text} ${unit}` : text,
+      x,
+      Math.min(Math.max(y, top + TEXT / 2 + 1), top + height - TEXT / 2),
+    );
   }
 };
 
 /** @param {(number | null)[]} values @returns {number} */
-const largest = (values) => values.reduce((/** @type {number} */ most, value) => Math.max(most, Math.abs(value ?? 0)), 0);
+const largest = (values) =>
+  values.reduce((/** @type {number} */ most, value) => Math.max(most, Math.abs(value ?? 0)), 0);
 
 /** @param {Row} row @param {number} y @param {string} stroke */
 const rule = ({ context, width }, y, stroke) => {
@@ -185,7 +276,11 @@ const rule = ({ context, width }, y, stroke) => {
   context.fillRect(0, Math.round(y), width, 1);
 };
 
-/** What the colours of a strip mean, in its upper left corner. @param {Row} row @param {[string, string][]} entries text, colour */
+/**
+ * What the colours of a strip mean, in its upper left corner.
+ * @param {Row} row
+ * @param {[string, string][]} entries text, colour
+ */
 const legend = ({ context, top, colour }, entries) => {
   context.textAlign = "left";
   context.textBaseline = "top";

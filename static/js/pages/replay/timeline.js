@@ -12,25 +12,53 @@ export const plotWidth = (width) => Math.max(0, width - 2 * AXIS);
 /** @param {number} t @param {number} duration @returns {number} */
 export const clamp = (t, duration) => Math.min(Math.max(Number.isFinite(t) ? t : 0, 0), duration);
 
-/** @param {number} t s @param {number} duration s @param {number} width CSS pixels @returns {number} */
+/**
+ * @param {number} t s
+ * @param {number} duration s
+ * @param {number} width CSS pixels
+ * @returns {number}
+ */
 export const xOf = (t, duration, width) => (duration > 0 ? (t / duration) * width : 0);
 
-/** @param {number} x CSS pixels @param {number} duration s @param {number} width CSS pixels @returns {number} */
-export const timeAt = (x, duration, width) => (width > 0 ? clamp((x / width) * duration, duration) : 0);
+/**
+ * @param {number} x CSS pixels
+ * @param {number} duration s
+ * @param {number} width CSS pixels
+ * @returns {number}
+ */
+export const timeAt = (x, duration, width) =>
+  width > 0 ? clamp((x / width) * duration, duration) : 0;
 
-/** Moments for ticks, so far apart that their words do not touch. @param {number} duration s @param {number} width CSS pixels @returns {number[]} */
+/**
+ * Moments for ticks, so far apart that their words do not touch.
+ * @param {number} duration s
+ * @param {number} width CSS pixels
+ * @returns {number[]}
+ */
 export const ticks = (duration, width) => {
   const least = (duration * TICK_WIDTH) / Math.max(width, 1);
   const step = STEPS.find((each) => each >= least) ?? Math.ceil(least / 3600) * 3600;
   return Array.from({ length: Math.floor(duration / step) + 1 }, (_, i) => i * step);
 };
 
-/** `2:05`, and `2:05.3` with tenths. @param {number} t s @param {boolean} [tenths] @returns {string} */
+/**
+ * `2:05`, and `2:05.3` with tenths.
+ * @param {number} t s
+ * @param {boolean} [tenths]
+ * @returns {string}
+ */
 export const written = (t, tenths = false) => {
   const whole = tenths ? Math.floor(t * 10 + 1e-6) / 10 : Math.floor(t + 1e-6);
   const [minutes, seconds] = [Math.floor(whole / 60), whole % 60];
-  return `${minutes}:${(tenths ? seconds.toFixed(1) : String(seconds)).padStart(tenths ? 4 : 2, "0")}`;
+  const digits = tenths ? seconds.toFixed(1).padStart(4, "0") : String(seconds).padStart(2, "0");
+  return `${minutes}:${digits}`;
 };
 
-/** What `?t=` asks for. @param {string} search of an address @param {number} duration @returns {number} */
-export const asked = (search, duration) => clamp(parseFloat(new URLSearchParams(search).get("t") ?? "0"), duration);
+/**
+ * What `?t=` asks for.
+ * @param {string} search of an address
+ * @param {number} duration
+ * @returns {number}
+ */
+export const asked = (search, duration) =>
+  clamp(parseFloat(new URLSearchParams(search).get("t") ?? "0"), duration);

@@ -1,6 +1,6 @@
 /**
- * The sound of a knock on the robot's display: two notes, E5 and C5, which fade away, made by the browser. The robot's own loudspeaker
- * plays the same (robots/agent/media/capture/outputs.py).
+ * The sound of a knock on the robot's display: two notes, E5 and C5, which fade away, made by the
+ * browser. The robot's own loudspeaker plays the same (robots/agent/media/capture/outputs.py).
  */
 
 const NOTES = [
@@ -15,10 +15,17 @@ export const createChime = (newContext = () => new AudioContext()) => {
   /** @type {AudioContext | null} */
   let context = null;
 
-  /** @param {AudioContext} to @param {{hertz: number, at: number, lasts: number}} note @param {number} volume */
+  /**
+   * @param {AudioContext} to
+   * @param {{hertz: number, at: number, lasts: number}} note
+   * @param {number} volume
+   */
   const play = (to, { hertz, at, lasts }, volume) => {
     const begin = to.currentTime + at;
-    for (const [times, share] of [[1, 1], [2, 0.3]]) {
+    for (const [times, share] of [
+      [1, 1],
+      [2, 0.3],
+    ]) {
       const oscillator = to.createOscillator();
       const gain = to.createGain();
       oscillator.frequency.value = hertz * times;
@@ -32,13 +39,17 @@ export const createChime = (newContext = () => new AudioContext()) => {
   };
 
   return {
-    /** @param {number} volume 0 to 1 @returns {Promise<boolean>} whether it sounds; a browser that nobody has touched may refuse */
+    /**
+     * @param {number} volume 0 to 1
+     * @returns {Promise<boolean>} whether it sounds; a browser that nobody has touched may refuse
+     */
     ring: async (volume) => {
       if (volume <= 0) {
         return false;
       }
       context ??= newContext();
-      // Where it may not play, the promise stays open until somebody touches the page: a knock of the past is not to ring then.
+      // Where it may not play, the promise stays open until somebody touches the page: a knock of
+      // the past is not to ring then.
       await Promise.race([context.resume(), new Promise((resolve) => setTimeout(resolve, 500))]);
       if (context.state !== "running") {
         return false;

@@ -1,5 +1,6 @@
 /**
- * The display's key: it stands behind the `#` of the address that the owner opens here once, and becomes a cookie that no script reads.
+ * The display's key: it stands behind the `#` of the address that the owner opens here once, and
+ * becomes a cookie that no script reads.
  */
 
 /**
@@ -14,7 +15,12 @@ export const exchangeKey = async ({ key, csrf }) => {
     return true;
   }
   const body = new URLSearchParams({ key: given });
-  const answer = await fetch(key, { method: "POST", body, headers: { "X-CSRFToken": csrf }, credentials: "same-origin" });
+  const answer = await fetch(key, {
+    method: "POST",
+    body,
+    headers: { "X-CSRFToken": csrf },
+    credentials: "same-origin",
+  });
   if (answer.ok) {
     // It must not stay in the history of a display that anybody may touch.
     history.replaceState(null, "", location.pathname);

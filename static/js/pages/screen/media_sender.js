@@ -1,6 +1,7 @@
 /**
- * The display's own camera and microphone, in the place of the robot's: given where the robot's answer says that it wants them. Whoever
- * put the display up has allowed the page to use them; where a browser refuses, it is said, and tried again.
+ * The display's own camera and microphone, in the place of the robot's: given where the robot's
+ * answer says that it wants them. Whoever put the display up has allowed the page to use them;
+ * where a browser refuses, it is said, and tried again.
  */
 
 /** @typedef {import("../../presence/devices.js").Kind} Kind */
@@ -10,16 +11,22 @@ const AGAIN = 5; // s
 const LINES = { audio: 0, video: 2 };
 
 /** @param {RTCRtpTransceiver | undefined} line */
-const isWanted = (line) => line?.currentDirection === "sendrecv" || line?.currentDirection === "sendonly";
+const isWanted = (line) =>
+  line?.currentDirection === "sendrecv" || line?.currentDirection === "sendonly";
 
 export class MediaSender {
   /**
    * @param {object} options
-   * @param {Pick<import("../../presence/devices.js").Devices, "open" | "close" | "tracks">} options.devices
+   * @param {Pick<import("../../presence/devices.js").Devices, "open" | "close" | "tracks">}
+   *   options.devices
    * @param {() => void} options.onChange
    * @param {(again: () => void, seconds: number) => void} [options.later]
    */
-  constructor({ devices, onChange, later = (again, seconds) => void setTimeout(again, 1000 * seconds) }) {
+  constructor({
+    devices,
+    onChange,
+    later = (again, seconds) => void setTimeout(again, 1000 * seconds),
+  }) {
     this.devices = devices;
     this.onChange = onChange;
     this.later = later;
@@ -34,7 +41,10 @@ export class MediaSender {
     return this.troubles.video || this.troubles.audio;
   }
 
-  /** A connection is up: give it what it wants, and nothing else. @param {{lines: RTCRtpTransceiver[], isClosed: boolean}} peer */
+  /**
+   * A connection is up: give it what it wants, and nothing else.
+   * @param {{lines: RTCRtpTransceiver[], isClosed: boolean}} peer
+   */
   async to(peer) {
     this.peer = peer;
     for (const kind of /** @type {Kind[]} */ (["audio", "video"])) {

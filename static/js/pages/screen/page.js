@@ -1,5 +1,6 @@
 /**
- * The page of a robot's own display: the one place that wires it. What to show is decided in scene.js.
+ * The page of a robot's own display: the one place that wires it. What to show is decided in
+ * scene.js.
  */
 
 import { Link } from "../../protocol/link.js";
@@ -26,9 +27,13 @@ const RELOAD_AFTER = 3000; // ms
 const NOT_ALLOWED = 4403;
 const MOST_LINES = 30;
 
-const element = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
+const element = (/** @type {string} */ id) =>
+  /** @type {HTMLElement} */ (document.getElementById(id));
 const config = JSON.parse(element("config").textContent ?? "{}");
-const words = readWords(/** @type {HTMLTemplateElement} */ (element("words")), document.documentElement.lang);
+const words = readWords(
+  /** @type {HTMLTemplateElement} */ (element("words")),
+  document.documentElement.lang,
+);
 const video = /** @type {HTMLVideoElement} */ (element("video"));
 video.addEventListener("resize", () => show());
 const audio = /** @type {HTMLAudioElement} */ (element("audio"));
@@ -39,7 +44,14 @@ const chime = createChime();
 const receipts = new Receipts((fields, id) => act("confirm_words", fields, id));
 
 /** @type {import("./scene.js").Told} */
-const told = { keyed: /** @type {any} */ (null), screen: null, state: null, heardAt: 0, online: true, stop: null };
+const told = {
+  keyed: /** @type {any} */ (null),
+  screen: null,
+  state: null,
+  heardAt: 0,
+  online: true,
+  stop: null,
+};
 const pointers = new RemotePointers({
   video,
   layer: element("pointers"),
@@ -57,9 +69,12 @@ let beats = 0;
 let attempt = 0;
 
 /** @type {MediaSender} */
-const mediaSender = new MediaSender({ devices: new Devices({ onLost: (kind) => mediaSender.lost(kind) }), onChange: () => show() });
+const mediaSender = new MediaSender({
+  devices: new Devices({ onLost: (kind) => mediaSender.lost(kind) }),
+  onChange: () => show(),
+});
 
-// --- the ways --------------------------------------------------------------------------------------------------------
+// --- the ways ------------------------------------------------------------------------------------
 
 const socket = new Socket({
   url: new URL(config.socket, location.href.replace(/^http/, "ws")).href,
@@ -78,7 +93,12 @@ const socket = new Socket({
 
 const link = new Link({
   makePeer: (role) =>
-    new Peer({ role, gives: true, onSignal: (message) => socket.send(encodePacket("signal", message)), onPacket: (packet) => receive(packet, true) }),
+    new Peer({
+      role,
+      gives: true,
+      onSignal: (message) => socket.send(encodePacket("signal", message)),
+      onPacket: (packet) => receive(packet, true),
+    }),
   onDropping: () => undefined,
   onOpening: (peer) => {
     video.srcObject = new MediaStream([peer.video.track]);
@@ -153,20 +173,32 @@ const HANDLERS = {
   words: (message) => {
     const known = receipts.known.get(message.actionId);
     if (known) {
-      receipts.say(message.actionId, known, unixNow()); // the robot has begun anew, and asks with the same words
+      // the robot has begun anew, and asks with the same words
+      receipts.say(message.actionId, known, unixNow());
       return;
     }
     const list = element("messages");
-    const line = lineOf({ who: message.by === "screen" ? words.say("you") : message.who || words.say("somebody"), text: message.text, own: message.by === "screen" });
+    const line = lineOf({
+      who: message.by === "screen" ? words.say("you") : message.who || words.say("somebody"),
+      text: message.text,
+      own: message.by === "screen",
+    });
     list.append(line);
     while (list.children.length > MOST_LINES) {
       list.firstElementChild?.remove();
     }
     list.scrollTop = list.scrollHeight;
-    const fate = newFate((state) => message.receipts && receipts.say(message.actionId, state, unixNow()));
+    const fate = newFate(
+      (state) => message.receipts && receipts.say(message.actionId, state, unixNow()),
+    );
     whenSeen(line, fate.seen);
     if (message.aloud) {
-      voice.speak(message.text, message.language || document.documentElement.lang, loudness(), fate.spoken);
+      voice.speak(
+        message.text,
+        message.language || document.documentElement.lang,
+        loudness(),
+        fate.spoken,
+      );
     }
   },
   pointer: (message) => pointers.told(message),
@@ -178,10 +210,11 @@ const HANDLERS = {
   "signal/reply": (message) => void link.signal(message),
 };
 
-// --- what the people here do -----------------------------------------------------------------------------------------
+// --- what the people here do ---------------------------------------------------------------------
 
 /** @param {string} type @param {object} [fields] @param {string} [actionId] */
-const act = (type, fields = {}, actionId = freshId("screen-")) => socket.send(encodePacket("command/action", { type, actionId, stamp: unixNow(), ...fields }));
+const act = (type, fields = {}, actionId = freshId("screen-")) =>
+  socket.send(encodePacket("command/action", { type, actionId, stamp: unixNow(), ...fields }));
 
 const stop = () => {
   told.stop = { id: freshId("stop-"), since: unixNow() };
@@ -193,20 +226,29 @@ const stop = () => {
 const repeatStop = () => {
   if (told.stop) {
     act("estop", {}, told.stop.id);
-    link.send(encodePacket("command/action", { type: "estop", actionId: told.stop.id, stamp: unixNow() }));
+    link.send(
+      encodePacket("command/action", { type: "estop", actionId: told.stop.id, stamp: unixNow() }),
+    );
   }
 };
 
 /** @param {string} text */
 const say = (text) => {
   if (text.trim()) {
-    act("say", { text: text.trim().slice(0, 500), language: document.documentElement.lang, aloud: false });
+    act("say", {
+      text: text.trim().slice(0, 500),
+      language: document.documentElement.lang,
+      aloud: false,
+    });
   }
 };
 
 const loudness = () => Number(volume.value) / 100;
 
-/** Browsers play sound only where somebody has touched the page, or where the display's owner has allowed it. */
+/**
+ * Browsers play sound only where somebody has touched the page, or where the display's owner has
+ * allowed it.
+ */
 const hear = async () => {
   try {
     await audio.play();
@@ -231,8 +273,12 @@ element("stop").addEventListener("click", (event) => {
 });
 element("accept").addEventListener("click", () => act("answer_call", { accept: true }));
 element("decline").addEventListener("click", () => act("answer_call", { accept: false }));
-element("knock-accept").addEventListener("click", () => act("answer_call", { accept: true, knock }));
-element("knock-decline").addEventListener("click", () => act("answer_call", { accept: false, knock }));
+element("knock-accept").addEventListener("click", () =>
+  act("answer_call", { accept: true, knock }),
+);
+element("knock-decline").addEventListener("click", () =>
+  act("answer_call", { accept: false, knock }),
+);
 element("hang-up").addEventListener("click", () => act("answer_call", { accept: false }));
 element("release").addEventListener("click", () => act("clear_estop"));
 element("hear").addEventListener("click", () => void hear());
@@ -249,10 +295,22 @@ element("form").addEventListener("submit", (event) => {
 });
 document.addEventListener("pointerdown", () => void hear(), { once: true });
 
-// --- what they see ---------------------------------------------------------------------------------------------------
+// --- what they see -------------------------------------------------------------------------------
 
 const show = () => {
-  const { scene, name, study, sound, whole, canPoint, canWrite, canHangUp, knock: rings, watching, stopped } = sceneFor(told, unixNow());
+  const {
+    scene,
+    name,
+    study,
+    sound,
+    whole,
+    canPoint,
+    canWrite,
+    canHangUp,
+    knock: rings,
+    watching,
+    stopped,
+  } = sceneFor(told, unixNow());
   const shownName = name || words.say("somebody");
   const robot = titleOf(told.screen, document.documentElement.lang) || config.title;
   const face = element("face");
@@ -260,7 +318,12 @@ const show = () => {
   face.toggleAttribute("data-live", link.live);
   write(element("title"), words.say(`${scene}.title`, { name: shownName, robot }));
   write(element("text"), words.say(`${scene}.text`, { name: shownName }));
-  write(element("initial"), ["visiting", "speaking", "ringing", "waiting"].includes(scene) ? Array.from(shownName)[0].toUpperCase() : "");
+  write(
+    element("initial"),
+    ["visiting", "speaking", "ringing", "waiting"].includes(scene)
+      ? Array.from(shownName)[0].toUpperCase()
+      : "",
+  );
   element("answers").hidden = scene !== "ringing";
   element("name").hidden = scene !== "seen";
   write(element("name-text"), words.say("visiting.title", { name: shownName }));
@@ -268,7 +331,11 @@ const show = () => {
   write(element("watching"), watching ? words.say("watching", { n: watching }) : "");
   element("notice").hidden = !study;
   element("trouble").hidden = mediaSender.trouble === "";
-  write(element("trouble"), mediaSender.trouble && words.say(mediaSender.trouble === "refused" ? "give.refused" : "give.missing"));
+  write(
+    element("trouble"),
+    mediaSender.trouble &&
+      words.say(mediaSender.trouble === "refused" ? "give.refused" : "give.missing"),
+  );
   // A face may lose its edges to fill the display; a screen that is shown has to be read to them.
   const isWhole = whole || Math.abs(video.videoWidth / video.videoHeight - 4 / 3) > 0.2;
   if (isWhole !== video.hasAttribute("data-whole")) {
@@ -289,7 +356,11 @@ const show = () => {
   showKnock(rings, shownName);
 };
 
-/** A knock is seen as long as it rings, and heard once. @param {string} rings its id @param {string} name */
+/**
+ * A knock is seen as long as it rings, and heard once.
+ * @param {string} rings its id
+ * @param {string} name
+ */
 const showKnock = (rings, name) => {
   element("knock").hidden = rings === "";
   write(element("knock-text"), rings && words.say("knock", { name }));
@@ -303,7 +374,11 @@ const showKnock = (rings, name) => {
   knock = rings || knock;
 };
 
-/** Somebody who stands with their back to the robot hears that it rings. @param {string} scene @param {string} name */
+/**
+ * Somebody who stands with their back to the robot hears that it rings.
+ * @param {string} scene
+ * @param {string} name
+ */
 const announce = (scene, name) => {
   const next = scene === "ringing" ? `${told.screen?.session}` : "";
   if (next && next !== announced) {
@@ -331,7 +406,8 @@ const begin = async () => {
     if (!(error instanceof TypeError)) {
       throw error;
     }
-    setTimeout(() => location.reload(), RELOAD_AFTER); // no network yet: a display is switched on before its router
+    // no network yet: a display is switched on before its router
+    setTimeout(() => location.reload(), RELOAD_AFTER);
     return;
   }
   show();

@@ -1,6 +1,7 @@
 /**
- * Tells the visitor what became of their words on this display: that they were visible, and whether they were read aloud to the end.
- * What is said here is said again until the robot has it, for the connection may be away just then.
+ * Tells the visitor what became of their words on this display: that they were visible, and whether
+ * they were read aloud to the end. What is said here is said again until the robot has it, for the
+ * connection may be away just then.
  */
 
 import { freshId } from "../../lib/ids.js";
@@ -14,13 +15,20 @@ export class Receipts {
   /** @param {(fields: {target: string, state: WordsState}, actionId: string) => unknown} send */
   constructor(send) {
     this.send = send;
-    /** @type {Map<string, {fields: {target: string, state: WordsState}, since: number, sentAt: number}>} by the id of what is said */
+    /**
+     * @type {Map<string, {fields: {target: string, state: WordsState}, since: number,
+     *   sentAt: number}>} by the id of what is said
+     */
     this.pending = new Map();
     /** @type {Map<string, WordsState>} what is known of the words of this session, by their id */
     this.known = new Map();
   }
 
-  /** @param {string} target the id of the words @param {WordsState} state @param {number} now Unix seconds */
+  /**
+   * @param {string} target the id of the words
+   * @param {WordsState} state
+   * @param {number} now Unix seconds
+   */
   say(target, state, now) {
     const id = freshId("seen-");
     this.known.set(target, state);
@@ -28,9 +36,15 @@ export class Receipts {
     this.send({ target, state }, id);
   }
 
-  /** The robot's answer; what came too late or too early is said again. @param {{actionId: string, status: string, reason: string}} answer */
+  /**
+   * The robot's answer; what came too late or too early is said again.
+   * @param {{actionId: string, status: string, reason: string}} answer
+   */
   answered({ actionId, status, reason }) {
-    if (status === "FINISHED" || (status === "FAILED" && reason !== "stale" && reason !== "future")) {
+    if (
+      status === "FINISHED" ||
+      (status === "FAILED" && reason !== "stale" && reason !== "future")
+    ) {
       this.pending.delete(actionId);
     }
   }
@@ -54,8 +68,8 @@ export class Receipts {
 }
 
 /**
- * From whether words were seen and spoken to what the visitor is told. Words that nobody could see are not said to be shown because their
- * voice failed.
+ * From whether words were seen and spoken to what the visitor is told. Words that nobody could see
+ * are not said to be shown because their voice failed.
  * @param {(state: WordsState) => void} say
  */
 export const newFate = (say) => {
@@ -77,8 +91,10 @@ export const newFate = (say) => {
 };
 
 /**
- * Calls back once an element has really been on the screen: not while the page is hidden, nor while the element is out of sight.
- * @param {Element} element @param {() => void} onSeen
+ * Calls back once an element has really been on the screen: not while the page is hidden, nor while
+ * the element is out of sight.
+ * @param {Element} element
+ * @param {() => void} onSeen
  */
 export const whenSeen = (element, onSeen) => {
   const observer = new IntersectionObserver((entries) => {
@@ -89,7 +105,9 @@ export const whenSeen = (element, onSeen) => {
     if (document.visibilityState === "visible") {
       onSeen();
     } else {
-      document.addEventListener("visibilitychange", () => observer.observe(element), { once: true });
+      document.addEventListener("visibilitychange", () => observer.observe(element), {
+        once: true,
+      });
     }
   });
   observer.observe(element);

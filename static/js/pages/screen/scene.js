@@ -12,18 +12,32 @@ const UNCONFIRMED = 2;
 /**
  * @typedef {object} Told
  * @property {boolean} keyed whether the server let this display in; null while unknown
- * @property {{title: string, titles?: Record<string, string>, session: string | null, visitor: string | null, waiting?: string | null, study: boolean} | null} screen
+ * @property {{title: string, titles?: Record<string, string>, session: string | null,
+ *   visitor: string | null, waiting?: string | null, study: boolean} | null} screen
  * @property {any} state the robot's last one
  * @property {number} heardAt when it came, Unix seconds
  * @property {boolean} online what the server says of the robot
- * @property {{id: string, since: number} | null} stop the stop that was pressed here and is not echoed
+ * @property {{id: string, since: number} | null} stop the stop that was pressed here and is not
+ *   echoed
  */
 
 /**
- * @param {Told} told @param {number} now
- * @returns {{scene: "starting" | "no_key" | "offline" | "idle" | "waiting" | "ringing" | "seen" | "speaking" | "visiting", name: string, study: boolean,
- *   sound: number, whole: boolean, canPoint: boolean, canWrite: boolean, canHangUp: boolean, knock: string, watching: number, stopped: "" | "ours" | "other" | "wait" | "unconfirmed"}}
+ * @typedef {object} Display
+ * @property {"starting" | "no_key" | "offline" | "idle" | "waiting" | "ringing" | "seen"
+ *   | "speaking" | "visiting"} scene
+ * @property {string} name
+ * @property {boolean} study
+ * @property {number} sound
+ * @property {boolean} whole
+ * @property {boolean} canPoint
+ * @property {boolean} canWrite
+ * @property {boolean} canHangUp
+ * @property {string} knock
+ * @property {number} watching
+ * @property {"" | "ours" | "other" | "wait" | "unconfirmed"} stopped
  */
+
+/** @param {Told} told @param {number} now @returns {Display} */
 export const sceneFor = (told, now) => {
   const { screen, state } = told;
   const call = state?.call ?? null;
@@ -41,13 +55,23 @@ export const sceneFor = (told, now) => {
     canPoint: scene === "seen" && shares,
     canWrite: visited || (scene === "waiting" && screen?.waiting != null),
     canHangUp: visited && through && (call.audio || call.video),
-    knock: visited && scene !== "offline" && state?.knock?.status === "ringing" ? state.knock.actionId : "",
-    watching: scene === "offline" || scene === "no_key" ? 0 : Math.max(0, (state?.viewers ?? 0) - (state?.session ? 1 : 0)),
+    knock:
+      visited && scene !== "offline" && state?.knock?.status === "ringing"
+        ? state.knock.actionId
+        : "",
+    watching:
+      scene === "offline" || scene === "no_key"
+        ? 0
+        : Math.max(0, (state?.viewers ?? 0) - (state?.session ? 1 : 0)),
     stopped: stoppedBy(told, now),
   };
 };
 
-/** What the robot is called in the page's language, nothing before the server has said it. @param {Told["screen"]} screen @param {string} language a BCP 47 tag */
+/**
+ * What the robot is called in the page's language, nothing before the server has said it.
+ * @param {Told["screen"]} screen
+ * @param {string} language a BCP 47 tag
+ */
 export const titleOf = (screen, language) => {
   const { title = "", titles = {} } = screen ?? {};
   const wanted = language.toLowerCase();

@@ -1,7 +1,8 @@
 /**
- * The display's voice: what a visitor writes to be spoken, with the browser's own speech; without one the words are only shown. One
- * sentence after the other, so that it is known of each whether it was spoken to its end. A browser without a voice for the language may
- * say nothing at all and never say so: what does not begin or end in time was not spoken.
+ * The display's voice: what a visitor writes to be spoken, with the browser's own speech; without
+ * one the words are only shown. One sentence after the other, so that it is known of each whether
+ * it was spoken to its end. A browser without a voice for the language may say nothing at all and
+ * never say so: what does not begin or end in time was not spoken.
  */
 
 const BEGINS_WITHIN = 5; // s
@@ -11,7 +12,8 @@ const ENDS_WITHIN = 120; // s; 500 characters take a minute
  * @param {object} [browser]
  * @param {SpeechSynthesis | undefined} [browser.synthesis]
  * @param {typeof SpeechSynthesisUtterance | undefined} [browser.Utterance]
- * @param {(call: () => void, seconds: number) => any} [browser.later] returns what `never` takes back
+ * @param {(call: () => void, seconds: number) => any} [browser.later] returns what `never` takes
+ *   back
  * @param {(timer: any) => void} [browser.never]
  */
 export const createVoice = ({
@@ -20,7 +22,10 @@ export const createVoice = ({
   later = (call, seconds) => setTimeout(call, seconds * 1000),
   never = clearTimeout,
 } = {}) => {
-  /** @type {{utterance: SpeechSynthesisUtterance, onEnd: (spoken: boolean) => void}[]} the first one is being spoken */
+  /**
+   * @type {{utterance: SpeechSynthesisUtterance, onEnd: (spoken: boolean) => void}[]} the first one
+   *   is being spoken
+   */
   let queue = [];
 
   const speakFirst = () => {

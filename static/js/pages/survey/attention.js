@@ -1,13 +1,17 @@
 /**
- * Seconds of attention a question: the time from one touch of the page to the next belongs to the question that is touched next,
- * because reading it came before. Time while the page is out of sight belongs to none.
+ * Seconds of attention a question: the time from one touch of the page to the next belongs to the
+ * question that is touched next, because reading it came before. Time while the page is out of
+ * sight belongs to none.
  */
 
 /** @param {() => number} now seconds on a clock that never goes back */
 export const createAttention = (now) => {
   /** @type {Map<string, number>} */
   const seconds = new Map();
-  /** Seconds of a stretch that a change of visibility cut off, and when the present stretch began; null while out of sight. */
+  /**
+   * Seconds of a stretch that a change of visibility cut off, and when the present stretch began;
+   * null while out of sight.
+   */
   let before = 0;
   /** @type {number | null} */
   let since = now();

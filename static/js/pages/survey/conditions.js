@@ -1,22 +1,34 @@
 /**
- * Which questions of the page are shown, from the answers on it; says the same as surveys/conditions.py, which decides in the end.
- * A question that is hidden counts as unanswered for those that depend on it.
+ * Which questions of the page are shown, from the answers on it; says the same as
+ * surveys/conditions.py, which decides in the end. A question that is hidden counts as unanswered
+ * for those that depend on it.
  */
 
-/** @typedef {{ item: string, is: (string | number)[], at_least: number | null, at_most: number | null }} Condition */
+/**
+ * @typedef {{ item: string, is: (string | number)[], at_least: number | null,
+ *   at_most: number | null }} Condition
+ */
 
-/** @param {Condition} condition @param {string[]} said what the controls of the question send; nothing is no answer */
+/**
+ * @param {Condition} condition
+ * @param {string[]} said what the controls of the question send; nothing is no answer
+ */
 const answerFits = (condition, said) => {
   const values = said.filter((value) => value !== "" && !value.startsWith("~"));
   if (values.length === 0) return false;
-  if (condition.is.length > 0) return values.some((value) => condition.is.some((one) => sameValue(one, value)));
+  if (condition.is.length > 0)
+    return values.some((value) => condition.is.some((one) => sameValue(one, value)));
   const number = Number(values[0].replace(",", "."));
   if (!Number.isFinite(number)) return false;
-  return (condition.at_least === null || number >= condition.at_least) && (condition.at_most === null || number <= condition.at_most);
+  return (
+    (condition.at_least === null || number >= condition.at_least) &&
+    (condition.at_most === null || number <= condition.at_most)
+  );
 };
 
 /** @param {string | number} one @param {string} value */
-const sameValue = (one, value) => (typeof one === "number" ? Number(value.replace(",", ".")) === one : one === value);
+const sameValue = (one, value) =>
+  typeof one === "number" ? Number(value.replace(",", ".")) === one : one === value;
 
 /**
  * @param {{ key: string, condition: Condition | null }[]} questions in written order
@@ -26,7 +38,11 @@ const sameValue = (one, value) => (typeof one === "number" ? Number(value.replac
 export const shownKeys = (questions, said) => {
   const shown = new Set();
   for (const { key, condition } of questions) {
-    if (condition === null || (shown.has(condition.item) && answerFits(condition, said(condition.item)))) shown.add(key);
+    if (
+      condition === null ||
+      (shown.has(condition.item) && answerFits(condition, said(condition.item)))
+    )
+      shown.add(key);
   }
   return shown;
 };

@@ -1,6 +1,7 @@
 /**
- * The page of a questionnaire: saves each answer when it is given, shows what answers bring up, measures attention. Without this
- * module the same form is sent as a whole, and the server does the rest.
+ * The page of a questionnaire: saves each answer when it is given, shows what answers bring up,
+ * measures attention. Without this module the same form is sent as a whole, and the server does the
+ * rest.
  */
 
 import { createAttention } from "./attention.js";
@@ -14,13 +15,20 @@ const SIGNED_OUT = 403;
 
 const form = /** @type {HTMLFormElement} */ (document.getElementById("survey"));
 const status = /** @type {HTMLElement} */ (form.querySelector("[data-status]"));
-const questions = /** @type {HTMLFieldSetElement[]} */ ([...form.querySelectorAll("[data-question]")]);
+const questions = /** @type {HTMLFieldSetElement[]} */ ([
+  ...form.querySelectorAll("[data-question]"),
+]);
 const byKey = new Map(questions.map((question) => [question.dataset.question ?? "", question]));
 const attention = createAttention(() => performance.now() / 1000);
-const writer = Array.from(crypto.getRandomValues(new Uint8Array(8)), (byte) => byte.toString(16).padStart(2, "0")).join("");
+const writer = Array.from(crypto.getRandomValues(new Uint8Array(8)), (byte) =>
+  byte.toString(16).padStart(2, "0"),
+).join("");
 let writing = 0;
 
-/** @param {HTMLFieldSetElement} question @returns {[string, string][]} what its controls would send */
+/**
+ * @param {HTMLFieldSetElement} question
+ * @returns {[string, string][]} what its controls would send
+ */
 const fieldsOf = (question) =>
   controlsOf(question)
     .filter((control) => !["radio", "checkbox"].includes(control.type) || control.checked)
@@ -28,15 +36,21 @@ const fieldsOf = (question) =>
 
 /** @param {HTMLFieldSetElement} question */
 const controlsOf = (question) =>
-  /** @type {HTMLInputElement[]} */ ([...question.querySelectorAll("input[name], select, textarea")]).filter((control) => control.name !== "shown");
+  /** @type {HTMLInputElement[]} */ ([
+    ...question.querySelectorAll("input[name], select, textarea"),
+  ]).filter((control) => control.name !== "shown");
 
 /** @param {string} key */
 const said = (key) => {
   const question = byKey.get(key);
-  return question ? fieldsOf(question).filter(([name]) => name === key).map(([, value]) => value) : [];
+  return question
+    ? fieldsOf(question)
+        .filter(([name]) => name === key)
+        .map(([, value]) => value)
+    : [];
 };
 
-// --- what is shown -------------------------------------------------------------------------------------------------------
+// --- what is shown -------------------------------------------------------------------------------
 
 const conditions = questions.map((question) => ({
   key: question.dataset.question ?? "",
@@ -50,8 +64,12 @@ const refresh = () => {
     const clear = /** @type {HTMLElement | null} */ (question.querySelector("[data-clear]"));
     if (clear) clear.hidden = fieldsOf(question).every(([, value]) => value === "");
   }
-  for (const block of /** @type {NodeListOf<HTMLElement>} */ (form.querySelectorAll("[data-block]"))) {
-    block.hidden = ![...block.querySelectorAll("[data-question]")].some((question) => !(/** @type {HTMLElement} */ (question).hidden));
+  for (const block of /** @type {NodeListOf<HTMLElement>} */ (
+    form.querySelectorAll("[data-block]")
+  )) {
+    block.hidden = ![...block.querySelectorAll("[data-question]")].some(
+      (question) => !(/** @type {HTMLElement} */ (question).hidden),
+    );
   }
 };
 
@@ -67,22 +85,39 @@ const showError = (key, error) => {
   place.append(line);
 };
 
-// --- saving --------------------------------------------------------------------------------------------------------------
+// --- saving --------------------------------------------------------------------------------------
 
 /** @param {string} key @param {[string, string][]} fields */
 const send = async (key, fields) => {
   writing += 1;
   const seconds = attention.of(key);
   const body = new URLSearchParams([
-    ...fields, ["item", key], ["writer", writer], ["writing", String(writing)],
+    ...fields,
+    ["item", key],
+    ["writer", writer],
+    ["writing", String(writing)],
     ["seconds", seconds === undefined ? "" : JSON.stringify({ [key]: seconds })],
-    ["csrfmiddlewaretoken", /** @type {HTMLInputElement} */ (form.elements.namedItem("csrfmiddlewaretoken")).value],
+    [
+      "csrfmiddlewaretoken",
+      /** @type {HTMLInputElement} */ (form.elements.namedItem("csrfmiddlewaretoken")).value,
+    ],
   ]);
   try {
-    const answer = await fetch(form.dataset.answer ?? "", { method: "POST", body, signal: AbortSignal.timeout(SEND_LIMIT_MS) });
+    const answer = await fetch(form.dataset.answer ?? "", {
+      method: "POST",
+      body,
+      signal: AbortSignal.timeout(SEND_LIMIT_MS),
+    });
     if (answer.status >= 500) return { ok: false, final: false };
-    const told = answer.headers.get("content-type")?.startsWith("application/json") ? await answer.json() : {};
-    return { ok: answer.ok, final: true, keep: answer.status === SIGNED_OUT, error: answer.ok ? "" : (told.error ?? form.dataset.button ?? "") };
+    const told = answer.headers.get("content-type")?.startsWith("application/json")
+      ? await answer.json()
+      : {};
+    return {
+      ok: answer.ok,
+      final: true,
+      keep: answer.status === SIGNED_OUT,
+      error: answer.ok ? "" : (told.error ?? form.dataset.button ?? ""),
+    };
   } catch {
     return { ok: false, final: false };
   }
@@ -91,14 +126,22 @@ const send = async (key, fields) => {
 // Whoever came to another page has sent this one: what was kept of the others is no longer news.
 const STORED = `survey:${location.pathname.replace(/[^/]*\/$/, "")}`;
 for (const name of Object.keys(sessionStorage)) {
-  if (name.startsWith(STORED) && name !== `survey:${location.pathname}`) sessionStorage.removeItem(name);
+  if (name.startsWith(STORED) && name !== `survey:${location.pathname}`)
+    sessionStorage.removeItem(name);
 }
 
 const saver = createSaver({
   send,
   tell: (state, key, error) => {
     status.dataset.state = state;
-    status.textContent = { saving: form.dataset.saving, saved: form.dataset.saved, waiting: form.dataset.waiting, refused: `${form.dataset.refused} ${error}`, idle: "" }[state] ?? "";
+    status.textContent =
+      {
+        saving: form.dataset.saving,
+        saved: form.dataset.saved,
+        waiting: form.dataset.waiting,
+        refused: `${form.dataset.refused} ${error}`,
+        idle: "",
+      }[state] ?? "";
     if (state === "saved" || state === "refused") showError(key, error);
   },
   storage: sessionStorage,
@@ -114,15 +157,28 @@ const changed = (question) => {
   void saver.save(key, fieldsOf(question));
 };
 
-// --- listeners -----------------------------------------------------------------------------------------------------------
+// --- listeners -----------------------------------------------------------------------------------
 
 /** @param {Event} event */
-const questionOf = (event) => /** @type {HTMLFieldSetElement | null} */ (/** @type {Element} */ (event.target).closest("[data-question]"));
+const questionOf = (event) =>
+  /** @type {HTMLFieldSetElement | null} */ (
+    /** @type {Element} */ (event.target).closest("[data-question]")
+  );
 
-/** Tick what excludes others, untick the others. @param {HTMLInputElement} control @param {HTMLFieldSetElement} question */
+/**
+ * Tick what excludes others, untick the others.
+ * @param {HTMLInputElement} control
+ * @param {HTMLFieldSetElement} question
+ */
 const exclude = (control, question) => {
-  const alone = (/** @type {HTMLInputElement} */ one) => one.hasAttribute("data-reason") || one.hasAttribute("data-alone");
-  const ticked = control.type === "radio" ? false : control.type === "checkbox" ? control.checked : control.value !== "";
+  const alone = (/** @type {HTMLInputElement} */ one) =>
+    one.hasAttribute("data-reason") || one.hasAttribute("data-alone");
+  const ticked =
+    control.type === "radio"
+      ? false
+      : control.type === "checkbox"
+        ? control.checked
+        : control.value !== "";
   if (!ticked) return;
   for (const other of controlsOf(question)) {
     if (other === control || (!alone(control) && !alone(other))) continue;
@@ -137,9 +193,16 @@ const empty = (control) => {
   control.dispatchEvent(new Event("survey:restored"));
 };
 
-/** Choose the value that a list offers: several lists of one name offer different ones. @param {HTMLSelectElement} list @param {string[]} values */
+/**
+ * Choose the value that a list offers: several lists of one name offer different ones.
+ * @param {HTMLSelectElement} list
+ * @param {string[]} values
+ */
 const choose = (list, values) => {
-  list.value = values.find((value) => value !== "" && [...list.options].some((option) => option.value === value)) ?? "";
+  list.value =
+    values.find(
+      (value) => value !== "" && [...list.options].some((option) => option.value === value),
+    ) ?? "";
 };
 
 form.addEventListener("change", (event) => {
@@ -168,23 +231,37 @@ form.addEventListener("submit", (event) => {
   }
   writing += 1;
   /** @type {[string, string][]} */
-  const about = [["seconds", JSON.stringify(attention.all())], ["writer", writer], ["writing", String(writing)]];
-  for (const [name, value] of about) /** @type {HTMLInputElement} */ (form.elements.namedItem(name)).value = value;
+  const about = [
+    ["seconds", JSON.stringify(attention.all())],
+    ["writer", writer],
+    ["writing", String(writing)],
+  ];
+  for (const [name, value] of about)
+    /** @type {HTMLInputElement} */ (form.elements.namedItem(name)).value = value;
 });
 
 window.addEventListener("online", () => void saver.resume());
-document.addEventListener("visibilitychange", () => attention.setSeen(document.visibilityState === "visible"));
+document.addEventListener("visibilitychange", () =>
+  attention.setSeen(document.visibilityState === "visible"),
+);
 
-// --- start ---------------------------------------------------------------------------------------------------------------
+// --- start ---------------------------------------------------------------------------------------
 
-for (const holder of /** @type {NodeListOf<HTMLElement>} */ (form.querySelectorAll("[data-slider]"))) addRange(holder);
-for (const holder of /** @type {NodeListOf<HTMLElement>} */ (form.querySelectorAll("[data-ranking]"))) keepOrder(holder);
+for (const holder of /** @type {NodeListOf<HTMLElement>} */ (
+  form.querySelectorAll("[data-slider]")
+))
+  addRange(holder);
+for (const holder of /** @type {NodeListOf<HTMLElement>} */ (
+  form.querySelectorAll("[data-ranking]")
+))
+  keepOrder(holder);
 for (const [key, fields] of saver.unsent()) {
   const question = byKey.get(key);
   if (!question) continue;
   for (const control of controlsOf(question)) {
     const values = fields.filter(([name]) => name === control.name).map(([, value]) => value);
-    if (["radio", "checkbox"].includes(control.type)) control.checked = values.includes(control.value);
+    if (["radio", "checkbox"].includes(control.type))
+      control.checked = values.includes(control.value);
     else if (control instanceof HTMLSelectElement) choose(control, values);
     else control.value = values[0] ?? "";
     control.dispatchEvent(new Event("survey:restored"));

@@ -1,6 +1,7 @@
 /**
- * Options that are put into an order: the rows stand in the order of their places, and whoever moves one, by its list of places or by
- * its handle, gives every option a place. Before that none has one.
+ * Options that are put into an order: the rows stand in the order of their places, and whoever
+ * moves one, by its list of places or by its handle, gives every option a place. Before that none
+ * has one.
  */
 
 /**
@@ -14,11 +15,15 @@ export const moved = (things, from, to) => {
   return [...others.slice(0, to), things[from], ...others.slice(to)];
 };
 
-/** @typedef {{ top: number, bottom: number }} Span where a row stands, in CSS pixels from the top of what is seen */
+/**
+ * @typedef {{ top: number, bottom: number }} Span where a row stands, in CSS pixels from the top of
+ *   what is seen
+ */
 
 /**
- * Which way a row goes that is held at a height: -1 before the one above, 1 behind the one below. It stands under the pointer
- * afterwards, or else it would go back at once where rows differ in height.
+ * Which way a row goes that is held at a height: -1 before the one above, 1 behind the one below.
+ * It stands under the pointer afterwards, or else it would go back at once where rows differ in
+ * height.
  *
  * @param {number} y
  * @param {Span} own
@@ -42,7 +47,8 @@ const placeOf = (row) => placesOf(row).selectedIndex;
 const spanOf = (row) => row && row.getBoundingClientRect();
 
 /**
- * Put rows into an order. One stays where it is and the others move round it, because taken out it would lose focus and pointer.
+ * Put rows into an order. One stays where it is and the others move round it, because taken out it
+ * would lose focus and pointer.
  *
  * @param {Element[]} ordered
  * @param {Element} kept
@@ -82,7 +88,11 @@ export const keepOrder = (holder) => {
   follow();
 };
 
-/** A handle to drag a row by. The list of places is what a keyboard and a screen reader use. @param {Element} row @param {() => Element[]} rows */
+/**
+ * A handle to drag a row by. The list of places is what a keyboard and a screen reader use.
+ * @param {Element} row
+ * @param {() => Element[]} rows
+ */
 const addHandle = (row, rows) => {
   const handle = document.createElement("span");
   handle.className = "ranking__handle";

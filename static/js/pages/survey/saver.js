@@ -1,10 +1,15 @@
 /**
- * Sends answers one after the other, the newest of each question only, and again until they arrive. What has not arrived is kept
- * in the tab's own storage, so that a reload without network loses nothing.
+ * Sends answers one after the other, the newest of each question only, and again until they arrive.
+ * What has not arrived is kept in the tab's own storage, so that a reload without network loses
+ * nothing.
  *
  * @typedef {"idle" | "saving" | "saved" | "waiting" | "refused"} State
- * @typedef {{ ok: boolean, final: boolean, keep?: boolean, error?: string }} Outcome `final`: do not try again by yourself; `keep`: it
- *   may be taken another time, from somebody who has signed in again
+ *
+ * @typedef {object} Outcome
+ * @property {boolean} ok
+ * @property {boolean} final do not try again by yourself
+ * @property {boolean} [keep] it may be taken another time, from somebody who has signed in again
+ * @property {string} [error]
  */
 
 const FIRST_WAIT_MS = 1000;
@@ -12,7 +17,8 @@ const LONGEST_WAIT_MS = 15000;
 
 /**
  * @param {object} parts
- * @param {(key: string, fields: [string, string][]) => Promise<Outcome>} parts.send resolves in any case
+ * @param {(key: string, fields: [string, string][]) => Promise<Outcome>} parts.send resolves in any
+ *   case
  * @param {(state: State, key: string, error: string) => void} parts.tell
  * @param {Storage} parts.storage
  * @param {string} parts.name under which unsent answers are kept
@@ -24,7 +30,8 @@ export const createSaver = ({ send, tell, storage, name, later }) => {
   let busy = false;
   let wait = 0;
 
-  const keep = () => (unsent.size ? storage.setItem(name, JSON.stringify([...unsent])) : storage.removeItem(name));
+  const keep = () =>
+    unsent.size ? storage.setItem(name, JSON.stringify([...unsent])) : storage.removeItem(name);
 
   const next = async () => {
     const first = unsent.entries().next();

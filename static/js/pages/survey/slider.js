@@ -1,4 +1,7 @@
-/** A slider beside the number of each slider question. It shows no thumb before something was chosen. */
+/**
+ * A slider beside the number of each slider question. It shows no thumb before something was
+ * chosen.
+ */
 
 /** @param {HTMLElement} holder */
 export const addRange = (holder) => {
@@ -6,8 +9,10 @@ export const addRange = (holder) => {
   const range = document.createElement("input");
   range.type = "range";
   range.className = "slider__range";
-  for (const name of ["min", "max", "step"]) range.setAttribute(name, number.getAttribute(name) ?? "");
-  // The number beside it is what a keyboard and a screen reader use; two controls with one meaning would only confuse.
+  for (const name of ["min", "max", "step"])
+    range.setAttribute(name, number.getAttribute(name) ?? "");
+  // The number beside it is what a keyboard and a screen reader use; two controls with one meaning
+  // would only confuse.
   range.tabIndex = -1;
   range.setAttribute("aria-hidden", "true");
 

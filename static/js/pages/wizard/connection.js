@@ -1,6 +1,7 @@
 /**
- * The connections of a hidden operator's page: the WebSocket, over which all commands go, and the robot's video and sound. A change of
- * either stops what the hand does; the server and the robot stop the robot by themselves.
+ * The connections of a hidden operator's page: the WebSocket, over which all commands go, and the
+ * robot's video and sound. A change of either stops what the hand does; the server and the robot
+ * stop the robot by themselves.
  */
 
 import { unixNow } from "../../lib/clock.js";
@@ -14,6 +15,8 @@ import { Socket } from "../../protocol/socket.js";
 import { TransportRouter } from "../../protocol/transport_router.js";
 import { readPacket } from "./packets.js";
 
+/** @typedef {{peer: string | null, iceServers: RTCIceServer[], attempt: number}} Told */
+
 /**
  * @param {object} options
  * @param {string} options.url
@@ -25,7 +28,7 @@ import { readPacket } from "./packets.js";
 export const createConnection = ({ url, viewport, shown, onMessage, onSocket }) => {
   const clockSync = new ClockSync();
   const commands = new CommandStream({ freshId: () => freshId("stop-") });
-  const told = { peer: /** @type {string | null} */ (null), iceServers: [], attempt: 0 };
+  const told = /** @type {Told} */ ({ peer: null, iceServers: [], attempt: 0 });
 
   /** @param {unknown} packet @param {import("../../protocol/clock_sync.js").Transport} transport */
   const receive = (packet, transport) => {
@@ -39,7 +42,11 @@ export const createConnection = ({ url, viewport, shown, onMessage, onSocket }) 
     }
   };
 
-  /** @param {string} suffix @param {any} message @param {import("../../protocol/clock_sync.js").Transport} transport */
+  /**
+   * @param {string} suffix
+   * @param {any} message
+   * @param {import("../../protocol/clock_sync.js").Transport} transport
+   */
   const take = (suffix, message, transport) => {
     const now = unixNow();
     if (transport === "datachannel") {
@@ -54,7 +61,7 @@ export const createConnection = ({ url, viewport, shown, onMessage, onSocket }) 
     } else if (transport === "mqtt") {
       if (suffix === "wizard/hello") {
         Object.assign(told, { peer: message.peer, iceServers: message.iceServers, attempt: 0 });
-        openVideo();
+        openVideo(link, told);
       }
       onMessage(suffix, message);
     }
@@ -66,9 +73,39 @@ export const createConnection = ({ url, viewport, shown, onMessage, onSocket }) 
     onOpen: () => onSocket(true, 0),
     onLost: (code) => onSocket(false, code),
   });
+  const link = newLink({ viewport, shown, socket, clockSync, told, receive });
+  const router = new TransportRouter({ socket, link, clockSync, commands });
+  router.only = "mqtt";
+
+  return {
+    socket,
+    link,
+    router,
+    commands,
+    clockSync,
+    send: (/** @type {string} */ suffix, /** @type {object} */ message) =>
+      socket.send(encodePacket(suffix, message)),
+  };
+};
+
+/**
+ * The robot's video and sound, opened again whenever they are lost.
+ * @param {object} parts
+ * @param {import("../../view/video/viewport.js").Viewport} parts.viewport
+ * @param {import("../../view/video/capture_stamp.js").ShownFrame} parts.shown
+ * @param {Socket} parts.socket
+ * @param {ClockSync} parts.clockSync
+ * @param {Told} parts.told
+ * @param {(packet: unknown, transport: "datachannel") => void} parts.receive
+ */
+const newLink = ({ viewport, shown, socket, clockSync, told, receive }) => {
   const link = new Link({
     makePeer: (role) =>
-      new Peer({ role, onSignal: (message) => socket.send(encodePacket("signal", message)), onPacket: (packet) => receive(packet, "datachannel") }),
+      new Peer({
+        role,
+        onSignal: (message) => socket.send(encodePacket("signal", message)),
+        onPacket: (packet) => receive(packet, "datachannel"),
+      }),
     onDropping: () => viewport.freeze(),
     onOpening: (peer) => {
       shown.reset();
@@ -76,16 +113,14 @@ export const createConnection = ({ url, viewport, shown, onMessage, onSocket }) 
       viewport.attach(peer.video, peer.audio);
     },
     onLive: () => (told.attempt = 0),
-    onLost: () => openVideo(),
+    onLost: () => openVideo(link, told),
   });
-  const router = new TransportRouter({ socket, link, clockSync, commands });
-  router.only = "mqtt";
+  return link;
+};
 
-  const openVideo = () => {
-    if (isSupported()) {
-      link.open("observer", told.iceServers, told.attempt++);
-    }
-  };
-
-  return { socket, link, router, commands, clockSync, send: (/** @type {string} */ suffix, /** @type {object} */ message) => socket.send(encodePacket(suffix, message)) };
+/** @param {Link} link @param {Told} told */
+const openVideo = (link, told) => {
+  if (isSupported()) {
+    link.open("observer", told.iceServers, told.attempt++);
+  }
 };

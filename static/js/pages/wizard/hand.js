@@ -1,9 +1,19 @@
 /**
- * Driving by hand: keys that are held, or buttons. It knows what is held and which velocity that is, and nothing of the network.
+ * Driving by hand: keys that are held, or buttons. It knows what is held and which velocity that
+ * is, and nothing of the network.
  */
 
 const SHARE = 0.6; // of the robot's largest speeds
-const KEYS = { KeyW: "forward", ArrowUp: "forward", KeyS: "back", ArrowDown: "back", KeyA: "left", ArrowLeft: "left", KeyD: "right", ArrowRight: "right" };
+const KEYS = {
+  KeyW: "forward",
+  ArrowUp: "forward",
+  KeyS: "back",
+  ArrowDown: "back",
+  KeyA: "left",
+  ArrowLeft: "left",
+  KeyD: "right",
+  ArrowRight: "right",
+};
 
 /** @typedef {"forward" | "back" | "left" | "right"} Direction */
 
@@ -44,8 +54,13 @@ export class Hand {
 
   /** m/s and rad/s. @param {{linear: number, reverse: number, angular: number}} limits */
   velocity(limits) {
-    const sign = (/** @type {Direction} */ one, /** @type {Direction} */ other) => Number(this.held.has(one)) - Number(this.held.has(other));
+    const sign = (/** @type {Direction} */ one, /** @type {Direction} */ other) =>
+      Number(this.held.has(one)) - Number(this.held.has(other));
     const ahead = sign("forward", "back");
-    return { linear: SHARE * ahead * (ahead < 0 ? limits.reverse : limits.linear), angular: SHARE * sign("left", "right") * limits.angular, method: this.method };
+    return {
+      linear: SHARE * ahead * (ahead < 0 ? limits.reverse : limits.linear),
+      angular: SHARE * sign("left", "right") * limits.angular,
+      method: this.method,
+    };
   }
 }

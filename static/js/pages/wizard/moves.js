@@ -1,6 +1,7 @@
 /**
- * The steps of a script that the page drives itself: a velocity for some seconds, or a turn by an angle. Pure: times are seconds, angles
- * radians, counter-clockwise positive; `heading` is where the robot says that it looks.
+ * The steps of a script that the page drives itself: a velocity for some seconds, or a turn by an
+ * angle. Pure: times are seconds, angles radians, counter-clockwise positive; `heading` is where
+ * the robot says that it looks.
  */
 
 const SHARE = 0.6; // of the robot's largest turning speed
@@ -21,13 +22,19 @@ export const wrapped = (angle) => angle - FULL * Math.round(angle / FULL);
  */
 
 /** @param {{drive: any, turn: number | null}} step @param {number} now @returns {Move} */
-export const begin = ({ drive, turn }, now) => ({ since: now, drive, left: turn ?? 0, heading: null });
+export const begin = ({ drive, turn }, now) => ({
+  since: now,
+  drive,
+  left: turn ?? 0,
+  heading: null,
+});
 
 /** Take where the robot looks now. @param {Move} move @param {number} heading @returns {Move} */
 export const turned = (move, heading) => ({
   ...move,
   heading,
-  left: move.drive || move.heading === null ? move.left : move.left - wrapped(heading - move.heading),
+  left:
+    move.drive || move.heading === null ? move.left : move.left - wrapped(heading - move.heading),
 });
 
 /**

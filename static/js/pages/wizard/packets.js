@@ -1,15 +1,28 @@
 /**
- * What the server says to a hidden operator's page (sessions/wizard/protocol.py), with the defaults that it leaves out; everything else
- * is Robot API, which protocol/robot_api.js reads.
+ * What the server says to a hidden operator's page (sessions/wizard/protocol.py), with the defaults
+ * that it leaves out; everything else is Robot API, which protocol/robot_api.js reads.
  */
 
 import { decodePacket } from "../../protocol/robot_api.js";
 
-const STEP = { shortcut: "", text: "", aloud: true, action: "", place: "", angle: 0, drive: null, turn: null };
+const STEP = {
+  shortcut: "",
+  text: "",
+  aloud: true,
+  action: "",
+  place: "",
+  angle: 0,
+  drive: null,
+  turn: null,
+};
 const DRIVE = { linear: 0, angular: 0 };
 
 /** @param {any} step */
-const stepOf = (step) => ({ ...STEP, ...step, drive: step.drive ? { ...DRIVE, ...step.drive } : null });
+const stepOf = (step) => ({
+  ...STEP,
+  ...step,
+  drive: step.drive ? { ...DRIVE, ...step.drive } : null,
+});
 
 /** @param {any} script */
 const scriptOf = (script) =>
@@ -18,18 +31,42 @@ const scriptOf = (script) =>
     byHand: true,
     participantView: false,
     ...script,
-    stages: (script.stages ?? []).map((/** @type {any} */ stage) => ({ ...stage, steps: (stage.steps ?? []).map(stepOf) })),
+    stages: (script.stages ?? []).map((/** @type {any} */ stage) => ({
+      ...stage,
+      steps: (stage.steps ?? []).map(stepOf),
+    })),
   };
 
 /** @type {Record<string, (message: any) => any>} */
 const READERS = {
   "wizard/hello": (message) => ({ iceServers: [], ...message }),
-  "wizard/session": (message) => ({ session: null, participant: "", condition: "", visitorSeen: false, operator: "", done: [], ...message, script: scriptOf(message.script ?? null) }),
+  "wizard/session": (message) => ({
+    session: null,
+    participant: "",
+    condition: "",
+    visitorSeen: false,
+    operator: "",
+    done: [],
+    ...message,
+    script: scriptOf(message.script ?? null),
+  }),
   "wizard/granted": (message) => message,
   "wizard/lost": (message) => message,
   "wizard/begun": (message) => ({ deviation: "", skipped: 0, reason: "", ...message }),
-  "wizard/state": (message) => ({ tilt: null, epoch: 0, commandAge: null, ...message, safety: { estop: false, inhibited: null, stopId: null, stopSeq: null, ...message.safety } }),
-  "wizard/participant": (message) => ({ cue: "", number: null, remaining: null, outcome: "", ...message }),
+  "wizard/state": (message) => ({
+    tilt: null,
+    epoch: 0,
+    commandAge: null,
+    ...message,
+    safety: { estop: false, inhibited: null, stopId: null, stopSeq: null, ...message.safety },
+  }),
+  "wizard/participant": (message) => ({
+    cue: "",
+    number: null,
+    remaining: null,
+    outcome: "",
+    ...message,
+  }),
 };
 
 /**
@@ -40,5 +77,7 @@ const READERS = {
 export const readPacket = (packet) => {
   const newline = typeof packet === "string" ? packet.indexOf("\n") : -1;
   const suffix = newline < 0 ? "" : String(packet).slice(0, newline);
-  return Object.hasOwn(READERS, suffix) ? { suffix, message: READERS[suffix](JSON.parse(String(packet).slice(newline + 1))) } : decodePacket(packet);
+  return Object.hasOwn(READERS, suffix)
+    ? { suffix, message: READERS[suffix](JSON.parse(String(packet).slice(newline + 1))) }
+    : decodePacket(packet);
 };

@@ -1,5 +1,6 @@
 /**
- * The page of a hidden operator, who drives and speaks for the robot in a study: the one place that wires it.
+ * The page of a hidden operator, who drives and speaks for the robot in a study: the one place that
+ * wires it.
  */
 
 import { keyUse, openHolder } from "../../input/key_dispatcher.js";
@@ -17,7 +18,8 @@ import { drawScript, markSteps } from "./script_view.js";
 const TICK_MS = 50;
 const BEAT = 0.2; // s
 const PENDING = 10; // s after which a step that the robot has not confirmed is forgotten
-const NO_LIMITS = { linear: 0.4, reverse: 0.2, angular: 0.6 }; // of a robot that has not said its own: slow
+// of a robot that has not said its own: slow
+const NO_LIMITS = { linear: 0.4, reverse: 0.2, angular: 0.6 };
 const FINAL = [4401, 4403, 4404]; // codes after which the page is not let in again
 
 const element = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
@@ -38,7 +40,10 @@ const told = {
   robot: null,
   online: true,
   connected: false,
-  /** a step that the page drives now @type {{key: string, move: import("./moves.js").Move, actionId: string} | null} */
+  /**
+   * a step that the page drives now
+   * @type {{key: string, move: import("./moves.js").Move, actionId: string} | null}
+   */
   moving: null,
   /** steps that the robot has not confirmed yet @type {Map<string, {key: string, at: number}>} */
   pending: new Map(),
@@ -85,7 +90,7 @@ const connection = createConnection({
   },
 });
 
-// --- what the server says -------------------------------------------------------------------------------------------
+// --- what the server says ------------------------------------------------------------------------
 
 /** @type {Record<string, (message: any) => void>} */
 const HANDLERS = {
@@ -137,10 +142,16 @@ const HANDLERS = {
     const pending = told.pending.get(action.actionId);
     const { offset } = connection.clockSync;
     if (pending) {
-      reached(action.actionId, offset === null ? unixNow() - pending.at : action.stamp - offset - pending.at);
+      reached(
+        action.actionId,
+        offset === null ? unixNow() - pending.at : action.stamp - offset - pending.at,
+      );
       told.running = { key: pending.key, actionId: action.actionId };
     }
-    if (told.running?.actionId === action.actionId && ["FINISHED", "FAILED", "CANCELLED"].includes(action.status)) {
+    if (
+      told.running?.actionId === action.actionId &&
+      ["FINISHED", "FAILED", "CANCELLED"].includes(action.status)
+    ) {
       told.running = null;
       told.notice = action.status === "FAILED" ? "failed" : told.notice;
     }
@@ -154,10 +165,11 @@ const reached = (actionId, latency) => {
   connection.send("wizard/reached", { actionId, latency: Math.min(60, Math.max(0, latency)) });
 };
 
-// --- what the operator does -----------------------------------------------------------------------------------------
+// --- what the operator does ----------------------------------------------------------------------
 
 /** @param {boolean} takeover */
-const take = (takeover) => connection.send("wizard/take", { session: told.scene?.session, takeover });
+const take = (takeover) =>
+  connection.send("wizard/take", { session: told.scene?.session, takeover });
 
 /** Not operating any more: nothing is held, nothing is sent. */
 const lose = () => {
@@ -256,7 +268,7 @@ const tick = () => {
   }
 };
 
-// --- what is shown --------------------------------------------------------------------------------------------------
+// --- what is shown -------------------------------------------------------------------------------
 
 /** @param {any} step */
 const describe = ({ text, aloud, action, place, angle, turn, drive: way }) => {
@@ -264,10 +276,16 @@ const describe = ({ text, aloud, action, place, angle, turn, drive: way }) => {
     return words.say(aloud ? "does_say" : "does_show", { text });
   }
   if (way) {
-    return words.say("does_drive", { s: way.seconds, v: way.linear.toFixed(2), w: way.angular.toFixed(2) });
+    return words.say("does_drive", {
+      s: way.seconds,
+      v: way.linear.toFixed(2),
+      w: way.angular.toFixed(2),
+    });
   }
   const degrees = Math.round(((turn ?? angle) * 180) / Math.PI);
-  return turn !== null ? words.say("does_turn", { degrees }) : words.say(`does_${action}`, { place, degrees });
+  return turn !== null
+    ? words.say("does_turn", { degrees })
+    : words.say(`does_${action}`, { place, degrees });
 };
 
 const status = () => {
@@ -281,7 +299,11 @@ const status = () => {
     return "nobody";
   }
   if (told.granted) {
-    return told.robot?.safety.estop ? "estop" : told.robot?.safety.inhibited === "stopped" ? "stopped" : "operating";
+    return told.robot?.safety.estop
+      ? "estop"
+      : told.robot?.safety.inhibited === "stopped"
+        ? "stopped"
+        : "operating";
   }
   return told.scene.operator === "other" ? "other" : "free";
 };
@@ -292,7 +314,12 @@ const show = () => {
   element("wizard").dataset.state = at;
   write(element("status"), words.say(at));
   write(element("notice"), told.notice ? words.say(told.notice) : "");
-  write(element("participant"), scene?.session ? words.say(scene.visitorSeen ? "participant" : "participant_gone", { k: scene.participant }) : "");
+  write(
+    element("participant"),
+    scene?.session
+      ? words.say(scene.visitorSeen ? "participant" : "participant_gone", { k: scene.participant })
+      : "",
+  );
   write(element("condition"), scene?.condition ?? "");
   element("take").hidden = !(at === "free" || at === "other");
   write(element("take"), words.say(at === "other" ? "take_over" : "take"));
@@ -308,7 +335,10 @@ const show = () => {
 const showParticipant = () => {
   const view = told.participant;
   element("participant-view").hidden = !told.scene?.script?.participantView;
-  write(element("cue"), words.say(view?.cue ? `cue.${view.cue}` : "no_cue", { number: view?.number ?? "" }));
+  write(
+    element("cue"),
+    words.say(view?.cue ? `cue.${view.cue}` : "no_cue", { number: view?.number ?? "" }),
+  );
 };
 
 const showScript = () => {
@@ -318,10 +348,15 @@ const showScript = () => {
     drawn = key;
     buttons = drawScript(script, element("script"), { describe, onPress: press });
   }
-  markSteps(buttons, told.scene?.done ?? [], Boolean(told.granted), told.moving?.key ?? told.running?.key ?? "");
+  markSteps(
+    buttons,
+    told.scene?.done ?? [],
+    Boolean(told.granted),
+    told.moving?.key ?? told.running?.key ?? "",
+  );
 };
 
-// --- keys and buttons -----------------------------------------------------------------------------------------------
+// --- keys and buttons ----------------------------------------------------------------------------
 
 window.addEventListener("keydown", (event) => {
   const use = keyUse(event, openHolder(document));
@@ -329,7 +364,9 @@ window.addEventListener("keydown", (event) => {
     return;
   }
   const direction = Hand.directionOf(event.code);
-  const step = told.scene?.script?.stages.flatMap((/** @type {any} */ stage) => stage.steps).find((/** @type {any} */ one) => one.shortcut && one.shortcut === event.key.toLowerCase());
+  const step = told.scene?.script?.stages
+    .flatMap((/** @type {any} */ stage) => stage.steps)
+    .find((/** @type {any} */ one) => one.shortcut && one.shortcut === event.key.toLowerCase());
   if (use === "stop") {
     event.preventDefault();
     stop();
@@ -359,7 +396,9 @@ for (const button of element("hand").querySelectorAll("[data-direction]")) {
     button.setPointerCapture(event.pointerId);
     hand.press(direction, "touch");
   });
-  ["pointerup", "pointercancel", "lostpointercapture"].forEach((kind) => button.addEventListener(kind, () => hand.release(direction)));
+  ["pointerup", "pointercancel", "lostpointercapture"].forEach((kind) =>
+    button.addEventListener(kind, () => hand.release(direction)),
+  );
 }
 element("stop").addEventListener("click", stop);
 element("take").addEventListener("click", () => take(told.scene?.operator === "other"));
@@ -377,7 +416,15 @@ element("sound").addEventListener("click", () => {
 element("line").addEventListener("submit", (/** @type {SubmitEvent} */ event) => {
   event.preventDefault();
   const text = element("line-text").value.trim();
-  if (text && connection.send("wizard/line", { text, aloud: element("line-aloud").checked, actionId: freshId("line-"), stamp: unixNow() })) {
+  if (
+    text &&
+    connection.send("wizard/line", {
+      text,
+      aloud: element("line-aloud").checked,
+      actionId: freshId("line-"),
+      stamp: unixNow(),
+    })
+  ) {
     element("line-text").value = "";
   }
 });

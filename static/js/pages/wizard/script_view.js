@@ -1,8 +1,14 @@
 /**
- * The script as buttons: a stage is a heading, a step a button with its key and, under its title, what it says or does.
+ * The script as buttons: a stage is a heading, a step a button with its key and, under its title,
+ * what it says or does.
  */
 
-/** @param {any} script @param {HTMLElement} place @param {{describe: (step: any) => string, onPress: (step: any) => void}} options @returns {Map<string, HTMLButtonElement>} by the step's key */
+/**
+ * @param {any} script
+ * @param {HTMLElement} place
+ * @param {{describe: (step: any) => string, onPress: (step: any) => void}} options
+ * @returns {Map<string, HTMLButtonElement>} by the step's key
+ */
 export const drawScript = (script, place, { describe, onPress }) => {
   const buttons = new Map();
   const stages = script.stages.map((/** @type {any} */ stage) => {
@@ -28,7 +34,10 @@ const buttonOf = (step, description) => {
   button.className = "wizard-step";
   button.dataset.step = step.key;
   const part = (/** @type {string} */ name, /** @type {string} */ text) =>
-    Object.assign(document.createElement(name === "wizard-step__key" ? "kbd" : "span"), { className: name, textContent: text });
+    Object.assign(document.createElement(name === "wizard-step__key" ? "kbd" : "span"), {
+      className: name,
+      textContent: text,
+    });
   button.append(part("wizard-step__title", step.title), part("wizard-step__does", description));
   if (step.shortcut) {
     button.append(part("wizard-step__key", step.shortcut.toUpperCase()));
@@ -36,7 +45,12 @@ const buttonOf = (step, description) => {
   return button;
 };
 
-/** @param {Map<string, HTMLButtonElement>} buttons @param {string[]} done @param {boolean} enabled @param {string} running key of the step that the robot does now */
+/**
+ * @param {Map<string, HTMLButtonElement>} buttons
+ * @param {string[]} done
+ * @param {boolean} enabled
+ * @param {string} running key of the step that the robot does now
+ */
 export const markSteps = (buttons, done, enabled, running) => {
   for (const [key, button] of buttons) {
     button.disabled = !enabled;

@@ -1,5 +1,6 @@
 /**
- * How the page is looked at: its profile, the whole screen, and a screen that stays lit. What a profile is stands in profiles.js.
+ * How the page is looked at: its profile, the whole screen, and a screen that stays lit. What a
+ * profile is stands in profiles.js.
  */
 
 import { recallProfile, rememberProfile } from "../../drive/storage.js";
@@ -43,7 +44,9 @@ const setUp = (page) => {
 
 /** @param {import("../../drive/registry.js").Page} page @param {(name: string) => void} choose */
 const createProfiles = ({ element, words }, choose) => {
-  const buttons = /** @type {HTMLButtonElement[]} */ (Array.from(element("profiles").querySelectorAll("button")));
+  const buttons = /** @type {HTMLButtonElement[]} */ (
+    Array.from(element("profiles").querySelectorAll("button"))
+  );
   for (const button of buttons) {
     button.addEventListener("click", () => choose(button.value));
   }

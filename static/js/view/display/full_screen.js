@@ -1,6 +1,7 @@
 /**
- * The whole screen, where the browser has it for pages (an iPhone has it for videos alone, and those hide the buttons). The browser takes
- * Escape for itself then, so whoever leaves by it, perhaps to stop, stops.
+ * The whole screen, where the browser has it for pages (an iPhone has it for videos alone, and
+ * those hide the buttons). The browser takes Escape for itself then, so whoever leaves by it,
+ * perhaps to stop, stops.
  */
 
 /**
@@ -30,7 +31,9 @@ export const createFullScreen = ({ document, onLeft }) => {
     toggle: () => {
       byButton = isOn();
       // A browser that says no leaves things as they are; the old names answer with nothing.
-      (byButton ? exit.call(document) : enter.call(root, { navigationUI: "hide" }))?.catch(() => (byButton = false));
+      (byButton ? exit.call(document) : enter.call(root, { navigationUI: "hide" }))?.catch(
+        () => (byButton = false),
+      );
     },
   };
 };

@@ -1,6 +1,7 @@
 /**
- * Profiles of the page: what it shows, how much it explains, and with which speed and assistance a drive begins. Pure. The names are those
- * of sessions/interfaces.py; static/css/profiles.css hides by them too. Why a robot that ought to move does not is said in every one.
+ * Profiles of the page: what it shows, how much it explains, and with which speed and assistance a
+ * drive begins. Pure. The names are those of sessions/interfaces.py; static/css/profiles.css hides
+ * by them too. Why a robot that ought to move does not is said in every one.
  */
 
 import { isAssistFixed } from "../../study/restrictions.js";
@@ -9,9 +10,11 @@ import { offersAssist } from "../../autonomy/assistance.js";
 /**
  * @typedef {object} Profile
  * @property {number} step index into input/speeds.js STEPS to begin with
- * @property {string | null} assist level of assistance to begin with, null leaves it as the robot's owner has it
+ * @property {string | null} assist level of assistance to begin with, null leaves it as the robot's
+ *   owner has it
  * @property {boolean} explains whether it is told what the robot does to help
- * @property {boolean | null} laser whether laser points are drawn, null leaves it to the level of assistance
+ * @property {boolean | null} laser whether laser points are drawn, null leaves it to the level of
+ *   assistance
  * @property {boolean} figures whether the connection is shown in figures
  */
 
@@ -27,10 +30,19 @@ const FIRST = "standard";
 /** @param {any} name */
 const known = (name) => (Object.hasOwn(PROFILES, name) ? name : FIRST);
 
-/** What somebody else has decided, null when nobody has. @param {import("../../drive/features.js").State} state @returns {string | null} */
+/**
+ * What somebody else has decided, null when nobody has.
+ * @param {import("../../drive/features.js").State} state
+ * @returns {string | null}
+ */
 export const fixedProfile = ({ visit, study }) => (visit.terms ?? study)?.interface || null;
 
-/** The name of what is in force. One that a page does not know shows as the first, and is told as that. @param {import("../../drive/features.js").State} state @returns {string} */
+/**
+ * The name of what is in force. One that a page does not know shows as the first, and is told as
+ * that.
+ * @param {import("../../drive/features.js").State} state
+ * @returns {string}
+ */
 export const nameOf = (state) => known(fixedProfile(state) ?? state.profile ?? state.suggested);
 
 /** @param {import("../../drive/features.js").State} state */
@@ -38,10 +50,14 @@ export const profileOf = (state) => PROFILES[nameOf(state)];
 
 /**
  * What a drive begins with. One that only goes on keeps the assistance that the server knows of it.
- * @param {import("../../drive/features.js").State} state @param {boolean} again whether it goes on after the page was loaded anew
+ * @param {import("../../drive/features.js").State} state
+ * @param {boolean} again whether it goes on after the page was loaded anew
  * @returns {{step: number, assist: string | null}} assist null leaves it as it is
  */
 export const beginningOf = (state, again) => {
   const { step, assist } = profileOf(state);
-  return { step, assist: !again && offersAssist(state.factsheet) && !isAssistFixed(state) ? assist : null };
+  return {
+    step,
+    assist: !again && offersAssist(state.factsheet) && !isAssistFixed(state) ? assist : null,
+  };
 };

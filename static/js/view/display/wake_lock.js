@@ -1,6 +1,7 @@
 /**
- * Keeps the screen lit: a telephone that goes dark hides the page, which stops the robot. The browser takes the lock away with every hiding,
- * and may refuse it (a low battery); then it is asked for again when the page is next seen.
+ * Keeps the screen lit: a telephone that goes dark hides the page, which stops the robot. The
+ * browser takes the lock away with every hiding, and may refuse it (a low battery); then it is
+ * asked for again when the page is next seen.
  */
 
 /**

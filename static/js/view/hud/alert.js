@@ -1,10 +1,10 @@
 /**
- * The one line over the picture that matters most now. Pure: which words and how urgent; readings.js shows it.
+ * The one line over the picture that matters most now. Pure: which words and how urgent;
+ * readings.js shows it.
  */
 
 import { roleOf } from "../../protocol/session.js";
-import { mayAsk } from "../../study/restrictions.js";
-import { offersAround } from "../../autonomy/offer.js";
+import { offersAround, wayOut } from "../../autonomy/offer.js";
 import { wordOf } from "../../autonomy/assistance.js";
 import { profileOf } from "../display/profiles.js";
 
@@ -14,7 +14,8 @@ const NEEDED = new Set(["stop", "blind"]); // of what the robot does to help: wh
 
 /**
  * @param {import("../../drive/features.js").State} state
- * @returns {{word: string, tone: "danger" | "busy" | "calm", values?: Record<string, string | number>} | null}
+ * @returns {{word: string, tone: "danger" | "busy" | "calm",
+ *   values?: Record<string, string | number>} | null}
  */
 export const alertFor = (state) => {
   const { visit, robot } = state;
@@ -24,25 +25,48 @@ export const alertFor = (state) => {
   if (!roleOf(visit)) {
     const asks = visit.phase !== "lobby" && visit.phase !== "closed";
     const lost = visit.socket === "lost" || state.serverSilent;
-    return !asks ? null : lost ? { word: "alert.server", tone: "busy" } : ["taking", "queued", "turn"].includes(visit.phase) ? faultAlert(state) : null;
+    return !asks
+      ? null
+      : lost
+        ? { word: "alert.server", tone: "busy" }
+        : ["taking", "queued", "turn"].includes(visit.phase)
+          ? faultAlert(state)
+          : null;
   }
-  return robotAlert(state) ?? faultAlert(state) ?? linkAlert(state) ?? (robot ? helpAlert(state) ?? diskAlert(state) ?? quietAlert(state) : null);
+  return (
+    robotAlert(state) ??
+    faultAlert(state) ??
+    linkAlert(state) ??
+    (robot ? (helpAlert(state) ?? diskAlert(state) ?? quietAlert(state)) : null)
+  );
 };
 
 /**
- * A part of the server, or the robot's computer, that does not do its work: which one, and what that means for who drives. Without a way
- * to the server what it last said may be over, and is not said.
- * @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>}
+ * A part of the server, or the robot's computer, that does not do its work: which one, and what
+ * that means for who drives. Without a way to the server what it last said may be over, and is not
+ * said.
+ * @param {import("../../drive/features.js").State} state
+ * @returns {ReturnType<typeof alertFor>}
  */
 const faultAlert = ({ visit, faults, serverSilent, now }) => {
-  const fault = faults.find(({ part, then }) => then !== "goes_on" && (part !== "robot" || visit.link !== "live"));
+  const fault = faults.find(
+    ({ part, then }) => then !== "goes_on" && (part !== "robot" || visit.link !== "live"),
+  );
   if (!fault || visit.socket === "lost" || serverSilent) {
     return null;
   }
-  // What goes through the broker stops with it; what goes straight to the robot lives as long as the lease.
-  const left = fault.at === null || (fault.part === "broker" && visit.link !== "live") ? 0 : Math.ceil(fault.at - now);
+  // What goes through the broker stops with it; what goes straight to the robot lives as long as
+  // the lease.
+  const left =
+    fault.at === null || (fault.part === "broker" && visit.link !== "live")
+      ? 0
+      : Math.ceil(fault.at - now);
   const then = fault.then === "stops" && left <= 0 ? "stopped" : fault.then;
-  return { word: `fault.${fault.part}.${then}`, tone: then === "waits" ? "busy" : "danger", values: { seconds: left } };
+  return {
+    word: `fault.${fault.part}.${then}`,
+    tone: then === "waits" ? "busy" : "danger",
+    values: { seconds: left },
+  };
 };
 
 /** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
@@ -56,10 +80,18 @@ const robotAlert = (state) => {
   const { visit, robot } = state;
   // While the robot itself talks to the page it is there, whatever the server believes.
   if (!visit.online && visit.link !== "live") {
-    return faultAlert(state) ?? (visit.serverBlind ? { word: "alert.server", tone: "busy" } : { word: "alert.robot_offline", tone: "danger" });
+    return (
+      faultAlert(state) ??
+      (visit.serverBlind
+        ? { word: "alert.server", tone: "busy" }
+        : { word: "alert.robot_offline", tone: "danger" })
+    );
   }
   if (robot?.safety.estop) {
-    return { word: robot.safety.estopSource?.startsWith("screen") ? "alert.estop_screen" : "alert.estop", tone: "danger" };
+    return {
+      word: robot.safety.estopSource?.startsWith("screen") ? "alert.estop_screen" : "alert.estop",
+      tone: "danger",
+    };
   }
   if (robot?.safety.inhibited === "fault") {
     return { word: "alert.fault", tone: "danger" };
@@ -77,7 +109,10 @@ const linkAlert = ({ visit, robot, roundTrip, slow, playing, still, stuck, serve
     return { word: "alert.sfu_lost", tone: "busy" };
   }
   if (visit.link === "lost" && !(slow && playing)) {
-    return { word: visit.phase === "driving" ? "alert.link_driver" : "alert.link_observer", tone: "busy" };
+    return {
+      word: visit.phase === "driving" ? "alert.link_driver" : "alert.link_observer",
+      tone: "busy",
+    };
   }
   if (robot?.cameraStatus?.reason && playing) {
     return { word: "alert.camera", tone: "danger" };
@@ -91,17 +126,26 @@ const linkAlert = ({ visit, robot, roundTrip, slow, playing, still, stuck, serve
   if (cutOff || !visit.online) {
     return { word: visit.link === "live" ? "alert.server_only" : "alert.server", tone: "busy" };
   }
-  return visit.phase === "driving" && roundTrip !== null && roundTrip > SLOW_SECONDS ? { word: "alert.slow", tone: "busy" } : null;
+  return visit.phase === "driving" && roundTrip !== null && roundTrip > SLOW_SECONDS
+    ? { word: "alert.slow", tone: "busy" }
+    : null;
 };
 
-/** What keeps the robot from doing what its driver wants. @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
+/**
+ * What keeps the robot from doing what its driver wants.
+ * @param {import("../../drive/features.js").State} state
+ * @returns {ReturnType<typeof alertFor>}
+ */
 const helpAlert = (state) => {
   const { visit, robot, help, now, pushedAt, barred, said, stuck } = state;
   if (barred && now - barred.at < PUSHED_SECONDS) {
     return { word: `off.${barred.method}`, tone: "busy" };
   }
   if (visit.phase === "driving" && robot.docked && now - pushedAt < PUSHED_SECONDS) {
-    return { word: mayAsk(state, "undock") ? "alert.docked_forward" : "alert.docked_forward_yourself", tone: "busy" };
+    return {
+      word: wayOut(state) ? "alert.docked_forward" : "alert.docked_forward_yourself",
+      tone: "busy",
+    };
   }
   if (said && now - said.at < PUSHED_SECONDS && !offersAround(state)) {
     return { word: said.word, tone: "calm" };
@@ -118,13 +162,23 @@ const helpAlert = (state) => {
 
 /** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
 const quietAlert = ({ visit, notice, now, slow, playing, told, practising }) => {
-  // A task says itself how much time is left, and so does the page that waits around a practice robot's.
+  // A task says itself how much time is left, and so does the page that waits around a practice
+  // robot's.
   if (visit.turnEnds !== null && (told?.endsAt ?? null) === null && !practising) {
     const left = Math.max(0, Math.ceil(visit.turnEnds - now));
-    return { word: "alert.turn_ends", tone: "busy", values: { time: `${Math.floor(left / 60)}:${String(left % 60).padStart(2, "0")}` } };
+    return {
+      word: "alert.turn_ends",
+      tone: "busy",
+      values: { time: `${Math.floor(left / 60)}:${String(left % 60).padStart(2, "0")}` },
+    };
   }
   if (notice) {
     return { word: "alert.notice", tone: "calm", values: { text: notice } };
   }
-  return slow && playing ? { word: visit.phase === "driving" ? "alert.slow_picture" : "alert.slow_picture_observer", tone: "calm" } : null;
+  return slow && playing
+    ? {
+        word: visit.phase === "driving" ? "alert.slow_picture" : "alert.slow_picture_observer",
+        tone: "calm",
+      }
+    : null;
 };

@@ -1,6 +1,6 @@
 /**
- * The card in the middle of the picture: what this visit is waiting for, asks, or ended with, and one thing to do about it. Pure: which
- * words and buttons; card_panel.js shows them.
+ * The card in the middle of the picture: what this visit is waiting for, asks, or ended with, and
+ * one thing to do about it. Pure: which words and buttons; card_panel.js shows them.
  */
 
 import { roleOf } from "../../protocol/session.js";
@@ -12,13 +12,15 @@ import { standstillOf } from "./standstill.js";
  * @typedef {object} Card
  * @property {string} word the sentences are `<word>.title` and `<word>.text`
  * @property {Record<string, string | number>} [values] for the sentences
- * @property {{word: string, values?: Record<string, string | number>} | null} [detail] a sentence in front of the text
+ * @property {{word: string, values?: Record<string, string | number>} | null} [detail] a sentence
+ *   in front of the text
  * @property {boolean} [busy] something is under way
  * @property {{action: string, word: string}} [main]
  * @property {{action: string, word: string}} [other]
  * @property {{action: string, word: string}} [extra] something that one may do meanwhile
  * @property {number} [countdown] seconds
- * @property {boolean} [quiet] no button has the focus: a key that was meant for something else must not answer
+ * @property {boolean} [quiet] no button has the focus: a key that was meant for something else must
+ *   not answer
  */
 
 const HOME = { action: "home", word: "do.home" };
@@ -53,10 +55,20 @@ export const cardFor = (state) => {
 /** @param {import("../../drive/features.js").State} state @returns {Card | null} */
 const usualCard = (state) => {
   if (state.visit.askedUntil !== null) {
-    return { word: "idle", countdown: Math.max(0, Math.ceil(state.visit.askedUntil - state.now)), main: { action: "here", word: "do.here" }, quiet: true };
+    return {
+      word: "idle",
+      countdown: Math.max(0, Math.ceil(state.visit.askedUntil - state.now)),
+      main: { action: "here", word: "do.here" },
+      quiet: true,
+    };
   }
   if (state.leaving) {
-    return { word: state.returnsHome ? "leaving_home" : "leaving", main: { action: "leave_now", word: "do.leave" }, other: { action: "stay", word: "do.stay" }, quiet: true };
+    return {
+      word: state.returnsHome ? "leaving_home" : "leaving",
+      main: { action: "leave_now", word: "do.leave" },
+      other: { action: "stay", word: "do.stay" },
+      quiet: true,
+    };
   }
   const card = CARDS[state.visit.phase];
   return card ? card(state) : null;
@@ -67,7 +79,8 @@ const CARDS = {
   connecting: ({ finding }) => ({ word: "connecting", busy: true, detail: finding }),
   closed: (state) => closed(state),
   lobby: (state) => lobby(state),
-  taking: ({ visit }) => (visit.socket === "open" ? { word: "taking", busy: true } : { word: "connecting", busy: true }),
+  taking: ({ visit }) =>
+    visit.socket === "open" ? { word: "taking", busy: true } : { word: "connecting", busy: true },
   queued: ({ visit, ...state }) => ({
     ...queued(visit),
     values: { place: visit.place, minutes: Math.max(1, Math.ceil(visit.minutes)) },
@@ -84,31 +97,50 @@ const CARDS = {
   watching: (state) => link(state),
   elsewhere: () => ({ word: "elsewhere", main: TAKE_OVER, other: HOME }),
   refused: ({ visit, ...state }) => ({
-    word: visit.reason === "offline" && isSimulated(state) ? "refused.simulated" : `refused.${visit.reason}`,
+    word:
+      visit.reason === "offline" && isSimulated(state)
+        ? "refused.simulated"
+        : `refused.${visit.reason}`,
     main: visit.reason === "offline" || visit.reason === "observers_full" ? BACK : HOME,
   }),
   ended: ({ visit, finding, guest, trip, practising }) => ({
     ...ended(visit.reason, guest),
     detail: BROKEN.has(visit.reason) ? finding : null,
-    extra: trip && trip.metres > SHORTEST_TRIP && !practising && visit.reason !== "moved" ? SOUVENIR : undefined,
+    extra:
+      trip && trip.metres > SHORTEST_TRIP && !practising && visit.reason !== "moved"
+        ? SOUVENIR
+        : undefined,
   }),
 };
 
-/** Whether the page's robot is one to try or practise with: nobody switches it off. @param {Pick<import("../../drive/features.js").State, "practising" | "guest">} state */
+/**
+ * Whether the page's robot is one to try or practise with: nobody switches it off.
+ * @param {Pick<import("../../drive/features.js").State, "practising" | "guest">} state
+ */
 const isSimulated = ({ practising, guest }) => practising || guest;
 
-/** What one may do while one waits. @param {Pick<import("../../drive/features.js").State, "practice" | "notifiable">} state @returns {Partial<Card>} */
+/**
+ * What one may do while one waits.
+ * @param {Pick<import("../../drive/features.js").State, "practice" | "notifiable">} state
+ * @returns {Partial<Card>}
+ */
 const meanwhile = ({ practice, notifiable }) => {
   const tell = notifiable ? { action: "tell_me", word: "do.tell_me" } : undefined;
   if (practice === "starting") {
     return { busy: true, detail: { word: "practice.starting" }, extra: tell };
   }
-  return practice === "off" ? { main: { action: "practise", word: "do.practise" }, extra: tell } : { main: tell };
+  return practice === "off"
+    ? { main: { action: "practise", word: "do.practise" }, extra: tell }
+    : { main: tell };
 };
 
 const BROKEN = new Set(["connection_refused", "connection_lost"]);
 
-/** The page does nothing any more, or nothing yet. @param {import("../../drive/features.js").State} state @returns {Card} */
+/**
+ * The page does nothing any more, or nothing yet.
+ * @param {import("../../drive/features.js").State} state
+ * @returns {Card}
+ */
 const closed = ({ visit, betterBrowser, copied }) => {
   const word = `closed.${visit.reason}`;
   if (visit.reason === "in_app") {
@@ -126,7 +158,11 @@ const CHECKS = new Set(["level", "relocalize", "picture", "network"]);
 const LACKS = new Set(["not_docked", "elsewhere", "lost", "charge", "silent"]);
 const UNFIT = new Set(["no_picture", "network", "fault", "not_connected"]);
 
-/** How the robot keeps the queue waiting when nobody drives it. @param {import("../../protocol/session.js").Visit} visit @returns {Card} */
+/**
+ * How the robot keeps the queue waiting when nobody drives it.
+ * @param {import("../../protocol/session.js").Visit} visit
+ * @returns {Card}
+ */
 const queued = ({ place, pause }) => {
   const [why, reason] = [pause.split(":")[0], pause.split(":").slice(1).join(":").trim()];
   if (why === "start") {
@@ -140,18 +176,33 @@ const queued = ({ place, pause }) => {
   }
   if (why === "paused") {
     const detail = reasonFor(reason);
-    return { word: UNFIT.has(reason) || detail?.word === "reason.not_connected" ? "queued.unfit" : "queued.paused", detail };
+    return {
+      word:
+        UNFIT.has(reason) || detail?.word === "reason.not_connected"
+          ? "queued.unfit"
+          : "queued.paused",
+      detail,
+    };
   }
   return { word: why === "returning" && CHECKS.has(reason) ? "queued.checked" : `queued.${why}` };
 };
 
-/** A newer server may know more ends: for those there are general words. @param {string} reason @param {boolean} guest @returns {Card} */
+/**
+ * A newer server may know more ends: for those there are general words.
+ * @param {string} reason
+ * @param {boolean} guest
+ * @returns {Card}
+ */
 const ended = (reason, guest) => {
   if (guest) {
     return { word: "ended.guest", main: { action: "sign_up", word: "do.sign_up" }, other: HOME };
   }
   const main = AFTER[reason] ?? HOME;
-  return { word: `ended.${reason in AFTER ? reason : "completed"}`, main, other: main === HOME ? undefined : HOME };
+  return {
+    word: `ended.${reason in AFTER ? reason : "completed"}`,
+    main,
+    other: main === HOME ? undefined : HOME,
+  };
 };
 
 /** @param {import("../../drive/features.js").State} state @returns {Card} */
@@ -164,15 +215,26 @@ const lobby = ({ visit, room, robot, ...state }) => {
     return { word: "elsewhere", main: TAKE_OVER, other: HOME };
   }
   if (!visit.online) {
-    return { word: isSimulated(state) ? "lobby.simulated" : "lobby.offline", busy: true, other: HOME };
+    return {
+      word: isSimulated(state) ? "lobby.simulated" : "lobby.offline",
+      busy: true,
+      other: HOME,
+    };
   }
   if (!visit.mayDrive) {
-    return visit.mayObserve ? { word: "lobby.watch_only", main: watch, other: HOME } : { word: "refused.not_invited", main: HOME };
+    return visit.mayObserve
+      ? { word: "lobby.watch_only", main: watch, other: HOME }
+      : { word: "refused.not_invited", main: HOME };
   }
   const other = visit.mayObserve ? watch : undefined;
   if (room.driving || room.driver !== null) {
     const word = room.driver ? "lobby.busy" : "lobby.busy_unnamed";
-    return { word, values: { driver: room.driver ?? "", place: room.waiting + 1 }, main: { action: "drive", word: "do.queue" }, other };
+    return {
+      word,
+      values: { driver: room.driver ?? "", place: room.waiting + 1 },
+      main: { action: "drive", word: "do.queue" },
+      other,
+    };
   }
   const standstill = standstillOf(robot);
   return standstill
@@ -181,16 +243,24 @@ const lobby = ({ visit, room, robot, ...state }) => {
 };
 
 /**
- * Video has not begun: the link is made, or the camera starts, or why it does not. A link that is lost has its banner instead, so that the
- * last picture stays in sight, until it is known why.
+ * Video has not begun: the link is made, or the camera starts, or why it does not. A link that is
+ * lost has its banner instead, so that the last picture stays in sight, until it is known why.
  */
 const link = (/** @type {import("../../drive/features.js").State} */ state) => {
   const camera = state.robot?.cameraStatus;
-  if (!roleOf(state.visit) || state.playing || (state.visit.link !== "connecting" && !state.finding && !camera)) {
+  if (
+    !roleOf(state.visit) ||
+    state.playing ||
+    (state.visit.link !== "connecting" && !state.finding && !camera)
+  ) {
     return null;
   }
   if (camera?.reason) {
-    return { word: "camera", busy: true, detail: { word: "camera.reason", values: { reason: camera.reason } } };
+    return {
+      word: "camera",
+      busy: true,
+      detail: { word: "camera.reason", values: { reason: camera.reason } },
+    };
   }
   return { word: "link", busy: true, detail: camera ? null : state.finding };
 };

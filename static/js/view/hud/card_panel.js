@@ -7,12 +7,14 @@ import { write } from "../../lib/dom.js";
 export class CardPanel {
   /**
    * @param {object} options
-   * @param {HTMLElement} options.element with #card-title, #card-text, #card-main, #card-extra, #card-other, #card-count in it
+   * @param {HTMLElement} options.element with #card-title, #card-text, #card-main, #card-extra,
+   *   #card-other, #card-count in it
    * @param {import("../../lib/words.js").Words} options.words
    * @param {(action: string) => void} options.onAction
    */
   constructor({ element, words, onAction }) {
-    const part = (/** @type {string} */ id) => /** @type {HTMLElement} */ (element.querySelector(`#card-${id}`));
+    const part = (/** @type {string} */ id) =>
+      /** @type {HTMLElement} */ (element.querySelector(`#card-${id}`));
     this.element = element;
     this.words = words;
     this.title = part("title");
@@ -34,9 +36,20 @@ export class CardPanel {
       this.shown = "";
       return;
     }
-    const { word, values = {}, detail = null, busy = false, main, extra, other, countdown, quiet = false } = card;
+    const {
+      word,
+      values = {},
+      detail = null,
+      busy = false,
+      main,
+      extra,
+      other,
+      countdown,
+      quiet = false,
+    } = card;
     this.element.toggleAttribute("data-busy", busy);
-    this.element.toggleAttribute("data-holds-keys", !busy); // one that asks nothing but for patience leaves the keys alone
+    // one that asks nothing but for patience leaves the keys alone
+    this.element.toggleAttribute("data-holds-keys", !busy);
     this.element.dataset.card = word;
     write(this.title, this.words.say(`${word}.title`, values));
     write(this.text, textOf({ word, values, detail }, this.words));
@@ -62,17 +75,33 @@ export class CardPanel {
     write(button, what ? this.words.say(what.word) : "");
   }
 
-  /** Whoever pressed the button of the last card finds the focus on this one's, and not on the bare page. */
+  /**
+   * Whoever pressed the button of the last card finds the focus on this one's, and not on the bare
+   * page.
+   */
   #takeFocus() {
     const active = document.activeElement;
-    const lost = active === null || active === document.body || (active instanceof HTMLElement && active.hidden) || active === this.main || active === this.extra || active === this.other;
+    const lost =
+      active === null ||
+      active === document.body ||
+      (active instanceof HTMLElement && active.hidden) ||
+      active === this.main ||
+      active === this.extra ||
+      active === this.other;
     if (lost) {
-      const target = [this.main, this.extra, this.other].find((button) => !button.hidden) ?? this.title;
+      const target =
+        [this.main, this.extra, this.other].find((button) => !button.hidden) ?? this.title;
       target.focus({ preventScroll: true });
     }
   }
 }
 
-/** @param {import("./card.js").Card} card @param {import("../../lib/words.js").Words} words @returns {string} */
+/**
+ * @param {import("./card.js").Card} card
+ * @param {import("../../lib/words.js").Words} words
+ * @returns {string}
+ */
 export const textOf = ({ word, values, detail }, words) =>
-  [detail ? words.say(detail.word, detail.values) : "", words.say(`${word}.text`, values)].filter(Boolean).join(" ");
+  [detail ? words.say(detail.word, detail.values) : "", words.say(`${word}.text`, values)]
+    .filter(Boolean)
+    .join(" ");

@@ -19,12 +19,20 @@ export const contains = (polygon, x, y) => {
   return inside;
 };
 
-/** @param {any} plan @param {{x: number, y: number} | undefined} pose @returns {string} the room's title, or nothing */
+/**
+ * @param {any} plan
+ * @param {{x: number, y: number} | undefined} pose
+ * @returns {string} the room's title, or nothing
+ */
 export const roomAt = (plan, pose) =>
-  (pose && plan?.rooms?.find((/** @type {any} */ room) => contains(room.polygon, pose.x, pose.y))?.title) || "";
+  (pose &&
+    plan?.rooms?.find((/** @type {any} */ room) => contains(room.polygon, pose.x, pose.y))
+      ?.title) ||
+  "";
 
 /** @param {number} seconds @returns {string} */
-export const clockTime = (seconds) => `${Math.floor(seconds / 60)}:${String(Math.floor(seconds % 60)).padStart(2, "0")}`;
+export const clockTime = (seconds) =>
+  `${Math.floor(seconds / 60)}:${String(Math.floor(seconds % 60)).padStart(2, "0")}`;
 
 /**
  * @param {(id: string) => HTMLElement} element
@@ -32,13 +40,22 @@ export const clockTime = (seconds) => `${Math.floor(seconds / 60)}:${String(Math
  * @returns {(state: import("../../drive/features.js").State) => void}
  */
 export const createDials = (element, language) => {
-  const one = new Intl.NumberFormat(language, { minimumFractionDigits: 1, maximumFractionDigits: 1 });
-  const two = new Intl.NumberFormat(language, { minimumFractionDigits: 2, maximumFractionDigits: 2 });
+  const one = new Intl.NumberFormat(language, {
+    minimumFractionDigits: 1,
+    maximumFractionDigits: 1,
+  });
+  const two = new Intl.NumberFormat(language, {
+    minimumFractionDigits: 2,
+    maximumFractionDigits: 2,
+  });
   return ({ robot, plan, visit, began, now }) => {
     const drives = visit.phase === "driving" && began !== null;
     write(element("dial-room"), roomAt(plan, robot?.pose) || "–");
     write(element("dial-speed"), robot ? two.format(Math.abs(robot.velocity.linear)) : "–");
-    write(element("dial-distance"), drives && robot ? one.format(Math.max(0, robot.distance - began.distance)) : "–");
+    write(
+      element("dial-distance"),
+      drives && robot ? one.format(Math.max(0, robot.distance - began.distance)) : "–",
+    );
     write(element("dial-time"), drives ? clockTime(Math.max(0, now - began.at)) : "–");
   };
 };

@@ -1,5 +1,6 @@
 /**
- * What lies over and round the video: the card, the bar on top, the dials, the buttons, and what screen readers are told.
+ * What lies over and round the video: the card, the bar on top, the dials, the buttons, and what
+ * screen readers are told.
  */
 
 import { offerFor } from "../../autonomy/offer.js";
@@ -26,10 +27,18 @@ const setUp = ({ words, element, act }) => {
   return {
     render: (/** @type {any} */ state) => {
       const { visit } = state;
-      Object.assign(root.dataset, { phase: visit.phase, link: visit.link, role: roleOf(visit), transport: state.transport });
+      Object.assign(root.dataset, {
+        phase: visit.phase,
+        link: visit.link,
+        role: roleOf(visit),
+        transport: state.transport,
+      });
       root.toggleAttribute("data-playing", state.playing);
       root.toggleAttribute("data-slow", state.slow);
-      root.toggleAttribute("data-frozen", roleOf(visit) !== "" && (state.slow ? !state.playing : visit.link === "lost"));
+      root.toggleAttribute(
+        "data-frozen",
+        roleOf(visit) !== "" && (state.slow ? !state.playing : visit.link === "lost"),
+      );
       panel.show(cardFor(state));
       renders.forEach((render) => render(state));
     },
@@ -47,12 +56,25 @@ const createAnnouncer = (element, words) => {
     const card = cardFor(state);
     const alert = alertFor(state);
     const offer = offerFor(state);
-    // A count-down is not read out second by second: the sentence is announced when its word changes.
-    const key = `${card?.word ?? ""}|${alert?.word ?? ""}|${card?.values?.place ?? ""}|${offer?.word ?? ""}|${offer?.detail?.word ?? ""}`;
+    // A count-down is not read out second by second: the sentence is announced when its word
+    // changes.
+    const key = [
+      card?.word,
+      alert?.word,
+      card?.values?.place,
+      offer?.word,
+      offer?.detail?.word,
+    ].join("|");
     if (key !== said) {
       said = key;
-      const lines = [alert, offer, offer?.detail].map((one) => one && words.say(one.word, one.values));
-      const sentences = [...lines, card && words.say(`${card.word}.title`, card.values), card && textOf(card, words)];
+      const lines = [alert, offer, offer?.detail].map(
+        (one) => one && words.say(one.word, one.values),
+      );
+      const sentences = [
+        ...lines,
+        card && words.say(`${card.word}.title`, card.values),
+        card && textOf(card, words),
+      ];
       write(element, sentences.filter(Boolean).join(" "));
     }
   };

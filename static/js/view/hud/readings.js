@@ -1,5 +1,6 @@
 /**
- * The bar on top and the line over the picture: what is written into the page's elements, and nothing else.
+ * The bar on top and the line over the picture: what is written into the page's elements, and
+ * nothing else.
  */
 
 import { roleOf } from "../../protocol/session.js";
@@ -42,11 +43,18 @@ export const createReadings = (element, words) => {
     const trip = roleOf(state.visit) === "driver" ? state.roundTrip : null;
     parts.trip.hidden = trip === null;
     parts.trip.dataset.transport = state.transport;
-    write(parts.tripText, trip === null ? "" : words.say("reading.round_trip", { ms: Math.round(trip * 1000) }));
+    write(
+      parts.tripText,
+      trip === null ? "" : words.say("reading.round_trip", { ms: Math.round(trip * 1000) }),
+    );
   };
 };
 
-/** @param {HTMLElement} line @param {import("../../drive/features.js").State} state @param {import("../../lib/words.js").Words} words */
+/**
+ * @param {HTMLElement} line
+ * @param {import("../../drive/features.js").State} state
+ * @param {import("../../lib/words.js").Words} words
+ */
 const showAlert = (line, state, words) => {
   const alert = alertFor(state);
   line.hidden = alert === null;
@@ -55,20 +63,32 @@ const showAlert = (line, state, words) => {
   write(line, alert ? words.say(alert.word, alert.values) : "");
 };
 
-/** @param {Record<string, HTMLElement>} parts @param {import("../../drive/features.js").State} state @param {import("../../lib/words.js").Words} words */
+/**
+ * @param {Record<string, HTMLElement>} parts
+ * @param {import("../../drive/features.js").State} state
+ * @param {import("../../lib/words.js").Words} words
+ */
 const showPeople = (parts, { visit, room }, words) => {
   const others = Math.max(0, room.observers - (visit.phase === "watching" ? 1 : 0));
   const driver = visit.phase !== "driving" && room.driving && room.driver;
-  const sentences = [driver ? words.say("reading.driver", { driver }) : "", others ? words.say("reading.watching", { n: others }) : ""];
+  const sentences = [
+    driver ? words.say("reading.driver", { driver }) : "",
+    others ? words.say("reading.watching", { n: others }) : "",
+  ];
   parts.people.hidden = !sentences.some(Boolean);
   parts.people.dataset.watching = String(others);
   write(parts.peopleText, sentences.filter(Boolean).join(" · "));
-  const waits = Math.max(0, room.waiting - (["queued", "turn"].includes(visit.phase) ? 1 : 0)); // the card says where in the queue one is oneself
+  // the card says where in the queue one is oneself
+  const waits = Math.max(0, room.waiting - (["queued", "turn"].includes(visit.phase) ? 1 : 0));
   parts.waiting.hidden = waits === 0;
   write(parts.waitingText, waits ? words.say("reading.waiting", { n: waits }) : "");
 };
 
-/** @param {Record<string, HTMLElement>} parts @param {import("../../drive/features.js").State} state @param {import("../../lib/words.js").Words} words */
+/**
+ * @param {Record<string, HTMLElement>} parts
+ * @param {import("../../drive/features.js").State} state
+ * @param {import("../../lib/words.js").Words} words
+ */
 const showBattery = (parts, { robot }, words) => {
   parts.battery.hidden = !robot;
   if (!robot) {
@@ -81,6 +101,11 @@ const showBattery = (parts, { robot }, words) => {
   parts.batteryLevel.hidden = !known;
   parts.batteryLevel.style.setProperty("--charge", String(charge ?? 0));
   parts.batteryName.hidden = !known; // the words for an unknown one name it themselves
-  write(parts.batteryText, known ? words.say("reading.battery", { percent: Math.round(charge * 100) }) : words.say("reading.battery_unknown"));
+  write(
+    parts.batteryText,
+    known
+      ? words.say("reading.battery", { percent: Math.round(charge * 100) })
+      : words.say("reading.battery_unknown"),
+  );
   write(parts.batteryMore, charging ? words.say("reading.charging") : "");
 };

@@ -5,9 +5,15 @@
 import { roleOf } from "../../protocol/session.js";
 import { standstillOf } from "./standstill.js";
 
-const PLAYING = /** @type {Record<string, string>} */ ({ driving: "status.driving", watching: "status.watching" });
+const PLAYING = /** @type {Record<string, string>} */ ({
+  driving: "status.driving",
+  watching: "status.watching",
+});
 
-/** @param {import("../../drive/features.js").State} state @returns {{word: string, tone: "ok" | "slow" | "busy" | "off" | "danger"}} */
+/**
+ * @param {import("../../drive/features.js").State} state
+ * @returns {{word: string, tone: "ok" | "slow" | "busy" | "off" | "danger"}}
+ */
 export const statusFor = ({ visit, room, playing, slow, robot }) => {
   if (roleOf(visit)) {
     if (!visit.online && !visit.serverBlind && visit.link !== "live") {
@@ -31,7 +37,10 @@ export const statusFor = ({ visit, room, playing, slow, robot }) => {
     return { word: "status.closed", tone: "off" };
   }
   if (visit.socket !== "open") {
-    return { word: visit.socket === "lost" ? "status.reconnecting" : "status.connecting", tone: "busy" };
+    return {
+      word: visit.socket === "lost" ? "status.reconnecting" : "status.connecting",
+      tone: "busy",
+    };
   }
   if (visit.phase === "queued" || visit.phase === "turn") {
     return { word: "status.waiting", tone: "busy" };
@@ -43,5 +52,7 @@ export const statusFor = ({ visit, room, playing, slow, robot }) => {
     return { word: "status.offline", tone: "off" };
   }
   const standstill = standstillOf(robot);
-  return standstill ? { word: standstill.startsWith("estop") ? "status.stopped" : "status.fault", tone: "danger" } : { word: "status.ready", tone: "ok" };
+  return standstill
+    ? { word: standstill.startsWith("estop") ? "status.stopped" : "status.fault", tone: "danger" }
+    : { word: "status.ready", tone: "ok" };
 };

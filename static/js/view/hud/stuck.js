@@ -1,12 +1,16 @@
 /**
- * "I press and nothing moves": the reason, from what the page knows and the robot reports. Pure. What the line over the picture says
- * anyway (alert.js) comes before it; here is whatever else may hold the robot, and a last word when nobody knows.
+ * "I press and nothing moves": the reason, from what the page knows and the robot reports. Pure.
+ * What the line over the picture says anyway (alert.js) comes before it; here is whatever else may
+ * hold the robot, and a last word when nobody knows.
  */
 
 const PATIENCE = 0.5; // s of input without motion
 const SILENCE = 1; // s without news of the robot
 
-/** Why the robot's kernel refuses commands (robots/agent: freshness.py, permissions.py, safety.py). @type {Record<string, string>} */
+/**
+ * Why the robot's kernel refuses commands (robots/agent: freshness.py, permissions.py, safety.py).
+ * @type {Record<string, string>}
+ */
 const REFUSALS = {
   stale: "late",
   future: "late",
@@ -26,12 +30,14 @@ const REFUSALS = {
 
 /**
  * @param {import("../../drive/features.js").State} state
- * @param {{now: number, heardAt: number, movedAt: number}} times Unix seconds: when the robot was heard of last, and seen to move
+ * @param {{now: number, heardAt: number, movedAt: number}} times Unix seconds: when the robot was
+ *   heard of last, and seen to move
  * @returns {Why | null} null when nothing is pressed, or the robot moves
  */
 export const stuckFor = (state, { now, heardAt, movedAt }) => {
   const { visit, pressing, robot, stopping, roundTrip } = state;
-  const still = pressing === null || visit.phase !== "driving" ? 0 : now - Math.max(pressing.since, movedAt);
+  const still =
+    pressing === null || visit.phase !== "driving" ? 0 : now - Math.max(pressing.since, movedAt);
   if (still < PATIENCE) {
     return null;
   }
@@ -44,7 +50,9 @@ export const stuckFor = (state, { now, heardAt, movedAt }) => {
   if (!state.playing) {
     return { word: "stuck.no_picture" };
   }
-  return robotSays(robot) ?? (still < PATIENCE + (roundTrip ?? 0) ? null : { word: "stuck.unknown" });
+  return (
+    robotSays(robot) ?? (still < PATIENCE + (roundTrip ?? 0) ? null : { word: "stuck.unknown" })
+  );
 };
 
 /** @param {any} robot its state @returns {Why | null} */
@@ -55,10 +63,13 @@ const robotSays = ({ safety, refused, errors }) => {
   if (safety.inhibited === "collision") {
     return { word: "stuck.contact" };
   }
-  const [most] = Object.entries(refused ?? {}).sort(([, one], [, other]) => other - one).filter(([reason]) => reason in REFUSALS);
+  const [most] = Object.entries(refused ?? {})
+    .sort(([, one], [, other]) => other - one)
+    .filter(([reason]) => reason in REFUSALS);
   if (most) {
     return { word: `stuck.${REFUSALS[most[0]]}` };
   }
-  const error = errors?.find((/** @type {string} */ one) => !one.startsWith("disk_")); // a disk that fills up moves nothing and stops nothing
+  // a disk that fills up moves nothing and stops nothing
+  const error = errors?.find((/** @type {string} */ one) => !one.startsWith("disk_"));
   return error ? { word: "stuck.error", values: { error: error.replace(/\.$/, "") } } : null;
 };

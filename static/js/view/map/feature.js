@@ -10,15 +10,24 @@ import { FOLLOWING, ZOOM_STEP } from "./pan_zoom.js";
 
 const TOOLS = 48; // CSS pixels that the buttons at the map's upper edge take
 
-/** CSS pixels that the buttons take of a map: none where they stand beside it. @param {HTMLCanvasElement} canvas */
-const toolsOver = (canvas) => (canvas.clientWidth < (canvas.parentElement?.clientWidth ?? 0) - TOOLS ? 0 : TOOLS);
+/**
+ * CSS pixels that the buttons take of a map: none where they stand beside it.
+ * @param {HTMLCanvasElement} canvas
+ */
+const toolsOver = (canvas) =>
+  canvas.clientWidth < (canvas.parentElement?.clientWidth ?? 0) - TOOLS ? 0 : TOOLS;
 
 /** @param {import("../../drive/registry.js").Page} page */
 const setUp = (page) => {
   const { store, element } = page;
-  const map = new RobotMap({ canvas: /** @type {HTMLCanvasElement} */ (element("map")), tools: toolsOver });
+  const map = new RobotMap({
+    canvas: /** @type {HTMLCanvasElement} */ (element("map")),
+    tools: toolsOver,
+  });
   const actions = newActions(store, map);
-  const buttons = /** @type {HTMLButtonElement[]} */ (Array.from(element("map-tools").querySelectorAll("button")));
+  const buttons = /** @type {HTMLButtonElement[]} */ (
+    Array.from(element("map-tools").querySelectorAll("button"))
+  );
   addGestures(element("map"), {
     keymap: page.keys.keymap,
     actions,
@@ -40,12 +49,18 @@ const setUp = (page) => {
       state: setPose,
       pose: setPose,
       path: (/** @type {any} */ { points }) => map.setPath(points),
-      scan: (/** @type {any} */ message) => map.setScan(message, store.get().factsheet?.laser ?? null),
+      scan: (/** @type {any} */ message) =>
+        map.setScan(message, store.get().factsheet?.laser ?? null),
     },
     actions,
     on: { second: () => write(state, mapState(store.get(), page.words)) },
     render: (/** @type {any} */ { mapFollows, mapTurns, mapSize, mapOpen }) => {
-      const pressed = /** @type {Record<string, boolean>} */ ({ map_follow: mapFollows, map_turn: mapTurns, map_swap: mapSize === "swapped", map_large: mapSize === "large" });
+      const pressed = /** @type {Record<string, boolean>} */ ({
+        map_follow: mapFollows,
+        map_turn: mapTurns,
+        map_swap: mapSize === "swapped",
+        map_large: mapSize === "large",
+      });
       buttons.forEach((button) => {
         const action = button.dataset.action ?? "";
         if (action in pressed) {
@@ -58,7 +73,11 @@ const setUp = (page) => {
   };
 };
 
-/** Where the robot is, for who does not see the map. @param {import("../../drive/features.js").State} state @param {import("../../lib/words.js").Words} words */
+/**
+ * Where the robot is, for who does not see the map.
+ * @param {import("../../drive/features.js").State} state
+ * @param {import("../../lib/words.js").Words} words
+ */
 export const mapState = ({ robot, plan }, words) => {
   if (!robot || !plan) {
     return "";
@@ -67,7 +86,10 @@ export const mapState = ({ robot, plan }, words) => {
     return words.say("map.lost");
   }
   const eighth = (Math.round(robot.pose.theta / (Math.PI / 4)) + 8) % 8;
-  return words.say("map.state", { room: roomAt(plan, robot.pose) || "–", heading: words.say(`map.heading.${eighth}`) });
+  return words.say("map.state", {
+    room: roomAt(plan, robot.pose) || "–",
+    heading: words.say(`map.heading.${eighth}`),
+  });
 };
 
 /** @param {import("../../drive/registry.js").Page} page @param {RobotMap} map */
@@ -84,9 +106,14 @@ const load = ({ config, store, element }, map) => {
 };
 
 /** @param {import("../../drive/store.js").Store} store @param {RobotMap} map */
-const showSettings = (store, { settings }) => store.update({ mapFollows: settings.follows, mapTurns: settings.turns });
+const showSettings = (store, { settings }) =>
+  store.update({ mapFollows: settings.follows, mapTurns: settings.turns });
 
-/** @param {import("../../drive/store.js").Store} store @param {RobotMap} map @returns {Record<string, () => void>} */
+/**
+ * @param {import("../../drive/store.js").Store} store
+ * @param {RobotMap} map
+ * @returns {Record<string, () => void>}
+ */
 const newActions = (store, map) => {
   /** @param {Partial<import("./pan_zoom.js").ViewSettings>} change */
   const set = (change) => {
@@ -94,7 +121,8 @@ const newActions = (store, map) => {
     showSettings(store, map);
   };
   /** @param {"swapped" | "large"} size */
-  const toggle = (size) => () => store.update({ mapSize: store.get().mapSize === size ? "small" : size, mapOpen: true });
+  const toggle = (size) => () =>
+    store.update({ mapSize: store.get().mapSize === size ? "small" : size, mapOpen: true });
   return {
     map: () => store.update({ mapOpen: !store.get().mapOpen }),
     map_in: () => map.zoom(ZOOM_STEP),
@@ -102,7 +130,12 @@ const newActions = (store, map) => {
     map_all: () => set({ zoom: 1, x: null, y: null, follows: false }),
     map_follow: () => {
       const { follows, zoom } = map.settings;
-      set({ follows: !follows, ...(follows ? { x: map.view?.x ?? null, y: map.view?.y ?? null } : { zoom: Math.max(FOLLOWING, zoom) }) });
+      set({
+        follows: !follows,
+        ...(follows
+          ? { x: map.view?.x ?? null, y: map.view?.y ?? null }
+          : { zoom: Math.max(FOLLOWING, zoom) }),
+      });
     },
     map_turn: () => set({ turns: !map.settings.turns }),
     map_swap: toggle("swapped"),

@@ -1,13 +1,20 @@
 /**
- * Draws a floor plan: rooms, walls, doors, furniture and docks from its plan, or, for a site that has only a map_server image, that
- * image. Everything static; robot_map.js keeps the result and draws the robot over it.
+ * Draws a floor plan: rooms, walls, doors, furniture and docks from its plan, or, for a site that
+ * has only a map_server image, that image. Everything static; robot_map.js keeps the result and
+ * draws the robot over it.
  */
 
 import { boundsOf, imageTransform, toScreen } from "./transform.js";
 
 /** @typedef {import("./transform.js").View} View */
-/** @typedef {{resolution: number, origin: [number, number, number], width: number, height: number, image?: string, plan?: any}} FloorPlan */
-/** @typedef {{floor: string, wall: string, furniture: string, door: string, dock: string, name: string, font: string}} Paint */
+/**
+ * @typedef {{resolution: number, origin: [number, number, number], width: number, height: number,
+ *   image?: string, plan?: any}} FloorPlan
+ */
+/**
+ * @typedef {{floor: string, wall: string, furniture: string, door: string, dock: string,
+ *   name: string, font: string}} Paint
+ */
 
 /** @param {FloorPlan} site @returns {import("./transform.js").Bounds} */
 export const boundsOfSite = (site) => {
@@ -18,13 +25,20 @@ export const boundsOfSite = (site) => {
   const [x, y, theta] = site.origin;
   const [width, height] = [site.width * site.resolution, site.height * site.resolution];
   const corner = (/** @type {number} */ u, /** @type {number} */ v) =>
-    /** @type {[number, number]} */ ([x + u * Math.cos(theta) - v * Math.sin(theta), y + u * Math.sin(theta) + v * Math.cos(theta)]);
+    /** @type {[number, number]} */ ([
+      x + u * Math.cos(theta) - v * Math.sin(theta),
+      y + u * Math.sin(theta) + v * Math.cos(theta),
+    ]);
   return boundsOf([corner(0, 0), corner(width, 0), corner(0, height), corner(width, height)]);
 };
 
 /**
  * @param {CanvasRenderingContext2D} context its transform is device pixels; restored afterwards
- * @param {View} view @param {number} density @param {FloorPlan} site @param {CanvasImageSource | null} image @param {Paint} paint
+ * @param {View} view
+ * @param {number} density
+ * @param {FloorPlan} site
+ * @param {CanvasImageSource | null} image
+ * @param {Paint} paint
  */
 export const drawFloorPlan = (context, view, density, site, image, paint) => {
   context.save();
@@ -39,7 +53,12 @@ export const drawFloorPlan = (context, view, density, site, image, paint) => {
   context.restore();
 };
 
-/** @param {CanvasRenderingContext2D} context @param {View} view @param {any} plan @param {Paint} paint */
+/**
+ * @param {CanvasRenderingContext2D} context
+ * @param {View} view
+ * @param {any} plan
+ * @param {Paint} paint
+ */
 const drawPlan = (context, view, plan, paint) => {
   context.lineCap = "butt";
   for (const room of plan.rooms) {
@@ -48,7 +67,14 @@ const drawPlan = (context, view, plan, paint) => {
     context.fill();
   }
   for (const opening of [...(plan.doors ?? []), ...(plan.passages ?? [])]) {
-    segment(context, view, opening.start, opening.end, (opening.thickness ?? 0.15) * view.scale + 1, paint.floor);
+    segment(
+      context,
+      view,
+      opening.start,
+      opening.end,
+      (opening.thickness ?? 0.15) * view.scale + 1,
+      paint.floor,
+    );
   }
   context.fillStyle = paint.furniture;
   for (const piece of plan.furniture ?? []) {
@@ -56,7 +82,14 @@ const drawPlan = (context, view, plan, paint) => {
     context.fill();
   }
   for (const wall of plan.walls ?? []) {
-    segment(context, view, wall.start, wall.end, Math.max(2, (wall.thickness ?? 0.15) * view.scale), paint.wall);
+    segment(
+      context,
+      view,
+      wall.start,
+      wall.end,
+      Math.max(2, (wall.thickness ?? 0.15) * view.scale),
+      paint.wall,
+    );
   }
   for (const door of plan.doors ?? []) {
     leaf(context, view, door, paint);
@@ -72,7 +105,11 @@ const drawPlan = (context, view, plan, paint) => {
   }
 };
 
-/** @param {CanvasRenderingContext2D} context @param {View} view @param {[number, number][]} corners */
+/**
+ * @param {CanvasRenderingContext2D} context
+ * @param {View} view
+ * @param {[number, number][]} corners
+ */
 const polygon = (context, view, corners) => {
   context.beginPath();
   for (const [x, y] of corners) {
@@ -82,8 +119,12 @@ const polygon = (context, view, corners) => {
 };
 
 /**
- * @param {CanvasRenderingContext2D} context @param {View} view
- * @param {[number, number]} start @param {[number, number]} end @param {number} width @param {string} colour
+ * @param {CanvasRenderingContext2D} context
+ * @param {View} view
+ * @param {[number, number]} start
+ * @param {[number, number]} end
+ * @param {number} width
+ * @param {string} colour
  */
 const segment = (context, view, start, end, width, colour) => {
   context.beginPath();
@@ -98,25 +139,59 @@ const segment = (context, view, start, end, width, colour) => {
 const furniture = (context, view, piece) => {
   if (piece.shape === "cylinder") {
     context.beginPath();
-    context.arc(...toScreen(view, piece.x, piece.y), (piece.width / 2) * view.scale, 0, 2 * Math.PI);
+    context.arc(
+      ...toScreen(view, piece.x, piece.y),
+      (piece.width / 2) * view.scale,
+      0,
+      2 * Math.PI,
+    );
     return;
   }
   const [cos, sin] = [Math.cos(piece.theta ?? 0), Math.sin(piece.theta ?? 0)];
   const [along, across] = [piece.width / 2, (piece.depth ?? 0.5) / 2];
-  const corners = [[along, across], [-along, across], [-along, -across], [along, -across]];
-  polygon(context, view, corners.map(([u, v]) => [piece.x + u * cos - v * sin, piece.y + u * sin + v * cos]));
+  const corners = [
+    [along, across],
+    [-along, across],
+    [-along, -across],
+    [along, -across],
+  ];
+  polygon(
+    context,
+    view,
+    corners.map(([u, v]) => [piece.x + u * cos - v * sin, piece.y + u * sin + v * cos]),
+  );
 };
 
-/** @param {CanvasRenderingContext2D} context @param {View} view @param {any} door @param {Paint} paint */
+/**
+ * @param {CanvasRenderingContext2D} context
+ * @param {View} view
+ * @param {any} door
+ * @param {Paint} paint
+ */
 const leaf = (context, view, door, paint) => {
   const turn = door.state === "closed" ? 0 : door.swing;
   const [dx, dy] = [door.end[0] - door.start[0], door.end[1] - door.start[1]];
   const [cos, sin] = [Math.cos(turn), Math.sin(turn)];
-  const tip = /** @type {[number, number]} */ ([door.start[0] + dx * cos - dy * sin, door.start[1] + dx * sin + dy * cos]);
-  segment(context, view, door.start, tip, Math.max(1.5, (door.leaf ?? 0.04) * view.scale), paint.door);
+  const tip = /** @type {[number, number]} */ ([
+    door.start[0] + dx * cos - dy * sin,
+    door.start[1] + dx * sin + dy * cos,
+  ]);
+  segment(
+    context,
+    view,
+    door.start,
+    tip,
+    Math.max(1.5, (door.leaf ?? 0.04) * view.scale),
+    paint.door,
+  );
 };
 
-/** @param {CanvasRenderingContext2D} context @param {View} view @param {any} dock @param {Paint} paint */
+/**
+ * @param {CanvasRenderingContext2D} context
+ * @param {View} view
+ * @param {any} dock
+ * @param {Paint} paint
+ */
 const station = (context, view, dock, paint) => {
   const [x, y] = toScreen(view, dock.x, dock.y);
   const size = Math.max(4, 0.16 * view.scale);
@@ -133,7 +208,12 @@ const station = (context, view, dock, paint) => {
   context.fill();
 };
 
-/** @param {CanvasRenderingContext2D} context @param {View} view @param {any} room @param {Paint} paint */
+/**
+ * @param {CanvasRenderingContext2D} context
+ * @param {View} view
+ * @param {any} room
+ * @param {Paint} paint
+ */
 const title = (context, view, room, paint) => {
   const { left, right, bottom, top } = boundsOf(room.polygon);
   context.font = paint.font;

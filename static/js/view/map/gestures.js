@@ -1,12 +1,17 @@
 /**
- * Looking around on the map: wheel, two fingers, a drag with the other mouse button, or with one finger where no point can be chosen; and
- * keys, while the map has the focus.
+ * Looking around on the map: wheel, two fingers, a drag with the other mouse button, or with one
+ * finger where no point can be chosen; and keys, while the map has the focus.
  */
 
 import { isShortcut } from "../../input/key_dispatcher.js";
 
 const STEP = 40; // CSS pixels that a key moves the map
-const PANS = /** @type {Record<string, [number, number]>} */ ({ map_up: [0, STEP], map_down: [0, -STEP], map_left: [STEP, 0], map_right: [-STEP, 0] });
+const PANS = /** @type {Record<string, [number, number]>} */ ({
+  map_up: [0, STEP],
+  map_down: [0, -STEP],
+  map_left: [STEP, 0],
+  map_right: [-STEP, 0],
+});
 
 /**
  * @param {HTMLElement} canvas
@@ -18,18 +23,29 @@ const PANS = /** @type {Record<string, [number, number]>} */ ({ map_up: [0, STEP
  * @param {() => boolean} map.mayAim whether one finger, or the first button, chooses a point
  * @param {() => void} map.forgetAim a second finger came: the first one did not choose a point
  */
-export const addGestures = (canvas, { keymap, actions, zoom, pan, mayAim, forgetAim }) => {
+export const addGestures = (canvas, map) => {
+  const { zoom, pan, mayAim, forgetAim } = map;
   /** @type {Map<number, [number, number]>} */
   const fingers = new Map();
-  const place = (/** @type {PointerEvent} */ event) => /** @type {[number, number]} */ ([event.offsetX, event.offsetY]);
+  const place = (/** @type {PointerEvent} */ event) =>
+    /** @type {[number, number]} */ ([event.offsetX, event.offsetY]);
   const lift = (/** @type {PointerEvent} */ event) => fingers.delete(event.pointerId);
 
-  canvas.addEventListener("wheel", (event) => {
-    event.preventDefault();
-    zoom(Math.exp(-Math.max(-200, Math.min(200, event.deltaY)) / 400), event.offsetX, event.offsetY);
-  }, { passive: false });
+  canvas.addEventListener(
+    "wheel",
+    (event) => {
+      event.preventDefault();
+      zoom(
+        Math.exp(-Math.max(-200, Math.min(200, event.deltaY)) / 400),
+        event.offsetX,
+        event.offsetY,
+      );
+    },
+    { passive: false },
+  );
   canvas.addEventListener("contextmenu", (event) => event.preventDefault());
-  canvas.addEventListener("mousedown", (event) => event.preventDefault()); // a press does not take the keys away from driving
+  // a press does not take the keys away from driving
+  canvas.addEventListener("mousedown", (event) => event.preventDefault());
   canvas.addEventListener("pointerdown", (event) => {
     if (fingers.size < 2 && (event.pointerType !== "mouse" || event.button !== 0 || !mayAim())) {
       fingers.set(event.pointerId, place(event));
@@ -46,9 +62,12 @@ export const addGestures = (canvas, { keymap, actions, zoom, pan, mayAim, forget
     }
     const now = place(event);
     fingers.set(event.pointerId, now);
-    const [other] = [...fingers].filter(([pointer]) => pointer !== event.pointerId).map(([, where]) => where);
+    const [other] = [...fingers]
+      .filter(([pointer]) => pointer !== event.pointerId)
+      .map(([, where]) => where);
     if (other) {
-      const apart = (/** @type {[number, number]} */ [x, y]) => Math.max(20, Math.hypot(x - other[0], y - other[1]));
+      const apart = (/** @type {[number, number]} */ [x, y]) =>
+        Math.max(20, Math.hypot(x - other[0], y - other[1]));
       zoom(apart(now) / apart(before), (now[0] + other[0]) / 2, (now[1] + other[1]) / 2);
     }
     const share = fingers.size; // two fingers move the middle between them
@@ -56,6 +75,14 @@ export const addGestures = (canvas, { keymap, actions, zoom, pan, mayAim, forget
   });
   canvas.addEventListener("pointerup", lift);
   canvas.addEventListener("pointercancel", lift);
+  addKeys(canvas, map);
+};
+
+/**
+ * @param {HTMLElement} canvas
+ * @param {Pick<Parameters<typeof addGestures>[1], "keymap" | "actions" | "pan">} map
+ */
+const addKeys = (canvas, { keymap, actions, pan }) => {
   canvas.addEventListener("keydown", (event) => {
     if (isShortcut(event)) {
       return; // Ctrl and plus make the page larger, not the map

@@ -1,6 +1,6 @@
 /**
- * What is drawn over the floor plan besides the robot: what its laser sees, how sure it is of its place, where it is to go, and what
- * the assistance minds. The geometry is pure.
+ * What is drawn over the floor plan besides the robot: what its laser sees, how sure it is of its
+ * place, where it is to go, and what the assistance minds. The geometry is pure.
  */
 
 import { toScreen } from "./transform.js";
@@ -11,29 +11,46 @@ import { toScreen } from "./transform.js";
 const SIGMAS = 2;
 const LEAST_ELLIPSE = 4; // CSS pixels; a smaller one lies under the arrow anyway
 
-/** @param {Place} place @param {number} x m, in its frame @param {number} y @returns {[number, number]} m, in the frame that `place` is in */
-export const compose = ({ x: px, y: py, theta }, x, y) => [px + x * Math.cos(theta) - y * Math.sin(theta), py + x * Math.sin(theta) + y * Math.cos(theta)];
+/**
+ * @param {Place} place
+ * @param {number} x m, in its frame
+ * @param {number} y
+ * @returns {[number, number]} m, in the frame that `place` is in
+ */
+export const compose = ({ x: px, y: py, theta }, x, y) => [
+  px + x * Math.cos(theta) - y * Math.sin(theta),
+  py + x * Math.sin(theta) + y * Math.cos(theta),
+];
 
 /**
  * The points of a sweep, in the map.
- * @param {{angleMin: number, angleIncrement: number, rangeMax: number, ranges: (number | null)[]}} scan
+ * @param {{angleMin: number, angleIncrement: number, rangeMax: number, ranges: (number | null)[]}}
+ *   scan
  * @param {{x: number, y?: number, theta?: number}} mount of the laser, in the robot's frame
  * @param {Place} pose of the robot
  * @returns {[number, number][]}
  */
-export const scanPoints = ({ angleMin, angleIncrement, rangeMax, ranges }, { x, y = 0, theta = 0 }, pose) => {
+export const scanPoints = (
+  { angleMin, angleIncrement, rangeMax, ranges },
+  { x, y = 0, theta = 0 },
+  pose,
+) => {
   const [laserX, laserY] = compose(pose, x, y);
   const laser = { x: laserX, y: laserY, theta: pose.theta + theta };
   return ranges.flatMap((range, i) => {
     const angle = angleMin + i * angleIncrement;
-    return range === null || range >= rangeMax ? [] : [compose(laser, range * Math.cos(angle), range * Math.sin(angle))];
+    return range === null || range >= rangeMax
+      ? []
+      : [compose(laser, range * Math.cos(angle), range * Math.sin(angle))];
   });
 };
 
 /**
- * The ellipse that holds the robot's place with about 86 in 100: the eigenvectors of the covariance, two standard deviations long.
+ * The ellipse that holds the robot's place with about 86 in 100: the eigenvectors of the
+ * covariance, two standard deviations long.
  * @param {number[] | null | undefined} covariance xx, xy, xθ, yy, yθ, θθ
- * @returns {{along: number, across: number, turn: number} | null} half axes in m, and where the longer one points in rad
+ * @returns {{along: number, across: number, turn: number} | null} half axes in m, and where the
+ *   longer one points in rad
  */
 export const ellipseOf = (covariance) => {
   if (!covariance) {
@@ -43,7 +60,11 @@ export const ellipseOf = (covariance) => {
   const middle = (xx + yy) / 2;
   const spread = Math.hypot((xx - yy) / 2, xy);
   const axis = (/** @type {number} */ variance) => SIGMAS * Math.sqrt(Math.max(0, variance));
-  return { along: axis(middle + spread), across: axis(middle - spread), turn: Math.atan2(2 * xy, xx - yy) / 2 };
+  return {
+    along: axis(middle + spread),
+    across: axis(middle - spread),
+    turn: Math.atan2(2 * xy, xx - yy) / 2,
+  };
 };
 
 /**
@@ -58,7 +79,12 @@ export const drawPoints = (context, view, points, colour) => {
   }
 };
 
-/** @param {CanvasRenderingContext2D} context @param {import("./transform.js").View} view @param {Place & {covariance?: number[] | null}} pose @param {string} colour */
+/**
+ * @param {CanvasRenderingContext2D} context
+ * @param {import("./transform.js").View} view
+ * @param {Place & {covariance?: number[] | null}} pose
+ * @param {string} colour
+ */
 export const drawUncertainty = (context, view, pose, colour) => {
   const ellipse = ellipseOf(pose.covariance);
   if (!ellipse || ellipse.along * view.scale < LEAST_ELLIPSE) {
@@ -66,7 +92,14 @@ export const drawUncertainty = (context, view, pose, colour) => {
   }
   context.save();
   context.beginPath();
-  context.ellipse(...toScreen(view, pose.x, pose.y), ellipse.along * view.scale, Math.max(1, ellipse.across * view.scale), -ellipse.turn - (view.turn ?? 0), 0, 2 * Math.PI);
+  context.ellipse(
+    ...toScreen(view, pose.x, pose.y),
+    ellipse.along * view.scale,
+    Math.max(1, ellipse.across * view.scale),
+    -ellipse.turn - (view.turn ?? 0),
+    0,
+    2 * Math.PI,
+  );
   context.globalAlpha = 0.16;
   context.fillStyle = colour;
   context.fill();
@@ -77,7 +110,14 @@ export const drawUncertainty = (context, view, pose, colour) => {
   context.restore();
 };
 
-/** A ring with a dot, and where the robot shall look. @param {CanvasRenderingContext2D} context @param {import("./transform.js").View} view @param {Aim} aim @param {string} colour @param {string} edge */
+/**
+ * A ring with a dot, and where the robot shall look.
+ * @param {CanvasRenderingContext2D} context
+ * @param {import("./transform.js").View} view
+ * @param {Aim} aim
+ * @param {string} colour
+ * @param {string} edge
+ */
 export const drawAim = (context, view, { x, y, theta }, colour, edge) => {
   const [px, py] = toScreen(view, x, y);
   const line = () => {
@@ -94,7 +134,10 @@ export const drawAim = (context, view, { x, y, theta }, colour, edge) => {
       context.lineTo(tip[0] - 8 * cos - 6 * sin, tip[1] - 8 * sin + 6 * cos);
     }
   };
-  for (const [width, stroke] of /** @type {[number, string][]} */ ([[6, edge], [3, colour]])) {
+  for (const [width, stroke] of /** @type {[number, string][]} */ ([
+    [6, edge],
+    [3, colour],
+  ])) {
     line();
     context.lineWidth = width;
     context.strokeStyle = stroke;
@@ -106,7 +149,13 @@ export const drawAim = (context, view, { x, y, theta }, colour, edge) => {
   context.fill();
 };
 
-/** What the assistance minds: a cross in a ring, so that it is not told by its colour alone. @param {CanvasRenderingContext2D} context @param {import("./transform.js").View} view @param {[number, number]} point of the map @param {string} colour */
+/**
+ * What the assistance minds: a cross in a ring, so that it is not told by its colour alone.
+ * @param {CanvasRenderingContext2D} context
+ * @param {import("./transform.js").View} view
+ * @param {[number, number]} point of the map
+ * @param {string} colour
+ */
 export const drawObstacle = (context, view, [x, y], colour) => {
   const [px, py] = toScreen(view, x, y);
   context.beginPath();

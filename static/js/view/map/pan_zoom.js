@@ -1,6 +1,6 @@
 /**
- * What part of the map is looked at: all of it, or a part that was chosen by hand, or the robot and what is round it; with the plan's own
- * upper side up, or the side where the robot looks. Pure.
+ * What part of the map is looked at: all of it, or a part that was chosen by hand, or the robot and
+ * what is round it; with the plan's own upper side up, or the side where the robot looks. Pure.
  */
 
 import { fit, toWorld } from "./transform.js";
@@ -9,36 +9,81 @@ export const NEAREST = 12; // times as large as the whole
 export const FOLLOWING = 2.5;
 export const ZOOM_STEP = 1.3; // of a button or a key
 
-/** @typedef {{zoom: number, x: number | null, y: number | null, follows: boolean, turns: boolean}} ViewSettings x, y: the middle, null for that of the whole */
+/**
+ * @typedef {{zoom: number, x: number | null, y: number | null, follows: boolean, turns: boolean}}
+ *   ViewSettings x, y: the middle, null for that of the whole
+ */
 /** @typedef {import("./transform.js").View} View */
 /** @typedef {import("./transform.js").Bounds} Bounds */
 
 /** @type {ViewSettings} */
 export const ALL = Object.freeze({ zoom: 1, x: null, y: null, follows: false, turns: false });
 
-/** @param {ViewSettings} settings @param {Bounds} bounds @param {{x: number, y: number, theta: number} | null} pose @param {number} width @param {number} height @param {number} [tools] CSS pixels at the upper edge that buttons take @returns {View} */
+/**
+ * @param {ViewSettings} settings
+ * @param {Bounds} bounds
+ * @param {{x: number, y: number, theta: number} | null} pose
+ * @param {number} width
+ * @param {number} height
+ * @param {number} [tools] CSS pixels at the upper edge that buttons take
+ * @returns {View}
+ */
 export const viewOf = ({ zoom, x, y, follows, turns }, bounds, pose, width, height, tools = 0) => {
   const whole = fit(bounds, width, height - tools);
-  const middle = follows && pose ? pose : { x: x ?? whole.x, y: y ?? whole.y + tools / 2 / whole.scale };
-  return { x: middle.x, y: middle.y, width, height, scale: whole.scale * zoom, turn: turns && pose ? Math.PI / 2 - pose.theta : 0 };
+  const middle =
+    follows && pose ? pose : { x: x ?? whole.x, y: y ?? whole.y + tools / 2 / whole.scale };
+  return {
+    x: middle.x,
+    y: middle.y,
+    width,
+    height,
+    scale: whole.scale * zoom,
+    turn: turns && pose ? Math.PI / 2 - pose.theta : 0,
+  };
 };
 
 /**
- * @param {ViewSettings} settings @param {View} view @param {Bounds} bounds @param {number} factor
- * @param {number} [px] what stays where it is, CSS pixels @param {number} [py] @returns {Partial<ViewSettings>}
+ * @param {ViewSettings} settings
+ * @param {View} view
+ * @param {Bounds} bounds
+ * @param {number} factor
+ * @param {number} [px] what stays where it is, CSS pixels
+ * @param {number} [py]
+ * @returns {Partial<ViewSettings>}
  */
-export const zoomed = (settings, view, bounds, factor, px = view.width / 2, py = view.height / 2) => {
+export const zoomed = (
+  settings,
+  view,
+  bounds,
+  factor,
+  px = view.width / 2,
+  py = view.height / 2,
+) => {
   const zoom = Math.max(1, Math.min(NEAREST, settings.zoom * factor));
   if (settings.follows) {
     return { zoom };
   }
   const [x, y] = toWorld(view, px, py);
   const share = settings.zoom / zoom;
-  return zoom === 1 ? { zoom, x: null, y: null } : { zoom, ...within(bounds, x + share * (view.x - x), y + share * (view.y - y)) };
+  return zoom === 1
+    ? { zoom, x: null, y: null }
+    : { zoom, ...within(bounds, x + share * (view.x - x), y + share * (view.y - y)) };
 };
 
-/** @param {View} view @param {Bounds} bounds @param {number} dx CSS pixels that the map moves by @param {number} dy @returns {Partial<ViewSettings>} */
-export const moved = (view, bounds, dx, dy) => ({ follows: false, ...within(bounds, ...toWorld(view, view.width / 2 - dx, view.height / 2 - dy)) });
+/**
+ * @param {View} view
+ * @param {Bounds} bounds
+ * @param {number} dx CSS pixels that the map moves by
+ * @param {number} dy
+ * @returns {Partial<ViewSettings>}
+ */
+export const moved = (view, bounds, dx, dy) => ({
+  follows: false,
+  ...within(bounds, ...toWorld(view, view.width / 2 - dx, view.height / 2 - dy)),
+});
 
 /** The map never leaves the window. @param {Bounds} bounds @param {number} x @param {number} y */
-const within = ({ left, right, bottom, top }, x, y) => ({ x: Math.max(left, Math.min(right, x)), y: Math.max(bottom, Math.min(top, y)) });
+const within = ({ left, right, bottom, top }, x, y) => ({
+  x: Math.max(left, Math.min(right, x)),
+  y: Math.max(bottom, Math.min(top, y)),
+});

@@ -1,27 +1,50 @@
 /**
- * The map: floor plan, path driven, path ahead, what the laser sees, where the robot is and where it shall go. Two canvases in one: the still
- * part is drawn once a view into a picture of its own, the robot over it whenever it moves. Sharp at any density of the screen and any zoom:
- * nothing is scaled, everything is drawn anew.
+ * The map: floor plan, path driven, path ahead, what the laser sees, where the robot is and where
+ * it shall go. Two canvases in one: the still part is drawn once a view into a picture of its own,
+ * the robot over it whenever it moves. Sharp at any density of the screen and any zoom: nothing is
+ * scaled, everything is drawn anew.
  *
- * The canvas tells where it drew the marker, for whoever wants to check: data-marker-x and -y in CSS pixels from its corner,
- * data-marker-stamp the stamp of that pose, data-view-x, -y, -scale, -turn the transform of transform.js.
+ * The canvas tells where it drew the marker, for whoever wants to check: data-marker-x and -y in
+ * CSS pixels from its corner, data-marker-stamp the stamp of that pose, data-view-x, -y, -scale,
+ * -turn the transform of transform.js.
  */
 
+import { createPaint } from "../../lib/colours.js";
 import { boundsOfSite, drawFloorPlan } from "./floor_plan.js";
-import { compose, drawAim, drawObstacle, drawPoints, drawUncertainty, scanPoints } from "./layers.js";
+import {
+  compose,
+  drawAim,
+  drawObstacle,
+  drawPoints,
+  drawUncertainty,
+  scanPoints,
+} from "./layers.js";
 import { Trail } from "./trail.js";
 import { ALL, moved, viewOf, zoomed } from "./pan_zoom.js";
 import { toScreen, toWorld } from "./transform.js";
 
-/** @typedef {{x: number, y: number, theta: number, localized: boolean, covariance?: number[] | null}} Pose */
+/**
+ * @typedef {{x: number, y: number, theta: number, localized: boolean,
+ *   covariance?: number[] | null}} Pose
+ */
 
 const CLOCK_STEP = 5; // s
+// custom properties of map.css, behind --map-
+const COLOURS = [
+  ...["floor", "wall", "furniture", "door", "dock", "name", "trail", "path", "laser", "obstacle"],
+  ...["robot", "lost", "edge", "zone", "route", "next", "passed"],
+];
 const SMALLEST_ROBOT = 9; // CSS pixels from the marker's middle to its tip
 
 export class RobotMap {
-  /** @param {{canvas: HTMLCanvasElement, tools?: (canvas: HTMLCanvasElement) => number, frame?: (callback: () => void) => unknown}} options tools: CSS pixels at its upper edge that buttons take */
+  /**
+   * @param {{canvas: HTMLCanvasElement, tools?: (canvas: HTMLCanvasElement) => number,
+   *   frame?: (callback: () => void) => unknown}} options tools: CSS pixels at its upper edge that
+   *   buttons take
+   */
   constructor({ canvas, tools = () => 0, frame = (callback) => requestAnimationFrame(callback) }) {
     this.canvas = canvas;
+    this.paint = createPaint(canvas, "--map-", COLOURS, "600 12px");
     this.tools = tools;
     this.frame = frame;
     this.trail = new Trail();
@@ -39,12 +62,17 @@ export class RobotMap {
     this.laser = false;
     /** @type {import("./layers.js").Aim | null} where the robot is to go, or is said to be */
     this.aim = null;
-    /** @type {Record<"below" | "above", (context: CanvasRenderingContext2D, view: import("./transform.js").View, paint: Record<string, string>) => void> | null} what a study adds */
+    /**
+     * @type {Record<"below" | "above", (context: CanvasRenderingContext2D,
+     *   view: import("./transform.js").View, paint: Record<string, string>) => void> | null} what a
+     *   study adds
+     */
     this.course = null;
     /** @type {[number, number] | null} what the assistance minds, in the robot's frame */
     this.obstacle = null;
     /** @type {import("./transform.js").View | null} */
     this.view = null;
+    this.size = { width: 0, height: 0, tools: 0 }; // CSS pixels
     this.density = 1;
     /** what part of it is looked at */
     this.settings = ALL;
@@ -62,19 +90,34 @@ export class RobotMap {
     this.#resize();
   }
 
-  /** Draw doors as they are. @param {Record<string, string>} states open or closed, by name; a door without one stays as it is */
+  /**
+   * Draw doors as they are.
+   * @param {Record<string, string>} states open or closed, by name; a door without one stays as it
+   *   is
+   */
   setDoors(states) {
     const { site } = this;
     const doors = site?.plan?.doors ?? [];
-    if (site && doors.some((/** @type {any} */ { name, state }) => states[name] && states[name] !== (state ?? "open"))) {
-      const moved = doors.map((/** @type {any} */ door) => ({ ...door, state: states[door.name] ?? door.state }));
+    if (
+      site &&
+      doors.some(
+        (/** @type {any} */ { name, state }) => states[name] && states[name] !== (state ?? "open"),
+      )
+    ) {
+      const moved = doors.map((/** @type {any} */ door) => ({
+        ...door,
+        state: states[door.name] ?? door.state,
+      }));
       this.site = { ...site, plan: { ...site.plan, doors: moved } };
       this.drawn = "";
       this.#redraw();
     }
   }
 
-  /** Take a path that was driven before this map was opened. @param {Iterable<[number, number]>} points */
+  /**
+   * Take a path that was driven before this map was opened.
+   * @param {Iterable<[number, number]>} points
+   */
   setTrail(points) {
     this.trail = new Trail();
     for (const [x, y] of points) {
@@ -103,13 +146,19 @@ export class RobotMap {
     this.#redraw();
   }
 
-  /** @param {Parameters<typeof scanPoints>[0]} scan @param {{x: number, y?: number, theta?: number} | null} mount null draws none */
+  /**
+   * @param {Parameters<typeof scanPoints>[0]} scan
+   * @param {{x: number, y?: number, theta?: number} | null} mount null draws none
+   */
   setScan(scan, mount) {
     this.seen = this.pose?.localized && mount ? scanPoints(scan, mount, this.pose) : [];
     this.#redraw();
   }
 
-  /** @param {{aim: import("./layers.js").Aim | null, obstacle: [number, number] | null, laser: boolean}} marks */
+  /**
+   * @param {{aim: import("./layers.js").Aim | null, obstacle: [number, number] | null,
+   *   laser: boolean}} marks
+   */
   setMarks({ aim, obstacle, laser }) {
     if (aim !== this.aim || obstacle !== this.obstacle || laser !== this.laser) {
       Object.assign(this, { aim, obstacle, laser });
@@ -117,13 +166,20 @@ export class RobotMap {
     }
   }
 
-  /** What a study adds, below and above the path that was driven. @param {RobotMap["course"]} course */
+  /**
+   * What a study adds, below and above the path that was driven.
+   * @param {RobotMap["course"]} course
+   */
   setCourse(course) {
     this.course = course;
     this.#redraw();
   }
 
-  /** @param {number} px CSS pixels from the canvas's corner @param {number} py @returns {[number, number] | null} metres; null before there is a map */
+  /**
+   * @param {number} px CSS pixels from the canvas's corner
+   * @param {number} py
+   * @returns {[number, number] | null} metres; null before there is a map
+   */
   worldAt(px, py) {
     return this.view && toWorld(this.view, px, py);
   }
@@ -134,7 +190,12 @@ export class RobotMap {
     this.#redraw();
   }
 
-  /** Look nearer or from farther away. @param {number} factor @param {number} [px] what stays where it is, CSS pixels @param {number} [py] */
+  /**
+   * Look nearer or from farther away.
+   * @param {number} factor
+   * @param {number} [px] what stays where it is, CSS pixels
+   * @param {number} [py]
+   */
   zoom(factor, px, py) {
     if (this.view && this.site) {
       this.setSettings(zoomed(this.settings, this.view, boundsOfSite(this.site), factor, px, py));
@@ -148,19 +209,28 @@ export class RobotMap {
     }
   }
 
-  /** Whether a point lies in the lower half of what is shown. @param {{x: number, y: number}} point m @returns {boolean} */
+  /**
+   * Whether a point lies in the lower half of what is shown.
+   * @param {{x: number, y: number}} point m
+   * @returns {boolean}
+   */
   isLow({ x, y }) {
     return this.view !== null && toScreen(this.view, x, y)[1] > this.view.height / 2;
   }
 
   #watchDensity() {
     const query = matchMedia(`(resolution: ${devicePixelRatio}dppx)`);
-    query.addEventListener("change", () => {
-      this.#resize();
-      this.#watchDensity();
-    }, { once: true });
+    query.addEventListener(
+      "change",
+      () => {
+        this.#resize();
+        this.#watchDensity();
+      },
+      { once: true },
+    );
   }
 
+  /** Asked for here alone: to ask with every frame would have the browser lay out the page. */
   #resize() {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     if (!this.site || !width || !height) {
@@ -168,6 +238,7 @@ export class RobotMap {
     }
     this.density = devicePixelRatio;
     this.drawn = "";
+    this.size = { width, height, tools: this.tools(this.canvas) };
     this.view = this.#viewNow();
     for (const canvas of [this.canvas, this.still]) {
       canvas.width = Math.round(width * this.density);
@@ -177,8 +248,10 @@ export class RobotMap {
   }
 
   #viewNow() {
-    const { clientWidth: width, clientHeight: height } = this.canvas;
-    return this.site && width && height ? viewOf(this.settings, boundsOfSite(this.site), this.pose, width, height, this.tools(this.canvas)) : this.view;
+    const { width, height, tools } = this.size;
+    return this.site && width
+      ? viewOf(this.settings, boundsOfSite(this.site), this.pose, width, height, tools)
+      : this.view;
   }
 
   /** @param {Record<string, string>} paint */
@@ -191,31 +264,6 @@ export class RobotMap {
       context.clearRect(0, 0, this.still.width, this.still.height);
       drawFloorPlan(context, this.view, this.density, this.site, this.image, paint);
     }
-  }
-
-  #paint() {
-    const style = getComputedStyle(this.canvas);
-    const colour = (/** @type {string} */ name) => style.getPropertyValue(`--map-${name}`).trim();
-    return {
-      floor: colour("floor"),
-      wall: colour("wall"),
-      furniture: colour("furniture"),
-      door: colour("door"),
-      dock: colour("dock"),
-      name: colour("name"),
-      trail: colour("trail"),
-      path: colour("path"),
-      laser: colour("laser"),
-      obstacle: colour("obstacle"),
-      robot: colour("robot"),
-      lost: colour("lost"),
-      edge: colour("edge"),
-      zone: colour("zone"),
-      route: colour("route"),
-      next: colour("next"),
-      passed: colour("passed"),
-      font: `600 12px ${style.fontFamily}`,
-    };
   }
 
   #redraw() {
@@ -231,7 +279,7 @@ export class RobotMap {
     if (!context || !this.view) {
       return;
     }
-    const paint = this.#paint();
+    const paint = this.paint();
     this.view = this.#viewNow() ?? this.view;
     this.#drawStill(paint);
     context.setTransform(1, 0, 0, 1, 0, 0);
@@ -248,7 +296,12 @@ export class RobotMap {
       drawPoints(context, this.view, this.seen, paint.laser);
     }
     if (this.pose) {
-      drawUncertainty(context, this.view, this.pose, this.pose.localized ? paint.robot : paint.lost);
+      drawUncertainty(
+        context,
+        this.view,
+        this.pose,
+        this.pose.localized ? paint.robot : paint.lost,
+      );
     }
     this.#marker(context, paint);
     if (this.aim) {

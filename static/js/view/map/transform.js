@@ -1,14 +1,24 @@
 /**
  * From metres of the world to pixels of the screen and back. Pure.
  *
- * The world has x to the right and y up; the screen has x to the right and y down, in CSS pixels from the map's top left corner. An
- * image of a map has its lower left corner at `origin` (x, y, theta) and `resolution` metres a pixel, as ROS map_server has it.
+ * The world has x to the right and y up; the screen has x to the right and y down, in CSS pixels
+ * from the map's top left corner. An image of a map has its lower left corner at `origin` (x, y,
+ * theta) and `resolution` metres a pixel, as ROS map_server has it.
  */
 
-/** @typedef {{x: number, y: number, scale: number, width: number, height: number, turn?: number}} View the world point in the middle, CSS pixels a metre, size, and how far it is turned counter-clockwise, rad */
+/**
+ * @typedef {{x: number, y: number, scale: number, width: number, height: number, turn?: number}}
+ *   View the world point in the middle, CSS pixels a metre, size, and how far it is turned
+ *   counter-clockwise, rad
+ */
 /** @typedef {{left: number, bottom: number, right: number, top: number}} Bounds metres */
 
-/** @param {View} view @param {number} x m @param {number} y m @returns {[number, number]} CSS pixels */
+/**
+ * @param {View} view
+ * @param {number} x m
+ * @param {number} y m
+ * @returns {[number, number]} CSS pixels
+ */
 export const toScreen = ({ x: middleX, y: middleY, scale, width, height, turn = 0 }, x, y) => {
   const [dx, dy, cos, sin] = [x - middleX, y - middleY, Math.cos(turn), Math.sin(turn)];
   return [width / 2 + (dx * cos - dy * sin) * scale, height / 2 - (dx * sin + dy * cos) * scale];
@@ -16,26 +26,45 @@ export const toScreen = ({ x: middleX, y: middleY, scale, width, height, turn = 
 
 /** @param {View} view @param {number} px @param {number} py @returns {[number, number]} metres */
 export const toWorld = ({ x, y, scale, width, height, turn = 0 }, px, py) => {
-  const [right, up, cos, sin] = [(px - width / 2) / scale, (height / 2 - py) / scale, Math.cos(turn), Math.sin(turn)];
+  const [right, up, cos, sin] = [
+    (px - width / 2) / scale,
+    (height / 2 - py) / scale,
+    Math.cos(turn),
+    Math.sin(turn),
+  ];
   return [x + right * cos + up * sin, y + up * cos - right * sin];
 };
 
 /**
  * The view that shows all of `bounds` with a margin.
- * @param {Bounds} bounds @param {number} width CSS pixels @param {number} height @param {number} [margin] CSS pixels
+ * @param {Bounds} bounds
+ * @param {number} width CSS pixels
+ * @param {number} height
+ * @param {number} [margin] CSS pixels
  * @returns {View}
  */
 export const fit = (bounds, width, height, margin = 12) => {
   const across = Math.max(bounds.right - bounds.left, 1e-6);
   const along = Math.max(bounds.top - bounds.bottom, 1e-6);
-  const scale = Math.max(1e-3, Math.min((width - 2 * margin) / across, (height - 2 * margin) / along));
-  return { x: (bounds.left + bounds.right) / 2, y: (bounds.bottom + bounds.top) / 2, scale, width, height };
+  const scale = Math.max(
+    1e-3,
+    Math.min((width - 2 * margin) / across, (height - 2 * margin) / along),
+  );
+  return {
+    x: (bounds.left + bounds.right) / 2,
+    y: (bounds.bottom + bounds.top) / 2,
+    scale,
+    width,
+    height,
+  };
 };
 
 /**
- * The six numbers of canvas.setTransform that draw a map image, whose pixels are 1 × 1, where it belongs.
+ * The six numbers of canvas.setTransform that draw a map image, whose pixels are 1 × 1, where it
+ * belongs.
  * @param {View} view
- * @param {{resolution: number, origin: [number, number, number], height: number}} map height in image pixels
+ * @param {{resolution: number, origin: [number, number, number], height: number}} map height in
+ *   image pixels
  * @param {number} density device pixels a CSS pixel
  * @returns {[number, number, number, number, number, number]}
  */

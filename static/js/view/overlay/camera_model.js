@@ -1,25 +1,38 @@
 /**
  * From the floor to the picture and back. Pure.
  *
- * The camera is a pinhole with square pixels and its principal point in the middle (robots/api/messages.py, Camera). It sits `x` before the
- * robot's centre and `z` above the floor and looks down by `pitch` and the head's tilt, p together. Pixels are counted from the picture's
- * upper left corner, u to the right and v down, in the camera's own size, whatever size the picture is shown in. A point at (forward, left)
- * of the lens on the floor is as deep as cos p * forward + sin p * z, and lies `left` beside and sin p * forward - cos p * z above the axis.
+ * The camera is a pinhole with square pixels and its principal point in the middle
+ * (robots/api/messages.py, Camera). It sits `x` before the robot's centre and `z` above the floor
+ * and looks down by `pitch` and the head's tilt, p together. Pixels are counted from the picture's
+ * upper left corner, u to the right and v down, in the camera's own size, whatever size the picture
+ * is shown in. A point at (forward, left) of the lens on the floor is as deep as
+ * cos p * forward + sin p * z, and lies `left` beside and sin p * forward - cos p * z above the
+ * axis.
  */
 
-/** @typedef {{width: number, height: number, hfov: number, x: number, z: number, pitch?: number}} Camera of the factsheet */
-/** @typedef {{left: number, top: number, scale: number, width: number, height: number}} Box where a picture lies: CSS pixels of its corner, a pixel of it, and the size of what it lies in */
+/**
+ * @typedef {{width: number, height: number, hfov: number, x: number, z: number, pitch?: number}}
+ *   Camera of the factsheet
+ */
+/**
+ * @typedef {{left: number, top: number, scale: number, width: number, height: number}} Box where a
+ *   picture lies: CSS pixels of its corner, a pixel of it, and the size of what it lies in
+ */
 
 /** @param {Camera} camera @returns {number} in pixels */
 const focalOf = ({ width, hfov }) => width / 2 / Math.tan(hfov / 2);
 
-/** @typedef {[number, number] | [number, number, number]} Spot m, robot's frame, on the floor or so high above it */
+/**
+ * @typedef {[number, number] | [number, number, number]} Spot m, robot's frame, on the floor or so
+ *   high above it
+ */
 
 /**
  * How deep a point is in the picture, in m: behind the lens it is negative.
  * @param {Camera} camera @param {number} tilt rad @param {Spot} spot
  */
-export const depthOf = ({ x, z, pitch = 0 }, tilt, [forward, , up = 0]) => Math.cos(pitch + tilt) * (forward - x) + Math.sin(pitch + tilt) * (z - up);
+export const depthOf = ({ x, z, pitch = 0 }, tilt, [forward, , up = 0]) =>
+  Math.cos(pitch + tilt) * (forward - x) + Math.sin(pitch + tilt) * (z - up);
 
 /**
  * @param {Camera} camera @param {number} tilt of the head, rad, positive looks down
@@ -30,12 +43,18 @@ export const toPicture = (camera, tilt, spot) => {
   const [focal, p] = [focalOf(camera), (camera.pitch ?? 0) + tilt];
   const depth = depthOf(camera, tilt, spot);
   const above = Math.sin(p) * (spot[0] - camera.x) - Math.cos(p) * (camera.z - (spot[2] ?? 0));
-  return [camera.width / 2 - (focal * spot[1]) / depth, camera.height / 2 - (focal * above) / depth];
+  return [
+    camera.width / 2 - (focal * spot[1]) / depth,
+    camera.height / 2 - (focal * above) / depth,
+  ];
 };
 
 /**
- * @param {Camera} camera @param {number} tilt @param {[number, number]} pixel u, v
- * @returns {[number, number] | null} m, on the floor, robot's frame; null at the horizon and above it
+ * @param {Camera} camera
+ * @param {number} tilt
+ * @param {[number, number]} pixel u, v
+ * @returns {[number, number] | null} m, on the floor, robot's frame; null at the horizon and above
+ *   it
  */
 export const toFloor = (camera, tilt, [u, v]) => {
   const [focal, p] = [focalOf(camera), (camera.pitch ?? 0) + tilt];
@@ -50,27 +69,50 @@ export const toFloor = (camera, tilt, [u, v]) => {
 
 /**
  * Where a picture lies in an element that shows it by `object-fit`.
- * @param {{width: number, height: number}} picture @param {number} width CSS pixels of the element @param {number} height @param {string} fit
+ * @param {{width: number, height: number}} picture
+ * @param {number} width CSS pixels of the element
+ * @param {number} height
+ * @param {string} fit
  * @returns {Box}
  */
 export const boxOf = (picture, width, height, fit) => {
   const ratios = [width / picture.width, height / picture.height];
   const scale = fit === "cover" ? Math.max(...ratios) : Math.min(...ratios);
-  return { left: (width - scale * picture.width) / 2, top: (height - scale * picture.height) / 2, scale, width, height };
+  return {
+    left: (width - scale * picture.width) / 2,
+    top: (height - scale * picture.height) / 2,
+    scale,
+    width,
+    height,
+  };
 };
 
-/** @param {Box} box @param {[number, number]} pixel @returns {[number, number]} CSS pixels of the element */
+/**
+ * @param {Box} box
+ * @param {[number, number]} pixel
+ * @returns {[number, number]} CSS pixels of the element
+ */
 export const toElement = ({ left, top, scale }, [u, v]) => [left + scale * u, top + scale * v];
 
-/** @param {Box} box @param {[number, number]} place @returns {[number, number]} pixel of the picture */
-export const fromElement = ({ left, top, scale }, [px, py]) => [(px - left) / scale, (py - top) / scale];
+/**
+ * @param {Box} box
+ * @param {[number, number]} place
+ * @returns {[number, number]} pixel of the picture
+ */
+export const fromElement = ({ left, top, scale }, [px, py]) => [
+  (px - left) / scale,
+  (py - top) / scale,
+];
 
 const SIDE = 0.07; // of the picture's width
 const FINGER = 44; // CSS pixels
 
 /**
- * Whether a press is at a side of the picture, or beside it: 1 for left, -1 for right, 0 for neither.
- * @param {Box} box @param {{width: number}} picture @param {number} px CSS pixels of the element
+ * Whether a press is at a side of the picture, or beside it: 1 for left, -1 for right, 0 for
+ * neither.
+ * @param {Box} box
+ * @param {{width: number}} picture
+ * @param {number} px CSS pixels of the element
  */
 export const sideOf = ({ left, scale, width }, picture, px) => {
   const [from, to] = [Math.max(0, left), Math.min(width, left + scale * picture.width)];

@@ -1,4 +1,7 @@
-/** Which places are marked in the picture: where the task's cue leads, and the charging station. Pure. */
+/**
+ * Which places are marked in the picture: where the task's cue leads, and the charging station.
+ * Pure.
+ */
 
 import { isMoving } from "../../autonomy/robot_action.js";
 import { targetOf } from "../../study/guide.js";
@@ -8,7 +11,8 @@ const STATION_WITHIN = 6; // m: without a task, the station is marked where it c
 const USUAL_RADIUS = 0.3; // m
 
 /**
- * @param {import("../../drive/features.js").State} state @param {import("./transforms.js").Moment} moment
+ * @param {import("../../drive/features.js").State} state
+ * @param {import("./transforms.js").Moment} moment
  * @returns {import("./drawing.js").Cue[]}
  */
 export const cuesFor = (state, moment) => {
@@ -17,19 +21,45 @@ export const cuesFor = (state, moment) => {
   }
   const target = targetOf(state);
   if (target) {
-    const stop = state.study?.checkpoints.find((/** @type {any} */ { number }) => number === target.number);
-    return [cue(state, moment, target, stop?.radius ?? USUAL_RADIUS, target.number ? String(target.number) : "")];
+    const stop = state.study?.checkpoints.find(
+      (/** @type {any} */ { number }) => number === target.number,
+    );
+    return [
+      cue(
+        state,
+        moment,
+        target,
+        stop?.radius ?? USUAL_RADIUS,
+        target.number ? String(target.number) : "",
+      ),
+    ];
   }
   const station = state.study ? null : stationOf(state);
   const wanted = isMoving(state.task) && state.task?.type === "dock";
   const marked = station && cue(state, moment, station, USUAL_RADIUS, "");
-  return marked && (wanted || (!marked.hidden && Math.hypot(station.x - moment.x, station.y - moment.y) < STATION_WITHIN)) ? [marked] : [];
+  return marked &&
+    (wanted ||
+      (!marked.hidden && Math.hypot(station.x - moment.x, station.y - moment.y) < STATION_WITHIN))
+    ? [marked]
+    : [];
 };
 
-/** This robot's own. @param {import("../../drive/features.js").State} state @returns {{x: number, y: number} | null} */
-const stationOf = ({ plan, factsheet }) => plan?.docks?.find((/** @type {any} */ { type }) => type === factsheet?.series?.toLowerCase()) ?? null;
+/**
+ * This robot's own.
+ * @param {import("../../drive/features.js").State} state
+ * @returns {{x: number, y: number} | null}
+ */
+const stationOf = ({ plan, factsheet }) =>
+  plan?.docks?.find((/** @type {any} */ { type }) => type === factsheet?.series?.toLowerCase()) ??
+  null;
 
-/** @param {import("../../drive/features.js").State} state @param {import("./transforms.js").Moment} moment @param {{x: number, y: number}} place @param {number} radius @param {string} sign */
+/**
+ * @param {import("../../drive/features.js").State} state
+ * @param {import("./transforms.js").Moment} moment
+ * @param {{x: number, y: number}} place
+ * @param {number} radius
+ * @param {string} sign
+ */
 const cue = ({ plan }, moment, { x, y }, radius, sign) => ({
   point: /** @type {[number, number]} */ ([x, y]),
   radius,

@@ -1,22 +1,44 @@
 /**
- * Draws on the picture: the floor that the robot will sweep, where it will come to, and where the next checkpoint and the dock are. Thin
- * and clear, so that nothing hides the way; what is near differs by the width of its line and not by its colour alone.
+ * Draws on the picture: the floor that the robot will sweep, where it will come to, and where the
+ * next checkpoint and the dock are. Thin and clear, so that nothing hides the way; what is near
+ * differs by the width of its line and not by its colour alone.
  */
 
 import { mapFromRobot, robotFromMap } from "./transforms.js";
 import { depthOf, toElement, toPicture } from "./camera_model.js";
 import { CLOSE, NEAR } from "./swept_path.js";
 
-/** @typedef {{camera: import("./camera_model.js").Camera, moment: import("./transforms.js").Moment, box: import("./camera_model.js").Box}} Eye whose picture it is */
-/** @typedef {{point: [number, number], radius: number, sign: string, hidden: boolean}} Cue a place: its number, or nothing for the dock */
-/** @typedef {{sweptPath: import("./swept_path.js").SweptPath | null, committed: boolean, goal: [number, number] | null, blocked: import("./transforms.js").Place | null, footprint: [number, number][], radius: number, cues: Cue[]}} Scene `blocked`: where the robot would touch something */
+/**
+ * @typedef {{camera: import("./camera_model.js").Camera, moment: import("./transforms.js").Moment,
+ *   box: import("./camera_model.js").Box}} Eye whose picture it is
+ */
+/**
+ * @typedef {{point: [number, number], radius: number, sign: string, hidden: boolean}} Cue a place:
+ *   its number, or nothing for the dock
+ */
+/**
+ * @typedef {{sweptPath: import("./swept_path.js").SweptPath | null, committed: boolean,
+ *   goal: [number, number] | null, blocked: import("./transforms.js").Place | null,
+ *   footprint: [number, number][], radius: number, cues: Cue[]}} Scene `blocked`: where the robot
+ *   would touch something
+ */
 
 const LEAST_DEPTH = 0.1; // m before the lens
 const POST = 0.45; // m: how high a cue's sign stands
 const SIGN = 13; // CSS pixels
 
-/** @param {CanvasRenderingContext2D} context in CSS pixels @param {Eye} eye @param {Scene} scene @param {Record<string, string>} paint */
-export const drawScene = (context, eye, { sweptPath, committed, goal, blocked, footprint, radius, cues }, paint) => {
+/**
+ * @param {CanvasRenderingContext2D} context in CSS pixels
+ * @param {Eye} eye
+ * @param {Scene} scene
+ * @param {Record<string, string>} paint
+ */
+export const drawScene = (
+  context,
+  eye,
+  { sweptPath, committed, goal, blocked, footprint, radius, cues },
+  paint,
+) => {
   context.lineJoin = "round";
   context.lineCap = "round";
   if (sweptPath) {
@@ -34,33 +56,66 @@ export const drawScene = (context, eye, { sweptPath, committed, goal, blocked, f
   }
 };
 
-/** @param {Eye} eye @param {[number, number]} point of the map @param {number} [up] m @returns {[number, number] | null} null for what is not before the lens */
+/**
+ * @param {Eye} eye
+ * @param {[number, number]} point of the map
+ * @param {number} [up] m
+ * @returns {[number, number] | null} null for what is not before the lens
+ */
 const place = ({ camera, moment, box }, point, up = 0) => {
   const spot = /** @type {[number, number, number]} */ ([...robotFromMap(moment, point), up]);
-  return depthOf(camera, moment.tilt, spot) < LEAST_DEPTH ? null : toElement(box, toPicture(camera, moment.tilt, spot));
+  return depthOf(camera, moment.tilt, spot) < LEAST_DEPTH
+    ? null
+    : toElement(box, toPicture(camera, moment.tilt, spot));
 };
 
-/** The part of a segment that is before the lens. @param {Eye} eye @param {[number, number]} a @param {[number, number]} b */
+/**
+ * The part of a segment that is before the lens.
+ * @param {Eye} eye
+ * @param {[number, number]} a
+ * @param {[number, number]} b
+ */
 const edge = (eye, a, b) => {
-  const [one, other] = [a, b].map((point) => depthOf(eye.camera, eye.moment.tilt, robotFromMap(eye.moment, point)) - LEAST_DEPTH);
+  const [one, other] = [a, b].map(
+    (point) => depthOf(eye.camera, eye.moment.tilt, robotFromMap(eye.moment, point)) - LEAST_DEPTH,
+  );
   if (one < 0 && other < 0) {
     return null;
   }
   const at = one / (one - other);
-  const between = /** @type {[number, number]} */ ([a[0] + at * (b[0] - a[0]), a[1] + at * (b[1] - a[1])]);
-  const ends = [one < 0 ? between : a, other < 0 ? between : b].map((point) => toElement(eye.box, toPicture(eye.camera, eye.moment.tilt, robotFromMap(eye.moment, point))));
+  const between = /** @type {[number, number]} */ ([
+    a[0] + at * (b[0] - a[0]),
+    a[1] + at * (b[1] - a[1]),
+  ]);
+  const ends = [one < 0 ? between : a, other < 0 ? between : b].map((point) =>
+    toElement(eye.box, toPicture(eye.camera, eye.moment.tilt, robotFromMap(eye.moment, point))),
+  );
   return /** @type {[[number, number], [number, number]]} */ (ends);
 };
 
 /** @param {number} clearance m */
 const toneOf = (clearance) => (clearance < CLOSE ? "close" : clearance < NEAR ? "near" : "free");
-const WIDTHS = /** @type {Record<string, number>} */ ({ free: 2.5, near: 3.5, close: 5, committed: 3 });
+const WIDTHS = /** @type {Record<string, number>} */ ({
+  free: 2.5,
+  near: 3.5,
+  close: 5,
+  committed: 3,
+});
 
-/** @param {CanvasRenderingContext2D} context @param {Eye} eye @param {import("./swept_path.js").SweptPath} sweptPath @param {boolean} committed @param {Record<string, string>} paint */
+/**
+ * @param {CanvasRenderingContext2D} context
+ * @param {Eye} eye
+ * @param {import("./swept_path.js").SweptPath} sweptPath
+ * @param {boolean} committed
+ * @param {Record<string, string>} paint
+ */
 const drawSweptPath = (context, eye, { slices, blocked }, committed, paint) => {
   slices.slice(1).forEach((slice, i) => {
     const tone = committed ? "committed" : toneOf(Math.min(slice.clearance, slices[i].clearance));
-    const [left, right] = [edge(eye, slices[i].left, slice.left), edge(eye, slices[i].right, slice.right)];
+    const [left, right] = [
+      edge(eye, slices[i].left, slice.left),
+      edge(eye, slices[i].right, slice.right),
+    ];
     if (left && right) {
       context.beginPath();
       [left[0], left[1], right[1], right[0]].forEach((point) => context.lineTo(...point));
@@ -83,7 +138,14 @@ const drawSweptPath = (context, eye, { slices, blocked }, committed, paint) => {
   }
 };
 
-/** The robot's outline where it would touch something. @param {CanvasRenderingContext2D} context @param {Eye} eye @param {import("./transforms.js").Place} at @param {[number, number][]} footprint @param {Record<string, string>} paint */
+/**
+ * The robot's outline where it would touch something.
+ * @param {CanvasRenderingContext2D} context
+ * @param {Eye} eye
+ * @param {import("./transforms.js").Place} at
+ * @param {[number, number][]} footprint
+ * @param {Record<string, string>} paint
+ */
 const drawBlocked = (context, eye, at, footprint, paint) => {
   const corners = footprint.map((corner) => place(eye, mapFromRobot(at, corner)));
   if (corners.some((corner) => corner === null)) {
@@ -97,13 +159,32 @@ const drawBlocked = (context, eye, at, footprint, paint) => {
   stroke(context, 4, paint.close, paint.edge);
 };
 
-/** A circle on the floor. @param {CanvasRenderingContext2D} context @param {Eye} eye @param {[number, number]} middle @param {number} radius m */
+/**
+ * A circle on the floor.
+ * @param {CanvasRenderingContext2D} context
+ * @param {Eye} eye
+ * @param {[number, number]} middle
+ * @param {number} radius m
+ */
 const ring = (context, eye, [x, y], radius) => {
-  const points = Array.from({ length: 33 }, (_, i) => place(eye, [x + radius * Math.cos((i * Math.PI) / 16), y + radius * Math.sin((i * Math.PI) / 16)]));
-  trace(context, points.every((point) => point !== null) ? /** @type {[number, number][]} */ (points) : []);
+  const points = Array.from({ length: 33 }, (_, i) =>
+    place(eye, [
+      x + radius * Math.cos((i * Math.PI) / 16),
+      y + radius * Math.sin((i * Math.PI) / 16),
+    ]),
+  );
+  trace(
+    context,
+    points.every((point) => point !== null) ? /** @type {[number, number][]} */ (points) : [],
+  );
 };
 
-/** @param {CanvasRenderingContext2D} context @param {Eye} eye @param {Cue} cue @param {Record<string, string>} paint */
+/**
+ * @param {CanvasRenderingContext2D} context
+ * @param {Eye} eye
+ * @param {Cue} cue
+ * @param {Record<string, string>} paint
+ */
 const drawCue = (context, eye, { point, radius, sign, hidden }, paint) => {
   const [foot, head] = [place(eye, point), place(eye, point, POST)];
   if (!foot || !head) {
@@ -136,10 +217,26 @@ const drawCue = (context, eye, { point, radius, sign, hidden }, paint) => {
   context.globalAlpha = 1;
 };
 
-/** The sign of charging. @param {CanvasRenderingContext2D} context @param {number} x @param {number} y @param {number} size */
+/**
+ * The sign of charging.
+ * @param {CanvasRenderingContext2D} context
+ * @param {number} x
+ * @param {number} y
+ * @param {number} size
+ */
 const bolt = (context, x, y, size) => {
-  const corners = [[0.2, -1.3], [-0.8, 0.2], [-0.05, 0.2], [-0.2, 1.3], [0.8, -0.2], [0.05, -0.2]];
-  trace(context, corners.map(([u, v]) => [x + u * size, y + v * size]));
+  const corners = [
+    [0.2, -1.3],
+    [-0.8, 0.2],
+    [-0.05, 0.2],
+    [-0.2, 1.3],
+    [0.8, -0.2],
+    [0.05, -0.2],
+  ];
+  trace(
+    context,
+    corners.map(([u, v]) => [x + u * size, y + v * size]),
+  );
 };
 
 /** @param {CanvasRenderingContext2D} context @param {[number, number][]} points */
@@ -148,9 +245,18 @@ const trace = (context, points) => {
   points.forEach((point) => context.lineTo(...point));
 };
 
-/** A line that is readable on any floor. @param {CanvasRenderingContext2D} context @param {number} width @param {string} colour @param {string} around */
+/**
+ * A line that is readable on any floor.
+ * @param {CanvasRenderingContext2D} context
+ * @param {number} width
+ * @param {string} colour
+ * @param {string} around
+ */
 const stroke = (context, width, colour, around) => {
-  for (const [wide, style] of /** @type {[number, string][]} */ ([[width + 2.5, around], [width, colour]])) {
+  for (const [wide, style] of /** @type {[number, string][]} */ ([
+    [width + 2.5, around],
+    [width, colour],
+  ])) {
     context.lineWidth = wide;
     context.strokeStyle = style;
     context.stroke();

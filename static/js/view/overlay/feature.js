@@ -1,6 +1,7 @@
 /**
- * The video as a place to drive by: what is drawn on it, pressing on it, the gamepad, and what the page drives by itself for who pressed
- * once. What to do is decided in the pure modules beside it, in input/ and in view/hud/stuck.js.
+ * The video as a place to drive by: what is drawn on it, pressing on it, the gamepad, and what the
+ * page drives by itself for who pressed once. What to do is decided in the pure modules beside it,
+ * in input/ and in view/hud/stuck.js.
  */
 
 import { Gamepads } from "../../input/gamepad.js";
@@ -49,7 +50,9 @@ const setUp = (page) => {
   const canvas = new OverlayCanvas(page, around, press);
   const turnAround = () => store.get().robot?.docked || press.turnAround();
   press.onChange = () => canvas.refresh();
-  [press.maneuver, press.pointing, newGamepads(page, press)].forEach((controller) => page.driving.steering.add(controller));
+  [press.maneuver, press.pointing, newGamepads(page, press)].forEach((controller) =>
+    page.driving.steering.add(controller),
+  );
 
   return {
     handlers: newHandlers(store, around, canvas),
@@ -72,7 +75,11 @@ const setUp = (page) => {
       },
       tick: () => {
         press.tick();
-        const why = stuckFor(store.get(), { now: unixNow(), heardAt: around.heardAt, movedAt: around.movedAt });
+        const why = stuckFor(store.get(), {
+          now: unixNow(),
+          heardAt: around.heardAt,
+          movedAt: around.movedAt,
+        });
         if (why?.word !== store.get().stuck?.word) {
           store.update({ stuck: why });
         }
@@ -87,7 +94,11 @@ const setUp = (page) => {
   };
 };
 
-/** @param {import("../../drive/store.js").Store} store @param {Surroundings} around @param {OverlayCanvas} canvas */
+/**
+ * @param {import("../../drive/store.js").Store} store
+ * @param {Surroundings} around
+ * @param {OverlayCanvas} canvas
+ */
 const newHandlers = (store, around, canvas) => {
   const moved = (/** @type {any} */ message) => {
     around.moved(message);

@@ -1,5 +1,6 @@
 /**
- * Pressing on the video: where on the floor that is, and the maneuver that the page then drives for the visitor.
+ * Pressing on the video: where on the floor that is, and the maneuver that the page then drives for
+ * the visitor.
  */
 
 import { Maneuver } from "../../input/maneuver.js";
@@ -12,10 +13,17 @@ import { sweep } from "./swept_path.js";
 import { mapFromRobot, robotFromMap } from "./transforms.js";
 import { hidesWall, isBehind } from "./visibility.js";
 
-/** @typedef {{no: string, point?: [number, number], at?: import("./transforms.js").Place} | {turn: [number, number]} | {goal: [number, number], sweptPath: any}} Target what a press means */
+/**
+ * @typedef {{no: string, point?: [number, number], at?: import("./transforms.js").Place}
+ *   | {turn: [number, number]} | {goal: [number, number], sweptPath: any}} Target what a press
+ *   means
+ */
 
 export class FloorPress {
-  /** @param {import("../../drive/registry.js").Page} page @param {import("./feature.js").Surroundings} around */
+  /**
+   * @param {import("../../drive/registry.js").Page} page
+   * @param {import("./feature.js").Surroundings} around
+   */
   constructor({ store, element, driving, video }, around) {
     this.store = store;
     this.around = around;
@@ -45,7 +53,11 @@ export class FloorPress {
     this.#watchHand();
   }
 
-  /** @param {string} word @param {import("./state.js").Refusal | null} [refused] the point that the robot cannot drive straight to */
+  /**
+   * @param {string} word
+   * @param {import("./state.js").Refusal | null} [refused] the point that the robot cannot drive
+   *   straight to
+   */
   say(word, refused = null) {
     this.store.update({ said: { word, at: unixNow(), refused }, now: unixNow() });
   }
@@ -54,13 +66,19 @@ export class FloorPress {
     return this.store.get().factsheet?.footprint ?? [];
   }
 
-  /** Whose frame is on the screen: camera, where the robot was, and where the frame lies; null while that is not known. */
+  /**
+   * Whose frame is on the screen: camera, where the robot was, and where the frame lies; null while
+   * that is not known.
+   */
   get eye() {
     const { camera, tilt } = this.store.get().factsheet ?? {};
     const { width, height, fit } = this.size;
     const moment = this.around.track.at(this.video.frameStamp());
-    const isAimed = moment?.aimed || !tilt; // where a head looks that nobody knows the angle of, nothing can be drawn
-    return camera && moment && isAimed && width ? { camera, moment, box: boxOf(camera, width, height, fit) } : null;
+    // where a head looks that nobody knows the angle of, nothing can be drawn
+    const isAimed = moment?.aimed || !tilt;
+    return camera && moment && isAimed && width
+      ? { camera, moment, box: boxOf(camera, width, height, fit) }
+      : null;
   }
 
   tick() {
@@ -78,10 +96,16 @@ export class FloorPress {
     this.#startHere("turn", (robot) => lookingAt(robot, ABOUT));
   }
 
-  /** By the hand that pressed the button, or else by one that may steer. @param {import("../../input/maneuver.js").Kind} kind @param {(robot: import("./transforms.js").Place) => [number, number]} pointOf */
+  /**
+   * By the hand that pressed the button, or else by one that may steer.
+   * @param {import("../../input/maneuver.js").Kind} kind
+   * @param {(robot: import("./transforms.js").Place) => [number, number]} pointOf
+   */
   #startHere(kind, pointOf) {
     const robot = this.around.track.newest;
-    const method = this.steering.mayUse(this.hand) ? this.hand : (this.steering.allowed?.[0] ?? this.hand);
+    const method = this.steering.mayUse(this.hand)
+      ? this.hand
+      : (this.steering.allowed?.[0] ?? this.hand);
     if (robot && roleOf(this.store.get().visit) === "driver") {
       this.#start(kind, pointOf(robot), method);
     }
@@ -106,17 +130,30 @@ export class FloorPress {
     const point = mapFromRobot(eye.moment, floor);
     const own = robotFromMap(robot, point);
     const { seen } = this.around;
-    if (isBehind(seen.map((one) => robotFromMap(robot, one)), own) || (robot.localized && hidesWall(plan, [robot.x, robot.y], point))) {
+    if (
+      isBehind(
+        seen.map((one) => robotFromMap(robot, one)),
+        own,
+      ) ||
+      (robot.localized && hidesWall(plan, [robot.x, robot.y], point))
+    ) {
       return { no: "wall", point, at: this.#touching(robot, point) };
     }
     const target = reach(robot, own, this.footprint, seen);
     return "no" in target ? { ...target, point, at: this.#touching(robot, point) } : target;
   }
 
-  /** Where the robot would stand when it touches what is in its way to a point. @param {import("./transforms.js").Place} robot @param {[number, number]} point @returns {import("./transforms.js").Place} */
+  /**
+   * Where the robot would stand when it touches what is in its way to a point.
+   * @param {import("./transforms.js").Place} robot
+   * @param {[number, number]} point
+   * @returns {import("./transforms.js").Place}
+   */
   #touching(robot, point) {
     const sweptPath = sweep(arcTo(robot, point), this.footprint, this.around.seen);
-    return sweptPath?.blocked ? sweptPath.end : { x: point[0], y: point[1], theta: Math.atan2(point[1] - robot.y, point[0] - robot.x) };
+    return sweptPath?.blocked
+      ? sweptPath.end
+      : { x: point[0], y: point[1], theta: Math.atan2(point[1] - robot.y, point[0] - robot.x) };
   }
 
   /** @param {import("../../input/pointing.js").Press} press */
@@ -144,13 +181,20 @@ export class FloorPress {
     this.onChange();
   }
 
-  /** @param {Target} target @param {string} method @returns {boolean} whether the robot goes there now */
+  /**
+   * @param {Target} target
+   * @param {string} method
+   * @returns {boolean} whether the robot goes there now
+   */
   #go(target, method) {
     if ("no" in target) {
       if (this.store.get().robot?.docked) {
         this.store.update({ pushedAt: unixNow(), now: unixNow() });
       } else {
-        this.say(`point.${target.no}`, target.point && target.at ? { goal: target.point, at: target.at } : null);
+        this.say(
+          `point.${target.no}`,
+          target.point && target.at ? { goal: target.point, at: target.at } : null,
+        );
       }
       return false;
     }
@@ -162,7 +206,12 @@ export class FloorPress {
     return true;
   }
 
-  /** From this very moment, so that an older hand that is still held has lost. @param {import("../../input/maneuver.js").Kind} kind @param {[number, number]} point @param {string} method */
+  /**
+   * From this very moment, so that an older hand that is still held has lost.
+   * @param {import("../../input/maneuver.js").Kind} kind
+   * @param {[number, number]} point
+   * @param {string} method
+   */
   #start(kind, point, method) {
     const { maneuver, said } = this.store.get();
     if (maneuver !== kind || said) {
@@ -173,9 +222,23 @@ export class FloorPress {
   }
 
   #drive() {
-    const [now, { factsheet }, { track, heardAt, seen }] = [unixNow(), this.store.get(), this.around];
+    const [now, { factsheet }, { track, heardAt, seen }] = [
+      unixNow(),
+      this.store.get(),
+      this.around,
+    ];
     if (factsheet) {
-      this.maneuver.tick({ moment: track.newest, age: now - heardAt, full: this.steering.full, limits: factsheet.limits, footprint: this.footprint, seen }, now);
+      this.maneuver.tick(
+        {
+          moment: track.newest,
+          age: now - heardAt,
+          full: this.steering.full,
+          limits: factsheet.limits,
+          footprint: this.footprint,
+          seen,
+        },
+        now,
+      );
     }
   }
 
@@ -189,14 +252,24 @@ export class FloorPress {
     }
   }
 
-  /** Which hand presses the buttons of the page, and at which side of the video it is: there it turns the robot. */
+  /**
+   * Which hand presses the buttons of the page, and at which side of the video it is: there it
+   * turns the robot.
+   */
   #watchHand() {
     const { stage } = this;
     const showSide = (/** @type {PointerEvent} */ { clientX, target }) => {
       const { camera } = this.store.get().factsheet ?? {};
       const { width, height, fit } = this.size;
-      const isOn = camera && width && /** @type {Element} */ (target).matches("#viewport, video, canvas");
-      const side = isOn ? sideOf(boxOf(camera, width, height, fit), camera, clientX - stage.getBoundingClientRect().left) : 0;
+      const isOn =
+        camera && width && /** @type {Element} */ (target).matches("#viewport, video, canvas");
+      const side = isOn
+        ? sideOf(
+            boxOf(camera, width, height, fit),
+            camera,
+            clientX - stage.getBoundingClientRect().left,
+          )
+        : 0;
       const name = side > 0 ? "left" : side < 0 ? "right" : "";
       if (stage.dataset.side !== name) {
         stage.dataset.side = name;
@@ -205,7 +278,11 @@ export class FloorPress {
     stage.addEventListener("pointerdown", showSide);
     stage.addEventListener("pointermove", showSide);
     stage.addEventListener("pointerleave", () => (stage.dataset.side = ""));
-    addEventListener("pointerdown", ({ pointerType }) => (this.hand = pointerType === "mouse" ? "mouse" : "touch"), true);
+    addEventListener(
+      "pointerdown",
+      ({ pointerType }) => (this.hand = pointerType === "mouse" ? "mouse" : "touch"),
+      true,
+    );
     addEventListener("keydown", () => (this.hand = "keyboard"), true);
   }
 }

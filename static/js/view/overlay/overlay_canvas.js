@@ -1,27 +1,35 @@
 /**
- * The canvas over the video: works out what is to be seen on it, and draws that with the next frame of the screen if it is new.
+ * The canvas over the video: works out what is to be seen on it, and draws that with the next frame
+ * of the screen if it is new.
  */
 
 import { offersAround } from "../../autonomy/offer.js";
 import { isMoving } from "../../autonomy/robot_action.js";
 import { arcTo } from "../../input/pure_pursuit.js";
+import { createPaint } from "../../lib/colours.js";
 import { roleOf } from "../../protocol/session.js";
 import { cuesFor } from "./cues.js";
 import { drawScene } from "./drawing.js";
 import { heldSteps, lineSteps, sweep } from "./swept_path.js";
 
-const SHOWN_SECONDS = 6; // of driving on like this: the camera sees no floor that is nearer than a metre
+// s of driving on like this: the camera sees no floor that is nearer than a metre
+const SHOWN_SECONDS = 6;
 const COLOURS = ["free", "near", "close", "committed", "goal", "next", "edge"];
 /** @type {Omit<import("./drawing.js").Scene, "cues" | "radius" | "footprint">} */
 const NOTHING = Object.freeze({ sweptPath: null, committed: false, goal: null, blocked: null });
 
 export class OverlayCanvas {
-  /** @param {import("../../drive/registry.js").Page} page @param {import("./feature.js").Surroundings} around @param {import("./floor_press.js").FloorPress} press */
+  /**
+   * @param {import("../../drive/registry.js").Page} page
+   * @param {import("./feature.js").Surroundings} around
+   * @param {import("./floor_press.js").FloorPress} press
+   */
   constructor({ store, element }, around, press) {
     this.store = store;
     this.around = around;
     this.press = press;
     this.canvas = /** @type {HTMLCanvasElement} */ (element("overlay"));
+    this.paint = createPaint(this.canvas, "--", COLOURS, "700 15px");
     /** @type {import("../../protocol/command_stream.js").Intent} that is sent to the robot */
     this.intent = { linear: 0, angular: 0, method: "" };
     this.dirty = false;
@@ -58,25 +66,52 @@ export class OverlayCanvas {
       return NOTHING;
     }
     if (target) {
-      return "goal" in target ? { ...NOTHING, ...target } : { ...NOTHING, blocked: ("at" in target && target.at) || null };
+      return "goal" in target
+        ? { ...NOTHING, ...target }
+        : { ...NOTHING, blocked: ("at" in target && target.at) || null };
     }
     const refused = this.store.get().said?.refused;
     if (refused && offersAround(this.store.get())) {
       return { ...NOTHING, blocked: refused.at };
     }
     if (maneuver.now?.kind === "goal") {
-      return { ...NOTHING, goal: maneuver.now.point, sweptPath: sweep(arcTo(robot, maneuver.now.point), footprint, this.around.seen) };
+      return {
+        ...NOTHING,
+        goal: maneuver.now.point,
+        sweptPath: sweep(arcTo(robot, maneuver.now.point), footprint, this.around.seen),
+      };
     }
     if (isMoving(task)) {
-      return { ...NOTHING, committed: true, sweptPath: sweep(lineSteps(robot, this.around.path), footprint, []) };
+      return {
+        ...NOTHING,
+        committed: true,
+        sweptPath: sweep(lineSteps(robot, this.around.path), footprint, []),
+      };
     }
-    const held = this.intent.linear || this.intent.angular ? heldSteps(robot, this.intent, factsheet.limits, SHOWN_SECONDS) : [];
-    return { ...NOTHING, sweptPath: sweep(held, footprint, this.around.seen, this.intent.linear < 0 ? -1 : 1) };
+    const held =
+      this.intent.linear || this.intent.angular
+        ? heldSteps(robot, this.intent, factsheet.limits, SHOWN_SECONDS)
+        : [];
+    return {
+      ...NOTHING,
+      sweptPath: sweep(held, footprint, this.around.seen, this.intent.linear < 0 ? -1 : 1),
+    };
   }
 
   #pathNow() {
     const [{ track, scan, path }, { task, factsheet, said, now }] = [this.around, this.store.get()];
-    const of = [track.newest, scan, path, this.intent, this.press.target, this.press.maneuver.now?.point, task, factsheet, said, said?.refused && now];
+    const of = [
+      track.newest,
+      scan,
+      path,
+      this.intent,
+      this.press.target,
+      this.press.maneuver.now?.point,
+      task,
+      factsheet,
+      said,
+      said?.refused && now,
+    ];
     if (of.some((one, i) => one !== this.last.of[i])) {
       this.last = { of, scene: this.#path() };
     }
@@ -87,8 +122,18 @@ export class OverlayCanvas {
     this.dirty = false;
     const [state, { eye }, context] = [this.store.get(), this.press, this.canvas.getContext("2d")];
     const shows = state.playing && roleOf(state.visit) === "driver" && eye !== null;
-    const scene = shows ? { ...this.#pathNow(), footprint: this.press.footprint, radius: Math.max(...this.press.footprint.map(([x]) => x)), cues: cuesFor(state, eye.moment) } : null;
-    const key = scene && eye && (scene.sweptPath || scene.goal || scene.blocked || scene.cues.length) ? keyOf(scene, eye) : "";
+    const scene = shows
+      ? {
+          ...this.#pathNow(),
+          footprint: this.press.footprint,
+          radius: Math.max(...this.press.footprint.map(([x]) => x)),
+          cues: cuesFor(state, eye.moment),
+        }
+      : null;
+    const key =
+      scene && eye && (scene.sweptPath || scene.goal || scene.blocked || scene.cues.length)
+        ? keyOf(scene, eye)
+        : "";
     if (key === this.drawn || !context) {
       return;
     }
@@ -96,23 +141,46 @@ export class OverlayCanvas {
     context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
     context.clearRect(0, 0, this.press.size.width, this.press.size.height);
     if (key && scene && eye) {
-      drawScene(context, eye, scene, this.#paint());
+      drawScene(context, eye, scene, this.paint());
     }
     const { dataset } = this.canvas;
-    dataset.shows = scene?.blocked ? "blocked" : scene?.goal ? "goal" : scene?.sweptPath?.slices.length ? (scene.committed ? "path" : "held") : "";
+    dataset.shows = scene?.blocked
+      ? "blocked"
+      : scene?.goal
+        ? "goal"
+        : scene?.sweptPath?.slices.length
+          ? scene.committed
+            ? "path"
+            : "held"
+          : "";
     dataset.goal = scene?.goal?.map((value) => value.toFixed(3)).join(" ") ?? "";
-    dataset.cues = scene?.cues.map(({ sign, hidden }) => `${sign || "dock"}${hidden ? " hidden" : ""}`).join() ?? "";
-  }
-
-  #paint() {
-    const style = getComputedStyle(this.canvas);
-    return { ...Object.fromEntries(COLOURS.map((name) => [name, style.getPropertyValue(`--${name}`).trim()])), font: `700 15px ${style.fontFamily}` };
+    dataset.cues =
+      scene?.cues.map(({ sign, hidden }) => `${sign || "dock"}${hidden ? " hidden" : ""}`).join() ??
+      "";
   }
 }
 
-/** The same for what looks the same. @param {import("./drawing.js").Scene} scene @param {import("./drawing.js").Eye} eye */
+/**
+ * The same for what looks the same.
+ * @param {import("./drawing.js").Scene} scene
+ * @param {import("./drawing.js").Eye} eye
+ */
 const keyOf = ({ sweptPath, goal, blocked, cues }, { moment, box }) => {
   const end = sweptPath?.slices.at(-1);
-  const parts = [moment.x, moment.y, moment.theta, moment.tilt, ...(end?.left ?? []), end?.clearance ?? 0, ...(goal ?? []), ...(blocked ? [blocked.x, blocked.y, blocked.theta] : []), sweptPath?.slices.length ?? 0, box.scale, box.left, box.top];
-  return `${parts.map((value) => value.toFixed(3))}${cues.map(({ sign, hidden }) => sign + hidden)}`;
+  const parts = [
+    moment.x,
+    moment.y,
+    moment.theta,
+    moment.tilt,
+    ...(end?.left ?? []),
+    end?.clearance ?? 0,
+    ...(goal ?? []),
+    ...(blocked ? [blocked.x, blocked.y, blocked.theta] : []),
+    sweptPath?.slices.length ?? 0,
+    box.scale,
+    box.left,
+    box.top,
+  ];
+  const signs = cues.map(({ sign, hidden }) => sign + hidden);
+  return `${parts.map((value) => value.toFixed(3))}${signs}`;
 };

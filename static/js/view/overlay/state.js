@@ -1,16 +1,24 @@
 /** The overlay's slice of the page's state. */
 
-/** @typedef {{goal: [number, number], at: import("./transforms.js").Place}} Refusal a point that was pressed, and where the robot would touch what is in the way */
+/**
+ * @typedef {{goal: [number, number], at: import("./transforms.js").Place}} Refusal a point that was
+ *   pressed, and where the robot would touch what is in the way
+ */
 
 export const newSlice = () => ({
   /** when the visitor last pressed forward, Unix seconds */
   pushedAt: -Infinity,
-  /** since when the visitor presses something that ought to move the robot, null while nothing is pressed */
+  /**
+   * since when the visitor presses something that ought to move the robot, null while nothing is
+   * pressed
+   */
   pressing: /** @type {{since: number} | null} */ (null),
   /** why it does not move although the visitor presses: view/hud/stuck.js */
   stuck: /** @type {import("../hud/stuck.js").Why | null} */ (null),
   /** an answer to what the visitor has just tried, its word and when */
   said: /** @type {{word: string, at: number, refused?: Refusal | null} | null} */ (null),
-  /** what the page drives by itself for who pressed once: to a goal, a turn, or back out of the dock */
+  /**
+   * what the page drives by itself for who pressed once: to a goal, a turn, or back out of the dock
+   */
   maneuver: /** @type {import("../../input/maneuver.js").Kind | null} */ (null),
 });

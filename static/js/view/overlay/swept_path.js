@@ -1,16 +1,27 @@
 /**
- * The floor that the robot will sweep: its footprint moved from place to place, cut where something stands in it. Pure.
+ * The floor that the robot will sweep: its footprint moved from place to place, cut where something
+ * stands in it. Pure.
  *
- * On a stretch of curvature k the robot turns about the point (0, 1/k) of its own frame. Every point of the footprint keeps its distance
- * from there, so what is swept is the ring between the least and the greatest of these distances: exact, however sharp the turn.
+ * On a stretch of curvature k the robot turns about the point (0, 1/k) of its own frame. Every
+ * point of the footprint keeps its distance from there, so what is swept is the ring between the
+ * least and the greatest of these distances: exact, however sharp the turn.
  */
 
 import { along, mapFromRobot } from "./transforms.js";
 
 /** @typedef {[number, number]} Point */
-/** @typedef {import("./transforms.js").Place & {curvature: number}} Step a place of the robot's centre, and 1/m */
-/** @typedef {{left: Point, right: Point, clearance: number}} Slice across the way: its ends in m, and the room beside it */
-/** @typedef {{slices: Slice[], blocked: boolean, end: Step, length: number}} SweptPath where the robot's centre gets to, and after how many m */
+/**
+ * @typedef {import("./transforms.js").Place & {curvature: number}} Step a place of the robot's
+ *   centre, and 1/m
+ */
+/**
+ * @typedef {{left: Point, right: Point, clearance: number}} Slice across the way: its ends in m,
+ *   and the room beside it
+ */
+/**
+ * @typedef {{slices: Slice[], blocked: boolean, end: Step, length: number}} SweptPath where the
+ *   robot's centre gets to, and after how many m
+ */
 
 export const CLOSE = 0.2; // m beside the robot: a touch is near
 export const NEAR = 0.5; // m beside the robot
@@ -23,11 +34,15 @@ const CREEP = 0.03; // m/s; slower is standing, or turning on the spot, which sw
 
 /**
  * How far the footprint reaches to the left and to the right of the way of the robot's centre.
- * @param {Point[]} footprint m, robot's frame, convex @param {number} curvature 1/m, positive turns left
+ * @param {Point[]} footprint m, robot's frame, convex
+ * @param {number} curvature 1/m, positive turns left
  * @returns {[number, number]} m, both positive
  */
 export const reachOf = (footprint, curvature) => {
-  const straight = /** @type {[number, number]} */ ([Math.max(...footprint.map(([, y]) => y)), Math.max(...footprint.map(([, y]) => -y))]);
+  const straight = /** @type {[number, number]} */ ([
+    Math.max(...footprint.map(([, y]) => y)),
+    Math.max(...footprint.map(([, y]) => -y)),
+  ]);
   if (Math.abs(curvature) < STRAIGHT) {
     return straight;
   }
@@ -35,27 +50,47 @@ export const reachOf = (footprint, curvature) => {
   const away = Math.abs(radius);
   const far = Math.max(...footprint.map(([x, y]) => Math.hypot(x, y - radius)));
   const isInside = away < straight[curvature > 0 ? 0 : 1];
-  const near = isInside ? 0 : Math.min(...footprint.map((corner, i) => distanceTo([0, radius], corner, footprint[(i + 1) % footprint.length])));
+  const near = isInside
+    ? 0
+    : Math.min(
+        ...footprint.map((corner, i) =>
+          distanceTo([0, radius], corner, footprint[(i + 1) % footprint.length]),
+        ),
+      );
   return curvature > 0 ? [away - near, far - away] : [far - away, away - near];
 };
 
 /** From a point to a segment, in m. @param {Point} point @param {Point} start @param {Point} end */
 const distanceTo = ([x, y], [ax, ay], [bx, by]) => {
   const [dx, dy] = [bx - ax, by - ay];
-  const share = Math.max(0, Math.min(1, ((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy || 1)));
+  const share = Math.max(
+    0,
+    Math.min(1, ((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy || 1)),
+  );
   return Math.hypot(x - ax - share * dx, y - ay - share * dy);
 };
 
-/** @param {import("./transforms.js").Place} start @param {number} curvature @param {number} length m, negative is backwards @returns {Step[]} */
+/**
+ * @param {import("./transforms.js").Place} start
+ * @param {number} curvature
+ * @param {number} length m, negative is backwards
+ * @returns {Step[]}
+ */
 export const arcSteps = (start, curvature, length) => {
   const count = Math.max(1, Math.ceil(Math.abs(length) / PIECE));
-  return Array.from({ length: count + 1 }, (_, i) => ({ ...along(start, length, length * curvature, i / count), curvature }));
+  return Array.from({ length: count + 1 }, (_, i) => ({
+    ...along(start, length, length * curvature, i / count),
+    curvature,
+  }));
 };
 
 /**
  * What holding a command does: the speeds rise and fall as the robot's limits allow.
- * @param {import("./transforms.js").Moment} start @param {{linear: number, angular: number}} command m/s, rad/s
- * @param {{linearAcceleration: number, linearBraking: number, angularAcceleration: number, angularBraking: number}} limits @param {number} seconds
+ * @param {import("./transforms.js").Moment} start
+ * @param {{linear: number, angular: number}} command m/s, rad/s
+ * @param {{linearAcceleration: number, linearBraking: number, angularAcceleration: number,
+ *   angularBraking: number}} limits
+ * @param {number} seconds
  * @returns {Step[]} none for a robot that stands or turns on the spot
  */
 export const heldSteps = (start, command, limits, seconds) => {
@@ -63,25 +98,56 @@ export const heldSteps = (start, command, limits, seconds) => {
   let { linear, angular } = start;
   const steps = /** @type {Step[]} */ ([]);
   for (let tick = 0; tick * TICK < seconds; tick += 1) {
-    linear = approach(linear, command.linear, TICK * limits.linearAcceleration, TICK * limits.linearBraking);
-    angular = approach(angular, command.angular, TICK * limits.angularAcceleration, TICK * limits.angularBraking);
+    linear = approach(
+      linear,
+      command.linear,
+      TICK * limits.linearAcceleration,
+      TICK * limits.linearBraking,
+    );
+    angular = approach(
+      angular,
+      command.angular,
+      TICK * limits.angularAcceleration,
+      TICK * limits.angularBraking,
+    );
     if (tick % 5 === 0) {
-      steps.push({ x: place.x, y: place.y, theta: place.theta, curvature: Math.abs(linear) < CREEP ? 0 : angular / linear });
+      steps.push({
+        x: place.x,
+        y: place.y,
+        theta: place.theta,
+        curvature: Math.abs(linear) < CREEP ? 0 : angular / linear,
+      });
     }
     place = along(place, linear, angular, TICK);
   }
-  const last = { x: place.x, y: place.y, theta: place.theta, curvature: steps.at(-1)?.curvature ?? 0 };
+  const last = {
+    x: place.x,
+    y: place.y,
+    theta: place.theta,
+    curvature: steps.at(-1)?.curvature ?? 0,
+  };
   return Math.hypot(last.x - start.x, last.y - start.y) < LEAST ? [] : [...steps, last];
 };
 
-/** Round a change of sign the speed comes to zero first. @param {number} now @param {number} wanted @param {number} rise @param {number} fall the most that it may change */
+/**
+ * Round a change of sign the speed comes to zero first.
+ * @param {number} now
+ * @param {number} wanted
+ * @param {number} rise
+ * @param {number} fall the most that it may change
+ */
 const approach = (now, wanted, rise, fall) => {
   const aim = wanted * now < 0 ? 0 : wanted;
   const most = Math.abs(aim) < Math.abs(now) ? fall : rise;
   return now + Math.max(-most, Math.min(most, aim - now));
 };
 
-/** A line of the map that the robot follows by itself, from where it is. @param {import("./transforms.js").Place} robot @param {Point[]} points @returns {Step[]} */
+/**
+ * A line of the map that the robot follows by itself, from where it is.
+ * @param {import("./transforms.js").Place} robot
+ * @param {Point[]} points
+ * @returns {Step[]}
+ */
 export const lineSteps = (robot, points) => {
   const distances = points.map(([x, y]) => Math.hypot(x - robot.x, y - robot.y));
   const ahead = points.slice(distances.indexOf(Math.min(...distances)) + 1);
@@ -92,8 +158,11 @@ export const lineSteps = (robot, points) => {
 };
 
 /**
- * @param {Step[]} steps of one way, forwards or backwards @param {Point[]} footprint @param {Point[]} seen what the laser saw, in the frame of the steps
- * @param {number} sign -1 for a way backwards @returns {SweptPath | null} null without a way; it ends before what stands in it
+ * @param {Step[]} steps of one way, forwards or backwards
+ * @param {Point[]} footprint
+ * @param {Point[]} seen what the laser saw, in the frame of the steps
+ * @param {number} sign -1 for a way backwards
+ * @returns {SweptPath | null} null without a way; it ends before what stands in it
  */
 export const sweep = (steps, footprint, seen, sign = 1) => {
   const nose = Math.max(...footprint.map(([x]) => sign * x));
@@ -114,7 +183,11 @@ export const sweep = (steps, footprint, seen, sign = 1) => {
       }
       blocked ||= beside < 0 && sign * x > 0 && sign * x <= nose;
     }
-    slices.push({ left: mapFromRobot(step, [0, left]), right: mapFromRobot(step, [0, -right]), clearance: blocked ? 0 : clearance });
+    slices.push({
+      left: mapFromRobot(step, [0, left]),
+      right: mapFromRobot(step, [0, -right]),
+      clearance: blocked ? 0 : clearance,
+    });
     if (blocked) {
       break;
     }
@@ -126,7 +199,11 @@ export const sweep = (steps, footprint, seen, sign = 1) => {
   }
   if (!blocked) {
     const [left, right] = reachOf(footprint, 0);
-    slices.push({ left: mapFromRobot(end, [sign * nose, left]), right: mapFromRobot(end, [sign * nose, -right]), clearance: slices.at(-1)?.clearance ?? FREE });
+    slices.push({
+      left: mapFromRobot(end, [sign * nose, left]),
+      right: mapFromRobot(end, [sign * nose, -right]),
+      clearance: slices.at(-1)?.clearance ?? FREE,
+    });
   }
   return { slices, blocked, end, length };
 };

@@ -1,20 +1,36 @@
 /**
- * Points of the map in the frame of a robot that stands in it, and back; and where the robot was at a moment that is past: when the
- * picture on the screen was taken, or a sweep of its laser. Pure.
+ * Points of the map in the frame of a robot that stands in it, and back; and where the robot was at
+ * a moment that is past: when the picture on the screen was taken, or a sweep of its laser. Pure.
  */
 
 const KEPT = 90; // poses: three seconds of the quickest
 const CLOCK_STEP = 5; // s; much older means that the robot's clock was set
 const AHEAD = 0.25; // s that a pose may be carried on by its velocity
-const GAP = 0.6; // s between two poses, beyond which nothing is known of the way from one to the other
+// s between two poses, beyond which nothing is known of the way from one to the other
+const GAP = 0.6;
 
 /** @typedef {{x: number, y: number, theta: number}} Place m and rad, in the map */
-/** `aimed` is false while nobody knows the tilt. @typedef {Place & {tilt: number, aimed: boolean, linear: number, angular: number, stamp: number, localized: boolean}} Moment */
+/**
+ * `aimed` is false while nobody knows the tilt.
+ * @typedef {Place & {tilt: number, aimed: boolean, linear: number, angular: number, stamp: number,
+ *   localized: boolean}} Moment
+ */
 
-/** @param {Place} place @param {[number, number]} point m, in its frame @returns {[number, number]} m, in the frame that it stands in */
-export const mapFromRobot = ({ x, y, theta }, [u, v]) => [x + u * Math.cos(theta) - v * Math.sin(theta), y + u * Math.sin(theta) + v * Math.cos(theta)];
+/**
+ * @param {Place} place
+ * @param {[number, number]} point m, in its frame
+ * @returns {[number, number]} m, in the frame that it stands in
+ */
+export const mapFromRobot = ({ x, y, theta }, [u, v]) => [
+  x + u * Math.cos(theta) - v * Math.sin(theta),
+  y + u * Math.sin(theta) + v * Math.cos(theta),
+];
 
-/** @param {Place} place @param {[number, number]} point m, in the frame that it stands in @returns {[number, number]} m, in its own */
+/**
+ * @param {Place} place
+ * @param {[number, number]} point m, in the frame that it stands in
+ * @returns {[number, number]} m, in its own
+ */
 export const robotFromMap = ({ x, y, theta }, [px, py]) => {
   const [dx, dy] = [px - x, py - y];
   return [dx * Math.cos(theta) + dy * Math.sin(theta), dy * Math.cos(theta) - dx * Math.sin(theta)];
@@ -25,13 +41,21 @@ export const wrap = (angle) => Math.atan2(Math.sin(angle), Math.cos(angle));
 
 /**
  * Where an arc leads.
- * @param {Place} from @param {number} linear m/s @param {number} angular rad/s @param {number} seconds @returns {Place}
+ * @param {Place} from
+ * @param {number} linear m/s
+ * @param {number} angular rad/s
+ * @param {number} seconds
+ * @returns {Place}
  */
 export const along = ({ x, y, theta }, linear, angular, seconds) => {
   const turn = angular * seconds;
   // Chord and half the turn: right for a straight line too.
   const chord = linear * seconds * (Math.abs(turn) < 1e-6 ? 1 : Math.sin(turn / 2) / (turn / 2));
-  return { x: x + chord * Math.cos(theta + turn / 2), y: y + chord * Math.sin(theta + turn / 2), theta: theta + turn };
+  return {
+    x: x + chord * Math.cos(theta + turn / 2),
+    y: y + chord * Math.sin(theta + turn / 2),
+    theta: theta + turn,
+  };
 };
 
 export class Track {
@@ -40,7 +64,10 @@ export class Track {
     this.moments = [];
   }
 
-  /** @param {{stamp: number, pose: Place & {localized: boolean}, velocity: {linear: number, angular: number}, tilt: number | null}} message `pose` or `state` */
+  /**
+   * @param {{stamp: number, pose: Place & {localized: boolean}, velocity: {linear: number,
+   *   angular: number}, tilt: number | null}} message `pose` or `state`
+   */
   add({ stamp, pose, velocity, tilt }) {
     const last = this.newest;
     if (last && stamp <= last.stamp) {
@@ -50,7 +77,17 @@ export class Track {
       this.moments = [];
     }
     const { x, y, theta, localized } = pose;
-    this.moments.push({ x, y, theta, localized, stamp, tilt: tilt ?? 0, aimed: tilt !== null, linear: velocity.linear, angular: velocity.angular });
+    this.moments.push({
+      x,
+      y,
+      theta,
+      localized,
+      stamp,
+      tilt: tilt ?? 0,
+      aimed: tilt !== null,
+      linear: velocity.linear,
+      angular: velocity.angular,
+    });
     if (this.moments.length > KEPT) {
       this.moments.shift();
     }
@@ -68,7 +105,10 @@ export class Track {
       return newest;
     }
     if (stamp >= newest.stamp) {
-      return { ...newest, ...along(newest, newest.linear, newest.angular, Math.min(AHEAD, stamp - newest.stamp)) };
+      return {
+        ...newest,
+        ...along(newest, newest.linear, newest.angular, Math.min(AHEAD, stamp - newest.stamp)),
+      };
     }
     const next = this.moments.findIndex((one) => one.stamp >= stamp);
     const [before, after] = [this.moments[next - 1], this.moments[next]];
@@ -76,8 +116,15 @@ export class Track {
       return after;
     }
     const share = (stamp - before.stamp) / (after.stamp - before.stamp);
-    const mix = (/** @type {number} */ from, /** @type {number} */ to) => from + share * (to - from);
+    const mix = (/** @type {number} */ from, /** @type {number} */ to) =>
+      from + share * (to - from);
     const theta = before.theta + share * wrap(after.theta - before.theta);
-    return { ...after, x: mix(before.x, after.x), y: mix(before.y, after.y), theta, tilt: mix(before.tilt, after.tilt) };
+    return {
+      ...after,
+      x: mix(before.x, after.x),
+      y: mix(before.y, after.y),
+      theta,
+      tilt: mix(before.tilt, after.tilt),
+    };
   }
 }

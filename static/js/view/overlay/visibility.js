@@ -5,8 +5,11 @@
 const BEHIND = 0.15; // m: nearer to what the laser saw, a point is the foot of it
 
 /**
- * Whether a wall of the plan stands between two points. A doorway is a hole in a wall: so is a closed door, for whoever looks for the way.
- * @param {any} plan @param {Point} from @param {Point} to
+ * Whether a wall of the plan stands between two points. A doorway is a hole in a wall: so is a
+ * closed door, for whoever looks for the way.
+ * @param {any} plan
+ * @param {Point} from
+ * @param {Point} to
  */
 export const hidesWall = (plan, from, to) => {
   const holes = [...(plan?.doors ?? []), ...(plan?.passages ?? [])];
@@ -16,7 +19,14 @@ export const hidesWall = (plan, from, to) => {
   });
 };
 
-/** Where two segments cross. @param {Point} a @param {Point} b @param {Point} c @param {Point} d @returns {Point | null} */
+/**
+ * Where two segments cross.
+ * @param {Point} a
+ * @param {Point} b
+ * @param {Point} c
+ * @param {Point} d
+ * @returns {Point | null}
+ */
 const crossing = ([ax, ay], [bx, by], [cx, cy], [dx, dy]) => {
   const [ux, uy, vx, vy] = [bx - ax, by - ay, dx - cx, dy - cy];
   const cross = ux * vy - uy * vx;
@@ -40,6 +50,12 @@ const isOn = ([x, y], [ax, ay], [bx, by]) => {
 export const isBehind = (seen, point) => {
   const [bearing, distance] = [Math.atan2(point[1], point[0]), Math.hypot(...point)];
   // A little beside the line is still on it: beams are apart, by a degree or two.
-  const before = seen.filter(([x, y]) => Math.abs(Math.atan2(y, x) - bearing) * Math.hypot(x, y) < 0.03 + 0.01 * Math.hypot(x, y) && Math.hypot(x, y) > 0.3);
-  return before.length > 0 && Math.min(...before.map((one) => Math.hypot(...one))) + BEHIND < distance;
+  const before = seen.filter(
+    ([x, y]) =>
+      Math.abs(Math.atan2(y, x) - bearing) * Math.hypot(x, y) < 0.03 + 0.01 * Math.hypot(x, y) &&
+      Math.hypot(x, y) > 0.3,
+  );
+  return (
+    before.length > 0 && Math.min(...before.map((one) => Math.hypot(...one))) + BEHIND < distance
+  );
 };

@@ -1,4 +1,7 @@
-/** The connection in figures, for profiles that show them; the panel is fetched when it is first wanted. */
+/**
+ * The connection in figures, for profiles that show them; the panel is fetched when it is first
+ * wanted.
+ */
 
 import { lazy } from "../../lib/lazy.js";
 import { profileOf } from "../display/profiles.js";
@@ -9,7 +12,9 @@ const isWanted = (state) => profileOf(state).figures && state.visit.phase === "d
 /** @param {import("../../drive/registry.js").Page} page */
 const setUp = (page) => {
   const { store, element, words } = page;
-  const panel = lazy(async () => (await import("./panel.js")).createTechnical({ element, words, raw: () => rawOf(page) }));
+  const panel = lazy(async () =>
+    (await import("./panel.js")).createTechnical({ element, words, raw: () => rawOf(page) }),
+  );
   let wanted = false;
   return {
     render: (/** @type {import("../../drive/features.js").State} */ state) => {
@@ -21,12 +26,23 @@ const setUp = (page) => {
   };
 };
 
-/** What the figures are made of. @param {import("../../drive/registry.js").Page} page @returns {import("./figures.js").Raw} */
-const rawOf = ({ store, connection: { link, clockSync }, video: { fallback, shown, viewport } }) => ({
+/**
+ * What the figures are made of.
+ * @param {import("../../drive/registry.js").Page} page
+ * @returns {import("./figures.js").Raw}
+ */
+const rawOf = ({
+  store,
+  connection: { link, clockSync },
+  video: { fallback, shown, viewport },
+}) => ({
   connection: fallback.on ? null : (link.peer?.connection ?? null),
   state: store.get(),
   trips: { datachannel: clockSync.roundTrip("datachannel"), mqtt: clockSync.roundTrip("mqtt") },
-  glass: fallback.on || clockSync.offset === null || shown.stamp === null ? null : Math.max(0, shown.at + clockSync.offset - shown.stamp),
+  glass:
+    fallback.on || clockSync.offset === null || shown.stamp === null
+      ? null
+      : Math.max(0, shown.at + clockSync.offset - shown.stamp),
   size: viewport.size,
 });
 

@@ -1,6 +1,6 @@
 /**
- * Shows the connection in figures, twice a second, in places that are made once and keep their size; and copies them as text. Loaded when
- * somebody wants to see it (view/display/feature.js).
+ * Shows the connection in figures, twice a second, in places that are made once and keep their
+ * size; and copies them as text. Loaded when somebody wants to see it (view/display/feature.js).
  */
 
 import { backToDriving, write } from "../../lib/dom.js";
@@ -18,7 +18,10 @@ const COPIED_MS = 2000;
  */
 export const createTechnical = ({ element, words, raw }) => {
   const panel = element("technical");
-  const figures = new Figures((way) => words.say(`figure.way.${way}`), document.documentElement.lang);
+  const figures = new Figures(
+    (way) => words.say(`figure.way.${way}`),
+    document.documentElement.lang,
+  );
   /** @type {Map<string, HTMLElement>} */
   const values = new Map();
   /** @type {import("./figures.js").Figure[]} */
@@ -29,7 +32,11 @@ export const createTechnical = ({ element, words, raw }) => {
   /** @param {import("./figures.js").Figure} figure */
   const place = ({ key, unit }) => {
     const cell = document.createElement("div");
-    const [name, value, text] = [document.createElement("dt"), document.createElement("dd"), document.createElement("span")];
+    const [name, value, text] = [
+      document.createElement("dt"),
+      document.createElement("dd"),
+      document.createElement("span"),
+    ];
     cell.className = "figure";
     cell.dataset.figure = key;
     name.textContent = words.say(`figure.${key}`);
@@ -50,8 +57,17 @@ export const createTechnical = ({ element, words, raw }) => {
   };
 
   element("figures-copy").addEventListener("click", async () => {
-    const lines = last.map(({ key, value, unit }) => `${words.say(`figure.${key}`)}: ${value} ${unit}`.trim());
-    const copied = await navigator.clipboard?.writeText([document.title, new Date().toISOString(), navigator.userAgent, ...lines].join("\n")).then(() => true, () => false);
+    const lines = last.map(({ key, value, unit }) =>
+      `${words.say(`figure.${key}`)}: ${value} ${unit}`.trim(),
+    );
+    const copied = await navigator.clipboard
+      ?.writeText(
+        [document.title, new Date().toISOString(), navigator.userAgent, ...lines].join("\n"),
+      )
+      .then(
+        () => true,
+        () => false,
+      );
     const text = element("figures-copy-text");
     write(text, words.say(copied ? "do.copied" : "do.copy_failed"));
     setTimeout(() => write(text, words.say("do.copy")), COPIED_MS);

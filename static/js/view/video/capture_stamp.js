@@ -1,6 +1,6 @@
 /**
- * When the picture on the screen was taken, by the robot's clock. Chromium tells each shown frame's RTP timestamp, the robot's `media`
- * message tells which moment one RTP timestamp was. Pure.
+ * When the picture on the screen was taken, by the robot's clock. Chromium tells each shown frame's
+ * RTP timestamp, the robot's `media` message tells which moment one RTP timestamp was. Pure.
  */
 
 const MOST_SECONDS = 30; // a frame further than this from the told moment belongs to another stream
@@ -8,7 +8,8 @@ const MOST_SECONDS = 30; // a frame further than this from the told moment belon
 /**
  * @param {number} rtp of the frame, unsigned 32 bit
  * @param {{rtp: number, stamp: number, rate: number}} clock
- * @returns {number | null} Unix seconds by the robot's clock, null when the two cannot belong together
+ * @returns {number | null} Unix seconds by the robot's clock, null when the two cannot belong
+ *   together
  */
 export const captureStamp = (rtp, clock) => {
   // The difference of two counters that wrap, as a signed number of 32 bits.

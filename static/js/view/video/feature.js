@@ -1,6 +1,6 @@
 /**
- * The robot's video and sound: over the media link, or as single JPEG frames through the server for as long as no direct connection is
- * found.
+ * The robot's video and sound: over the media link, or as single JPEG frames through the server for
+ * as long as no direct connection is found.
  */
 
 import { unixNow } from "../../lib/clock.js";
@@ -16,7 +16,10 @@ const newSlice = () => ({
   frameAge: /** @type {number | null} */ (null),
   /** whether a frame of the present link is on the screen */
   playing: false,
-  /** whether frames come through the server, slowly and without sound, because no direct connection to the robot was found */
+  /**
+   * whether frames come through the server, slowly and without sound, because no direct connection
+   * to the robot was found
+   */
   slow: false,
   /** whether the SFU is connected and has brought no frame for a while: it has lost the robot */
   still: false,
@@ -41,7 +44,10 @@ const setUp = (page) => {
   /** Capture stamp of the frame on the screen, by the robot's clock; null while unknown. */
   const frameStamp = () => (fallback.on ? fallback.stamp : shown.stamp);
 
-  /** Seconds since the frame on the screen was taken, by the robot's clock; null while unknown. @param {number} now */
+  /**
+   * Seconds since the frame on the screen was taken, by the robot's clock; null while unknown.
+   * @param {number} now
+   */
   const frameAge = (now) => {
     const stamp = frameStamp();
     const { offset } = page.connection.clockSync;
@@ -70,11 +76,19 @@ const setUp = (page) => {
   };
 };
 
-/** @param {import("../../drive/registry.js").Page} page @param {{viewport: Viewport, fallback: JpegFallback, shown: ShownFrame, frameAge: (now: number) => number | null}} video */
+/**
+ * @param {import("../../drive/registry.js").Page} page
+ * @param {{viewport: Viewport, fallback: JpegFallback, shown: ShownFrame,
+ *   frameAge: (now: number) => number | null}} video
+ */
 const newListeners = (page, { viewport, fallback, shown, frameAge }) => ({
   socketOpen: () => fallback.hurry(),
   linkLost: () => fallback.on || page.driving.standStill(),
-  tick: (/** @type {number} */ now) => fallback.tick(now, { roundTrip: page.connection.clockSync.roundTrip("mqtt"), visible: !document.hidden }),
+  tick: (/** @type {number} */ now) =>
+    fallback.tick(now, {
+      roundTrip: page.connection.clockSync.roundTrip("mqtt"),
+      visible: !document.hidden,
+    }),
   poll: (/** @type {number} */ now) => {
     watch(page, { viewport, fallback, shown }, now);
     page.store.update({ frameAge: frameAge(now) });
@@ -88,24 +102,41 @@ const newListeners = (page, { viewport, fallback, shown, frameAge }) => ({
   linkClosed: () => {
     fallback.stop();
     viewport.clear();
-    page.store.update({ playing: false, slow: false, frameAge: null, roundTrip: null, network: null });
+    page.store.update({
+      playing: false,
+      slow: false,
+      frameAge: null,
+      roundTrip: null,
+      network: null,
+    });
   },
 });
 
 /**
  * Whether frames have to come through the server, and whether they do come.
- * @param {import("../../drive/registry.js").Page} page @param {{viewport: Viewport, fallback: JpegFallback, shown: ShownFrame}} video @param {number} now
+ * @param {import("../../drive/registry.js").Page} page
+ * @param {{viewport: Viewport, fallback: JpegFallback, shown: ShownFrame}} video
+ * @param {number} now
  */
 const watch = ({ store, connection, driving }, { viewport, fallback, shown }, now) => {
   const { link } = connection;
   const { visit, playing, still } = store.get();
-  const isStill = visit.sfu && link.live && !document.hidden && shown.rtp !== null && now - shown.at > STILL_SECONDS;
+  const isStill =
+    visit.sfu &&
+    link.live &&
+    !document.hidden &&
+    shown.rtp !== null &&
+    now - shown.at > STILL_SECONDS;
   if (isStill !== still) {
     store.update({ still: isStill });
   }
   // A black frame, which Chromium draws when an attempt ends, has no time stamp.
   const isWatchable = link.live && viewport.isPlaying && shown.rtp !== null;
-  const wanted = roleOf(visit) !== "" && !visit.sfu && visit.online && (fallback.on ? !isWatchable : link.isStuck(now));
+  const wanted =
+    roleOf(visit) !== "" &&
+    !visit.sfu &&
+    visit.online &&
+    (fallback.on ? !isWatchable : link.isStuck(now));
   if (wanted !== fallback.on) {
     link.patient = wanted;
     if (wanted) {
@@ -121,7 +152,11 @@ const watch = ({ store, connection, driving }, { viewport, fallback, shown }, no
   }
 };
 
-/** @param {import("../../drive/registry.js").Page} page @param {ShownFrame} shown @param {JpegFallback} fallback */
+/**
+ * @param {import("../../drive/registry.js").Page} page
+ * @param {ShownFrame} shown
+ * @param {JpegFallback} fallback
+ */
 const newViewport = ({ element, store, emit }, shown, fallback) =>
   new Viewport({
     video: /** @type {HTMLVideoElement} */ (element("video")),

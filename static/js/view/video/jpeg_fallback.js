@@ -1,17 +1,20 @@
 /**
- * Pictures through the server, for as long as no direct way to the robot is found. The page asks for each one, and for the next when it is
- * on the screen: whatever the network takes, one is on its way and none waits. Times are Unix seconds of the page.
+ * Pictures through the server, for as long as no direct way to the robot is found. The page asks
+ * for each one, and for the next when it is on the screen: whatever the network takes, one is on
+ * its way and none waits. Times are Unix seconds of the page.
  */
 
 const PATIENCE_SECONDS = 1.5; // until a picture that did not come is asked for again
 const MOST_PATIENCE_SECONDS = 6;
-const STRAY_SECONDS = 20; // a picture that is older than the one on the screen by more is of a robot whose clock was set back
+// a picture that is older than the one on the screen by more is of a robot whose clock was set back
+const STRAY_SECONDS = 20;
 const FRESH_SECONDS = 2; // a picture that has been on the screen for longer is not of the present
 
 export class JpegFallback {
   /**
    * @param {object} options
-   * @param {(request: {stamp: number, seen?: number, roundTrip?: number}) => boolean} options.ask whether it could be sent
+   * @param {(request: {stamp: number, seen?: number, roundTrip?: number}) => boolean} options.ask
+   *   whether it could be sent
    * @param {(jpeg: Uint8Array, isWanted: () => boolean) => Promise<boolean>} options.show
    * @param {() => void} options.onShown
    */
@@ -34,7 +37,9 @@ export class JpegFallback {
 
   /**
    * Ask for the next picture if it is time; call often.
-   * @param {number} now @param {{roundTrip: number | null, visible: boolean}} page how long a small message takes, and whether anybody looks
+   * @param {number} now
+   * @param {{roundTrip: number | null, visible: boolean}} page how long a small message takes, and
+   *   whether anybody looks
    */
   tick(now, { roundTrip, visible }) {
     this.roundTrip = roundTrip;
@@ -53,7 +58,8 @@ export class JpegFallback {
       return;
     }
     if (this.stamp !== null && stamp <= this.stamp && this.stamp - stamp < STRAY_SECONDS) {
-      this.#ask(clock()); // it was given up for lost, and took the place of the one that was asked for instead
+      // it was given up for lost, and took the place of the one that was asked for instead
+      this.#ask(clock());
       return;
     }
     this.drawing = true;
@@ -74,7 +80,9 @@ export class JpegFallback {
     }
   }
 
-  /** The way to the robot is back: what was asked for is lost, and asked for again at the next tick. */
+  /**
+   * The way to the robot is back: what was asked for is lost, and asked for again at the next tick.
+   */
   hurry() {
     this.askedAt = -Infinity;
     this.patience = PATIENCE_SECONDS;
@@ -87,12 +95,19 @@ export class JpegFallback {
 
   /** @param {number} now */
   #ask(now) {
-    const sent = this.ask({ stamp: now, seen: this.stamp ?? undefined, roundTrip: this.roundTrip ?? undefined });
+    const sent = this.ask({
+      stamp: now,
+      seen: this.stamp ?? undefined,
+      roundTrip: this.roundTrip ?? undefined,
+    });
     this.askedAt = sent ? now : -Infinity;
   }
 
   #forget() {
-    /** capture stamp of the picture on the screen, by the robot's clock; null without one @type {number | null} */
+    /**
+     * capture stamp of the picture on the screen, by the robot's clock; null without one
+     * @type {number | null}
+     */
     this.stamp = null;
     this.shownAt = -Infinity;
     this.askedAt = -Infinity;

@@ -1,6 +1,6 @@
 /**
- * The robot's picture and sound. While a link is down the last picture stays, marked as frozen, until the first one of the next link.
- * Pictures that come through the server cover it meanwhile.
+ * The robot's picture and sound. While a link is down the last picture stays, marked as frozen,
+ * until the first one of the next link. Pictures that come through the server cover it meanwhile.
  */
 
 export class Viewport {
@@ -80,7 +80,9 @@ export class Viewport {
 
   /** Of the picture on the screen, in its own pixels. @returns {[number, number]} */
   get size() {
-    return this.slow.hidden ? [this.video.videoWidth, this.video.videoHeight] : [this.slow.width, this.slow.height];
+    return this.slow.hidden
+      ? [this.video.videoWidth, this.video.videoHeight]
+      : [this.slow.width, this.slow.height];
   }
 
   /** Uncover what lies beneath. */
@@ -108,13 +110,18 @@ export class Viewport {
 
   #follow() {
     if ("requestVideoFrameCallback" in this.video) {
-      const callback = (/** @type {number} */ _now, /** @type {VideoFrameCallbackMetadata} */ metadata) => {
+      const callback = (
+        /** @type {number} */ _now,
+        /** @type {VideoFrameCallbackMetadata} */ metadata,
+      ) => {
         this.#shown(metadata.rtpTimestamp ?? this.#lastRendered());
         this.video.requestVideoFrameCallback(callback);
       };
       this.video.requestVideoFrameCallback(callback);
     } else {
-      /** @type {HTMLVideoElement} */ (this.video).addEventListener("timeupdate", () => this.#shown(this.#lastRendered()));
+      /** @type {HTMLVideoElement} */ (this.video).addEventListener("timeupdate", () =>
+        this.#shown(this.#lastRendered()),
+      );
     }
   }
 
@@ -138,7 +145,8 @@ export class Viewport {
 
   /** @param {HTMLMediaElement} element */
   #play(element) {
-    // Muted video may always play; sound waits for the visitor's click, and a stream that is replaced aborts: neither is an error.
+    // Muted video may always play; sound waits for the visitor's click, and a stream that is
+    // replaced aborts: neither is an error.
     element.play().catch(() => undefined);
   }
 }

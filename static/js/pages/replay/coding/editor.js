@@ -39,7 +39,9 @@ export const createEditor = (event, code, words, page) => {
   }
   box.append(commentRow(event, words, page));
   const remove = button(words.say("coding.delete"), "button button--danger coding__delete");
-  remove.addEventListener("click", () => page.change([edited(event, { is_deleted: true }, page.newId)]));
+  remove.addEventListener("click", () =>
+    page.change([edited(event, { is_deleted: true }, page.newId)]),
+  );
   box.append(remove);
   return box;
 };
@@ -54,7 +56,12 @@ const button = (text, name = "button button--plain", label = "") => {
   return made;
 };
 
-/** @param {CodedEvent} event @param {"begin" | "end"} side @param {import("../../../lib/words.js").Words} words @param {any} page */
+/**
+ * @param {CodedEvent} event
+ * @param {"begin" | "end"} side
+ * @param {import("../../../lib/words.js").Words} words
+ * @param {any} page
+ */
 const sideRow = (event, side, words, page) => {
   const row = make("div", "coding__side");
   const title = words.say(`coding.${side}`);
@@ -68,12 +75,26 @@ const sideRow = (event, side, words, page) => {
       page.say(words.say("coding.order"));
     }
   };
-  row.append(make("span", "coding__side-name", title), make("span", "coding__side-time numbers", at === null ? "–" : `${at.toFixed(2)} s`));
-  const now = button(words.say("coding.here"), "button button--plain", `${title}: ${words.say("coding.here")}`);
+  row.append(
+    make("span", "coding__side-name", title),
+    make("span", "coding__side-time numbers", at === null ? "–" : `${at.toFixed(2)} s`),
+  );
+  const now = button(
+    words.say("coding.here"),
+    "button button--plain",
+    `${title}: ${words.say("coding.here")}`,
+  );
   now.addEventListener("click", () => put(page.now()));
   row.append(now);
-  for (const [sign, step] of /** @type {[string, number][]} */ ([["−", -NUDGE_S], ["+", NUDGE_S]])) {
-    const nudge = button(sign, "button button--plain coding__nudge", `${title} ${sign} ${NUDGE_S} s`);
+  for (const [sign, step] of /** @type {[string, number][]} */ ([
+    ["−", -NUDGE_S],
+    ["+", NUDGE_S],
+  ])) {
+    const nudge = button(
+      sign,
+      "button button--plain coding__nudge",
+      `${title} ${sign} ${NUDGE_S} s`,
+    );
     nudge.disabled = at === null;
     nudge.addEventListener("click", () => put((at ?? 0) + step));
     row.append(nudge);
@@ -81,7 +102,12 @@ const sideRow = (event, side, words, page) => {
   return row;
 };
 
-/** @param {CodedEvent} event @param {{name: string, values: string[]}} modifier @param {import("../../../lib/words.js").Words} words @param {any} page */
+/**
+ * @param {CodedEvent} event
+ * @param {{name: string, values: string[]}} modifier
+ * @param {import("../../../lib/words.js").Words} words
+ * @param {any} page
+ */
 const modifierRow = (event, modifier, words, page) => {
   const label = make("label", "coding__field", modifier.name);
   const select = make("select", "");
@@ -100,12 +126,18 @@ const modifierRow = (event, modifier, words, page) => {
   return label;
 };
 
-/** @param {CodedEvent} event @param {import("../../../lib/words.js").Words} words @param {any} page */
+/**
+ * @param {CodedEvent} event
+ * @param {import("../../../lib/words.js").Words} words
+ * @param {any} page
+ */
 const commentRow = (event, words, page) => {
   const label = make("label", "coding__field", words.say("coding.comment"));
   const input = make("input", "");
   Object.assign(input, { type: "text", maxLength: 500, value: event.comment });
-  input.addEventListener("change", () => page.change([edited(event, { comment: input.value.trim() }, page.newId)]));
+  input.addEventListener("change", () =>
+    page.change([edited(event, { comment: input.value.trim() }, page.newId)]),
+  );
   label.append(input);
   return label;
 };

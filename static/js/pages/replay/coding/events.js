@@ -1,10 +1,21 @@
 /**
- * The events of a coder, and what a key or a button makes of them. Pure: it returns changes, each of which has all fields of its event.
+ * The events of a coder, and what a key or a button makes of them. Pure: it returns changes, each
+ * of which has all fields of its event.
  */
 
-/** @typedef {{code: string, name: string, kind: "point" | "interval", key: string, description: string, group: string, modifiers: {name: string, values: string[]}[]}} Code */
-/** @typedef {{event: string, version: number, code: string, begin: number, end: number | null, modifiers: Record<string, string>, comment: string}} CodedEvent */
-/** @typedef {{id: string, event: string, base: number, code: string, begin: number, end: number | null, modifiers: Record<string, string>, comment: string, is_deleted: boolean}} Edit */
+/**
+ * @typedef {{code: string, name: string, kind: "point" | "interval", key: string,
+ *   description: string, group: string, modifiers: {name: string, values: string[]}[]}} Code
+ */
+/**
+ * @typedef {{event: string, version: number, code: string, begin: number, end: number | null,
+ *   modifiers: Record<string, string>, comment: string}} CodedEvent
+ */
+/**
+ * @typedef {{id: string, event: string, base: number, code: string, begin: number,
+ *   end: number | null, modifiers: Record<string, string>, comment: string,
+ *   is_deleted: boolean}} Edit
+ */
 
 /** To the millisecond, as the server stores it. @param {number} t s */
 export const rounded = (t) => Math.round(t * 1000) / 1000;
@@ -23,21 +34,43 @@ export const withEdits = (saved, edits) => {
       events.set(event, { event, version, code, begin, end, modifiers, comment });
     }
   }
-  return [...events.values()].sort((one, other) => one.begin - other.begin || one.code.localeCompare(other.code));
+  return [...events.values()].sort(
+    (one, other) => one.begin - other.begin || one.code.localeCompare(other.code),
+  );
 };
 
-/** A change of an event. @param {CodedEvent} event @param {Partial<Edit>} changes @param {() => string} newId @returns {Edit} */
-export const edited = ({ event, version, code, begin, end, modifiers, comment }, changes, newId) => ({
+/**
+ * A change of an event.
+ * @param {CodedEvent} event
+ * @param {Partial<Edit>} changes
+ * @param {() => string} newId
+ * @returns {Edit}
+ */
+export const edited = (
+  { event, version, code, begin, end, modifiers, comment },
+  changes,
+  newId,
+) => ({
   ...{ id: newId(), event, base: version, code, begin, end, modifiers, comment, is_deleted: false },
   ...changes,
 });
 
-/** The state event that is on, as a coder left it: begun and not ended. @param {CodedEvent[]} events @param {string} code */
-export const openOne = (events, code) => events.find((event) => event.code === code && event.end === null);
+/**
+ * The state event that is on, as a coder left it: begun and not ended.
+ * @param {CodedEvent[]} events
+ * @param {string} code
+ */
+export const openOne = (events, code) =>
+  events.find((event) => event.code === code && event.end === null);
 
 /**
- * What the key of a code does at a moment: sets a point; begins a state, which ends the others of its group; or ends the state that is on.
- * @param {CodedEvent[]} events @param {Code[]} codes @param {Code} code @param {number} at s @param {() => string} newId
+ * What the key of a code does at a moment: sets a point; begins a state, which ends the others of
+ * its group; or ends the state that is on.
+ * @param {CodedEvent[]} events
+ * @param {Code[]} codes
+ * @param {Code} code
+ * @param {number} at s
+ * @param {() => string} newId
  * @returns {{edits: Edit[], problem: "" | "too_early"}}
  */
 export const press = (events, codes, code, at, newId) => {
@@ -47,14 +80,23 @@ export const press = (events, codes, code, at, newId) => {
   }
   const open = openOne(events, code.code);
   if (open) {
-    return t > open.begin ? { edits: [edited(open, { end: t }, newId)], problem: "" } : { edits: [], problem: "too_early" };
+    return t > open.begin
+      ? { edits: [edited(open, { end: t }, newId)], problem: "" }
+      : { edits: [], problem: "too_early" };
   }
-  const group = new Set(codes.filter((one) => code.group && one.group === code.group).map((one) => one.code));
-  const others = codes.filter((one) => one.kind === "interval" && group.has(one.code)).flatMap((one) => openOne(events, one.code) ?? []);
+  const group = new Set(
+    codes.filter((one) => code.group && one.group === code.group).map((one) => one.code),
+  );
+  const others = codes
+    .filter((one) => one.kind === "interval" && group.has(one.code))
+    .flatMap((one) => openOne(events, one.code) ?? []);
   if (others.some(({ begin }) => begin >= t)) {
     return { edits: [], problem: "too_early" };
   }
-  return { edits: [...others.map((one) => edited(one, { end: t }, newId)), created(code, t, newId)], problem: "" };
+  return {
+    edits: [...others.map((one) => edited(one, { end: t }, newId)), created(code, t, newId)],
+    problem: "",
+  };
 };
 
 /** @param {Code} code @param {number} begin @param {() => string} newId @returns {Edit} */
@@ -65,7 +107,12 @@ const created = (code, begin, newId) => ({
 
 /**
  * An event with its beginning or end somewhere else; null where it would end before it begins.
- * @param {CodedEvent} event @param {"begin" | "end"} side @param {number} at s @param {number} duration s @param {() => string} newId @returns {Edit | null}
+ * @param {CodedEvent} event
+ * @param {"begin" | "end"} side
+ * @param {number} at s
+ * @param {number} duration s
+ * @param {() => string} newId
+ * @returns {Edit | null}
  */
 export const moved = (event, side, at, duration, newId) => {
   const t = rounded(Math.min(Math.max(at, 0), duration));

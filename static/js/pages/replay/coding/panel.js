@@ -1,5 +1,6 @@
 /**
- * The panel by which somebody codes a replay: a button and a key for each code, the events so far, and whether they are saved.
+ * The panel by which somebody codes a replay: a button and a key for each code, the events so far,
+ * and whether they are saved.
  */
 
 import { isShortcut, openHolder } from "../../../input/key_dispatcher.js";
@@ -20,12 +21,20 @@ const newId = () => {
   bytes[6] = (bytes[6] & 0x0f) | 0x40; // RFC 9562: version 4
   bytes[8] = (bytes[8] & 0x3f) | 0x80;
   const hex = Array.from(bytes, (byte) => byte.toString(16).padStart(2, "0")).join("");
-  return [hex.slice(0, 8), hex.slice(8, 12), hex.slice(12, 16), hex.slice(16, 20), hex.slice(20)].join("-");
+  return [
+    hex.slice(0, 8),
+    hex.slice(8, 12),
+    hex.slice(12, 16),
+    hex.slice(16, 20),
+    hex.slice(20),
+  ].join("-");
 };
 
 export class CodingPanel {
   /**
-   * @param {(id: string) => any} element @param {any} config @param {import("../../../lib/words.js").Words} words
+   * @param {(id: string) => any} element
+   * @param {any} config
+   * @param {import("../../../lib/words.js").Words} words
    * @param {{now: () => number, seek: (t: number) => void, duration: number}} player
    */
   constructor(element, config, words, player) {
@@ -83,7 +92,11 @@ export class CodingPanel {
 
   /** Which states are on at a moment. @param {number} t s */
   mark(t) {
-    const on = new Set(this.shown?.filter(({ begin, end }) => begin <= t && (end === null || end > t)).map(({ code }) => code));
+    const on = new Set(
+      this.shown
+        ?.filter(({ begin, end }) => begin <= t && (end === null || end > t))
+        .map(({ code }) => code),
+    );
     for (const code of this.codes.filter(({ kind }) => kind === "interval")) {
       this.buttons.get(code.code)?.classList.toggle("coding__code--on", on.has(code.code));
     }
@@ -104,7 +117,10 @@ export class CodingPanel {
     this.mark(this.player.now());
   }
 
-  /** What is being typed stays: the list is made anew only when the events changed. @param {CodedEvent[]} events */
+  /**
+   * What is being typed stays: the list is made anew only when the events changed.
+   * @param {CodedEvent[]} events
+   */
   #renderList(events) {
     const text = JSON.stringify([events, this.selected, this.isDone]);
     if (text === this.drawn) {
@@ -112,7 +128,9 @@ export class CodingPanel {
     }
     this.drawn = text;
     const list = this.element("coding-events");
-    const focus = list.contains(document.activeElement) ? document.activeElement?.getAttribute("aria-label") : null;
+    const focus = list.contains(document.activeElement)
+      ? document.activeElement?.getAttribute("aria-label")
+      : null;
     list.replaceChildren(...events.map((event) => this.#row(event)));
     if (focus) {
       list.querySelector(`[aria-label="${CSS.escape(focus)}"]`)?.focus();
@@ -125,7 +143,10 @@ export class CodingPanel {
     element("coding").dataset.done = String(this.isDone);
     write(element("coding-done"), words.say(this.isDone ? "coding.reopen" : "coding.finish"));
     element("coding-done").hidden = this.isDone && this.isShown;
-    write(element("coding-status"), words.say(this.isDone ? (this.isShown ? "coding.is_shown" : "coding.is_done") : "coding.own"));
+    write(
+      element("coding-status"),
+      words.say(this.isDone ? (this.isShown ? "coding.is_shown" : "coding.is_done") : "coding.own"),
+    );
   }
 
   /** @param {Code} code */
@@ -148,12 +169,20 @@ export class CodingPanel {
     const code = this.codes.find((one) => one.code === event.code);
     const row = make("li", "coding__event");
     const isPoint = code?.kind === "point";
-    const end = event.end === null ? (isPoint ? "" : ` – ${words.say("coding.open")}`) : ` – ${written(event.end, true)}`;
+    const end =
+      event.end === null
+        ? isPoint
+          ? ""
+          : ` – ${words.say("coding.open")}`
+        : ` – ${written(event.end, true)}`;
     const more = [...Object.values(event.modifiers), event.comment].filter(Boolean).join(" · ");
     const button = make("button", "coding__row");
     button.type = "button";
     button.setAttribute("aria-expanded", String(event.event === this.selected));
-    button.append(make("span", "coding__when numbers", `${written(event.begin, true)}${end}`), make("span", "coding__what", code?.name ?? event.code));
+    button.append(
+      make("span", "coding__when numbers", `${written(event.begin, true)}${end}`),
+      make("span", "coding__what", code?.name ?? event.code),
+    );
     if (more) {
       button.append(make("span", "coding__more", more));
     }
@@ -165,7 +194,16 @@ export class CodingPanel {
     if (event.event === this.selected && code && !this.isDone) {
       const { now, seek, duration } = this.player;
       const change = (/** @type {any} */ edits) => this.change(edits);
-      row.append(createEditor(event, code, words, { now, seek, duration, newId, change, say: (/** @type {string} */ text) => this.#say(text) }));
+      row.append(
+        createEditor(event, code, words, {
+          now,
+          seek,
+          duration,
+          newId,
+          change,
+          say: (/** @type {string} */ text) => this.#say(text),
+        }),
+      );
     }
     return row;
   }
@@ -185,14 +223,19 @@ export class CodingPanel {
     const { element, queue } = this;
     element("coding-done").addEventListener("click", () => this.#finish());
     addEventListener("online", () => queue.flush());
-    document.addEventListener("visibilitychange", () => document.visibilityState === "visible" && this.#reload());
+    document.addEventListener(
+      "visibilitychange",
+      () => document.visibilityState === "visible" && this.#reload(),
+    );
     this.tabs?.addEventListener("message", () => this.#reload());
     document.addEventListener("keydown", (event) => {
       const target = /** @type {Element} */ (event.target);
       if (event.repeat || isShortcut(event) || openHolder(document) || target.closest(TYPED)) {
         return;
       }
-      const code = this.codes.find(({ key }) => key && key.toLowerCase() === event.key.toLowerCase());
+      const code = this.codes.find(
+        ({ key }) => key && key.toLowerCase() === event.key.toLowerCase(),
+      );
       if (code) {
         event.preventDefault();
         this.press(code);
@@ -206,7 +249,11 @@ export class CodingPanel {
       return;
     }
     const body = new URLSearchParams(this.isDone ? { again: "1" } : {});
-    const { status, body: answer } = await this.#post(this.config.done, body, "application/x-www-form-urlencoded").catch(() => ({ status: 0, body: null }));
+    const { status, body: answer } = await this.#post(
+      this.config.done,
+      body,
+      "application/x-www-form-urlencoded",
+    ).catch(() => ({ status: 0, body: null }));
     if (status === 200 || status === 409) {
       this.#takeAnswer(answer, []);
     } else {
@@ -235,7 +282,9 @@ export class CodingPanel {
 
   /** What another tab has saved. */
   async #reload() {
-    const answer = await fetch(this.config.events, { credentials: "same-origin" }).catch(() => null);
+    const answer = await fetch(this.config.events, { credentials: "same-origin" }).catch(
+      () => null,
+    );
     if (answer?.ok) {
       this.#takeAnswer(await answer.json(), []);
     }
@@ -245,7 +294,13 @@ export class CodingPanel {
   /** @param {string} url @param {BodyInit} body @param {string} type */
   async #post(url, body, type) {
     const headers = { "X-CSRFToken": this.csrf, "Content-Type": type, Accept: "application/json" };
-    const answer = await fetch(url, { method: "POST", body, headers, credentials: "same-origin", redirect: "manual" });
+    const answer = await fetch(url, {
+      method: "POST",
+      body,
+      headers,
+      credentials: "same-origin",
+      redirect: "manual",
+    });
     const status = answer.type === "opaqueredirect" ? 302 : answer.status;
     return { status, body: await answer.json().catch(() => null) };
   }
@@ -265,10 +320,17 @@ export class CodingPanel {
   }
 }
 
-/** Bring a row into sight without moving the page, on which somebody watches the map. @param {Element} list @param {Element} row */
+/**
+ * Bring a row into sight without moving the page, on which somebody watches the map.
+ * @param {Element} list
+ * @param {Element} row
+ */
 const scrollInside = (list, row) => {
   const [box, own] = [list.getBoundingClientRect(), row.getBoundingClientRect()];
-  list.scrollTop += own.top < box.top ? own.top - box.top : Math.max(0, Math.min(own.bottom - box.bottom, own.top - box.top));
+  list.scrollTop +=
+    own.top < box.top
+      ? own.top - box.top
+      : Math.max(0, Math.min(own.bottom - box.bottom, own.top - box.top));
 };
 
 /** Storage may be forbidden. @returns {Storage | null} */

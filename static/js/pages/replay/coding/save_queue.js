@@ -1,6 +1,7 @@
 /**
- * Changes on their way to the server, in order. Each is kept in the browser until the server has it, so that a reload, a closed tab or a lost
- * network loses nothing; what is sent twice is stored once, because each change has an id.
+ * Changes on their way to the server, in order. Each is kept in the browser until the server has
+ * it, so that a reload, a closed tab or a lost network loses nothing; what is sent twice is stored
+ * once, because each change has an id.
  */
 
 /** @typedef {import("./events.js").Edit} Edit */
@@ -15,14 +16,23 @@ export class SaveQueue {
   /**
    * @param {object} options
    * @param {Storage | null} options.storage
-   * @param {string} options.key begins the names under which this coder's changes of this session are kept
+   * @param {string} options.key begins the names under which this coder's changes of this session
+   *   are kept
    * @param {(edits: Edit[]) => Promise<Answer>} options.send rejects where there is no network
    * @param {(state: SaveState) => void} options.onState
    * @param {(answer: any, sent: Edit[]) => void} options.onAnswer what the server has now
    * @param {(seconds: number, then: () => void) => void} [options.later]
    * @param {() => number} [options.now] ms
    */
-  constructor({ storage, key, send, onState, onAnswer, later = (seconds, then) => setTimeout(then, seconds * 1000), now = Date.now }) {
+  constructor({
+    storage,
+    key,
+    send,
+    onState,
+    onAnswer,
+    later = (seconds, then) => setTimeout(then, seconds * 1000),
+    now = Date.now,
+  }) {
     Object.assign(this, { storage, key, send, onState, onAnswer, later, now });
     this.count = 0;
     this.wait = SHORTEST_S;
@@ -43,7 +53,8 @@ export class SaveQueue {
   add(edits) {
     for (const edit of edits) {
       this.count += 1;
-      const name = `${this.key}:${String(this.now()).padStart(15, "0")}:${String(this.count).padStart(6, "0")}:${edit.id}`;
+      const at = String(this.now()).padStart(15, "0");
+      const name = `${this.key}:${at}:${String(this.count).padStart(6, "0")}:${edit.id}`;
       this.entries.push({ name, edit });
       attempt(() => this.storage?.setItem(name, JSON.stringify(edit)));
     }
@@ -68,7 +79,10 @@ export class SaveQueue {
     this.isSending = true;
     this.onState("saving");
     const sent = this.entries.slice(0, AT_ONCE);
-    const answer = await this.send(sent.map(({ edit }) => edit)).catch(() => ({ status: 0, body: null }));
+    const answer = await this.send(sent.map(({ edit }) => edit)).catch(() => ({
+      status: 0,
+      body: null,
+    }));
     this.isSending = false;
     this.#take(answer, sent);
   }
@@ -78,7 +92,10 @@ export class SaveQueue {
     if (status === 200) {
       this.wait = SHORTEST_S;
       this.#drop(sent);
-      this.onAnswer(body, sent.map(({ edit }) => edit));
+      this.onAnswer(
+        body,
+        sent.map(({ edit }) => edit),
+      );
       this.onState(this.entries.length ? "saving" : "saved");
       this.flush();
     } else if (status === 409 || status === 400) {
