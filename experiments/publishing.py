@@ -29,7 +29,7 @@ from robots.models import FloorPlan, Robot
 from sessions.interfaces import INTERFACES
 from surveys import questionnaires
 from surveys.definition import Definition as QuestionnaireDefinition
-from surveys.documents import BadDefinitionError
+from surveys.documents import BadDefinitionError, ChangedMeanwhileError
 from surveys.models import Questionnaire as QuestionnaireRow
 
 LEAST_REASON = 10  # characters: "later" is none
@@ -41,10 +41,6 @@ class NotPublishableError(ValueError):
     def __init__(self, reasons: Sequence[str]) -> None:
         super().__init__("; ".join(reasons))
         self.reasons = list(reasons)
-
-
-class ChangedMeanwhileError(RuntimeError):
-    """Somebody else changed or published the draft since it was read."""
 
 
 # --- into the database ----------------------------------------------------------------------------
@@ -275,7 +271,7 @@ def known_here() -> Known:
     return Known(
         sites=sites(),
         robots=_robots(),
-        questionnaires=frozenset(_usable()),
+        questionnaires=frozenset((one.slug, one.version) for one in usable()),
         interfaces=frozenset(INTERFACES),
     )
 
@@ -339,23 +335,16 @@ def _elsewhere(definition: StudyDefinition) -> Iterator[str]:
             )
 
 
-def _usable() -> Iterator[tuple[str, int]]:
-    """Yield slug and version of what can be asked: in the database, and what comes with the site;
-    never templates.
+def usable() -> Iterator[QuestionnaireDefinition]:
+    """Yield the questionnaires that can be asked: in the database, and what comes with the site;
+    never templates, nor what is half written.
     """
-    in_database = QuestionnaireRow.objects.values_list("slug", "version", "definition")
-    taken = {(slug, version) for slug, version, _definition in in_database}
-    yield from (
-        (slug, version)
-        for slug, version, definition in in_database
-        if not definition.get("template")
-    )
-    shipped = questionnaires.shipped().values()
-    yield from (
-        (one.slug, one.version)
-        for one in shipped
-        if not one.template and (one.slug, one.version) not in taken
-    )
+    rows = list(QuestionnaireRow.objects.order_by("title", "slug", "version"))
+    yield from (row.as_definition() for row in rows if questionnaires.is_usable(row))
+    taken = {(row.slug, row.version) for row in rows}
+    for one in questionnaires.shipped().values():
+        if not one.template and (one.slug, one.version) not in taken:
+            yield one
 
 
 # --- publishing -----------------------------------------------------------------------------------

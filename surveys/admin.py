@@ -19,11 +19,14 @@ from accounts import audit
 from accounts.admin_filters import ShownFilters
 from surveys.admin_pages import importing, questionnaire
 from surveys.definition import to_json
+from surveys.document_forms.fields import language_name
 from surveys.documents import spoken
 from surveys.downloads import as_long_csv
+from surveys.editor import views as editor
 from surveys.forms import QuestionnaireForm
 from surveys.importing.report import from_stored
 from surveys.models import Answer, Questionnaire, Response
+from surveys.questionnaires import problems_of
 
 NOTHING = "–"
 
@@ -84,7 +87,7 @@ class QuestionnaireAdmin(ShownFilters):
         return [
             (None, {"fields": about}),
             *(imported if obj.import_report else []),
-            (_("Definition"), {"fields": fields}),
+            (_("Definition (JSON)"), {"fields": fields, "classes": ["collapse"]}),
         ]
 
     def has_change_permission(self, request: HttpRequest, obj: Questionnaire | None = None) -> bool:
@@ -104,15 +107,17 @@ class QuestionnaireAdmin(ShownFilters):
 
     @admin.display(description=_("state"), ordering="frozen_at")
     def state(self, row: Questionnaire) -> str:
-        """Template, draft, or in use."""
+        """Template, draft, complete or not, or in use."""
         if row.frozen_at is not None:
             return gettext("in use")
-        return gettext("template") if row.definition.get("template") else gettext("draft")
+        if row.definition.get("template"):
+            return gettext("template")
+        return gettext("draft, incomplete") if problems_of(row) else gettext("draft")
 
     @admin.display(description=_("languages"))
     def languages(self, row: Questionnaire) -> str:
         """In which it can be answered."""
-        return ", ".join(row.definition.get("languages", []))
+        return ", ".join(map(language_name, row.definition.get("languages", [])))
 
     @admin.display(description=_("questions"))
     def questions(self, row: Questionnaire) -> int:
@@ -162,6 +167,7 @@ class QuestionnaireAdmin(ShownFilters):
         """The pages of the model, and its own."""
         guard = self.admin_site.admin_view
         own = [
+            *editor.urls(guard),
             path("import/", guard(importing.choose), name="surveys_questionnaire_import"),
             path("import/save/", guard(importing.save), name="surveys_questionnaire_import_save"),
             path(

@@ -37,6 +37,10 @@ class BadDefinitionError(ValueError):
         self.problems = problems
 
 
+class ChangedMeanwhileError(RuntimeError):
+    """Somebody else changed the draft, or put it to use, since it was read."""
+
+
 def spoken(text: Mapping[str, str], language: str) -> str:
     """Return a text in a language, or in the first that it has; a definition has them all, a single
     label may be empty.

@@ -142,6 +142,8 @@ class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
     also be left empty.
     """
 
+    # What the editor calls it; empty is the name of the type.
+    plain_name: ClassVar[Any] = ""
     # One value of several is sent for the question; else a second one is refused.
     takes_several: ClassVar[bool] = False
     # A reason for no answer is one of the choices, sent in the same field; else it stands beside.

@@ -159,11 +159,13 @@ def page_form_of(
 
 
 def _fieldset(item: Item, here: list[Question], asked: set[str], reader: Reader) -> Fieldset | None:
-    """Return the frame of one item; None when no answer on this page could make it appear."""
+    """Return the frame of one item; None when no answer on this page could make it appear, or when
+    a draft has no rows in it yet.
+    """
     questions = {question.key: question for question in here if question.item.key == item.key}
-    if not questions.keys() & asked and not _may_appear(
-        item.show_if, {question.key for question in here}, reader
-    ):
+    around = {question.key for question in here}
+    is_asked = questions.keys() & asked or _may_appear(item.show_if, around, reader)
+    if not (questions and is_asked):
         return None
     keys = [item.key if row is None else row.key for row in item.rows_shown(reader.seed)]
     controls = tuple(

@@ -1,16 +1,24 @@
-"""Questionnaires in the database: taken from files, replaced while nobody uses them, frozen by
-their first respondent.
+"""Questionnaires in the database: taken from files or written in the editor, changed while nobody
+uses them, frozen by their first respondent.
+
+A draft may be half done: it is stored as long as its types are right. Whether it can be asked is no
+state of its own: it can once nothing is wrong with it (surveys/problems.py), which what is in use
+was when it was frozen.
 """
 
 import datetime
+from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import msgspec
 from django.db import IntegrityError, transaction
+from django.db.models import QuerySet
+from django.utils.translation import gettext
 
 from surveys.definition import Definition, digest, language_for
-from surveys.documents import BadDefinitionError, spoken
+from surveys.documents import BadDefinitionError, ChangedMeanwhileError, spoken
 from surveys.importing.report import ImportReport, stored
 from surveys.models import Questionnaire
 from surveys.problems import parse, problems
@@ -35,6 +43,10 @@ def store(definition: Definition, now: datetime.datetime) -> Questionnaire:
     found = list(problems(definition))
     if found:
         raise BadDefinitionError(found)
+    return _put(definition, now)
+
+
+def _put(definition: Definition, now: datetime.datetime) -> Questionnaire:
     fields = _fields(definition)
     try:
         with transaction.atomic():
@@ -100,6 +112,80 @@ def _fields(definition: Definition) -> dict[str, Any]:
     }
 
 
+# --- drafts ---------------------------------------------------------------------------------------
+
+
+def begin_empty(
+    slug: str, title: str, languages: Sequence[str], now: datetime.datetime
+) -> Questionnaire:
+    """Make a draft with one page and one question, which has no text yet.
+
+    Raises:
+        BadDefinitionError: there is a questionnaire of that name.
+    """
+    question = {"kind": "text", "key": "q1", "text": {}}
+    document = {
+        "format": 1,
+        "slug": slug,
+        "version": 1,
+        "title": dict.fromkeys(languages, title),
+        "languages": languages,
+        "pages": [{"key": "page_1", "items": [question]}],
+    }
+    fields = _fields(msgspec.convert(document, Definition))
+    is_taken = slug in shipped() or Questionnaire.objects.filter(slug=slug).exists()
+    try:
+        if not is_taken:
+            with transaction.atomic():
+                return Questionnaire.objects.create(slug=slug, version=1, created_at=now, **fields)
+    except IntegrityError:
+        pass
+    raise BadDefinitionError([gettext("There is already a questionnaire of this name.")])
+
+
+def save_draft(questionnaire: Questionnaire, definition: Definition) -> Questionnaire:
+    """Keep a draft as it is now, complete or half done; name and version stay.
+
+    Raises:
+        ChangedMeanwhileError: it is in use, or holds something else than when it was read.
+    """
+    name = f"{questionnaire.slug} {questionnaire.version}"
+    named = msgspec.structs.replace(
+        definition, slug=questionnaire.slug, version=questionnaire.version
+    )
+    unchanged = _rows_like(questionnaire)
+    if not unchanged.update(**_fields(named)):
+        raise ChangedMeanwhileError(f"{name} has since been changed or put to use")
+    return Questionnaire.objects.get(pk=questionnaire.pk)
+
+
+def _rows_like(questionnaire: Questionnaire) -> QuerySet[Questionnaire]:
+    """The row, if it is a draft and holds the same as when it was read."""
+    return Questionnaire.objects.filter(
+        pk=questionnaire.pk, frozen_at=None, sha256=questionnaire.sha256
+    )
+
+
+def problems_of(questionnaire: Questionnaire) -> Sequence[str]:
+    """Return what is wrong with a draft; nothing with what is in use."""
+    if questionnaire.frozen_at is not None:
+        return ()
+    return _problems_in(msgspec.json.encode(questionnaire.definition))
+
+
+@lru_cache(maxsize=256)
+def _problems_in(document: bytes) -> Sequence[str]:
+    return tuple(problems(msgspec.json.decode(document, type=Definition)))
+
+
+def is_usable(questionnaire: Questionnaire) -> bool:
+    """Tell whether it can be asked: nothing is wrong with it, and it is no template."""
+    return not questionnaire.definition.get("template") and not problems_of(questionnaire)
+
+
+# --- versions -------------------------------------------------------------------------------------
+
+
 def current(slug: str, now: datetime.datetime) -> Questionnaire:
     """Return the newest version of a questionnaire; one that comes with the site is put into the
     database if it is not there yet.
@@ -120,9 +206,9 @@ def freeze(questionnaire: Questionnaire, now: datetime.datetime) -> Questionnair
     """Return the row as it will stay from now on.
 
     Raises:
-        BadDefinitionError: when it is a template, whose text is not filled in.
+        BadDefinitionError: when it is a template, whose text is not filled in, or half written.
     """
-    if questionnaire.frozen_at is None:
+    while questionnaire.frozen_at is None:
         if questionnaire.as_definition().template:
             raise BadDefinitionError(
                 [
@@ -132,7 +218,10 @@ def freeze(questionnaire: Questionnaire, now: datetime.datetime) -> Questionnair
                     )
                 ]
             )
-        Questionnaire.objects.filter(pk=questionnaire.pk, frozen_at=None).update(frozen_at=now)
+        if found := problems_of(questionnaire):
+            raise BadDefinitionError(list(found))
+        _rows_like(questionnaire).update(frozen_at=now)
+        questionnaire = Questionnaire.objects.get(pk=questionnaire.pk)
     return Questionnaire.objects.get(pk=questionnaire.pk)
 
 
@@ -143,4 +232,4 @@ def next_version(questionnaire: Questionnaire, now: datetime.datetime) -> Questi
         .order_by("-version")
         .values_list("version", flat=True)[0]
     )
-    return store(msgspec.structs.replace(questionnaire.as_definition(), version=newest + 1), now)
+    return _put(msgspec.structs.replace(questionnaire.as_definition(), version=newest + 1), now)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from django.utils.translation import gettext as _
 
-from experiments.builder import labels
+from experiments.builder.labels import GUIDE
 from experiments.builder.pages import BuilderPlace
 from experiments.definition.schema import StudyDefinition
 from experiments.definition.step import AskingStep
@@ -27,7 +27,7 @@ def advice(study: StudyDefinition, place: BuilderPlace, language: str) -> Iterat
     if place.section == "steps" and place.index is not None:
         yield from _on_age(study, place.index, language)
     elif place.section == "rules" and study.factors:
-        design = {"design": labels.word("design", study.allocation.design)}
+        design = {"design": GUIDE.word("design", study.allocation.design)}
         text = _("Design: %(design)s. It follows from the factors.")
         yield text % design, BuilderPlace("factors")
 

@@ -2,22 +2,25 @@
 that others refer to.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import msgspec
 from django.conf import settings
 from django.utils.text import capfirst
 from django.utils.translation import get_language
+from django.utils.translation import gettext as _
 
 from experiments import publishing
 from experiments.builder.pages import AtHand
-from experiments.builder.parts import Document
 from experiments.definition.feasibility import too_fast
 from experiments.definition.schema import Condition
 from robots.api.floorplan import FloorPlan as Plan
 from sessions.interfaces import INTERFACES
 from surveys import questionnaires
+from surveys.definition import language_for
+from surveys.document_forms.fields import Offered
+from surveys.document_forms.parts import Document
 from surveys.documents import spoken
 from surveys.models import Questionnaire
 
@@ -33,7 +36,7 @@ def at_hand() -> AtHand:
     )
 
 
-def offered(whole: Document, part: Document) -> dict[str, Sequence[str]]:
+def offered(whole: Document, part: Document) -> Offered:
     """Return what can be chosen in a form, by key of the field; doors, stations and mirrors are
     those of the part's own site.
     """
@@ -41,7 +44,7 @@ def offered(whole: Document, part: Document) -> dict[str, Sequence[str]]:
     plan = here.sites.get(part.get("site", ""))
     doors = tuple(door.name for door in plan.doors) if plan is not None else ()
     return {
-        "languages": tuple(code for code, _name in settings.LANGUAGES),
+        "languages": tuple(code for code, _label in settings.LANGUAGES),
         "robot": here.robots,
         "site": tuple(here.sites),
         "doors": doors,
@@ -52,14 +55,7 @@ def offered(whole: Document, part: Document) -> dict[str, Sequence[str]]:
             else ()
         ),
         "mirror": tuple(mirror.name for mirror in plan.mirrors) if plan is not None else (),
-        "questionnaire": tuple(
-            sorted({slug for slug, _version in publishing.known_here().questionnaires})
-        ),
-        "statements": tuple(
-            dict.fromkeys(
-                step["questionnaire"] for step in whole["steps"] if "questionnaire" in step
-            )
-        ),
+        **_questionnaires(whole),
         "interface": INTERFACES,
         "PlaceMove.name": places(
             here.sites[site]
@@ -78,6 +74,19 @@ def offered(whole: Document, part: Document) -> dict[str, Sequence[str]]:
         },
         "picture": tuple(sorted(file.stem for file in PICTURES.glob("*.svg"))),
     }
+
+
+def _questionnaires(whole: Document) -> dict[str, Mapping[str, str]]:
+    """Return those that can be asked, by name and with their versions, called by their titles."""
+    versions, titles = {}, {}
+    for one in publishing.usable():
+        title = spoken(one.title, language_for(one, get_language() or ""))
+        titles[one.slug] = title
+        words = _("%(title)s, version %(n)d") % {"title": title, "n": one.version}
+        versions[f"{one.slug}:{one.version}"] = words
+    asked = dict.fromkeys(step.get("questionnaire") for step in whole["steps"])
+    statements = {slug: titles.get(slug, slug) for slug in asked if slug}
+    return {"versions": versions, "questionnaire": titles, "statements": statements}
 
 
 def questionnaire_titles() -> dict[tuple[str, int], str]:

@@ -6,11 +6,11 @@ from collections.abc import Iterable
 import msgspec
 
 from experiments import publishing
-from experiments.builder.parts import Document
 from experiments.definition.problems import problems
 from experiments.definition.schema import Course, StudyDefinition
 from robots.floorplans import plan_content
 from robots.models import FloorPlan
+from surveys.document_forms.parts import Document
 
 WRONG_PLACE = re.compile(r"checkpoint (\d+) (?:cannot be reached|is not in a room|is not at)")
 

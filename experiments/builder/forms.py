@@ -15,11 +15,11 @@ from django.utils.translation import gettext_lazy as _
 from accounts.models import User
 from experiments import publishing
 from experiments.access import may
-from experiments.builder import labels
 from experiments.definition.problems import MAX_BYTES, parse
 from experiments.definition.schema import StudyDefinition, to_json
 from experiments.models import Study, StudyMember
-from surveys.documents import BadDefinitionError
+from surveys.document_forms.fields import language_name
+from surveys.documents import BadDefinitionError, ChangedMeanwhileError
 from surveys.forms import format_reference
 
 MOST_LINKS = 500
@@ -54,7 +54,7 @@ class StudyForm(forms.ModelForm):
         label=_("Languages"),
         required=False,
         initial=["en"],
-        choices=lambda: [(code, labels.language(code)) for code, _name in settings.LANGUAGES],
+        choices=lambda: [(code, language_name(code)) for code, _name in settings.LANGUAGES],
         widget=forms.CheckboxSelectMultiple,
     )
 
@@ -91,7 +91,7 @@ class StudyForm(forms.ModelForm):
                     for problem in error.problems
                 ]
             ) from error
-        except publishing.ChangedMeanwhileError as error:
+        except ChangedMeanwhileError as error:
             raise forms.ValidationError(
                 gettext(
                     "Not saved: someone else changed or published this study at the "

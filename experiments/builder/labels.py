@@ -2,13 +2,15 @@
 for what may be chosen.
 """
 
-from collections.abc import Mapping
-from typing import Any
-
 from django.utils.functional import Promise
-from django.utils.text import capfirst
-from django.utils.translation import get_language_info, pgettext_lazy
 from django.utils.translation import gettext_lazy as _
+from django.utils.translation import pgettext_lazy
+
+from experiments.definition.coding import CodingScheme
+from experiments.definition.schema import StudyCheckpoint
+from experiments.definition.step import AskingStep
+from experiments.definition.wizard import Wizard, WizardStep
+from surveys.document_forms.guide import FormGuide
 
 Words = str | Promise
 
@@ -382,47 +384,26 @@ ITEMS: dict[str, Words] = {
     "codes": _("Code"),
     "modifiers": _("Modifier"),
 }
-# Parts of a list that are added as one of several kinds, by the list.
-KINDS: dict[str, dict[str, Words]] = {"WizardStage.steps": {"": _("Line")} | CHOICES["move"]}
-
-NOTHING = _("none")
-
-
-def _of(words: Mapping[str, Any], called: str, otherwise: Any) -> Any:
-    """Return what is said of a field, `key` or `Class.key`: of this class, or of any."""
-    return words.get(called, words.get(called.rpartition(".")[2], otherwise))
-
-
-def label(called: str) -> Any:
-    """Return what a field is called."""
-    return _of(LABELS, called, called.rpartition(".")[2])
-
-
-def hint(called: str) -> Any:
-    """Return what is said below a field; empty for most."""
-    return _of(HINTS, called, "")
-
-
-def item(called: str) -> Any:
-    """Return what one part of a list is called."""
-    return _of(ITEMS, called, label(called))
-
-
-def kinds(called: str) -> list[tuple[str, Any]]:
-    """Return the kinds of which a part of a list is added, and their words; none for most."""
-    return list(KINDS.get(called, {}).items())
-
-
-def language(code: str) -> str:
-    """Return the name of a language; one without a name here is called by its code."""
-    try:
-        return str(capfirst(get_language_info(code)["name_translated"]))
-    except KeyError:
-        return code
-
-
-def word(called: str, value: str) -> Any:
-    """Return what a choice is called."""
-    if called.rpartition(".")[2] == "languages":
-        return language(value)
-    return _of(CHOICES, called, {}).get(value, value or NOTHING)
+GUIDE = FormGuide(
+    LABELS,
+    HINTS,
+    ITEMS,
+    CHOICES,
+    # Parts of a list that are added as one of several kinds, by the list.
+    kinds={"WizardStage.steps": {"": _("Line")} | CHOICES["move"]},
+    hidden={
+        StudyCheckpoint: frozenset({"number"}),  # its place in the list says it
+        # Lists whose parts have pages of their own.
+        Wizard: frozenset({"stages"}),
+        CodingScheme: frozenset({"codes"}),
+        AskingStep: frozenset({"version"}),  # chosen with the questionnaire
+    },
+    instead={WizardStep: {"move": frozenset({"line", "aloud"})}},
+    long=frozenset(
+        {
+            *("text", "intro", "source", "recruitment", "compensation", "question", "rationale"),
+            *("stopping", "blinding", "missing_data", "notes", "line", "description"),
+        }
+    ),
+    spaced=frozenset({"values"}),
+)

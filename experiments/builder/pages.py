@@ -10,7 +10,6 @@ from typing import Any
 
 import msgspec
 
-from experiments.builder.parts import Document, in_languages, renumber
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.coding import Code
 from experiments.definition.design import Factor
@@ -20,6 +19,7 @@ from experiments.definition.steps import KINDS
 from experiments.definition.wizard import WizardStage
 from robots.api.floorplan import FloorPlan
 from robots.api.messages import Point
+from surveys.document_forms.parts import Document, in_languages
 
 # What of the study itself is on which page, and the classes of what stands in lists.
 PAGES: Mapping[str, Collection[str]] = {
@@ -210,6 +210,23 @@ def _place_of_key(key: str, study: StudyDefinition) -> BuilderPlace | None:
         if key in {step.key for step in stage.steps}
     ]
     return found[0] if found else None
+
+
+def renumber(course: Document) -> Document:
+    """Return a course whose checkpoints are numbered as they stand, its photo staying with its
+    checkpoint.
+    """
+    checkpoints, photo = course.get("checkpoints", []), course.get("photo")
+    places = {checkpoint.get("number"): n for n, checkpoint in enumerate(checkpoints)}
+    numbered = {
+        **course,
+        "checkpoints": [{**checkpoint, "number": n} for n, checkpoint in enumerate(checkpoints)],
+    }
+    return (
+        {**numbered, "photo": {**photo, "checkpoint": places[photo["checkpoint"]]}}
+        if photo and photo.get("checkpoint") in places
+        else numbered
+    )
 
 
 # --- what is new ----------------------------------------------------------------------------------

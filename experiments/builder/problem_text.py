@@ -8,9 +8,10 @@ from collections.abc import Iterable
 
 from django.utils.translation import gettext as _
 
-from experiments.builder import labels
+from experiments.builder.labels import GUIDE
 from experiments.builder.pages import parts_in
-from experiments.builder.parts import Document
+from surveys.document_forms.fields import language_name
+from surveys.document_forms.parts import Document
 
 _MISSING = re.compile(r"(?P<place>\S+) has no text in (?P<language>\S+)\.")
 _LISTED = re.compile(r"(?P<key>\w+)\[(?P<n>\d+)\]")
@@ -28,7 +29,7 @@ def in_words(found: Iterable[str], whole: Document) -> dict[str, str]:
             told[problem] = problem
             continue
         first, languages = missing.setdefault(about["place"], (problem, []))
-        languages.append(labels.language(about["language"]))
+        languages.append(language_name(about["language"]))
         told[first] = _("%(text)s (%(languages)s) is missing.") % {
             "text": _name_of(about["place"], whole),
             "languages": ", ".join(languages),
@@ -59,9 +60,9 @@ def _segment(name: str) -> str:
     """Return what one step of a path is called; checkpoints are counted from 0, the station."""
     found = _LISTED.fullmatch(name)
     if found is None:
-        return str(labels.label(name))
+        return str(GUIDE.label(name))
     n = int(found["n"]) + (found["key"] != "checkpoints")
-    return f"{labels.item(found['key'])} {n}"
+    return f"{GUIDE.item(found['key'])} {n}"
 
 
 def title_of(part: Document, whole: Document) -> str:

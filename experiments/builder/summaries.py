@@ -6,11 +6,11 @@ from typing import Any
 from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 
-from experiments.builder import labels
-from experiments.builder.parts import Document
+from experiments.builder.labels import GUIDE
 from experiments.builder.problem_text import title_of
 from experiments.definition.steps import KINDS
 from experiments.participation.steps import page_type
+from surveys.document_forms.parts import Document
 
 
 def kinds(section: str) -> list[tuple[str, Any]]:
@@ -22,8 +22,8 @@ def kinds(section: str) -> list[tuple[str, Any]]:
         "conditions": _("Condition"),
         "courses": _("Course"),
         "analyses": _("Analysis"),
-        "stages": labels.item("stages"),
-        "codes": labels.item("codes"),
+        "stages": GUIDE.item("stages"),
+        "codes": GUIDE.item("codes"),
     }
     return [("", named[section])]
 
@@ -43,16 +43,16 @@ def about(
         yield _("%(n)g min") % {"n": part["minutes"]} if "minutes" in part else ""
         yield _("for each condition") if part.get("repeat") else ""
     elif section == "factors":
-        yield labels.word("design", part.get("design", "between"))
+        yield GUIDE.word("design", part.get("design", "between"))
         yield ", ".join(title_of(level, whole) for level in part.get("levels", ()))
     elif section == "analyses":
-        yield labels.word("test", part.get("test", "means"))
+        yield GUIDE.word("test", part.get("test", "means"))
         yield ", ".join(part.get("measures", ()))
     elif section == "stages":
         n = len(part.get("steps", ()))
         yield ngettext("%(n)d step", "%(n)d steps", n) % {"n": n}
     elif section == "codes":
-        yield labels.word("Code.kind", part["kind"])
+        yield GUIDE.word("Code.kind", part["kind"])
         yield part.get("key", "")
         yield part.get("group", "")
     elif section == "conditions":
@@ -60,7 +60,7 @@ def about(
         yield _("%(robot)s at %(site)s") % {"robot": part["robot"], "site": part["site"]}
         yield _("by invitation") if part.get("access") == "invitation" else ""
         yield (
-            _("assistance: %(level)s") % {"level": labels.word("assist", part["assist"])}
+            _("assistance: %(level)s") % {"level": GUIDE.word("assist", part["assist"])}
             if "assist" in part
             else ""
         )

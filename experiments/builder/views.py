@@ -21,7 +21,6 @@ from django.views.decorators.cache import never_cache
 
 from experiments import publishing
 from experiments.access import may
-from experiments.builder import labels
 from experiments.builder.advice import advice
 from experiments.builder.choices import (
     at_hand,
@@ -31,6 +30,7 @@ from experiments.builder.choices import (
     speeds_refused,
 )
 from experiments.builder.course_ground import drawn_course, problems_of_course, wrong_checkpoints
+from experiments.builder.labels import GUIDE
 from experiments.builder.pages import (
     INNER_LISTS,
     LISTS,
@@ -51,17 +51,19 @@ from experiments.builder.pages import (
     new_step,
     parts_in,
     place_of,
+    renumber,
     with_parts,
 )
-from experiments.builder.part_form import PartForm, read
-from experiments.builder.parts import Document, change, new_point, renumber
 from experiments.builder.problem_text import in_words, title_of
+from experiments.builder.study_form import StudyPartForm
 from experiments.builder.summaries import about, kinds
 from experiments.definition.schema import Course, StudyDefinition
 from experiments.definition.steps import KINDS
 from experiments.models import Study as Row
 from experiments.participation.steps import page_type
 from experiments.research.study_access import study_for
+from surveys.document_forms.parts import Document, change, new_point
+from surveys.documents import ChangedMeanwhileError
 
 TITLES = {
     "about": gettext_lazy("About the study"),
@@ -245,7 +247,7 @@ class BuilderPages:
         whole, part = whole_of(row), draft.part
         former = place.part(whole) or part
         cls = place.cls(former)
-        form = PartForm(
+        form = StudyPartForm(
             cls,
             part,
             languages=whole["languages"],
@@ -272,7 +274,7 @@ class BuilderPages:
         inner = next((one for one, page in INNER_LISTS.items() if page == place.section), None)
         if inner is not None and whole.get(place.section) is not None:
             context |= {
-                "list_title": labels.label(inner),
+                "list_title": GUIDE.label(inner),
                 "list_address": reverse("admin:experiments_study_section", args=[row.pk, inner]),
                 "parts": list(_listed(row, inner)),
                 "kinds": kinds(inner),
@@ -369,11 +371,11 @@ def _read(request: HttpRequest, place: BuilderPlace, former: Document) -> Submit
     `remove|up|down:<list>:<n>`.
     """
     cls = place.cls(former)
-    part = read(cls, request.POST, only=place.only)
+    part = StudyPartForm.read(cls, request.POST, only=place.only)
     anchor = _press(part, request.POST)
     if cls is Course:
         part = renumber(part)
-    told = PartForm(cls, part, only=place.only, is_sent=True).told
+    told = StudyPartForm(cls, part, only=place.only, is_sent=True).told
     if place.section == "conditions" and not told:
         told = speeds_refused(part)
     return SubmittedPart(part, told, anchor=anchor)
@@ -390,7 +392,7 @@ def _press(part: Document, sent: Any) -> str:
         step = new_script_step(part, n, places(publishing.sites().values()))
         part[key] = [*values, step] if step else values
         return f"{key}.{len(values)}"
-    if verb == "add" and key in labels.ITEMS:
+    if verb == "add" and key in GUIDE.items:
         at = new_point(sent.get("at", ""), middle_of(publishing.sites().get(part.get("site", ""))))
         part[key] = [*values, new_part(key, len(values), at)]
         return "course" if sent.get("at") else f"{key}.{len(values)}"
@@ -420,7 +422,7 @@ def _keep(row: Row, whole: Document) -> Row | str:
         return publishing.save_draft(row, msgspec.convert(by_factors(whole), StudyDefinition))
     except msgspec.ValidationError as error:
         return f"{error}."
-    except publishing.ChangedMeanwhileError:
+    except ChangedMeanwhileError:
         return _("Not saved: someone changed or published this study at the same time. Try again.")
 
 

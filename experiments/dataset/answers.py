@@ -9,6 +9,7 @@ from experiments.dataset.people import Round
 from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.dataset.selection import Selection
 from experiments.models import Participant, Study
+from surveys import questionnaires
 from surveys.answers import AnswerValue
 from surveys.definition import Definition
 from surveys.downloads import answered
@@ -97,13 +98,12 @@ def _said(question: Question, given: AnswerValue, choice: Selection) -> tuple[ob
 
 
 def questionnaires_of(study: Study) -> tuple[Definition, ...]:
-    """Return the questionnaires of a study in every version that is there, by name and version."""
+    """Return the questionnaires of a study in every finished version that is there, by name and
+    version.
+    """
     slugs = {step.questionnaire for step in study.as_definition().asking}
     rows = QuestionnaireRow.objects.filter(
         slug__in=sorted(slugs | {study.as_definition().analysis.statements})
     )
-    return tuple(
-        sorted(
-            (row.as_definition() for row in rows), key=lambda one: f"{one.slug}-{one.version}.json"
-        )
-    )
+    finished = [row.as_definition() for row in rows if not questionnaires.problems_of(row)]
+    return tuple(sorted(finished, key=lambda one: f"{one.slug}-{one.version}.json"))

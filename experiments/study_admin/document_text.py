@@ -8,7 +8,7 @@ from django.utils.html import format_html, format_html_join
 from django.utils.safestring import SafeString
 from django.utils.translation import gettext
 
-from experiments.builder import labels
+from experiments.builder.labels import CHOICES, LABELS
 from robots.admin import NOTHING
 
 
@@ -29,7 +29,7 @@ def _lines(value: Any, name: str = "", key: str = "") -> Iterator[tuple[str, Any
     """Yield the values of a document with their names; lists of parts by their number."""
     if isinstance(value, dict):
         for inner, one in value.items():
-            called = str(labels.LABELS.get(inner, inner.replace("_", " ")))
+            called = str(LABELS.get(inner, inner.replace("_", " ")))
             yield from _lines(one, f"{name} · {called}" if name else called, inner)
     elif isinstance(value, list):
         is_plain = not any(isinstance(one, dict | list) for one in value)
@@ -45,7 +45,7 @@ def _said(key: str, value: Any) -> Any:
         return gettext("yes") if value else gettext("no")
     if isinstance(value, float):
         return f"{value:.4g}"
-    return labels.CHOICES.get(key, {}).get(value, value)
+    return CHOICES.get(key, {}).get(value, value)
 
 
 def as_json(content: Any) -> str | SafeString:

@@ -7,8 +7,8 @@ from django.contrib import admin
 from django.http import HttpRequest
 from django.utils.translation import gettext_lazy as _
 
-from experiments.builder import labels
 from experiments.models import DONE, SCREENED_OUT, TECHNICAL_FAILURE, Study
+from surveys.document_forms.fields import language_name
 
 ENDINGS = {
     DONE: _("completed"),
@@ -92,7 +92,7 @@ class LanguageFilter(admin.AllValuesFieldListFilter):
     def choices(self, changelist: Any) -> Iterator[dict[str, Any]]:
         """Return them with their names."""
         for one in super().choices(changelist):
-            yield {**one, "display": labels.language(str(one["display"]))}
+            yield {**one, "display": language_name(str(one["display"]))}
 
 
 class CompletionFilter(admin.AllValuesFieldListFilter):

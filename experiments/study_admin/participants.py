@@ -20,7 +20,7 @@ from django.views.decorators.cache import never_cache
 from accounts import audit
 from experiments import publishing
 from experiments.access import may
-from experiments.builder import labels
+from experiments.builder.labels import GUIDE
 from experiments.models import (
     Drive,
     Participant,
@@ -39,6 +39,7 @@ from experiments.study_admin.filters import (
     StudyOfDriveFilter,
 )
 from robots.admin import NOTHING, link_to
+from surveys.document_forms.fields import language_name
 
 LEAST_REASON, MOST_REASON = 3, 300
 
@@ -191,7 +192,7 @@ class ParticipantAdmin(StudyRows):
     @admin.display(description=_("language"))
     def language_name(self, row: Participant) -> str:
         """Return what their language is called."""
-        return labels.language(row.language)
+        return language_name(row.language)
 
     @admin.display(description=_("recruitment"))
     def came_with(self, row: Participant) -> str:
@@ -338,7 +339,7 @@ class DriveAdmin(StudyRows):
     @admin.display(description=_("task outcome"), ordering="outcome")
     def outcome_told(self, row: Drive) -> Any:
         """Return how the task ended."""
-        return labels.word("outcomes", row.outcome) if row.outcome else NOTHING
+        return GUIDE.word("outcomes", row.outcome) if row.outcome else NOTHING
 
     @admin.display(description=_("session"))
     def session_link(self, row: Drive) -> str | SafeString:

@@ -19,7 +19,6 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.clickjacking import xframe_options_sameorigin
 
 from accounts.models import User
-from experiments.builder import labels
 from experiments.builder.views import WALK_THROUGH, sections
 from experiments.definition.schema import StudyDefinition
 from experiments.models import Participant, ParticipantKind, Study
@@ -27,6 +26,7 @@ from experiments.participation import journey
 from experiments.participation.assignment import Access
 from experiments.participation.steps import page_of
 from experiments.research.study_access import study_for
+from surveys.document_forms.fields import language_name
 from surveys.documents import spoken
 
 WIDTHS = {"phone": (390, 760), "tablet": (820, 760), "computer": (1280, 760)}  # pixels
@@ -91,7 +91,7 @@ class WalkThroughPages:
             "shown": steps[first][0] if steps else "",
             "step": asked,
             "language": language,
-            "languages": [(code, labels.language(code)) for code in definition.languages],
+            "languages": [(code, language_name(code)) for code in definition.languages],
             "condition": condition,
             "conditions": [
                 (one.key, spoken(one.title, language) or one.key) for one in definition.conditions

@@ -16,11 +16,12 @@ from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
 from django.utils import timezone
 from django.utils.translation import gettext as _
-from django.utils.translation import gettext_lazy as _lazy
+from django.utils.translation import gettext_lazy
 from django.views.decorators.http import require_http_methods, require_POST
 
 from accounts import audit
 from surveys.definition import Definition, from_stored
+from surveys.document_forms.fields import language_name
 from surveys.documents import BadDefinitionError
 from surveys.forms import format_reference
 from surveys.importing import report as reports
@@ -39,19 +40,21 @@ PARCEL_SECONDS = 24 * 3600
 class FileForm(forms.Form):
     """Which file, and what it does not say itself."""
 
-    file = forms.FileField(label=_lazy("File"), help_text=format_reference("questionnaires"))
+    file = forms.FileField(label=gettext_lazy("File"), help_text=format_reference("questionnaires"))
     language = forms.RegexField(
         r"^[a-z]{2,3}(-[a-z0-9]{2,8})*$",
-        label=_lazy("Language"),
+        label=gettext_lazy("Language"),
         initial="en",
         max_length=16,
-        help_text=_lazy("Only for REDCap, whose files do not name the language of their texts."),
+        help_text=gettext_lazy(
+            "Only for REDCap, whose files do not name the language of their texts."
+        ),
     )
     form = forms.CharField(
-        label=_lazy("Form"),
+        label=gettext_lazy("Form"),
         required=False,
         max_length=100,
-        help_text=_lazy("Only for REDCap: the form to import. Leave blank to import all."),
+        help_text=gettext_lazy("Only for REDCap: the form to import. Leave blank to import all."),
     )
 
 
@@ -60,9 +63,9 @@ class SaveForm(forms.Form):
 
     name = forms.RegexField(
         r"^[a-z][a-z0-9-]*$",
-        label=_lazy("Name"),
+        label=gettext_lazy("Name"),
         max_length=MAX_SLUG,
-        help_text=_lazy(
+        help_text=gettext_lazy(
             "Lower-case letters, digits and “-”. If the name exists, this becomes its next version."
         ),
     )
@@ -135,7 +138,7 @@ def _shown(form: SaveForm, definition: Definition, report: ImportReport) -> dict
         "report": report,
         "pages": len(definition.pages),
         "questions": len(definition.questions()),
-        "languages": ", ".join(definition.languages),
+        "languages": ", ".join(map(language_name, definition.languages)),
     }
 
 

@@ -21,6 +21,7 @@ from django.views.decorators.http import require_POST, require_safe
 from accounts import audit
 from surveys.conditions import Circumstances
 from surveys.definition import Definition, language_for, to_json
+from surveys.document_forms.fields import language_name
 from surveys.documents import spoken
 from surveys.downloads import as_long_csv, as_wide_csv
 from surveys.models import Questionnaire, Response
@@ -103,7 +104,8 @@ def _around(row: Questionnaire, definition: Definition, number: int, language: s
             for n in range(1, len(definition.pages) + 1)
         ],
         languages=[
-            AdminLink(name, to(number, name), name == language) for name in definition.languages
+            AdminLink(language_name(name), to(number, name), name == language)
+            for name in definition.languages
         ],
     )
 
@@ -148,7 +150,7 @@ def new_version(request: HttpRequest, pk: UUID) -> HttpResponseRedirect:
     messages.success(
         request, _("You can edit version %(n)d until somebody answers it.") % {"n": copy.version}
     )
-    return redirect("admin:surveys_questionnaire_change", copy.pk)
+    return redirect("admin:surveys_questionnaire_editor", copy.pk)
 
 
 @require_POST

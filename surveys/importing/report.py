@@ -5,7 +5,7 @@ from enum import StrEnum
 from typing import Any
 
 import msgspec
-from django.utils.translation import gettext_lazy as _lazy
+from django.utils.translation import gettext_lazy
 
 EXCERPT = 120
 
@@ -19,9 +19,9 @@ class ImportOutcome(StrEnum):
 
 
 LABELS = {
-    ImportOutcome.IMPORTED: _lazy("imported"),
-    ImportOutcome.CHANGED: _lazy("changed"),
-    ImportOutcome.LEFT_OUT: _lazy("not imported"),
+    ImportOutcome.IMPORTED: gettext_lazy("imported"),
+    ImportOutcome.CHANGED: gettext_lazy("changed"),
+    ImportOutcome.LEFT_OUT: gettext_lazy("not imported"),
 }
 
 

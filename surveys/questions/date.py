@@ -2,10 +2,11 @@
 
 import datetime
 from collections.abc import Iterator, Sequence
-from typing import Annotated
+from typing import Annotated, Any, ClassVar
 
 import msgspec
 from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy
 
 from surveys.item import (
     EASTERNMOST,
@@ -25,6 +26,8 @@ Day = Annotated[str, msgspec.Meta(pattern=r"^(today|\d{4}-\d{2}-\d{2})$")]
 
 class Date(Item, frozen=True, kw_only=True, tag="date"):
     """A day within bounds, stored as year-month-day."""
+
+    plain_name: ClassVar[Any] = gettext_lazy("Date")
 
     earliest: Day | None = None
     latest: Day | None = None

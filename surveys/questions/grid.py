@@ -1,7 +1,9 @@
 """Several statements on one scale, under one heading."""
 
 from collections.abc import Iterator, Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
+
+from django.utils.translation import gettext_lazy
 
 from surveys.item import Order, Row, ScaleItem, Scales, ordered
 
@@ -9,6 +11,7 @@ from surveys.item import Order, Row, ScaleItem, Scales, ordered
 class Grid(ScaleItem, frozen=True, kw_only=True, tag="grid"):
     """Several rows on one scale, each a question with an answer of its own."""
 
+    plain_name: ClassVar[Any] = gettext_lazy("Several statements on one scale")
     is_group: ClassVar[bool] = True
 
     rows: tuple[Row, ...]

@@ -1,5 +1,9 @@
 """A statement and a scale."""
 
+from typing import Any, ClassVar
+
+from django.utils.translation import gettext_lazy
+
 from surveys.item import Item, Row, ScaleItem
 
 
@@ -7,6 +11,8 @@ class Likert(ScaleItem, frozen=True, kw_only=True, tag="likert"):
     """A statement, answered by a point of a scale; with `reverse`, scores count it from the other
     end.
     """
+
+    plain_name: ClassVar[Any] = gettext_lazy("Statement on a scale")
 
     reverse: bool = False
 

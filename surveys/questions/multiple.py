@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar
 
 from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy
 
 from surveys.item import OptionsItem, Question, RefusedError, Scales, one_of
 
@@ -12,6 +13,7 @@ from surveys.item import OptionsItem, Question, RefusedError, Scales, one_of
 class Multiple(OptionsItem, frozen=True, kw_only=True, tag="multiple"):
     """Any of several options, stored as a list of values in written order."""
 
+    plain_name: ClassVar[Any] = gettext_lazy("Multiple choice")
     takes_several: ClassVar[bool] = True
 
     at_least: int = 0

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar, Literal
 
 from django.utils.translation import gettext as _
+from django.utils.translation import pgettext_lazy
 
 from surveys.documents import Text, spoken
 from surveys.item import (
@@ -25,6 +26,7 @@ from surveys.item import (
 class Number(Item, frozen=True, kw_only=True, tag="number"):
     """A number within bounds; `this_year` is the year in which it is asked."""
 
+    plain_name: ClassVar[Any] = pgettext_lazy("type of question", "Number")
     is_number: ClassVar[bool] = True
 
     minimum: float | None = None

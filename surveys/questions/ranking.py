@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy
 
 from surveys.documents import Text, spoken
 from surveys.item import (
@@ -29,6 +30,7 @@ class Ranking(OptionsItem, frozen=True, kw_only=True, tag="ranking"):
     has a list of places beside it.
     """
 
+    plain_name: ClassVar[Any] = gettext_lazy("Ranking")
     takes_several: ClassVar[bool] = True
 
     def problems(self, scales: Scales) -> Iterator[str]:

@@ -2,7 +2,9 @@
 
 import datetime
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
+
+from django.utils.translation import gettext_lazy
 
 from surveys.item import OptionsItem, Question, one_of
 
@@ -10,6 +12,7 @@ from surveys.item import OptionsItem, Question, one_of
 class Single(OptionsItem, frozen=True, kw_only=True, tag="single"):
     """One of several options, stored as its value."""
 
+    plain_name: ClassVar[Any] = gettext_lazy("Single choice")
     has_reason_choices: ClassVar[bool] = True
 
     def parse(self, question: Question, values: Sequence[str], now: datetime.datetime) -> str:

@@ -2,10 +2,11 @@
 
 import datetime
 from collections.abc import Collection, Iterator, Sequence
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import msgspec
 from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy
 
 from surveys.documents import Text, spoken
 from surveys.item import (
@@ -29,6 +30,7 @@ class Slider(Item, frozen=True, kw_only=True, tag="slider"):
     count it from the other end.
     """
 
+    plain_name: ClassVar[Any] = gettext_lazy("Slider")
     is_number: ClassVar[bool] = True
     scored_by: ClassVar[Collection[ScoringRule]] = frozenset({"tlx_raw", "topics"})
 

@@ -2,10 +2,11 @@
 
 import datetime
 from collections.abc import Sequence
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import msgspec
 from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy
 
 from surveys.item import Item, Question, RefusedError, Viewing, Widget, first_choice
 
@@ -13,6 +14,7 @@ from surveys.item import Item, Question, RefusedError, Viewing, Widget, first_ch
 class TextItem(Item, frozen=True, kw_only=True, tag="text"):
     """Free text on one line or several."""
 
+    plain_name: ClassVar[Any] = gettext_lazy("Free text")
     is_free_text: ClassVar[bool] = True
 
     lines: Annotated[int, msgspec.Meta(ge=1, le=20)] = 1

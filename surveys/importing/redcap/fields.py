@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from django.utils.translation import gettext as _
-from django.utils.translation import gettext_lazy as _lazy
+from django.utils.translation import gettext_lazy
 
 from surveys.documents import Text
 from surveys.importing.draft import Draft, Item
@@ -206,9 +206,9 @@ TYPES: dict[str, Callable[[RedcapField], Item]] = {
     "slider": slider,
 }
 REASONS = {
-    "calc": _lazy("Calculated fields are not questions; calculate them in the analysis."),
-    "file": _lazy("Files and signatures are not asked here."),
-    "sql": _lazy("Its options come from REDCap's database."),
+    "calc": gettext_lazy("Calculated fields are not questions; calculate them in the analysis."),
+    "file": gettext_lazy("Files and signatures are not asked here."),
+    "sql": gettext_lazy("Its options come from REDCap's database."),
 }
 
 

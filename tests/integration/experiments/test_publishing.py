@@ -12,7 +12,7 @@ from experiments.models import FrozenStudyError, Participant, Rehearsal, Study, 
 from experiments.publishing import NotPublishableError, publish, store
 from robots.floorplans import store_floor_plan
 from robots.models import FloorPlan
-from surveys.documents import BadDefinitionError
+from surveys.documents import BadDefinitionError, ChangedMeanwhileError
 from surveys.models import Questionnaire
 from tests.support.paths import ROOT
 from tests.support.people import person
@@ -84,7 +84,7 @@ def test_saving_what_says_the_same_keeps_the_digest_that_was_rehearsed():
 def test_of_two_who_change_a_draft_at_once_the_second_is_told():
     first, second = store(small_study(), NOW), Study.objects.get()
     publishing.save_draft(first, small_study(title={"en": "Hut"}))
-    with pytest.raises(publishing.ChangedMeanwhileError):
+    with pytest.raises(ChangedMeanwhileError):
         publishing.save_draft(second, small_study(title={"en": "House"}))
     assert Study.objects.get().title == "Hut"
 
@@ -238,7 +238,7 @@ def published():
 def test_a_published_version_never_changes(published):
     with pytest.raises(BadDefinitionError, match="make a new version"):
         store(small_study(title={"en": "Hut"}), NOW)
-    with pytest.raises(publishing.ChangedMeanwhileError):
+    with pytest.raises(ChangedMeanwhileError):
         publishing.save_draft(published, small_study(title={"en": "Hut"}))
     changes = (
         {"definition": msgspec.to_builtins(small_study(title={"en": "Hut"}))},

@@ -334,6 +334,17 @@ def administration() -> list[tuple]:
         ("admin:surveys_questionnaire_export", ["questionnaire.pk"], ADMINISTRATOR, None),
         ("admin:surveys_questionnaire_answers", ["questionnaire.pk", "long"], ADMINISTRATOR, None),
         ("admin:surveys_questionnaire_new_version", ["questionnaire.pk"], ADMINISTRATOR, {}),
+        ("admin:surveys_questionnaire_write", [], ADMINISTRATOR, None),
+        ("admin:surveys_questionnaire_editor", ["questionnaire.pk"], ADMINISTRATOR, None),
+        ("admin:surveys_questionnaire_section", ["questionnaire.pk", "about"], ADMINISTRATOR, None),
+        (
+            "admin:surveys_questionnaire_part",
+            ["questionnaire.pk", "questions", "q1"],
+            ADMINISTRATOR,
+            None,
+        ),
+        # nobody changes what is in use
+        ("admin:surveys_questionnaire_editor", ["questionnaire.pk"], NOBODY, {}),
     ]
 
 

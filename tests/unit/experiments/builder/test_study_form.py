@@ -4,27 +4,30 @@ import msgspec
 import pytest
 from django.http import QueryDict
 
-from experiments.builder import part_form, parts
-from experiments.builder.part_form import Group, PartForm, read
+from experiments.builder.labels import GUIDE
+from experiments.builder.pages import renumber
+from experiments.builder.study_form import StudyPartForm
 from experiments.definition.coding import Code
 from experiments.definition.schema import Condition, Course, StudyCheckpoint, StudyDefinition
 from experiments.definition.shipped import shipped
 from experiments.definition.steps.instructions import Instructions
 from experiments.definition.steps.task import TaskStep
 from experiments.definition.wizard import Wizard, WizardStage
+from surveys.document_forms import fields, part_form, parts
+from surveys.document_forms.part_form import Group
 from tests.support.wizard_study import WIZARD
 
 BOTH = ("en", "es")
 
 
-def groups(form: PartForm | Group):
+def groups(form: StudyPartForm | Group):
     for part in form.parts:
         if isinstance(part, Group):
             yield part
             yield from groups(part)
 
 
-def sent(form: PartForm, **changes: str) -> QueryDict:
+def sent(form: StudyPartForm, **changes: str) -> QueryDict:
     """What a browser sends of a form that was shown, with some fields changed."""
     data = QueryDict(mutable=True)
     for group in groups(form):
@@ -45,10 +48,10 @@ def sent(form: PartForm, **changes: str) -> QueryDict:
 
 
 def errors(cls: type, document: dict) -> dict[str, str]:
-    return PartForm(cls, document, is_sent=True).told
+    return StudyPartForm(cls, document, is_sent=True).told
 
 
-def choices(form: PartForm, name: str) -> list[str]:
+def choices(form: StudyPartForm, name: str) -> list[str]:
     return [value for value, _label in form[name].field.widget.choices]
 
 
@@ -60,7 +63,7 @@ def parts_of(study: StudyDefinition):
 def test_every_part_of_the_shipped_studies_goes_through_its_form_unchanged(slug):
     for cls, part in parts_of(shipped()[slug]):
         document = msgspec.to_builtins(part)
-        told = read(cls, sent(PartForm(cls, document, languages=BOTH)))
+        told = StudyPartForm.read(cls, sent(StudyPartForm(cls, document, languages=BOTH)))
         assert errors(cls, told) == {}
         kept = {**told, **({"kind": document["kind"]} if "kind" in document else {})}
         assert msgspec.convert(kept, cls) == part
@@ -80,9 +83,9 @@ def test_the_whole_study_goes_through_its_form_unchanged():
         "analysis",
     )
     document = msgspec.to_builtins(study)
-    told = read(
+    told = StudyPartForm.read(
         StudyDefinition,
-        sent(PartForm(StudyDefinition, document, languages=BOTH, only=only)),
+        sent(StudyPartForm(StudyDefinition, document, languages=BOTH, only=only)),
         only=only,
     )
     rest = {key: value for key, value in document.items() if key not in only}
@@ -91,15 +94,15 @@ def test_the_whole_study_goes_through_its_form_unchanged():
 
 def task(**changes: str) -> QueryDict:
     document = {"kind": "task", "key": "task", "title": {"en": "TaskStep"}}
-    return sent(PartForm(TaskStep, document, languages=BOTH), **changes)
+    return sent(StudyPartForm(TaskStep, document, languages=BOTH), **changes)
 
 
 def test_what_is_no_number_is_told_at_its_field_and_kept_as_it_was_typed():
-    document = read(TaskStep, task(minutes="a quarter", last_minutes="-1"))
+    document = StudyPartForm.read(TaskStep, task(minutes="a quarter", last_minutes="-1"))
     told = errors(TaskStep, document)
     assert told["minutes"] == "This is not a number."
     assert ">= 0.0" in told["last_minutes"]
-    form = PartForm(TaskStep, document, languages=["en"], is_sent=True)
+    form = StudyPartForm(TaskStep, document, languages=["en"], is_sent=True)
     assert form["minutes"].value() == "a quarter"
     assert list(form["minutes"].errors) == ["This is not a number."]
     assert 'value="a quarter"' in str(form["minutes"])
@@ -107,33 +110,35 @@ def test_what_is_no_number_is_told_at_its_field_and_kept_as_it_was_typed():
 
 @pytest.mark.parametrize("text", ["nan", "inf", "1e999", "1 000"])
 def test_numbers_that_are_no_lengths_of_time_are_refused(text):
-    assert "minutes" in errors(TaskStep, read(TaskStep, task(minutes=text)))
+    assert "minutes" in errors(TaskStep, StudyPartForm.read(TaskStep, task(minutes=text)))
 
 
 def test_an_empty_field_has_the_value_that_the_class_says():
-    assert read(TaskStep, task(minutes="")).get("minutes") is None
+    assert StudyPartForm.read(TaskStep, task(minutes="")).get("minutes") is None
     assert (
-        msgspec.convert({"kind": "task", **read(TaskStep, task(minutes=""))}, TaskStep).minutes
+        msgspec.convert(
+            {"kind": "task", **StudyPartForm.read(TaskStep, task(minutes=""))}, TaskStep
+        ).minutes
         == 15.0
     )
 
 
 def test_a_comma_is_read_as_a_decimal_point():
-    assert read(TaskStep, task(minutes="2,5"))["minutes"] == 2.5
+    assert StudyPartForm.read(TaskStep, task(minutes="2,5"))["minutes"] == 2.5
 
 
 def test_texts_in_other_languages_are_shown_until_somebody_empties_them():
     document = {"key": "task", "title": {"en": "TaskStep", "fr": "Tâche"}}
-    form = PartForm(TaskStep, document, languages=["en"])
+    form = StudyPartForm(TaskStep, document, languages=["en"])
     shown = [one.field.language for one in form if one.field.member.key == "title"]
     assert shown == ["en", "fr"]
-    assert read(TaskStep, sent(form, title__fr=""))["title"] == {"en": "TaskStep"}
+    assert StudyPartForm.read(TaskStep, sent(form, title__fr=""))["title"] == {"en": "TaskStep"}
 
 
 def test_what_may_be_chosen_is_offered_and_what_was_chosen_stays():
     document = msgspec.to_builtins(shipped()["exploration"].conditions[1])
     offered = {"robot": ["rhodon"], "doors_closed": ["lounge-door"]}
-    form = PartForm(Condition, document, languages=["en"], offered=offered)
+    form = StudyPartForm(Condition, document, languages=["en"], offered=offered)
     assert form["robot"].field.style == "choice"
     assert choices(form, "robot") == ["rhodon", "giraff"]
     assert form["doors_closed"].field.style == "choices"
@@ -143,22 +148,24 @@ def test_what_may_be_chosen_is_offered_and_what_was_chosen_stays():
 
 def test_an_optional_part_is_switched_on_and_off():
     document = msgspec.to_builtins(shipped()["exploration"].conditions[0])
-    form = PartForm(Condition, document, languages=BOTH)
+    form = StudyPartForm(Condition, document, languages=BOTH)
     assert {group.switch: group.is_on for group in groups(form) if group.switch} == {
         "network.control.on": False,
         "network.video.on": False,
     }
-    on = read(Condition, sent(form, network__control__on="on", network__control__delay="0.2"))
+    on = StudyPartForm.read(
+        Condition, sent(form, network__control__on="on", network__control__delay="0.2")
+    )
     assert on["network"]["control"]["delay"] == 0.2
     assert "video" not in on["network"]
 
 
 @pytest.mark.parametrize("path", ["1", "1 2 3", "1 2\nx y", "[[1,2]]"])
 def test_points_that_are_none_are_told_and_kept(path):
-    document = read(
+    document = StudyPartForm.read(
         Course,
         sent(
-            PartForm(Course, {"robot": "giraff", "site": "office", "checkpoints": []}),
+            StudyPartForm(Course, {"robot": "giraff", "site": "office", "checkpoints": []}),
             path=path,
         ),
     )
@@ -188,20 +195,20 @@ def test_the_photo_stays_with_its_checkpoint_when_checkpoints_move():
         "checkpoints": [{"number": 0}, {"number": 2}, {"number": 1}],
         "photo": {"checkpoint": 2},
     }
-    assert parts.renumber(course) == {
+    assert renumber(course) == {
         "checkpoints": [{"number": 0}, {"number": 1}, {"number": 2}],
         "photo": {"checkpoint": 1},
     }
 
 
 def test_the_photo_of_a_checkpoint_that_is_gone_is_left_for_the_check_to_tell():
-    assert parts.renumber({"checkpoints": [{"number": 0}], "photo": {"checkpoint": 2}})[
-        "photo"
-    ] == {"checkpoint": 2}
+    assert renumber({"checkpoints": [{"number": 0}], "photo": {"checkpoint": 2}})["photo"] == {
+        "checkpoint": 2
+    }
 
 
 def test_no_number_of_a_checkpoint_is_asked_for():
-    assert "number" not in [member.key for member in parts.members(StudyCheckpoint)]
+    assert "number" not in [member.key for member in parts.members(GUIDE, StudyCheckpoint)]
 
 
 def test_leaving_a_language_takes_its_texts_everywhere():
@@ -223,7 +230,7 @@ def test_a_click_on_the_map_is_a_point_and_anything_else_is_not():
 
 def test_a_forged_list_does_not_run_away():
     data = QueryDict("&".join(f"leaves.{n}=" for n in range(900)))
-    assert len(read(Instructions, data)["leaves"]) == part_form.MOST_LISTED
+    assert len(StudyPartForm.read(Instructions, data)["leaves"]) == part_form.MOST_LISTED
 
 
 def test_an_optional_part_that_is_off_lacks_nothing():
@@ -235,14 +242,16 @@ def test_an_optional_part_that_is_off_lacks_nothing():
 def test_a_condition_chooses_its_level_of_each_factor():
     document = msgspec.to_builtins(shipped()["assistance"].conditions[0])
     offered = {"levels.delay": ("none", "long"), "levels.help": ("alone", "assisted")}
-    form = PartForm(Condition, document, languages=BOTH, offered=offered)
+    form = StudyPartForm(Condition, document, languages=BOTH, offered=offered)
     assert choices(form, "levels.delay") == ["", "none", "long"]
-    told = read(Condition, sent(form, levels__delay="long", levels__help="alone"))
+    told = StudyPartForm.read(Condition, sent(form, levels__delay="long", levels__help="alone"))
     assert told["levels"] == {"delay": "long", "help": "alone"}
     assert errors(Condition, told) == {}
-    again = PartForm(Condition, told, languages=BOTH, offered=offered)
+    again = StudyPartForm(Condition, told, languages=BOTH, offered=offered)
     assert again["levels.delay"].value() == "long"
-    assert read(Condition, sent(again, levels__delay=""))["levels"] == {"help": "alone"}
+    assert StudyPartForm.read(Condition, sent(again, levels__delay=""))["levels"] == {
+        "help": "alone"
+    }
 
 
 def test_a_level_whose_factor_is_gone_is_shown_until_somebody_empties_it():
@@ -250,24 +259,24 @@ def test_a_level_whose_factor_is_gone_is_shown_until_somebody_empties_it():
         **msgspec.to_builtins(shipped()["assistance"].conditions[0]),
         "levels": {"old": "a"},
     }
-    form = PartForm(Condition, document, languages=BOTH)
+    form = StudyPartForm(Condition, document, languages=BOTH)
     assert choices(form, "levels.old") == ["", "a"]
-    assert read(Condition, sent(form, levels__old=""))["levels"] == {}
+    assert StudyPartForm.read(Condition, sent(form, levels__old=""))["levels"] == {}
 
 
 def test_a_step_of_a_script_has_a_line_or_the_fields_of_its_move():
     for stage in WIZARD["stages"]:
-        form = PartForm(WizardStage, stage, languages=["en"])
+        form = StudyPartForm(WizardStage, stage, languages=["en"])
         data = sent(form)
         data.update(kinds_of(form))
-        told = read(WizardStage, data)
+        told = StudyPartForm.read(WizardStage, data)
         assert msgspec.convert(told, WizardStage) == msgspec.convert(stage, WizardStage)
-    form = PartForm(WizardStage, WIZARD["stages"][0], languages=["en"])
+    form = StudyPartForm(WizardStage, WIZARD["stages"][0], languages=["en"])
     assert {"steps.0.line.en", "steps.0.aloud", "steps.1.move.angle"} <= set(form.fields)
     assert not {"steps.1.line.en", "steps.1.aloud"} & set(form.fields)
 
 
-def kinds_of(form: PartForm) -> QueryDict:
+def kinds_of(form: StudyPartForm) -> QueryDict:
     """What the hidden fields of a form send of moves."""
     data = QueryDict(mutable=True)
     for group in groups(form):
@@ -278,23 +287,23 @@ def kinds_of(form: PartForm) -> QueryDict:
 
 def test_a_move_of_a_kind_that_is_none_is_no_move():
     data = QueryDict("key=a&steps.0=&steps.0.key=b&steps.0.move.kind=fly")
-    assert "move" not in read(WizardStage, data)["steps"][0]
+    assert "move" not in StudyPartForm.read(WizardStage, data)["steps"][0]
 
 
 def test_what_has_pages_of_its_own_is_not_asked_for():
-    assert "stages" not in [member.key for member in parts.members(Wizard)]
+    assert "stages" not in [member.key for member in parts.members(GUIDE, Wizard)]
 
 
 def test_values_of_a_modifier_may_have_spaces_and_have_commas_between():
     code = {"code": "help", "name": "Help", "kind": "point"}
     whom = {"name": "whom", "values": ["the robot", "a visitor"]}
-    form = PartForm(Code, code | {"modifiers": [whom]})
+    form = StudyPartForm(Code, code | {"modifiers": [whom]})
     assert form["modifiers.0.values"].value() == "the robot, a visitor"
-    assert read(Code, sent(form))["modifiers"] == [whom]
+    assert StudyPartForm.read(Code, sent(form))["modifiers"] == [whom]
 
 
 def test_a_word_of_one_class_comes_before_that_of_all():
-    member = {one.key: one for one in parts.members(Code)}["key"]
-    label = str(part_form.field_of(member).label)
+    member = {one.key: one for one in parts.members(GUIDE, Code)}["key"]
+    label = str(fields.field_of(member).label)
     assert label == "Key on the replay"
-    assert str(part_form.field_of(parts.members(WizardStage)[0]).label) == "Short name"
+    assert str(fields.field_of(parts.members(GUIDE, WizardStage)[0]).label) == "Short name"

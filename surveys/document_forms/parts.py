@@ -1,39 +1,30 @@
-"""The classes of a definition as the study builder sees them, and what it does to documents of
-them: plain dicts and lists, as in JSON.
+"""The classes of a definition as forms see them, and what is done to documents of them: plain dicts
+and lists, as in JSON.
 """
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import Any, get_args, get_origin
 
 import msgspec
 from msgspec import inspect
 
-from experiments.definition.coding import CodingScheme
-from experiments.definition.schema import StudyCheckpoint
-from experiments.definition.wizard import Wizard, WizardStep
 from robots.api.messages import Point
+from surveys.document_forms.guide import FormGuide
 from surveys.documents import Text
 
 Document = dict[str, Any]
-Names = Mapping[type[Any], frozenset[str]]
-DERIVED: Names = {StudyCheckpoint: frozenset({"number"})}  # its place in the list says it
-# Lists whose parts have pages of their own: the form of what holds them does not ask for them.
-PAGED: Names = {Wizard: frozenset({"stages"}), CodingScheme: frozenset({"codes"})}
-# What a part does not have when it has another field in its place.
-INSTEAD: Mapping[type[Any], Mapping[str, frozenset[str]]] = {
-    WizardStep: {"move": frozenset({"line", "aloud"})}
-}
 
 
 @dataclass(frozen=True)
 class AskedField:
     """A field of a class: `shape` is what it holds, without None; `has_none` tells whether it may
     hold nothing; `kinds` are the classes of a part that may be of several, by their tags; `called`
-    is by what its words are looked up.
+    is by what its words are looked up in the `guide`.
     """
 
+    guide: FormGuide
     key: str
     annotation: Any
     shape: inspect.Type
@@ -59,50 +50,54 @@ class AskedField:
         return not self.is_required and bool(value == self.default)
 
 
-def members(cls: type[Any], only: Collection[str] = ()) -> list[AskedField]:
-    """Return what of a class is asked for, in its order."""
-    hidden = DERIVED.get(cls, frozenset()) | PAGED.get(cls, frozenset())
-    found = [_member(one, cls) for one in msgspec.structs.fields(cls) if one.name not in hidden]
+def members(guide: FormGuide, cls: type[Any], only: Collection[str] = ()) -> list[AskedField]:
+    """Return what of a class is asked for, in order."""
+    fields = msgspec.structs.fields(cls)
+    found = [_member(guide, one, cls) for one in fields if not guide.is_hidden(cls, one.name)]
+    found.sort(key=lambda one: one.key in guide.last)
     return [one for one in found if not only or one.key in only]
 
 
-def left_out(cls: type[Any], has: Callable[[str], Any]) -> frozenset[str]:
-    """Return the fields that a part does not have; `has` tells whether it has another."""
-    instead = INSTEAD.get(cls, {})
-    return frozenset().union(*(others for key, others in instead.items() if has(key)))
-
-
-def _member(one: Any, cls: type[Any]) -> AskedField:
+def _member(guide: FormGuide, one: Any, cls: type[Any]) -> AskedField:
     shape = inspect.type_info(one.type)
-    inner = (
-        [kind for kind in shape.types if not isinstance(kind, inspect.NoneType)]
-        if isinstance(shape, inspect.UnionType)
-        else [shape]
-    )
+    inner = _inner(shape)
     default = None if one.default is msgspec.NODEFAULT else msgspec.to_builtins(one.default)
     has_none = isinstance(shape, inspect.UnionType) and len(inner) < len(shape.types)
     kinds = {str(kind.tag): kind.cls for kind in inner if isinstance(kind, inspect.StructType)}
     several = kinds if len(kinds) > 1 else {}
     called = f"{cls.__name__}.{one.name}"
     return AskedField(
-        one.name, one.type, inner[0], has_none, default, one.required, several, called
+        guide, one.encode_name, one.type, inner[0], has_none, default, one.required, several, called
     )
+
+
+def _inner(shape: inspect.Type) -> list[inspect.Type]:
+    kinds = shape.types if isinstance(shape, inspect.UnionType) else (shape,)
+    return [kind for kind in kinds if not isinstance(kind, inspect.NoneType)]
 
 
 def choices_of(member: AskedField) -> tuple[str, ...]:
     """Return the values that the class itself allows, in written order; none for others."""
-    if isinstance(member.shape, inspect.LiteralType):
-        return get_args(member.annotation)
     inner = member.shape.item_type if isinstance(member.shape, inspect.VarTupleType) else None
-    # inspect has sorted them
-    return (
-        get_args(get_args(member.annotation)[0]) if isinstance(inner, inspect.LiteralType) else ()
-    )
+    if isinstance(member.shape, inspect.LiteralType):
+        return tuple(literals(member.annotation))
+    is_listed = isinstance(inner, inspect.LiteralType)
+    return tuple(literals(get_args(member.annotation)[0])) if is_listed else ()
 
 
-def is_numbered(cls: type[Any]) -> bool:
+def literals(annotation: Any) -> Iterator[str]:
+    """Yield the texts of a Literal, or of those in a union; `msgspec.inspect` has sorted them."""
+    for one in get_args(annotation):
+        if get_origin(one) is not None:
+            yield from literals(one)
+        elif isinstance(one, str):
+            yield one
+
+
+def is_numbered(member: AskedField) -> bool:
     """Tell whether the parts of a list have a number that their place says."""
-    return "number" in DERIVED.get(cls, ())
+    cls = member.listed
+    return cls is not None and "number" in member.guide.hidden.get(cls, ())
 
 
 # --- what is typed --------------------------------------------------------------------------------
@@ -151,39 +146,19 @@ def change(values: list[Any], verb: str, n: int) -> list[Any]:
     return values
 
 
-def renumber(course: Document) -> Document:
-    """Return a course whose checkpoints are numbered as they stand, its photo staying with its
-    checkpoint.
-    """
-    checkpoints, photo = course.get("checkpoints", []), course.get("photo")
-    places = {checkpoint.get("number"): n for n, checkpoint in enumerate(checkpoints)}
-    numbered = {
-        **course,
-        "checkpoints": [{**checkpoint, "number": n} for n, checkpoint in enumerate(checkpoints)],
-    }
-    return (
-        {**numbered, "photo": {**photo, "checkpoint": places[photo["checkpoint"]]}}
-        if photo and photo.get("checkpoint") in places
-        else numbered
-    )
-
-
 def in_languages(cls: type[Any], document: Document, languages: Collection[str]) -> Document:
     """Return a document without the texts in other languages."""
-    kept = dict(document)
-    for key in document.keys() & {one.name for one in msgspec.structs.fields(cls)}:
-        kept[key] = _in_languages(
-            next(one for one in msgspec.structs.fields(cls) if one.name == key),
-            document[key],
-            languages,
-        )
-    return kept
+    fields = {one.encode_name: one for one in msgspec.structs.fields(cls)}
+    return {
+        key: _in_languages(fields[key], value, languages) if key in fields else value
+        for key, value in document.items()
+    }
 
 
 def _in_languages(one: Any, value: Any, languages: Collection[str]) -> Any:
     if one.type == Text:
         return {language: text for language, text in value.items() if language in languages}
-    shape = _member(one, type(None)).shape
+    shape = _inner(inspect.type_info(one.type))[0]
     if isinstance(shape, inspect.StructType) and value is not None:
         return in_languages(shape.cls, value, languages)
     inner = shape.item_type if isinstance(shape, inspect.VarTupleType) else None

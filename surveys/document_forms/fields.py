@@ -1,0 +1,217 @@
+"""The fields of forms of documents, one a value: it is shown (`prepare_value`), read (`to_python`)
+and refused (`validate`) by its field; which field it gets is said once, in `field_of`.
+"""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from functools import partial
+from types import MappingProxyType
+from typing import Any
+
+import msgspec
+from django import forms
+from django.utils.text import capfirst
+from django.utils.translation import get_language_info, gettext, gettext_lazy
+from msgspec import inspect
+
+from surveys.document_forms.parts import (
+    AskedField,
+    choices_of,
+    literals,
+    read_number,
+    read_points,
+)
+
+NOT_POINTS = "Write one point per line: x and y in metres."
+NONE = gettext_lazy("none")
+# What may be chosen, by field: values, or values with what they are called.
+Offered = Mapping[str, Sequence[str] | Mapping[str, str]]
+NOTHING: Offered = MappingProxyType({})
+
+
+def language_name(code: str) -> str:
+    """Return the name of a language; one without a name here is called by its code."""
+    try:
+        return str(capfirst(get_language_info(code)["name_translated"]))
+    except KeyError:
+        return code
+
+
+class ValueField(forms.Field):
+    """A value that is text, and what all values share. `style` names its class in CSS; in an
+    optional part that `is_off` nothing is refused, nor is what is `allowed`.
+    """
+
+    is_off = False
+
+    def __init__(
+        self,
+        member: AskedField,
+        style: str,
+        widget: forms.Widget,
+        *,
+        language: str = "",
+        allowed: Collection[str] = (),
+    ) -> None:
+        self.member, self.style, self.language, self.allowed = member, style, language, allowed
+        self.language_name = language_name(language) if language else ""
+        self.is_detail = member.guide.is_detail(member.called)
+        widget.attrs |= {"lang": language} if language else {}
+        super().__init__(
+            required=False,
+            widget=widget,
+            label=member.guide.label(member.called),
+            help_text="" if language else member.guide.hint(member.called),
+        )
+
+    def prepare_value(self, value: Any) -> Any:
+        """Return what is shown for a value of the document."""
+        return "" if value is None else value
+
+    def to_python(self, value: Any) -> Any:
+        """Return the value of the document for what was sent; UNSET is what the class says."""
+        text = text_of(value)
+        if not text and (self.member.has_none or self.member.default is not None):
+            return None if self.member.has_none else msgspec.UNSET
+        return self.parse(text)
+
+    def parse(self, text: str) -> Any:
+        """Return the value that a text stands for, or the text itself when it is none."""
+        return text
+
+    def validate(self, value: Any) -> None:
+        """Refuse what the class refuses."""
+        is_said = value is msgspec.UNSET or self.member.says(value) or value in self.allowed
+        if not (self.is_off or self.language or is_said) and (told := self.refusal(value)):
+            raise forms.ValidationError(told)
+
+    def refusal(self, value: Any) -> str:
+        """Return why a value cannot be kept; empty when it can."""
+        try:
+            msgspec.convert(value, self.member.annotation)
+        except msgspec.ValidationError as error:
+            return f"{error}."
+        return ""
+
+
+class NumberField(ValueField):
+    """A number, with a point or a comma."""
+
+    def prepare_value(self, value: Any) -> Any:
+        """Return a number without needless decimals."""
+        return f"{value:.10g}" if isinstance(value, float) else str(super().prepare_value(value))
+
+    def parse(self, text: str) -> Any:
+        """Return the number, or one of the words that may stand for it."""
+        is_word = text in literals(self.member.annotation)
+        whole = isinstance(self.member.shape, inspect.IntType)
+        return text if is_word else read_number(text, whole=whole)
+
+    def refusal(self, value: Any) -> str:
+        """Return what is said of text, or what the class says."""
+        if isinstance(value, str) and value not in literals(self.member.annotation):
+            return gettext("This is not a number.") if value else gettext("Write a number.")
+        return super().refusal(value)
+
+
+class CheckField(ValueField):
+    """Yes or no."""
+
+    def to_python(self, value: Any) -> bool:
+        """Return whether it was ticked: else nothing of it was sent."""
+        return bool(value)
+
+
+class NamesField(ValueField):
+    """Several names: on one line with commas between them, or as boxes to tick."""
+
+    def prepare_value(self, value: Any) -> Any:
+        """Return the names on one line, or for the boxes one by one."""
+        names = value if isinstance(value, str) else [str(one) for one in value or ()]
+        is_line = self.style == "names" and not isinstance(value, str)
+        return ", ".join(names) if is_line else names
+
+    def refusal(self, value: Any) -> str:
+        """Refuse to take the last language away: all texts would go with it."""
+        if self.member.key == "languages" and not value:
+            return gettext("Choose at least one language.")
+        return super().refusal(value)
+
+    def to_python(self, value: Any) -> list[str]:
+        """Return the names."""
+        values = [value] if isinstance(value, str) else value or ()
+        if self.member.key in self.member.guide.spaced:
+            return [name.strip() for one in values for name in one.split(",") if name.strip()]
+        return [name for one in values for name in one.replace(",", " ").split()]
+
+
+class PointsField(ValueField):
+    """Points, one a line."""
+
+    def prepare_value(self, value: Any) -> str:
+        """Return a line a point."""
+        return (
+            value if isinstance(value, str) else "\n".join(f"{x:g} {y:g}" for x, y in value or ())
+        )
+
+    def to_python(self, value: Any) -> Any:
+        """Return the points."""
+        return read_points(text_of(value))
+
+    def refusal(self, value: Any) -> str:
+        """Return what is said of text, or what the class says."""
+        return NOT_POINTS if isinstance(value, str) else super().refusal(value)
+
+
+def field_of(member: AskedField, value: Any = None, offered: Offered = NOTHING) -> ValueField:
+    """Return the field of a value that is no part, no list of parts and no text in languages.
+    `offered` is what may be chosen, by key; `value` stays among it.
+    """
+    offers = offered.get(member.called, offered.get(member.key, ()))
+    shape, choices = member.shape, choices_of(member) or tuple(offers)
+    names = offers if isinstance(offers, Mapping) else {}
+    if isinstance(shape, inspect.VarTupleType):
+        if isinstance(shape.item_type, inspect.TupleType):
+            return PointsField(member, "points", _box(5))
+        if not choices:
+            return NamesField(member, "names", _line())
+        known = dict.fromkeys((*choices, *map(str, value or ())))
+        listed = _named(member, known, names)
+        return NamesField(member, "choices", forms.CheckboxSelectMultiple(choices=listed))
+    if isinstance(shape, inspect.BoolType):
+        return CheckField(member, "check", forms.CheckboxInput())
+    if isinstance(shape, inspect.IntType | inspect.FloatType):
+        return NumberField(member, "number", _line(inputmode="decimal"))
+    if choices:
+        empty = ("",) if member.has_none or member.default == "" else ()
+        missing = () if value in {*choices, None, ""} else (str(value),)
+        listed = _named(member, (*empty, *choices, *missing), names)
+        return ValueField(member, "choice", forms.Select(choices=listed), allowed=names)
+    return text_field(member)
+
+
+def text_field(member: AskedField, language: str = "") -> ValueField:
+    """Return the field of a text, on a line or several."""
+    style, widget = ("text", _box(4)) if member.guide.is_long(member.called) else ("line", _line())
+    return ValueField(member, style, widget, language=language)
+
+
+def _line(**attributes: str) -> forms.TextInput:
+    return forms.TextInput({"autocomplete": "off", **attributes})
+
+
+def _box(lines: int) -> forms.Textarea:
+    return forms.Textarea({"rows": lines, "cols": None})
+
+
+def _named(
+    member: AskedField, choices: Iterable[str], names: Mapping[str, str]
+) -> list[tuple[str, Any]]:
+    word = language_name if member.key == "languages" else partial(member.guide.word, member.called)
+    return [(choice, names.get(choice) or word(choice) or NONE) for choice in choices]
+
+
+def text_of(value: Any) -> str:
+    """Return what was sent for a field as text; of several values the last one counts."""
+    if isinstance(value, list):
+        value = value[-1] if value else ""
+    return str(value or "").replace("\r\n", "\n").strip()

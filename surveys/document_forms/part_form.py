@@ -1,0 +1,248 @@
+"""A part of a document as a Django form: what a page of a builder asks follows from the classes of
+the definition, and from the guide of its words (surveys/document_forms/guide.py).
+
+A part is a plain document (dicts and lists, as in JSON); the names of fields are paths in it:
+`leaves.0.text.en`. Three steps are all that there is, on a subclass that has the guide:
+
+- `PartForm(cls, document)` makes a Django field for each value of the document
+  (surveys/document_forms/fields.py), and lays them out in groups as the class has them;
+- `PartForm.read(cls, sent)` makes the document of what a browser sent;
+- the form of that document, with `is_sent`, has in `errors` what cannot be kept.
+
+What was typed is never lost: a number that is none stays in the document as the text that it was. A
+field that is empty has the value that the class says, where it says one.
+"""
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import msgspec
+from django import forms
+from django.utils.datastructures import MultiValueDict
+from msgspec import inspect
+
+from surveys.document_forms.fields import (
+    NOTHING,
+    Offered,
+    ValueField,
+    field_of,
+    text_field,
+    text_of,
+)
+from surveys.document_forms.guide import FormGuide
+from surveys.document_forms.parts import AskedField, Document, is_numbered, members
+from surveys.documents import Text
+
+MOST_LISTED = 500  # of anything that is sent; the classes have their own, smaller limits
+
+
+class FormLayout:
+    """What has fields and groups: a form, or a group."""
+
+    parts: "list[forms.BoundField | Group]"
+
+    @property
+    def details(self) -> list[forms.BoundField]:
+        """The fields that are folded away."""
+        fields = (one for one in self.parts if isinstance(one, forms.BoundField))
+        return [one for one in fields if one.field.is_detail]
+
+    @property
+    def has_wrong_details(self) -> bool:
+        """Whether one of these has an error."""
+        return any(one.errors for one in self.details)
+
+
+@dataclass(frozen=True)
+class Group(FormLayout):
+    """Fields that belong together: a part, an optional part (`switch` is the name of its box to
+    tick), a part of one `kind` among several, or a list of parts.
+    """
+
+    name: str
+    member: AskedField
+    parts: "list[forms.BoundField | Group]" = field(default_factory=list)
+    switch: str = ""
+    is_on: bool = True
+    is_list: bool = False
+    kind: str = ""
+    number: int | None = None  # of a part in a list, from 1
+    is_last: bool = False
+    is_group: bool = True  # a field has no such thing
+
+    @property
+    def key(self) -> str:
+        """The name of the field that holds it."""
+        return self.member.key
+
+    @property
+    def called(self) -> int:
+        """Return the number by which people know a part of a list: what has a number of its own is
+        counted from 0.
+        """
+        return (self.number or 0) - is_numbered(self.member)
+
+    @property
+    def label(self) -> Any:
+        """What it is called; a part of a list by what one of them is called."""
+        guide, words = self.member.guide, self.member.called
+        if self.kind:
+            return guide.word(words, self.kind)
+        return guide.item(words) if self.number is not None else guide.label(words)
+
+    @property
+    def item(self) -> Any:
+        """What one part of the list is called."""
+        return self.member.guide.item(self.member.called)
+
+    @property
+    def added(self) -> list[tuple[str, Any]]:
+        """What can be added to the list: what its button sends, and what that is called."""
+        kinds = self.member.guide.added(self.member.called)
+        return [(f"{self.key}:{kind}", word) for kind, word in kinds] or [(self.key, self.item)]
+
+    @property
+    def hint(self) -> Any:
+        """What is said below it."""
+        return "" if self.number is not None else self.member.guide.hint(self.member.called)
+
+
+class PartForm(FormLayout, forms.Form):
+    """The form of a part, or of some of its fields (`only`), without those that something else has
+    `decided` (`Class.key`). `parts` are its fields and groups as they are laid out. A subclass has
+    the guide.
+    """
+
+    guide: ClassVar[FormGuide]
+
+    def __init__(
+        self,
+        cls: type[Any],
+        document: Document,
+        *,
+        languages: Sequence[str] = (),
+        offered: Offered = NOTHING,
+        only: Collection[str] = (),
+        is_sent: bool = False,
+        decided: Collection[str] = (),
+    ) -> None:
+        super().__init__(initial={})
+        self._languages, self.offered, self._decided = languages, offered, decided
+        self.parts = list(self._parts(cls, document, "", only))
+        if is_sent:
+            self.is_bound, self.data = True, MultiValueDict()
+            for name, one in self.fields.items():
+                shown = one.prepare_value(self.initial[name])
+                self.data.setlist(name, list(shown) if one.style == "choices" else [shown])
+
+    @property
+    def told(self) -> dict[str, str]:
+        """The first error of each field, by its name."""
+        return {name: str(found[0]) for name, found in self.errors.items()}
+
+    def _parts(
+        self, cls: type[Any], document: Document, prefix: str, only: Collection[str] = ()
+    ) -> "Iterator[forms.BoundField | Group]":
+        absent = self.guide.left_out(cls, document.get)
+        for member in members(self.guide, cls, only):
+            value, name = document.get(member.key, member.default), prefix + member.key
+            if member.key in absent or member.called in self._decided:
+                continue
+            if member.kinds:
+                yield from self._of_a_kind(member, value, name)
+            elif member.part is not None:
+                switch = f"{name}.on" if member.has_none else ""
+                inner = list(self._parts(member.part, value or {}, f"{name}."))
+                is_on = not switch or value is not None
+                if not is_on:
+                    self._leave_out(f"{name}.")
+                yield Group(name, member, inner, switch=switch, is_on=is_on)
+            elif member.listed is not None:
+                inner = list(self._items(member, value or [], name))
+                yield Group(name, member, inner, is_list=True)
+            else:
+                yield from self.fields_of(member, value, name)
+
+    def fields_of(self, member: AskedField, value: Any, name: str) -> Iterator[forms.BoundField]:
+        """Add the field of a value, or those of a text, one a language."""
+        if member.annotation != Text:
+            yield self.add(name, field_of(member, value, self.offered), value)
+            return
+        written = dict(value or {})
+        for language in dict.fromkeys((*self._languages, *written)):
+            one = text_field(member, language)
+            yield self.add(f"{name}.{language}", one, written.get(language, ""))
+
+    def _of_a_kind(self, member: AskedField, value: Any, name: str) -> Iterator[Group]:
+        if value is not None:
+            kind = value["kind"]
+            inner = list(self._parts(member.kinds[kind], value, f"{name}."))
+            yield Group(name, member, inner, kind=kind)
+
+    def _items(self, member: AskedField, values: list[Document], name: str) -> Iterator[Group]:
+        for n, value in enumerate(values):
+            inner = list(self._parts(member.listed, value, f"{name}.{n}."))
+            last = n == len(values) - 1
+            one = f"{name}.{n}"
+            yield Group(one, member, inner, number=n + 1, is_last=last)
+
+    def add(self, name: str, one: ValueField, value: Any) -> forms.BoundField:
+        """Add a field with the value that it shows."""
+        self.fields[name], self.initial[name] = one, value
+        return self[name]
+
+    def _leave_out(self, prefix: str) -> None:
+        for name, one in self.fields.items():
+            one.is_off = one.is_off or name.startswith(prefix)
+
+    @classmethod
+    def read(
+        cls, part: type[Any], sent: Any, *, only: Collection[str] = (), prefix: str = ""
+    ) -> Document:
+        """Return the document that a form of a class makes (`sent` is a QueryDict); what cannot be
+        read is in it as it was typed.
+        """
+        document: Document = {}
+        absent = cls.guide.left_out(part, lambda key: f"{prefix}{key}.kind" in sent)
+        for member in members(cls.guide, part, only):
+            if member.key in absent:
+                continue
+            value = cls._read(member, sent, prefix + member.key)
+            if value is not msgspec.UNSET and (member.is_required or value != member.default):
+                document[member.key] = value
+        return document
+
+    @classmethod
+    def _read(cls, member: AskedField, sent: Any, name: str) -> Any:
+        if member.kinds:
+            kind = sent.get(f"{name}.kind")
+            part = member.kinds.get(kind)
+            inner = {} if part is None else cls.read(part, sent, prefix=f"{name}.")
+            return None if part is None else {"kind": kind} | inner
+        if member.part is not None:
+            is_off = member.has_none and f"{name}.on" not in sent
+            return None if is_off else cls.read(member.part, sent, prefix=f"{name}.")
+        if member.listed is not None:
+            numbered = is_numbered(member)
+            return [
+                ({"number": n} if numbered else {})
+                | cls.read(member.listed, sent, prefix=f"{name}.{n}.")
+                for n in range(_count(sent, name))
+            ]
+        if isinstance(member.shape, inspect.DictType):
+            start = f"{name}."
+            texts = {
+                key.removeprefix(start): text_of(sent.get(key))
+                for key in sent
+                if key.startswith(start)
+            }
+            return {language: text for language, text in texts.items() if text}
+        return field_of(member).to_python(sent.getlist(name))
+
+
+def _count(sent: Any, name: str) -> int:
+    """Return how many parts of a list were sent: each has a field `<name>.<n>`, so that an empty
+    one is there too.
+    """
+    return next((n for n in range(MOST_LISTED) if f"{name}.{n}" not in sent), MOST_LISTED)

@@ -1,0 +1,271 @@
+"""A questionnaire while it is written: what a page of the editor edits, and what buttons do to it.
+Plain documents, as in JSON, that are changed in place.
+
+Keys are made here and stay: a question is found by its key, which answers are stored under.
+"""
+
+import copy
+import itertools
+import re
+import unicodedata
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+from msgspec import inspect
+
+from surveys.definition import Definition, Page
+from surveys.document_forms.parts import Document, change, in_languages, read_number
+from surveys.documents import DocumentPart, Text
+from surveys.item import Question, ScalePoint
+from surveys.questions import TYPES
+
+ABOUT = ("title", "languages", "intro", "source", "licence", "template", "scoring", "topics")
+LONGEST_STEM = 34  # of a key, before its number
+_NUMBERED = re.compile(r"option_\d+")
+
+
+class EditedScale(DocumentPart, frozen=True, kw_only=True):
+    """A scale as a part with a form."""
+
+    points: tuple[ScalePoint, ...]
+
+
+@dataclass(frozen=True)
+class EditorPlace:
+    """What a page edits: the questionnaire itself ("about"), or one of its "pages", "questions" or
+    "scales".
+    """
+
+    section: str
+    key: str = ""
+
+    @property
+    def only(self) -> Collection[str]:
+        """Which fields are asked for; none means all."""
+        return ABOUT if self.section == "about" else ()
+
+    def cls(self, part: Document) -> type[Any]:
+        """Return the class of what is edited."""
+        if self.section == "questions":
+            return TYPES[part["kind"]]
+        return {"about": Definition, "pages": Page, "scales": EditedScale}[self.section]
+
+    def part(self, whole: Document) -> Document | None:
+        """Return the document that is edited; None when it is not there."""
+        if self.section == "about":
+            return whole
+        if self.section == "scales":
+            points = whole["scales"].get(self.key)
+            return None if points is None else {"points": points}
+        found = located(whole, self)
+        return None if found is None else found[0][found[1]]
+
+    def put(self, whole: Document, part: Document) -> Document:
+        """Return the questionnaire with this part of it replaced."""
+        if self.section == "about":
+            kept = {key: value for key, value in whole.items() if key not in ABOUT}
+            return _in_languages({**kept, **part}, part["languages"])
+        if self.section == "scales":
+            whole["scales"][self.key] = part["points"]
+        elif (found := located(whole, self)) is not None:
+            parts, n = found
+            kept = {key: parts[n][key] for key in ("kind", "items") if key in parts[n]}
+            parts[n] = {**kept, **part}
+        return whole
+
+
+def _in_languages(whole: Document, languages: Sequence[str]) -> Document:
+    scales = {
+        name: [in_languages(ScalePoint, point, languages) for point in points]
+        for name, points in whole["scales"].items()
+    }
+    return {**in_languages(Definition, whole, languages), "scales": scales}
+
+
+def located(whole: Document, place: EditorPlace) -> tuple[list[Document], int] | None:
+    """Return the list that a page or question is in, and its number there."""
+    pages = whole["pages"]
+    lists = [pages] if place.section == "pages" else [page["items"] for page in pages]
+    numbered = ((parts, n) for parts in lists for n in range(len(parts)))
+    return next((one for one in numbered if one[0][one[1]]["key"] == place.key), None)
+
+
+# --- keys -----------------------------------------------------------------------------------------
+
+
+def keys_of(part: Document) -> list[str]:
+    """Return the keys of a page, or of a question and its rows."""
+    return [part["key"], *(row["key"] for row in part.get("rows", ()))]
+
+
+def keys_in(whole: Document) -> set[str]:
+    """Return all that are taken."""
+    parts = itertools.chain(whole["pages"], *(page["items"] for page in whole["pages"]))
+    return {key for part in parts for key in keys_of(part)}
+
+
+def numbered(stem: str, taken: Collection[str]) -> str:
+    """Return a key that is not taken: the stem, and a number."""
+    keys = (f"{stem[:LONGEST_STEM]}{n}" for n in itertools.count(1))
+    return next(key for key in keys if key not in taken)
+
+
+def follow(whole: Document, renamed: Mapping[str, str]) -> None:
+    """Let conditions and topics name questions as they are called now."""
+    parts = itertools.chain(whole["pages"], *(page["items"] for page in whole["pages"]))
+    for condition in filter(None, (part.get("show_if") for part in parts)):
+        if condition.get("item") in renamed:
+            condition["item"] = renamed[condition["item"]]
+    for topic in whole["topics"]:
+        topic["items"] = [renamed.get(key, key) for key in topic["items"]]
+
+
+def complete(part: Document, former: Document, whole: Document) -> Document:
+    """Return what a form said with the keys that it did not say, each once in the questionnaire;
+    the rest of the questionnaire follows keys that were changed.
+    """
+    if "key" not in former:
+        return part
+    part["key"] = part.get("key") or former["key"]
+    taken = keys_in(whole) - set(keys_of(former))
+    for one in (part, *part.get("rows", ())):
+        key = one.get("key", "")
+        if not key or key in taken:
+            one["key"] = numbered(f"{key or part['key']}_", taken)
+        taken.add(one["key"])
+    follow(whole, dict(zip(keys_of(former), keys_of(part), strict=False)))
+    said: set[str] = set()
+    for option in part.get("options", ()):
+        option["value"] = _option_value(option, said)
+        said.add(option["value"])
+    return part
+
+
+def _option_value(option: Document, taken: Collection[str]) -> str:
+    """Return the name of an option in the data: of its first label, once it has one."""
+    value = option.get("value", "")
+    if value and value not in taken and not _NUMBERED.fullmatch(value):
+        return value
+    label = next((text for text in option.get("label", {}).values() if text), "")
+    ascii_only = unicodedata.normalize("NFKD", label).encode("ascii", "ignore").decode().lower()
+    stem = re.sub(r"[^a-z0-9]+", "_", ascii_only).strip("_")[:LONGEST_STEM]
+    wanted = stem or value
+    return wanted if wanted and wanted not in taken else numbered(f"{stem or 'option'}_", taken)
+
+
+# --- what is new ----------------------------------------------------------------------------------
+
+
+def new_question(kind: str, scale: str, whole: Document) -> Document:
+    """Return a question without words; two of whatever is listed in it."""
+    made: Document = {"kind": kind, "key": numbered("q", keys_in(whole))}
+    for one in msgspec.structs.fields(TYPES[kind]):
+        if one.required and one.name != "key":
+            made[one.encode_name] = scale if one.name == "scale" else _blank(one)
+    for name in [name for name, value in made.items() if value == []]:
+        for _ in range(2):
+            made[name].extend(new_entry(TYPES[kind], name, made, whole))
+    return made
+
+
+def new_entry(cls: type[Any], name: str, part: Document, whole: Document) -> list[Document]:
+    """Return a new part for a list in a page, question or scale; none for another name."""
+    field = next((one for one in msgspec.structs.fields(cls) if one.name == name), None)
+    shape = inspect.type_info(field.type) if field is not None else None
+    inner = shape.item_type if isinstance(shape, inspect.VarTupleType) else None
+    if not isinstance(inner, inspect.StructType):
+        return []
+    others = part.get(name, [])
+    stem = f"{part['key']}_" if name == "rows" else f"{name.removesuffix('s')}_"
+    made: Document = {}
+    for one in msgspec.structs.fields(inner.cls):
+        said = [other.get(one.name) for other in others]
+        if isinstance(inspect.type_info(one.type), inspect.StrType) and one.required:
+            made[one.name] = numbered(stem, {*said, *keys_in(whole)})
+        elif isinstance(inspect.type_info(one.type), inspect.IntType) and one.required:
+            made[one.name] = max((n for n in said if isinstance(n, int)), default=0) + 1
+        elif one.required:
+            made[one.name] = _blank(one)
+    return [made]
+
+
+def _blank(field: Any) -> Any:
+    """Return a value of a field's type that says nothing."""
+    shape = inspect.type_info(field.type)
+    if isinstance(shape, inspect.DictType):
+        return {}
+    if isinstance(shape, inspect.VarTupleType):
+        return []
+    return 0 if isinstance(shape, inspect.IntType | inspect.FloatType) else ""
+
+
+def copied(original: Document, whole: Document) -> Document:
+    """Return a copy of a page or question, with keys of its own."""
+    copy_of, taken = copy.deepcopy(original), keys_in(whole)
+    parts = [copy_of, *copy_of.get("items", ())]
+    for one in [*parts, *(row for part in parts for row in part.get("rows", ()))]:
+        one["key"] = numbered(re.sub(r"\d+$", "", one["key"]) or "q", taken)
+        taken.add(one["key"])
+    return copy_of
+
+
+# --- buttons --------------------------------------------------------------------------------------
+
+
+def arrange(whole: Document, verb: str, place: EditorPlace) -> None:
+    """Move a page or question up or down, copy or remove it. At the end of its page, a question
+    moves on to the next one; the last page stays.
+    """
+    found = located(whole, place)
+    if place.section == "scales" and verb == "remove":
+        whole["scales"].pop(place.key, None)
+    if found is None:
+        return
+    parts, n = found
+    pages = whole["pages"]
+    if verb == "remove" and parts is pages and len(pages) == 1:
+        return
+    here = next((m for m, page in enumerate(pages) if page["items"] is parts), None)
+    if here is not None and verb == "up" and n == 0 and here > 0:
+        pages[here - 1]["items"].append(parts.pop(n))
+    elif here is not None and verb == "down" and n == len(parts) - 1 and here < len(pages) - 1:
+        pages[here + 1]["items"].insert(0, parts.pop(n))
+    else:
+        parts[:] = change(parts, verb, n)
+        if verb == "copy":
+            parts[n + 1] = copied(parts[n], whole)
+
+
+def answers_typed(
+    condition: Document, former: Document | None, questions: Sequence[Question]
+) -> None:
+    """Let a condition name answers as they are stored, numbers as numbers; those of another
+    question than before are left out.
+    """
+    asked = next((one for one in questions if one.key == condition.get("item")), None)
+    if former is not None and former.get("item") != condition.get("item"):
+        condition.pop("is", None)
+    if asked is None or "is" not in condition:
+        return
+    stored = {str(value): value for value, _label in asked.labelled_values}
+    is_number = asked.item.is_number and not stored
+    condition["is"] = [
+        read_number(text, whole=False) if is_number else stored.get(text, text)
+        for text in condition["is"]
+    ]
+
+
+def earlier(definition: Definition, place: EditorPlace) -> Iterator[Question]:
+    """Yield the questions that a condition of a page or question may ask."""
+    for question in definition.questions():
+        page = definition.pages[question.page]
+        if place.key == (page.key if place.section == "pages" else question.item.key):
+            return
+        yield question
+
+
+def text_in(text: Text, languages: Sequence[str]) -> str:
+    """Return a text in the first of these languages that has it."""
+    return next((text[language] for language in languages if text.get(language)), "")

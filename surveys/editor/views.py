@@ -1,0 +1,374 @@
+"""The editor: a questionnaire written page by page, without JSON and without JavaScript.
+
+The overview has the pages with their questions, and the scales; each has a form of its own. Every
+button of a form sends the whole form, so that nothing that was typed is lost. A draft may be saved
+half done; what is missing is told where it is mended.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+from uuid import UUID
+
+import msgspec
+from django import forms
+from django.conf import settings
+from django.contrib import admin, messages
+from django.contrib.admin.models import CHANGE, LogEntry
+from django.core.exceptions import PermissionDenied
+from django.http import Http404, HttpRequest, HttpResponse
+from django.shortcuts import get_object_or_404, redirect, render
+from django.urls import URLPattern, path
+from django.utils import timezone
+from django.utils.translation import get_language, gettext_lazy
+from django.utils.translation import gettext as _
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_http_methods
+
+from surveys.definition import Definition
+from surveys.document_forms.fields import Offered, language_name
+from surveys.document_forms.parts import Document, change
+from surveys.documents import BadDefinitionError, ChangedMeanwhileError
+from surveys.editor.draft import (
+    EditorPlace,
+    answers_typed,
+    arrange,
+    complete,
+    earlier,
+    keys_in,
+    located,
+    new_entry,
+    new_question,
+    numbered,
+)
+from surveys.editor.labels import CHOICES, READY, EditorForm, kind_name, ready_points, scale_name
+from surveys.editor.overview import address, pages_of, preview_of, scales_of, text_of
+from surveys.editor.problem_text import ABOUT, told
+from surveys.importing.reading import MAX_SLUG, slug_for
+from surveys.item import Question
+from surveys.models import Questionnaire
+from surveys.questionnaires import begin_empty, problems_of, save_draft
+from surveys.questions import TYPES
+
+VIEW, ADD, EDIT = (f"surveys.{verb}_questionnaire" for verb in ("view", "add", "change"))
+MEANWHILE = gettext_lazy(
+    "Not saved: someone else changed this questionnaire. If your change still applies, submit it "
+    "again."
+)
+TITLES = {
+    "about": gettext_lazy("About the questionnaire"),
+    "pages": gettext_lazy("Page"),
+    "scales": gettext_lazy("Scale"),
+}
+
+
+class WriteForm(forms.Form):
+    """What a new questionnaire is called, and its languages."""
+
+    title = forms.CharField(label=gettext_lazy("Title"), max_length=200)
+    languages = forms.MultipleChoiceField(
+        label=gettext_lazy("Languages"),
+        choices=lambda: [(code, language_name(code)) for code, _label in settings.LANGUAGES],
+        initial=lambda: [(get_language() or "en").partition("-")[0]],
+        widget=forms.CheckboxSelectMultiple,
+    )
+    name = forms.RegexField(
+        r"^[a-z][a-z0-9-]*$",
+        label=gettext_lazy("Name"),
+        required=False,
+        max_length=MAX_SLUG,
+        help_text=gettext_lazy(
+            "Lower-case letters, digits and “-”. Used in the data. Leave blank to use the title."
+        ),
+    )
+
+
+@dataclass
+class Sent:
+    """A form as it came in: `part` as typed, `errors` by field, `above` what no field is to blame
+    for, `anchor` where to go on.
+    """
+
+    part: Document
+    errors: dict[str, str] = field(default_factory=dict)
+    above: str = ""
+    anchor: str = ""
+
+
+def urls(guard: Callable[..., Any]) -> list[URLPattern]:
+    """Return the addresses of the editor."""
+    name = "surveys_questionnaire"
+    return [
+        path("write/", guard(write), name=f"{name}_write"),
+        path("<uuid:pk>/edit/", guard(overview), name=f"{name}_editor"),
+        path("<uuid:pk>/edit/<slug:section>/", guard(edit), name=f"{name}_section"),
+        path("<uuid:pk>/edit/<slug:section>/<slug:key>/", guard(edit), name=f"{name}_part"),
+    ]
+
+
+@never_cache
+@require_http_methods(["GET", "HEAD", "POST"])
+def write(request: HttpRequest) -> HttpResponse:
+    """Ask title, languages and name, and begin a draft."""
+    _check(request, ADD)
+    form = WriteForm(request.POST or None)
+    if form.is_valid():
+        said = form.cleaned_data
+        name = said["name"] or slug_for(said["title"])
+        try:
+            row = begin_empty(name, said["title"], said["languages"], timezone.now())
+        except BadDefinitionError as error:
+            form.add_error("name", error.problems)
+        else:
+            return redirect(address(row))
+    return _page(request, "write", {"title": _("Write a questionnaire"), "form": form})
+
+
+@never_cache
+@require_http_methods(["GET", "HEAD", "POST"])
+def overview(request: HttpRequest, pk: UUID) -> HttpResponse:
+    """Show the pages with their questions; a button adds, moves, copies or removes one."""
+    row = _row(request, pk)
+    whole = whole_of(row)
+    if request.method == "POST":
+        return _press(request, row, whole)
+    found = told(problems_of(row), whole)
+    context = {
+        "title": row.title,
+        "pages": list(pages_of(row, whole, found)),
+        "scales": list(scales_of(row, whole, found)),
+        "about": {"url": address(row, ABOUT), "told": found.get(ABOUT)},
+        "languages": [language_name(code) for code in whole["languages"]],
+        "kinds": [(kind, kind_name(kind)) for kind in TYPES],
+        "ready": [(name, words) for name, (words, _labels) in READY.items()],
+        "count": sum(len(texts) for texts in found.values()),
+    }
+    return _page(request, "editor", context, row)
+
+
+@never_cache
+@require_http_methods(["GET", "HEAD", "POST"])
+def edit(request: HttpRequest, pk: UUID, section: str, key: str = "") -> HttpResponse:
+    """Show the form of the questionnaire itself or a part of it; a POST changes it."""
+    row, place = _row(request, pk), EditorPlace(section, key)
+    whole = whole_of(row)
+    is_known = section in {*TITLES, "questions"} and bool(key) != (section == "about")
+    former = place.part(whole) if is_known else None
+    if former is None and not (is_known and request.POST.get("kind") in TYPES):
+        raise Http404
+    if request.method != "POST":
+        return _show(request, row, place, Sent(former or {}))
+    # Somebody else may have removed the question: what was typed is shown once more.
+    is_gone = former is None
+    former = former or {"kind": request.POST["kind"], "key": key}
+    sent = _read(request, place, former, whole)
+    if is_gone:
+        sent.above = _("Not saved: someone else removed this question.")
+    if sent.errors or sent.above or not _saved(request, row, place, whole, sent):
+        return _show(request, Questionnaire.objects.get(pk=pk), place, sent, former=former)
+    messages.success(request, _("Saved."))
+    if request.POST.get("do") == "done":
+        return redirect(f"{address(row)}#at-{sent.part.get('key', key)}")
+    there = EditorPlace(section, sent.part.get("key", key) if key else "")
+    return redirect(address(row, there) + (f"#{sent.anchor}" if sent.anchor else ""))
+
+
+def whole_of(row: Questionnaire) -> Document:
+    """Return a questionnaire as a plain document."""
+    document: Document = msgspec.json.decode(msgspec.json.encode(row.as_definition()))
+    return {"scales": {}, "topics": [], **document}
+
+
+def keep(request: HttpRequest, row: Questionnaire, whole: Document) -> str:
+    """Store a draft; return why it cannot be, else nothing."""
+    if request.POST.get("sha256") != row.sha256:
+        return str(MEANWHILE)
+    asked = {item.get("scale") for page in whole["pages"] for item in page["items"]}
+    for name in READY.keys() & (asked | whole["scales"].keys()):
+        points = whole["scales"].get(name, ())
+        whole["scales"][name] = ready_points(name, whole["languages"], points)
+    try:
+        save_draft(row, msgspec.convert(whole, Definition))
+    except msgspec.ValidationError as error:
+        return f"{error}."
+    except ChangedMeanwhileError:
+        return str(MEANWHILE)
+    return ""
+
+
+# --- the overview ---------------------------------------------------------------------------------
+
+
+def _press(request: HttpRequest, row: Questionnaire, whole: Document) -> HttpResponse:
+    """Do what a button says: `add|up|down|copy|remove:<section>:<key>:<kind>`."""
+    verb, section, key, kind = [*request.POST.get("do", "").split(":"), "", "", "", ""][:4]
+    place = EditorPlace(section, key)
+    made = _added(whole, place, kind) if verb == "add" else None
+    if verb != "add":
+        arrange(whole, verb, place)
+    if refused := keep(request, row, whole):
+        messages.error(request, refused)
+    elif made is not None and made.section != "pages":
+        return redirect(address(row, made))
+    return redirect(f"{address(row)}#at-{(made or place).key}")
+
+
+def _added(whole: Document, place: EditorPlace, kind: str) -> EditorPlace | None:
+    """Add a page, a question of a kind to the page of the place, or a scale that is offered or has
+    two points without words; return where it is.
+    """
+    if place.section == "pages":
+        whole["pages"].append({"key": numbered("page_", keys_in(whole)), "items": []})
+        return EditorPlace("pages", whole["pages"][-1]["key"])
+    if place.section == "scales":
+        name = kind if kind in READY else numbered("scale_", whole["scales"])
+        blank = [{"value": 1}, {"value": 2}]
+        points = ready_points(name, whole["languages"]) if kind in READY else blank
+        whole["scales"].setdefault(name, points)
+        return EditorPlace("scales", name)
+    page = located(whole, EditorPlace("pages", place.key))
+    if page is None or kind not in TYPES:
+        return None
+    items = page[0][page[1]]["items"]
+    items.append(new_question(kind, next(iter((*whole["scales"], *READY))), whole))
+    return EditorPlace("questions", items[-1]["key"])
+
+
+# --- forms ----------------------------------------------------------------------------------------
+
+
+def _read(request: HttpRequest, place: EditorPlace, former: Document, whole: Document) -> Sent:
+    """Return what a form says after its button: `save`, `done`, `add:<list>`, or
+    `remove|up|down:<list>:<n>`.
+    """
+    cls = place.cls(former)
+    part = complete(EditorForm.read(cls, request.POST, only=place.only), former, whole)
+    if part.get("show_if"):
+        questions = list(msgspec.convert(whole, Definition).questions())
+        answers_typed(part["show_if"], former.get("show_if"), questions)
+    verb, name, n = [*request.POST.get("do", "").split(":"), "", "", ""][:3]
+    anchor = name
+    if verb == "add":
+        part[name] = [*part.get(name, ()), *new_entry(cls, name, part, whole)]
+        anchor = f"{name}.{len(part[name]) - 1}"
+    elif n.isascii() and n.isdigit() and isinstance(part.get(name), list):
+        part[name] = change(part[name], verb, int(n[:6]))
+        if name == "points":
+            # the words move, the values keep rising
+            values = [point["value"] for point in part[name]]
+            values = sorted(values) if all(isinstance(one, int) for one in values) else values
+            part[name] = [one | {"value": n} for one, n in zip(part[name], values, strict=True)]
+    offered = _offered(whole, place, part)
+    form = EditorForm(cls, part, offered=offered, only=place.only, is_sent=True)
+    return Sent(part, form.told, anchor=anchor)
+
+
+def _saved(
+    request: HttpRequest, row: Questionnaire, place: EditorPlace, whole: Document, sent: Sent
+) -> bool:
+    sent.above = keep(request, row, place.put(whole, sent.part))
+    if not sent.above:
+        user: Any = request.user
+        LogEntry.objects.log_actions(
+            user.pk, [row], CHANGE, f"Changed: {place.section} {place.key}", single_object=True
+        )
+    return not sent.above
+
+
+def _show(
+    request: HttpRequest,
+    row: Questionnaire,
+    place: EditorPlace,
+    sent: Sent,
+    former: Document | None = None,
+) -> HttpResponse:
+    whole = whole_of(row)
+    former = place.part(whole) or former or sent.part
+    form = EditorForm(
+        place.cls(former),
+        sent.part,
+        languages=whole["languages"],
+        offered=_offered(whole, place, sent.part),
+        only=place.only,
+        is_sent=bool(sent.errors),
+    )
+    kind = former.get("kind", "")
+    keys = [[page["key"], *(item["key"] for item in page["items"])] for page in whole["pages"]]
+    page = next((n for n, inside in enumerate(keys, 1) if place.key in inside), 1)
+    context = {
+        "title": kind_name(kind) if kind else TITLES[place.section],
+        "form": form,
+        "kind": kind,
+        "above": sent.above,
+        "has_errors": bool(sent.errors),
+        "told": told(problems_of(row), whole).get(place, ()),
+        "preview": preview_of(row, page) + (f"#q-{place.key}" if kind else ""),
+    }
+    status = 422 if sent.errors or sent.above else 200
+    return _page(request, "editor_part", context, row, status=status)
+
+
+def _offered(whole: Document, place: EditorPlace, part: Document) -> Offered:
+    """Return what can be chosen in a form, with what it is called."""
+    definition, text = msgspec.convert(whole, Definition), partial(text_of, whole=whole)
+    texts = {one.key: _in_full(one, text) for one in definition.questions()}
+    scales = {name: scale_name(points, text) for name, points in whole["scales"].items()}
+    before = {one.key: one for one in earlier(definition, place)}
+    asked = before.get((part.get("show_if") or {}).get("item", ""))
+    answers = asked.labelled_values if asked is not None else ()
+    return {
+        "languages": list(dict.fromkeys([*dict(settings.LANGUAGES), *whole["languages"]])),
+        "scale": {**{name: str(words) for name, (words, _labels) in READY.items()}, **scales},
+        "ItemCondition.item": {key: texts[key] for key in before},
+        "ItemCondition.one_of": {
+            str(value): text(dict(label)) or str(value) for value, label in answers
+        },
+        "outcome": list(CHOICES["outcome"]),
+        "QuestionTopic.items": {
+            one.key: texts[one.key] for one in definition.questions() if one.score_values
+        },
+    }
+
+
+def _in_full(question: Question, text: Callable[[Document], str]) -> str:
+    """Return the text of a question, with that of the grid that it is a row of."""
+    both = (question.item.text, question.text) if question.row is not None else (question.text,)
+    return " · ".join(filter(None, (text(dict(one)) for one in both))) or question.key
+
+
+# --- pages ----------------------------------------------------------------------------------------
+
+
+def _row(request: HttpRequest, pk: UUID) -> Questionnaire:
+    """Return a questionnaire, to look at or, with a POST, to change."""
+    _check(request, EDIT if request.method == "POST" else VIEW)
+    row = get_object_or_404(Questionnaire, pk=pk)
+    if request.method == "POST" and row.frozen_at is not None:
+        raise PermissionDenied
+    return row
+
+
+def _check(request: HttpRequest, permission: str) -> None:
+    user: Any = request.user
+    if not user.has_perm(permission):
+        raise PermissionDenied
+
+
+def _page(
+    request: HttpRequest,
+    name: str,
+    more: dict[str, Any],
+    row: Questionnaire | None = None,
+    status: int = 200,
+) -> HttpResponse:
+    user: Any = request.user
+    context = {
+        **admin.site.each_context(request),
+        "opts": Questionnaire._meta,
+        "questionnaire": row,
+        "may_change": row is not None and row.frozen_at is None and user.has_perm(EDIT),
+        "may_add": user.has_perm(ADD),
+    }
+    page = f"admin/surveys/questionnaire/{name}.html"
+    return render(request, page, {**context, **more}, status=status)

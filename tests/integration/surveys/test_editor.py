@@ -1,0 +1,263 @@
+"""The editor: a questionnaire made page by page, without JSON and without JavaScript."""
+
+import pytest
+from django.urls import reverse
+
+from experiments import publishing
+from surveys.documents import BadDefinitionError
+from surveys.models import Questionnaire
+from surveys.questionnaires import freeze, is_usable, problems_of, shipped, store
+from surveys.questions import TYPES
+from tests.support.html_page import faults, read
+from tests.support.people import person
+from tests.support.questionnaires import NOW, defined, item, rows
+from tests.support.study_pages import form_of
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture(autouse=True)
+def boss(client):
+    user = person("boss", is_staff=True, is_superuser=True)
+    client.force_login(user)
+    return user
+
+
+def at(row: Questionnaire, *place: str) -> str:
+    name = ("editor", "section", "part")[len(place)]
+    return reverse(f"admin:surveys_questionnaire_{name}", args=[row.pk, *place])
+
+
+def stored():
+    return Questionnaire.objects.get().as_definition()
+
+
+def press(client, row: Questionnaire, do: str):
+    """Press a button of the overview."""
+    sha256 = Questionnaire.objects.get(pk=row.pk).sha256
+    return client.post(at(row), {"do": do, "sha256": sha256})
+
+
+def send(client, address: str, do: str = "save", **changes):
+    """Fill in the form of a page and press one of its buttons."""
+    data = form_of(client.get(address))
+    data["do"] = do
+    for name, value in changes.items():
+        known = name.replace("__", ".")
+        data.setlist(known, value) if isinstance(value, list) else data.update({known: value})
+    return client.post(address, dict(data.lists()))
+
+
+@pytest.fixture
+def row(client):
+    """A draft in two languages, just begun."""
+    said = {"title": "The doors", "languages": ["en", "es"]}
+    answer = client.post(reverse("admin:surveys_questionnaire_write"), said)
+    found = Questionnaire.objects.get()
+    assert answer.headers["Location"] == at(found)
+    return found
+
+
+def texts(name: str, text: str) -> dict[str, str]:
+    return {f"{name}__{language}": f"{text} ({language})" for language in ("en", "es")}
+
+
+def test_a_questionnaire_is_written_from_empty_until_a_study_can_use_it(client, row):
+    assert (row.slug, row.version, len(row.as_definition().questions())) == ("the-doors", 1, 1)
+    assert not is_usable(row)
+    send(client, at(row, "questions", "q1"), **texts("text", "Why?"))
+    answer = press(client, row, "add:questions:page_1:grid")
+    assert answer.headers["Location"] == at(row, "questions", "q2")
+    statements = texts("rows__0__text", "Easy") | texts("rows__1__text", "Fun")
+    answer = send(client, at(row, "questions", "q2"), **texts("text", "Driving was"), **statements)
+    assert answer.headers["Location"] == at(row, "questions", "q2")
+    assert [str(point.value) for point in stored().scales["agreement_5"]] == list("12345")
+    assert stored().scales["agreement_5"][0].label["es"] == "Muy en desacuerdo"
+    press(client, row, "add:questions:page_1:single")
+    send(client, at(row, "questions", "q3"), "add:options")
+    labels = {}
+    for n, label in enumerate(("Yes", "No", "Sometimes")):
+        labels |= texts(f"options__{n}__label", label)
+    send(client, at(row, "questions", "q3"), required="on", **texts("text", "Again?"), **labels)
+    assert [one.value for one in stored().question("q3").item.options][1] == "no_en"
+    assert is_usable(Questionnaire.objects.get())
+    assert ("the-doors", 1) in publishing.known_here().questionnaires
+    assert "Complete: a study can use it" in read(client.get(at(row))).text
+
+
+def test_a_question_depends_on_the_answer_to_an_earlier_one(client, row):
+    press(client, row, "add:questions:page_1:likert")
+    press(client, row, "add:questions:page_1:number")
+    page = at(row, "questions", "q3")
+    send(client, page, show_if__on="on", show_if__item="q2")
+    boxes = read(client.get(page)).all("input")
+    assert [e.attributes["value"] for e in boxes if e.attributes.get("name") == "show_if.is"] == [
+        *"12345"
+    ]
+    send(client, page, show_if__is=["4", "5"], maximum="this_year")
+    condition = stored().question("q3").item.show_if
+    assert (condition.item, condition.one_of) == ("q2", (4, 5))
+    assert stored().question("q3").item.maximum == "this_year"
+    assert "only in some cases" in read(client.get(at(row))).text
+    send(client, page, show_if__item="q1", show_if__robot="giraff, the other one")
+    condition = stored().question("q3").item.show_if
+    assert (condition.one_of, condition.robot) == ((), ("giraff", "the other one"))
+
+
+@pytest.mark.parametrize("kind", TYPES)
+def test_a_question_of_every_type_has_a_page(client, row, kind):
+    press(client, row, f"add:questions:page_1:{kind}")
+    page = at(row, "questions", "q2")
+    assert faults(read(client.get(page))) == []
+    assert faults(read(client.get(at(row)))) == []
+    before = Questionnaire.objects.get().sha256
+    assert send(client, page).status_code == 302
+    assert Questionnaire.objects.get().sha256 == before
+    preview = reverse("admin:surveys_questionnaire_preview", args=[row.pk])
+    assert client.get(preview).status_code == 200
+
+
+def test_an_incomplete_draft_is_kept_and_never_used(client, row):
+    with pytest.raises(BadDefinitionError):
+        freeze(row, NOW)
+    assert (row.slug, 1) not in publishing.known_here().questionnaires
+    told = [e.text for e in read(client.get(at(row, "questions", "q1"))).all("li")]
+    assert "Text (English, Spanish) is missing." in told
+    listed = read(client.get(reverse("admin:surveys_questionnaire_changelist"))).text
+    assert "draft, incomplete" in listed
+    assert "English, Spanish" in listed
+
+
+def test_of_two_who_write_at_once_the_second_is_refused_and_loses_nothing(client, row):
+    page = at(row, "questions", "q1")
+    sent = dict(form_of(client.get(page)).lists()) | {"text.en": "Mine", "do": "save"}
+    send(client, page, text__en="Theirs")
+    answer = client.post(page, sent)
+    shown = read(answer)
+    assert answer.status_code == 422
+    assert "someone else changed this questionnaire" in shown.text
+    assert [e.text.strip() for e in shown.all("textarea") if e.attributes["name"] == "text.en"] == [
+        "Mine"
+    ]
+    assert stored().question("q1").text["en"] == "Theirs"
+    again = dict(form_of(answer).lists()) | {"do": "save"}
+    assert client.post(page, again).status_code == 302
+    assert stored().question("q1").text["en"] == "Mine"
+    press(client, row, "remove:questions:q1")
+    answer = client.post(page, again)
+    assert "someone else removed this question" in read(answer).text
+    assert "Mine" in answer.content.decode()
+    stale = client.post(at(row), {"do": "add:pages", "sha256": row.sha256}, follow=True)
+    assert "someone else changed" in read(stale).text
+
+
+def test_pages_questions_and_scales_are_added_moved_and_removed(client, row):
+    press(client, row, "add:pages")
+    press(client, row, "down:questions:q1")
+    assert [len(page.items) for page in stored().pages] == [0, 1]
+    press(client, row, "remove:pages:page_1")
+    press(client, row, "copy:questions:q1")
+    press(client, row, "remove:pages:page_2")
+    assert [page.key for page in stored().pages] == ["page_2"]
+    assert press(client, row, "add:scales").headers["Location"] == at(row, "scales", "scale_1")
+    labels = {"points__0__label__en": "Hard", "points__1__label__en": "Easy"}
+    scale = at(row, "scales", "scale_1")
+    send(client, scale, "add:points", **labels)
+    send(client, scale, "up:points:1")
+    assert [(one.value, one.label.get("en")) for one in stored().scales["scale_1"]] == [
+        (1, "Easy"),
+        (2, "Hard"),
+        (3, None),
+    ]
+    assert faults(read(client.get(at(row)))) == []
+    press(client, row, "remove:scales:scale_1")
+    press(client, row, "add:scales::agreement_7")
+    assert list(stored().scales) == ["agreement_7"]
+
+
+def test_what_cannot_be_kept_is_told_beside_its_field(client, row):
+    press(client, row, "add:questions:page_1:number")
+    page = at(row, "questions", "q2")
+    answer = send(client, page, minimum="few", key="No Key")
+    assert answer.status_code == 422
+    told = [e.text for e in read(answer).all("li")]
+    assert "This is not a number." in told
+    assert [e for e in read(answer).all("details") if "open" in e.attributes]
+    assert stored().question("q2").item.minimum is None
+
+
+def test_the_questionnaire_itself_has_a_form(client, row):
+    page = at(row, "about")
+    assert faults(read(client.get(page))) == []
+    send(client, page, "add:topics", intro__en="Welcome", scoring="topics")
+    assert (stored().intro, stored().topics[0].key) == ({"en": "Welcome"}, "topic_1")
+    send(client, page, languages=["en"])
+    assert stored().languages == ("en",)
+    assert set(stored().title) == {"en"}
+    assert "Introduction (Spanish)" not in read(client.get(page)).text
+    press(client, row, "add:scales::agreement_5")
+    send(client, page, languages=["en", "es"])
+    assert stored().scales["agreement_5"][0].label["es"] == "Muy en desacuerdo"
+
+
+@pytest.mark.parametrize("slug", ["ict", "experience", "tlx", "simulator-sickness"])
+def test_saving_every_page_of_what_was_written_elsewhere_changes_nothing(client, slug):
+    row = store(shipped()[slug], NOW)
+    definition = row.as_definition()
+    items = [item.key for page in definition.pages for item in page.items]
+    places = [("about",), *(("pages", page.key) for page in definition.pages)]
+    places += [("questions", key) for key in items] + [("scales", key) for key in definition.scales]
+    for place in places:
+        assert send(client, at(row, *place)).status_code == 302, place
+        assert (place, Questionnaire.objects.get().sha256) == (place, row.sha256)
+
+
+def test_what_is_in_use_is_edited_as_a_new_version(client):
+    row = freeze(store(defined([item("grid", "g", rows=rows("r"))]), NOW), NOW)
+    for address in (at(row), at(row, "questions", "g")):
+        page = read(client.get(address))
+        assert "Edit as a new version" in page.text
+        assert not [e for e in page.all("button") if "do" in e.attributes.get("name", "")]
+        assert client.post(address, {"do": "save", "sha256": row.sha256}).status_code == 403
+    answer = client.post(reverse("admin:surveys_questionnaire_new_version", args=[row.pk]))
+    newer = Questionnaire.objects.get(version=2)
+    assert answer.headers["Location"] == at(newer)
+    assert problems_of(newer) == problems_of(row) == ()
+
+
+def test_a_name_is_taken_once(client, row):
+    address = reverse("admin:surveys_questionnaire_write")
+    for name in ("the-doors", "sus"):
+        said = {"title": "Another", "languages": ["en"], "name": name}
+        assert "There is already" in read(client.post(address, said)).text
+    assert faults(read(client.get(address))) == []
+    assert "en" not in [e.text.strip() for e in read(client.get(address)).all("label")]
+
+
+@pytest.mark.parametrize("place", [("pages",), ("nonsense",), ("questions", "q9"), ("about", "x")])
+def test_pages_of_nothing_are_not_there(client, row, place):
+    assert client.get(at(row, *place)).status_code == 404
+    assert client.post(at(row, *place), {"do": "save", "kind": "nonsense"}).status_code == 404
+
+
+@pytest.mark.parametrize(
+    "do", ["", "add:questions:page_1:nonsense", "up:nonsense:q1", "burn:pages"]
+)
+def test_buttons_that_are_none_change_nothing(client, row, do):
+    assert press(client, row, do).status_code == 302
+    assert Questionnaire.objects.get().sha256 == row.sha256
+
+
+def test_a_step_of_a_study_offers_what_is_complete_by_title_and_version(client, row):
+    study = publishing.begin_empty("mine", "My study", ["en"], NOW)
+    page = reverse("admin:experiments_study_part", args=[study.pk, "steps", 4])
+    shown = read(client.get(page))
+    assert "Write a questionnaire" in shown.text
+    assert not [e for e in shown.all("option") if "The doors" in e.text]
+    send(client, at(row, "questions", "q1"), **texts("text", "Why?"))
+    options = {e.text: e.attributes["value"] for e in read(client.get(page)).all("option")}
+    assert options["The doors, version 1"] == "the-doors:1"
+    send(client, page, questionnaire="the-doors:1")
+    study.refresh_from_db()
+    step = study.as_definition().steps[4]
+    assert (step.questionnaire, step.version) == ("the-doors", 1)
