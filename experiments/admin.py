@@ -26,9 +26,11 @@ from experiments.builder.views import BuilderPages, sections, told
 from experiments.definition.schema import to_json
 from experiments.definition.shipped import shipped
 from experiments.models import Participant, ParticipantKind, Study, StudyMember
+from experiments.participation import completion
 from experiments.research.notices import mail_to_owner
 from experiments.research.study_access import OfStudies, study_for
 from experiments.study_admin import opening_hours
+from experiments.study_admin.filters import ENDINGS
 from experiments.study_admin.participants import DriveAdmin, ParticipantAdmin, RehearsalAdmin
 from experiments.study_admin.people import PeoplePages, made
 from experiments.study_admin.plan import PlanPages
@@ -232,6 +234,7 @@ class StudyAdmin(
             "is_owner": may(request.user, row.slug, "owner"),
             "may_research": may(request.user, row.slug, "researcher"),
             "sections": sections(row),
+            "codes": [(ENDINGS[way], code) for way, code in completion.codes(row).items()],
             "share": request.build_absolute_uri(reverse("study", args=[row.slug])),
             "rehearsal": rehearsal,
             "statuses": [

@@ -299,13 +299,17 @@ def _robots() -> dict[str, RobotFacts]:
             limits.get("commandAge", RobotFacts.command_age),
             limits.get("frameAge", RobotFacts.frame_age),
         )
-        facts = RobotFacts(frozenset(sheet["capabilities"]), linear, *ages)
+        angular = min(
+            limits.get("angular", RobotFacts.angular), robot.max_angular or RobotFacts.angular
+        )
+        facts = RobotFacts(frozenset(sheet["capabilities"]), linear, *ages, angular)
         other = found.get(sheet["series"], facts)
         found[sheet["series"]] = RobotFacts(
             facts.capabilities & other.capabilities,
             min(facts.linear, other.linear),
             min(facts.command_age, other.command_age),
             min(facts.frame_age, other.frame_age),
+            min(facts.angular, other.angular),
         )
     return found
 

@@ -10,11 +10,14 @@ from surveys.models import Response
 
 @dataclass(frozen=True)
 class OuterProgress:
-    """What a response belongs to: its title, and which of its steps this is, from 1."""
+    """What a response belongs to: its title, which of its steps this is, from 1, and what that step
+    is called, which its page says instead of the questionnaire's own title.
+    """
 
     title: str
     number: int
     total: int
+    step_title: str = ""
 
 
 Teller = Callable[[Response, str], OuterProgress | None]

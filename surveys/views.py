@@ -118,16 +118,17 @@ def _show(
         sent=_fields(request) if result else {},
     )
     earlier = [n for n in shown if n < number]
+    outer = outer_progress_of(row, get_language() or "")
     context: dict[str, Any] = {
         "response": row,
         "form": page_form_of(definition, number, reader, shown),
         "page_number": number + 1,
         "more_appeared": bool(result and result.more_appeared),
-        "title": spoken(definition.title, reader.language),
+        "title": (outer and outer.step_title) or spoken(definition.title, reader.language),
         "intro": spoken(definition.intro, reader.language) if not earlier else "",
         "language": reader.language,
         "earlier": earlier[-1] + 1 if earlier else None,
-        "outer": outer_progress_of(row, get_language() or ""),
+        "outer": outer,
     }
     return render(request, "surveys/page.html", context, status=WRONG if result else 200)
 

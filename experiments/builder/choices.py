@@ -5,13 +5,21 @@ that others refer to.
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+import msgspec
 from django.conf import settings
+from django.utils.text import capfirst
+from django.utils.translation import get_language
 
 from experiments import publishing
 from experiments.builder.pages import AtHand
 from experiments.builder.parts import Document
+from experiments.definition.feasibility import too_fast
+from experiments.definition.schema import Condition
 from robots.api.floorplan import FloorPlan as Plan
 from sessions.interfaces import INTERFACES
+from surveys import questionnaires
+from surveys.documents import spoken
+from surveys.models import Questionnaire
 
 PICTURES = Path(settings.BASE_DIR) / "static" / "img" / "instructions"
 
@@ -70,6 +78,28 @@ def offered(whole: Document, part: Document) -> dict[str, Sequence[str]]:
         },
         "picture": tuple(sorted(file.stem for file in PICTURES.glob("*.svg"))),
     }
+
+
+def questionnaire_titles() -> dict[tuple[str, int], str]:
+    """Return what the questionnaires that are known here are called, by name and version."""
+    shipped = {(one.slug, one.version): one.title for one in questionnaires.shipped().values()}
+    rows = Questionnaire.objects.values_list("slug", "version", "definition")
+    stored = {(slug, version): definition["title"] for slug, version, definition in rows}
+    language = get_language() or ""
+    return {name: spoken(title, language) for name, title in (shipped | stored).items()}
+
+
+def speeds_refused(part: Document) -> dict[str, str]:
+    """Return why speed limits of a condition cannot be kept, by their field in its form; what else
+    is wrong with it is told elsewhere.
+    """
+    try:
+        condition = msgspec.convert(part, Condition)
+    except msgspec.ValidationError:
+        return {}
+    robot = publishing.known_here().robots.get(condition.robot)
+    told = too_fast(condition, robot) if robot is not None else {}
+    return {f"speed.{key}": capfirst(text) for key, text in told.items()}
 
 
 def places(plans: Iterable[Plan]) -> tuple[str, ...]:

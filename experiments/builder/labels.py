@@ -65,6 +65,8 @@ LABELS: dict[str, Words] = {
     "checkpoint": _("After checkpoint"),
     "mirror": _("Mirror"),
     "view": _("Angle (rad)"),
+    "InstructionPage.robot": _("Only for drivers of"),
+    "InstructionPage.conditions": _("Only in these conditions"),
     "levels": _("Levels"),
     "measures": _("Measures"),
     "test": _("Test"),
@@ -101,6 +103,7 @@ LABELS: dict[str, Words] = {
     "operator": _("What it says about the hidden operator"),
     "recruitment": _("How participants are recruited"),
     "compensation": _("How participants are paid"),
+    "turned_away_code": _("People who are turned away get a code"),
     "question": _("Research question"),
     "hypotheses": _("Hypotheses"),
     "direction": _("Expected direction"),
@@ -166,7 +169,7 @@ HINTS: dict[str, Words] = {
     "repeat": _("Repeated steps must be consecutive and include the task."),
     "minimum_age": _("Asked on the consent page."),
     "picture": _(
-        "Built-in illustrations: driving, map, task, photo, assistance. Leave blank for none."
+        "Built-in illustrations. Those of the map and the task show an example, not your course."
     ),
     "doors_closed": _(
         "Doors of the site that are closed in this condition. All others are opened."
@@ -175,7 +178,13 @@ HINTS: dict[str, Words] = {
     "path": _("One point per line: x and y in metres."),
     "polygon": _("One corner per line: x and y in metres, in order. At least three."),
     "doors": _("Each applies only where the condition leaves the door open."),
-    "view": _("Maximum angle between the mirror and the camera's axis."),
+    "view": _("Maximum angle between the mirror and the camera's axis. 1 rad is about 57°."),
+    "checkpoints": _(
+        "Passed in this order. Every task begins and ends at checkpoint 0, the charging station."
+    ),
+    "actions": _(
+        "Without “undock automatically”, participants drive out of the station themselves."
+    ),
     "dock": _("Required if the site has several for this robot."),
     "quota": _("Leave blank for no limit. A cell is one condition or one order of conditions."),
     "left_after_hours": _(
@@ -188,9 +197,18 @@ HINTS: dict[str, Words] = {
     ),
     "contrasts": _("All contrasts of all measures are one family for Holm's correction."),
     "conditions": _("The conditions to compare if there are no contrasts. Leave blank for all."),
+    "InstructionPage.robot": _("Tick none for everyone."),
+    "InstructionPage.conditions": _(
+        "Tick none for all conditions. Participants are assigned to their condition when they "
+        "reach these instructions, not when they first get the robot."
+    ),
     "post_hoc": _("Applies only if there are no contrasts."),
     "recruitment": _("For the reporting sheet. Participants do not see it."),
     "compensation": _("For the reporting sheet. Participants do not see it."),
+    "turned_away_code": _(
+        "For recruitment sites that pay people who were screened out, by a code of their own. "
+        "Otherwise only people who reach the end get a code."
+    ),
     "hypotheses": _(
         "Each names the declared analysis that tests it. All other tests are exploratory."
     ),
@@ -217,7 +235,17 @@ HINTS: dict[str, Words] = {
     "outcomes": _("The task's own outcomes (completed, timed out) never count here."),
     "controllers": _("Devices the visitor may drive with."),
     "linear": _("Leave blank to use the robot's limit; cannot exceed it."),
-    "angular": _("Leave blank to use the robot's limit; cannot exceed it."),
+    "angular": _("Leave blank to use the robot's limit; cannot exceed it. 1 rad is about 57°."),
+    "heading": _("1 rad is about 57°."),
+    "radius": _("How near the robot must come."),
+    "control_way": _(
+        "How commands reach the robot: directly from the browser (WebRTC), or through the server."
+    ),
+    "delay": _("How much later everything arrives."),
+    "loss": _("Share of packets, the pieces in which data travels, that get lost: 0.02 is 2 %."),
+    "least_sample_rate": _("How many states of the robot are recorded in a second."),
+    "longest_gap": _("Without a recorded state of the robot."),
+    "largest_clock_offset": _("Between the robot's clock and the server's."),
     "statements": _("The tables show this questionnaire's percentages."),
     "control": _(
         "Affects the driver's commands; stopping is never delayed. Above about 0.1 s including "

@@ -25,7 +25,7 @@ from robots.api.messages import Point
 PAGES: Mapping[str, Collection[str]] = {
     "about": (
         *("title", "intro", "source", "licence", "recruitment", "compensation"),
-        "languages",
+        *("turned_away_code", "languages"),
     ),
     "rules": ("allocation", "start", "refill", "quality", "analysis"),
     "wizard": ("wizard",),
@@ -138,6 +138,15 @@ def with_parts(whole: Document, section: str, parts: list[Document]) -> Document
         return {**whole, section: parts}
     owner = INNER_LISTS[section]
     return {**whole, owner: {**(whole.get(owner) or {}), section: parts}}
+
+
+def by_factors(whole: Document) -> Document:
+    """Return a study whose design is that of its factors, where it has any: it is chosen once."""
+    if not whole["factors"]:
+        return whole
+    is_within = any(factor.get("design") == "within" for factor in whole["factors"])
+    design = "within" if is_within else "between"
+    return {**whole, "allocation": {**whole.get("allocation", {}), "design": design}}
 
 
 def _with_inner_lists(part: Document, whole: Document) -> Document:

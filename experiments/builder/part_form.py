@@ -292,8 +292,8 @@ class Group:
 
 
 class PartForm(forms.Form):
-    """The form of a part, or of some of its fields (`only`). `parts` are its fields and groups as
-    they are laid out.
+    """The form of a part, or of some of its fields (`only`), without those that something else has
+    `decided` (`Class.key`). `parts` are its fields and groups as they are laid out.
     """
 
     def __init__(
@@ -305,9 +305,10 @@ class PartForm(forms.Form):
         offered: Offered = NOTHING,
         only: Collection[str] = (),
         is_sent: bool = False,
+        decided: Collection[str] = (),
     ) -> None:
         super().__init__(initial={})
-        self._languages, self._offered = languages, offered
+        self._languages, self._offered, self._decided = languages, offered, decided
         self.parts = list(self._parts(cls, document, "", only))
         if is_sent:
             self.is_bound, self.data = True, MultiValueDict()
@@ -326,7 +327,7 @@ class PartForm(forms.Form):
         absent = left_out(cls, document.get)
         for member in members(cls, only):
             value, name = document.get(member.key, member.default), prefix + member.key
-            if member.key in absent:
+            if member.key in absent or member.called in self._decided:
                 continue
             if member.kinds:
                 yield from self._of_a_kind(member, value, name)

@@ -1,6 +1,6 @@
 """The lists of the study builder: what can be added to each, and what is said of its parts."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from django.utils.translation import gettext as _
@@ -28,11 +28,18 @@ def kinds(section: str) -> list[tuple[str, Any]]:
     return [("", named[section])]
 
 
-def about(section: str, part: Document, whole: Document) -> Iterator[Any]:
-    """Yield what a list says of one of its parts below its title; empty texts among it."""
+def about(
+    section: str, part: Document, whole: Document, titles: Mapping[tuple[str, int], str]
+) -> Iterator[Any]:
+    """Yield what a list says of one of its parts below its title; empty texts among it. `titles`
+    are those of questionnaires, by name and version.
+    """
     if section == "steps":
         yield page_type(part["kind"]).label
-        yield part.get("questionnaire", "")
+        if "questionnaire" in part:
+            name, version = part["questionnaire"], part.get("version", 1)
+            title = titles.get((name, version), name)
+            yield _("%(title)s, version %(n)d") % {"title": title, "n": version}
         yield _("%(n)g min") % {"n": part["minutes"]} if "minutes" in part else ""
         yield _("for each condition") if part.get("repeat") else ""
     elif section == "factors":

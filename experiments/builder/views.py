@@ -15,14 +15,21 @@ from django.contrib import messages
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect, JsonResponse
 from django.shortcuts import render
 from django.urls import URLPattern, path, reverse
+from django.utils.translation import get_language, gettext_lazy
 from django.utils.translation import gettext as _
-from django.utils.translation import gettext_lazy
 from django.views.decorators.cache import never_cache
 
 from experiments import publishing
 from experiments.access import may
 from experiments.builder import labels
-from experiments.builder.choices import at_hand, offered, places
+from experiments.builder.advice import advice
+from experiments.builder.choices import (
+    at_hand,
+    offered,
+    places,
+    questionnaire_titles,
+    speeds_refused,
+)
 from experiments.builder.course_ground import drawn_course, problems_of_course, wrong_checkpoints
 from experiments.builder.pages import (
     INNER_LISTS,
@@ -30,6 +37,7 @@ from experiments.builder.pages import (
     PAGES,
     PLAN,
     BuilderPlace,
+    by_factors,
     copied,
     middle_of,
     new_analysis,
@@ -67,6 +75,7 @@ TITLES = {
     "wizard": gettext_lazy("Hidden operator"),
     "coding": gettext_lazy("Coding of replays"),
 }
+WALK_THROUGH = "walk_through"  # beside the sections: experiments/study_admin/walk_through.py
 MEANWHILE = gettext_lazy(
     "Not saved: someone else changed this study. If your change still applies, submit it again."
 )
@@ -108,8 +117,11 @@ def address(row: Row, place: BuilderPlace) -> str:
 
 
 def sections(row: Row) -> list[dict[str, Any]]:
-    """Return the builder's sections as entries of a row of tabs, lists with their lengths."""
-    return [
+    """Return the builder's sections as entries of a row of tabs, lists with their lengths; the last
+    leads through the study as it is built.
+    """
+    walk = reverse("admin:experiments_study_walk_through", args=[row.pk])
+    found = [
         {
             "key": name,
             "label": _title(name),
@@ -118,6 +130,8 @@ def sections(row: Row) -> list[dict[str, Any]]:
         }
         for name in TITLES
     ]
+    last = {"key": WALK_THROUGH, "label": _("Walk through"), "url": walk, "count": None}
+    return [*found, last]
 
 
 def told(row: Row) -> list[LinkedProblem]:
@@ -238,14 +252,22 @@ class BuilderPages:
             offered=offered(whole, part),
             only=place.only,
             is_sent=bool(draft.errors),
+            decided=("Allocation.design",) if whole["factors"] else (),
         )
+        for name in draft.errors.keys() & form.fields.keys() - form.errors.keys():
+            form.add_error(name, draft.errors[name])
+        language = get_language() or ""
+        advised = advice(row.as_definition(), place, language)
         context = {
+            "advice": [LinkedProblem(text, address(row, other)) for text, other in advised],
             "form": form,
             "place": place,
             "above": draft.above,
             "has_errors": bool(draft.errors),
             "part_title": title_of(former, whole) if place.index is not None else "",
             "kind": page_type(former["kind"]).label if place.section == "steps" else "",
+            "told": page_type(former["kind"]).told if place.section == "steps" else "",
+            "walked": former["key"] if place.section == "steps" else "",
         }
         inner = next((one for one, page in INNER_LISTS.items() if page == place.section), None)
         if inner is not None and whole.get(place.section) is not None:
@@ -352,6 +374,8 @@ def _read(request: HttpRequest, place: BuilderPlace, former: Document) -> Submit
     if cls is Course:
         part = renumber(part)
     told = PartForm(cls, part, only=place.only, is_sent=True).told
+    if place.section == "conditions" and not told:
+        told = speeds_refused(part)
     return SubmittedPart(part, told, anchor=anchor)
 
 
@@ -393,7 +417,7 @@ def _save(request: HttpRequest, row: Row, place: BuilderPlace, draft: SubmittedP
 
 def _keep(row: Row, whole: Document) -> Row | str:
     try:
-        return publishing.save_draft(row, msgspec.convert(whole, StudyDefinition))
+        return publishing.save_draft(row, msgspec.convert(by_factors(whole), StudyDefinition))
     except msgspec.ValidationError as error:
         return f"{error}."
     except publishing.ChangedMeanwhileError:
@@ -404,13 +428,13 @@ def _keep(row: Row, whole: Document) -> Row | str:
 
 
 def _listed(row: Row, section: str) -> Iterator[dict[str, Any]]:
-    whole = whole_of(row)
+    whole, titles = whole_of(row), questionnaire_titles() if section == "steps" else {}
     for n, part in enumerate(parts_in(whole, section)):
         yield {
             "url": address(row, BuilderPlace(section, n)),
             "n": n,
             "title": title_of(part, whole),
-            "about": list(about(section, part, whole)),
+            "about": list(about(section, part, whole, titles)),
         }
 
 

@@ -46,14 +46,15 @@ Unreachable = Callable[[FloorPlan, Iterable[str], Pose2D, Sequence[tuple[Point, 
 
 @dataclass(frozen=True)
 class RobotFacts:
-    """What a series of robots can do: its speed limit in m/s, and how old a command and its picture
-    may be, in seconds.
+    """What a series of robots can do: its speed limits in m/s and rad/s, and how old a command and
+    its picture may be, in seconds.
     """
 
     capabilities: frozenset[str]
     linear: float
     command_age: float = 0.25
     frame_age: float = 1.0
+    angular: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -192,6 +193,7 @@ def _of_robot(study: StudyDefinition, condition: Condition, robot: RobotFacts) -
         if capability not in robot.capabilities
     )
     yield from _of_network(condition, robot)
+    yield from too_fast(condition, robot).values()
     course, task = study.course_of(condition), study.task
     if (
         course is not None
@@ -202,6 +204,25 @@ def _of_robot(study: StudyDefinition, condition: Condition, robot: RobotFacts) -
             f"at {robot.linear:g} m/s, the top speed of {condition.robot}, the "
             f"course takes longer than the task's {task.minutes:g} minutes."
         )
+
+
+def too_fast(condition: Condition, robot: RobotFacts) -> dict[str, str]:
+    """Return why a condition's speed limits are none, by their field: the robot stays below them by
+    itself.
+    """
+    speed = condition.speed
+    limits = {
+        "linear": ("speed limit", speed.linear, robot.linear, "m/s"),
+        "angular": ("limit of the turning speed", speed.angular, robot.angular, "rad/s"),
+    }
+    return {
+        key: (
+            f"the {what} of {asked:g} {unit} is above the top speed of {condition.robot},"
+            f" {most:g} {unit}: lower it, or leave it blank to use the robot's."
+        )
+        for key, (what, asked, most, unit) in limits.items()
+        if asked is not None and asked > most + ROUNDING
+    }
 
 
 def _of_network(condition: Condition, robot: RobotFacts) -> Iterator[str]:

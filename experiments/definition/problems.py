@@ -10,6 +10,7 @@ from experiments.definition import wizard as wizards
 from experiments.definition.analyses import EFFECTS, DeclaredAnalysis
 from experiments.definition.coding import scheme_problems
 from experiments.definition.schema import Condition, Course, Impairment, StudyDefinition
+from experiments.definition.step import Step
 from experiments.definition.steps import KINDS
 from surveys.documents import checked, duplicates, text_problems
 
@@ -89,6 +90,18 @@ def _of_steps(study: StudyDefinition) -> Iterator[str]:
     yield from _of_repeats(study)
     for step in study.steps:
         yield from (f"Step {step.key}: {problem}" for problem in step.problems())
+        yield from (f"Step {step.key}: {problem}" for problem in _of_own_pages(study, step))
+
+
+def _of_own_pages(study: StudyDefinition, step: Step) -> Iterator[str]:
+    for key in sorted(step.named_conditions):
+        if study.condition(key) is None:
+            yield f"there is no condition {key}."
+    if step.named_conditions and study.allocation.design == "within" and not step.repeat:
+        yield (
+            "it has pages for some conditions, and participants do all of them: it must be"
+            " repeated for each condition."
+        )
 
 
 def _of_repeats(study: StudyDefinition) -> Iterator[str]:

@@ -228,7 +228,8 @@ class Analysis(DocumentPart, frozen=True, kw_only=True):
 
 class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     """A whole study. `recruitment` says how participants are found, `compensation` what they get;
-    researchers write and read both.
+    researchers write and read both. With `turned_away_code`, people who are turned away get a code
+    of their own for the recruitment site.
     """
 
     format: Literal[1]
@@ -240,6 +241,7 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     licence: str = ""
     recruitment: str = ""
     compensation: str = ""
+    turned_away_code: bool = False
     languages: tuple[Language, ...]
     steps: Annotated[tuple[AnyStep, ...], Meta(max_length=60)]
     factors: Annotated[tuple[Factor, ...], Meta(max_length=4)] = ()
@@ -279,6 +281,11 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     def consent(self) -> Consent | None:
         """The step in which participants agree to take part."""
         return next((step for step in self.steps if isinstance(step, Consent)), None)
+
+    @property
+    def tells_condition(self) -> bool:
+        """Whether participants read something that only their condition says."""
+        return any(step.named_conditions for step in self.steps)
 
     @property
     def tells_of_operator(self) -> bool:

@@ -41,6 +41,17 @@ class Step(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
         """What is said at the end; nothing by a step that is none."""
         return {}
 
+    @property
+    def named_conditions(self) -> frozenset[str]:
+        """The conditions for which it has something of their own; none for most."""
+        return frozenset()
+
+    def own_pages(self, _condition: str) -> tuple[int, ...]:
+        """Return the numbers, from 1, of its pages that only some conditions have, this among
+        them.
+        """
+        return ()
+
     def problems(self) -> Iterator[str]:
         """Yield what is wrong with it, beside what types and texts tell."""
         if self.repeat and not self.may_repeat:

@@ -20,7 +20,7 @@ def go_on(participant: Participant, here: JourneyPlace, now: datetime.datetime) 
     A participant who arrives at the debriefing, or leaves the last step, is done.
     """
     try:
-        there = journey.following(progress.way_of(participant), here, _skipped(participant))
+        there = next(iter(coming(participant, here)), None)
     except journey.NoPlaceError:
         return False
     standing = Participant.objects.filter(
@@ -41,6 +41,15 @@ def go_on(participant: Participant, here: JourneyPlace, now: datetime.datetime) 
         return False
     _arrive(participant, is_end=there is None, now=now)
     return True
+
+
+def coming(participant: Participant, here: JourneyPlace) -> list[JourneyPlace]:
+    """Return the places to which a participant will still come on this visit.
+
+    Raises:
+        NoPlaceError: the place is not on their way.
+    """
+    return journey.coming(progress.way_of(participant), here, _skipped(participant))
 
 
 def _finish(participant: Participant, here: JourneyPlace, now: datetime.datetime) -> None:

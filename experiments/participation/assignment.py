@@ -1,9 +1,11 @@
-"""Who gets which condition: at the first grant of the robot, to the cell that has the fewest.
+"""Who gets which condition: at the first grant of the robot, or when they come to instructions that
+only some conditions have, to the cell that has the fewest.
 
 A *cell* is what a participant is assigned to: one condition (between participants), or one order of
-conditions (within them). A place in it is held from the grant on, and is
+conditions (within them). A place in it is held from then on, and is
 
-- freed only when its visitor left before the first velocity was applied: nothing was done to them;
+- freed only when its visitor left before the first velocity was applied: nothing was done to them.
+  Whoever has read what only their condition says keeps it, for as long as the study waits;
 - filled by every other ending, whose outcome counts in the cell;
 - filled and yet given to another when the study's frozen rule says so of its outcome, as often as
   the rule allows;
@@ -151,7 +153,9 @@ def stage_at_end(
     return "refilled" if before < refill.most else "filled"
 
 
-def stage_now(stage: Stage, *, conditions: int, done: int, is_gone: bool) -> Stage:
+def stage_now(
+    stage: Stage, *, conditions: int, done: int, is_gone: bool, is_told: bool = False
+) -> Stage:
     """Return the stage of a place as it counts now.
 
     Args:
@@ -159,6 +163,8 @@ def stage_now(stage: Stage, *, conditions: int, done: int, is_gone: bool) -> Sta
         conditions: how many the participant is to do.
         done: in how many of them they drove.
         is_gone: whether they withdrew, or were not seen for as long as the study waits.
+        is_told: whether they were assigned before they drove, to read their instructions.
     """
     is_taken = stage in {"under_way", "filled"}
-    return "left" if conditions > 1 and is_taken and is_gone and done < conditions else stage
+    may_leave = conditions > 1 or is_told
+    return "left" if may_leave and is_taken and is_gone and done < conditions else stage

@@ -1,7 +1,8 @@
 """How taking part ended, and the code that says so to whoever recruited the participant.
 
 A recruiting site is told one code a way of ending, the same for everybody, so the codes of a study
-follow from its secret and can be shown to its researchers beforehand.
+follow from its secret and are shown to its researchers beforehand. Who is turned away gets a code
+only where the study says so: most sites pay for any code that a participant brings.
 """
 
 import datetime
@@ -32,6 +33,12 @@ def code(study: Study, way: str) -> str:
     """Return the code of a way of ending: one of WAYS."""
     digest = hmac.new(study.secret.encode(), f"completion {way}".encode(), hashlib.sha256).digest()
     return "".join(CODE_LETTERS[byte % len(CODE_LETTERS)] for byte in digest[:CODE_LENGTH])
+
+
+def codes(study: Study) -> dict[str, str]:
+    """Return the codes that participants of a study can get, by way of ending."""
+    gives_all = study.as_definition().turned_away_code
+    return {way: code(study, way) for way in WAYS if gives_all or way != SCREENED_OUT}
 
 
 def way_of(participant: Participant) -> str:
@@ -65,7 +72,6 @@ def close(participant: Participant, status: str, way: str, now: datetime.datetim
     rows = Participant.objects.filter(
         pk=participant.pk, status__in=(Participant.Status.ACTIVE, status)
     )
-    rows.update(
-        status=status, finished_at=now, completion=way, completion_code=code(participant.study, way)
-    )
+    given = codes(participant.study).get(way, "")
+    rows.update(status=status, finished_at=now, completion=way, completion_code=given)
     participant.refresh_from_db()

@@ -9,11 +9,13 @@ the task the page hears from the session manager; and where the terms of the ses
 from collections.abc import Sequence
 from typing import Any
 
+from django.utils.translation import gettext as _
+
 from experiments.definition.conditions import allowed_actions, without_driving
 from experiments.definition.course import CourseError
 from experiments.definition.feasibility import dock_of
 from experiments.definition.schema import Condition, Course, StudyDefinition
-from experiments.definition.step import DriveStep
+from experiments.definition.step import AskingStep, DriveStep, Step
 from experiments.models import Drive, Participant
 from robots.api.floorplan import FloorPlan
 from surveys.documents import spoken
@@ -75,6 +77,22 @@ def guide(
         **_allowed(conditions),
         "urls": {"step": step_url},
     }
+
+
+def what_follows(steps: Sequence[Step]) -> str:
+    """Return a sentence on what a participant does after a drive; `steps` are those to come."""
+    if not steps or steps[0].is_end:
+        return _("That was the last part of the study.")
+    drives_again = any(isinstance(step, DriveStep) for step in steps)
+    if isinstance(steps[0], AskingStep):
+        return (
+            _("Questions are next, then you drive again.")
+            if drives_again
+            else _("The last questions are next.")
+        )
+    if isinstance(steps[0], DriveStep):
+        return _("Another drive is next.")
+    return _("The study continues with the next step.")
 
 
 def _conditions(

@@ -3,8 +3,9 @@ it fixes.
 
 Asked by sessions (sessions/leases/terms.py), in whichever process grants the robot, perhaps by two
 of them at once and again after one was killed: every answer is the same as the first. A participant
-is assigned at the first grant, by experiments/participation/assignment.py over those of the same
-study and kind; who never moved the robot gave their place back, and is drawn anew.
+is assigned at the first grant, or before: whoever reads instructions that only some conditions have
+is drawn when they come to them, and keeps that cell. Of all others, who never moved the robot gave
+their place back, and is drawn anew.
 
 Nothing rests on transactions: a draw has a number that no other one of its study has, and the
 places that it was decided on are those that stood there before that number, so that of two who are
@@ -13,6 +14,7 @@ drawn at the same moment one has to look again.
 
 import datetime
 import secrets
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -48,7 +50,6 @@ SLACK_SECONDS = 180.0
 # after which a robot's last state does not say any more how it stands; states are written every two
 SAID_SECONDS = 5.0
 ATTEMPTS = 200  # every failed one means that somebody else was assigned meanwhile
-Stage = Participant.Stage
 
 
 class AssignmentContention(RuntimeError):
@@ -67,8 +68,7 @@ class Standing:
     @property
     def assigned(self) -> Condition | None:
         """The condition of this round, if it is assigned already."""
-        freed = self.participant.stage in {Stage.UNASSIGNED, Stage.FREED}
-        return None if freed else progress.wanted_condition(self.participant, self.definition)
+        return assigned(self.participant, self.definition)
 
     @property
     def cells(self) -> list[Cell]:
@@ -199,7 +199,10 @@ def _why_not(standing: Standing, now: datetime.datetime) -> str:
     participant = standing.participant
     if not progress.is_open(participant.study, now):
         return "closed"
-    if standing.assigned is None and _choose(standing, _held(participant, now), 0) is None:
+    if (
+        standing.assigned is None
+        and _choose(standing.cells, _held(participant, now), standing.definition, 0) is None
+    ):
         return "full"
     return (
         "not_allowed"
@@ -267,18 +270,46 @@ def assign(standing: Standing, now: datetime.datetime) -> Condition | None:
     Raises:
         AssignmentContention: somebody else was assigned under every attempt.
     """
-    participant = standing.participant
+    return draw(standing.participant, standing.cells, now)
+
+
+def assigned(participant: Participant, definition: StudyDefinition) -> Condition | None:
+    """Return the condition of a participant's round, if it is assigned already."""
+    if not progress.has_place(participant):
+        return None
+    return progress.wanted_condition(participant, definition)
+
+
+def draw(
+    participant: Participant, cells: Sequence[Cell], now: datetime.datetime
+) -> Condition | None:
+    """Draw the cell of a participant among some, unless they have one, and return the condition of
+    their round; None when every cell is full.
+
+    Raises:
+        AssignmentContention: somebody else was assigned under every attempt.
+    """
+    definition = participant.study.as_definition()
     for _ in range(ATTEMPTS):
-        if (condition := standing.assigned) is not None:
+        if (condition := assigned(participant, definition)) is not None:
             return condition
         held = _held(participant, now)
-        chosen = _choose(standing, held, secrets.randbits(31))
+        chosen = _choose(cells, held, definition, secrets.randbits(31))
         if chosen is None:
             return None
         if _store(participant, chosen, 1 + max((number for number, _ in held), default=0), now):
             log.info("participant_assigned", study=participant.study_id, cell=chosen.cell.key)
         participant.refresh_from_db()
     raise AssignmentContention(participant.study.slug)
+
+
+def assign_reader(participant: Participant, now: datetime.datetime) -> Condition | None:
+    """Draw the cell of a participant who is about to read what only some conditions say: among all
+    that are open to them.
+    """
+    definition = participant.study.as_definition()
+    cells = assignment.cells(definition, progress.access_of(participant))
+    return draw(participant, cells, now)
 
 
 def _held(participant: Participant, now: datetime.datetime) -> list[tuple[int, Held]]:
@@ -288,10 +319,10 @@ def _held(participant: Participant, now: datetime.datetime) -> list[tuple[int, H
     return places.numbered(participant.study, participant.kind, now)
 
 
-def _choose(standing: Standing, held: list[tuple[int, Held]], seed: int) -> AssignmentChoice | None:
-    return assignment.choose(
-        standing.cells, [place for _, place in held], standing.definition.allocation.quota, seed
-    )
+def _choose(
+    cells: Sequence[Cell], held: list[tuple[int, Held]], definition: StudyDefinition, seed: int
+) -> AssignmentChoice | None:
+    return assignment.choose(cells, [place for _, place in held], definition.allocation.quota, seed)
 
 
 def _store(
@@ -314,7 +345,7 @@ def _store(
                     draw_seed=chosen.seed,
                     drawn_as=f"{participant.study_id}:{participant.kind}:{number}",
                     assigned_at=now,
-                    stage=Stage.UNDER_WAY,
+                    stage=Participant.Stage.UNDER_WAY,
                 )
             )
     except IntegrityError:

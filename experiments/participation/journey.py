@@ -81,17 +81,17 @@ def begin(way: tuple[JourneyPlace, ...], skipped: Collection[str] = ()) -> Journ
     return next((place for place in way if place.step not in skipped), way[-1])
 
 
-def following(
+def coming(
     way: tuple[JourneyPlace, ...], place: JourneyPlace, skipped: Collection[str] = ()
-) -> JourneyPlace | None:
-    """Return where one goes on from a place; None when it was the last.
+) -> list[JourneyPlace]:
+    """Return the places that follow one; none when it was the last.
 
     Raises:
         NoPlaceError: the place is not on the way.
     """
     if place not in way:
         raise NoPlaceError(place.word)
-    return next((later for later in way[way.index(place) + 1 :] if later.step not in skipped), None)
+    return [later for later in way[way.index(place) + 1 :] if later.step not in skipped]
 
 
 def read(word: str, way: tuple[JourneyPlace, ...]) -> JourneyPlace:

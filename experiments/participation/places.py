@@ -1,6 +1,6 @@
 """The places in the cells of a study, as they are stored and as they count now.
 
-A place that a participant of several conditions has left (experiments/participation/assignment.py)
+A place that a participant has left who has still to drive (experiments/participation/assignment.py)
 is stored nowhere: whether they are gone is a question of when they were last seen.
 """
 
@@ -28,9 +28,10 @@ def held(study: Study, kind: str, now: datetime.datetime) -> list[Held]:
 
 def numbered(study: Study, kind: str, now: datetime.datetime) -> list[tuple[int, Held]]:
     """Return (number of the draw, place) of everybody of a study and kind who was ever assigned."""
-    allocation = study.as_definition().allocation
+    definition = study.as_definition()
+    allocation, is_told = definition.allocation, definition.tells_condition
     rows = Participant.objects.filter(study=study, kind=kind).exclude(cell="")
-    if allocation.design == "between":
+    if allocation.design == "between" and not is_told:
         found = rows.values_list("drawn_as", "cell", "stage")
         return [(_number_of(word), Held(cell, stage)) for word, cell, stage in found]
     since = now - datetime.timedelta(hours=allocation.left_after_hours)
@@ -49,6 +50,7 @@ def numbered(study: Study, kind: str, now: datetime.datetime) -> list[tuple[int,
                     conditions=len(conditions),
                     done=0 if status == Status.WITHDRAWN else len(driven.get(pk, ())),
                     is_gone=status != Status.ACTIVE or seen < since,
+                    is_told=is_told,
                 ),
             ),
         )

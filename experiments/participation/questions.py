@@ -16,6 +16,7 @@ from experiments.participation import progress
 from experiments.participation.journey import JourneyPlace
 from surveys import questionnaires, responses
 from surveys.definition import Definition
+from surveys.documents import spoken
 from surveys.models import SEED_LIMIT, Response
 from surveys.models import Questionnaire as Row
 from surveys.outer_progress import OuterProgress
@@ -125,5 +126,13 @@ def outer_progress(response: Response, language: str) -> OuterProgress | None:
     )
     if asked is None or asked.step != asked.participant.step:
         return None
-    number, total = progress.step_count(asked.participant)
-    return OuterProgress(progress.title_of(asked.participant.study, language), number, total)
+    return progress_around(asked.participant, language)
+
+
+def progress_around(participant: Participant, language: str) -> OuterProgress:
+    """Return what goes on around the questionnaire of a participant's step, for its page."""
+    definition = participant.study.as_definition()
+    spoken_in = progress.language_of(definition, language)
+    number, total = progress.step_count(participant)
+    step_title = spoken(progress.step_of(participant).title, spoken_in)
+    return OuterProgress(spoken(definition.title, spoken_in), number, total, step_title)

@@ -29,7 +29,6 @@ from surveys.conditions import Circumstances
 from surveys.definition import language_for
 from surveys.documents import BadDefinitionError, Text, spoken
 from surveys.models import Questionnaire
-from surveys.outer_progress import OuterProgress
 from surveys.page_form import Reader, page_form_of
 
 
@@ -39,6 +38,8 @@ class StepPage:
     # What the study builder calls it, and what a new one says beside its key and title.
     label: ClassVar[str | Promise]
     blank: ClassVar[Mapping[str, Any]] = {}
+    # What the study builder tells of it above its form; nothing of most.
+    told: ClassVar[str | Promise] = ""
 
     def __init__(self, participant: Participant, step: Any) -> None:
         self.participant, self.step = participant, step
@@ -121,13 +122,13 @@ class AskingPage(StepPage):
             now=now,
             sees_all=True,
         )
-        title = progress.title_of(self.participant.study, request.LANGUAGE_CODE)
+        outer = questions.progress_around(self.participant, request.LANGUAGE_CODE)
         more = {
             "form": page_form_of(definition, page - 1, reader, range(total)),
-            "title": spoken(definition.title, language),
+            "title": outer.step_title or spoken(definition.title, language),
             "intro": spoken(definition.intro, language) if page == 1 else "",
             "language": language,
-            "outer": OuterProgress(title, *progress.step_count(self.participant)),
+            "outer": outer,
             "is_walk_through": True,
             "following": page + 1 if page < total else None,
             "user": self.participant.user,

@@ -117,6 +117,8 @@ def drive(request: HttpRequest, slug: str) -> HttpResponseBase:
         return render_in_frame(
             request, participant, "experiments/trouble.html", {"trouble": "course"}
         )
+    ahead = advance.coming(participant, progress.place(participant))
+    guide["next"] = drive_config.what_follows([journey.step_at(definition, one) for one in ahead])
     number, total = progress.step_count(participant)
     return render(
         request,

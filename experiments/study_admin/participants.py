@@ -2,7 +2,6 @@
 Nothing is edited or deleted.
 """
 
-import json
 import uuid
 from typing import Any
 
@@ -21,80 +20,27 @@ from django.views.decorators.cache import never_cache
 from accounts import audit
 from experiments import publishing
 from experiments.access import may
-from experiments.models import Drive, Participant, Rehearsal, Study
+from experiments.builder import labels
+from experiments.models import (
+    Drive,
+    Participant,
+    Rehearsal,
+    Study,
+)
 from experiments.research.study_access import OfStudies
+from experiments.study_admin.document_text import as_json, in_words
+from experiments.study_admin.filters import (
+    ENDINGS,
+    CompletionFilter,
+    ExcludedFilter,
+    LanguageFilter,
+    MismatchFilter,
+    StudyFilter,
+    StudyOfDriveFilter,
+)
 from robots.admin import NOTHING, link_to
 
 LEAST_REASON, MOST_REASON = 3, 300
-
-
-class StudyFilter(admin.SimpleListFilter):
-    """Studies that whoever asks has a part in."""
-
-    title = _("study")
-    parameter_name = "study"
-    way = "study"
-
-    def lookups(self, request: HttpRequest, model_admin: Any) -> list[tuple[str, str]]:
-        """Return their versions, newest first."""
-        rows = model_admin.get_queryset(request)
-        found = Study.objects.filter(pk__in=rows.order_by().values_list(self.way).distinct())
-        return [(str(row.pk), str(row)) for row in found]
-
-    def queryset(self, _request: HttpRequest, queryset: Any) -> Any:
-        """Return what belongs to the chosen one; an address that was made up chooses none."""
-        known = {choice for choice, _title in self.lookup_choices}
-        if self.value() is None:
-            return queryset
-        return (
-            queryset.filter(**{self.way: self.value()})
-            if self.value() in known
-            else queryset.none()
-        )
-
-
-class StudyOfDriveFilter(StudyFilter):
-    """The same for drives."""
-
-    way = "participant__study"
-
-
-class ExcludedFilter(admin.SimpleListFilter):
-    """Drives that somebody excluded."""
-
-    title = _("excluded")
-    parameter_name = "excluded"
-
-    def lookups(self, _request: HttpRequest, _model_admin: Any) -> list[tuple[str, Any]]:
-        """Return yes and no."""
-        return [("yes", _("excluded")), ("no", _("not excluded"))]
-
-    def queryset(self, _request: HttpRequest, queryset: Any) -> Any:
-        """Return those."""
-        rows: dict[str | None, Any] = {
-            "yes": queryset.exclude(excluded_reason=""),
-            "no": queryset.filter(excluded_reason=""),
-        }
-        return rows.get(self.value(), queryset)
-
-
-class MismatchFilter(admin.SimpleListFilter):
-    """Drives in which something was not as the condition says."""
-
-    title = _("condition applied")
-    parameter_name = "applied"
-
-    def lookups(self, _request: HttpRequest, _model_admin: Any) -> list[tuple[str, Any]]:
-        """Return yes and no."""
-        return [("yes", _("as assigned")), ("no", _("differs"))]
-
-    def queryset(self, _request: HttpRequest, queryset: Any) -> Any:
-        """Return those."""
-        rows: dict[str | None, Any] = {
-            "yes": queryset.filter(mismatches=[]),
-            "no": queryset.exclude(mismatches=[]),
-        }
-        return rows.get(self.value(), queryset)
 
 
 class StudyRows(OfStudies):
@@ -137,12 +83,28 @@ class ParticipantAdmin(StudyRows):
         "created_at",
         "seen_at",
     )
-    list_filter = (StudyFilter, "kind", "status", "stage", "completion", "access", "language")
+    list_filter = (
+        StudyFilter,
+        "kind",
+        "status",
+        "stage",
+        ("completion", CompletionFilter),
+        "access",
+        ("language", LanguageFilter),
+    )
     list_select_related = ("study", "user")
     list_per_page = 50
     search_fields = ("code",)
     date_hierarchy = "created_at"
-    readonly_fields = ("person", "drives_told")
+    readonly_fields = (
+        "person",
+        "drives_told",
+        "language_name",
+        "came_with",
+        "condition",
+        "drawn_among",
+        "ending",
+    )
 
     def get_fieldsets(
         self, request: HttpRequest, obj: Participant | None = None
@@ -154,8 +116,8 @@ class ParticipantAdmin(StudyRows):
             "study",
             "kind",
             "access",
-            "language",
-            *(("person", "recruitment", "age") if is_known else ()),
+            "language_name",
+            *(("person", "came_with", "age") if is_known else ()),
         )
         return [
             (None, {"fields": who}),
@@ -164,8 +126,8 @@ class ParticipantAdmin(StudyRows):
                 {
                     "fields": (
                         "cell",
-                        "conditions",
-                        "candidates",
+                        "condition",
+                        "drawn_among",
                         "draw_seed",
                         "assigned_at",
                         "stage",
@@ -183,7 +145,7 @@ class ParticipantAdmin(StudyRows):
                         "created_at",
                         "seen_at",
                         "finished_at",
-                        "completion",
+                        "ending",
                     )
                 },
             ),
@@ -226,6 +188,26 @@ class ParticipantAdmin(StudyRows):
         """Return their conditions in order."""
         return ", ".join(row.conditions) or NOTHING
 
+    @admin.display(description=_("language"))
+    def language_name(self, row: Participant) -> str:
+        """Return what their language is called."""
+        return labels.language(row.language)
+
+    @admin.display(description=_("recruitment"))
+    def came_with(self, row: Participant) -> str:
+        """Return the parameters of the link that they came by."""
+        return ", ".join(f"{name} {value}" for name, value in row.recruitment.items()) or NOTHING
+
+    @admin.display(description=_("randomised among"))
+    def drawn_among(self, row: Participant) -> str:
+        """Return the cells that theirs was drawn from."""
+        return ", ".join(row.candidates) or NOTHING
+
+    @admin.display(description=_("completion"))
+    def ending(self, row: Participant) -> Any:
+        """Return how taking part ended."""
+        return ENDINGS.get(row.completion, NOTHING)
+
     @admin.display(description=_("drives"), boolean=True)
     def drive_count(self, row: Participant) -> bool:
         """Tell whether they ever had the robot."""
@@ -264,7 +246,7 @@ class DriveAdmin(StudyRows):
         "number",
         "condition",
         "exposed",
-        "outcome",
+        "outcome_told",
         "as_assigned",
         "is_counted",
     )
@@ -287,6 +269,7 @@ class DriveAdmin(StudyRows):
         "study_name",
         "session_link",
         "replay",
+        "outcome_told",
         "assigned_told",
         "applied_told",
         "result_told",
@@ -318,7 +301,7 @@ class DriveAdmin(StudyRows):
                 "fields": (
                     "granted_at",
                     "exposed",
-                    "outcome",
+                    "outcome_told",
                     "settled_at",
                     "result_told",
                     "ends_told",
@@ -352,6 +335,11 @@ class DriveAdmin(StudyRows):
         """Tell whether nobody excluded it."""
         return not row.excluded_reason
 
+    @admin.display(description=_("task outcome"), ordering="outcome")
+    def outcome_told(self, row: Drive) -> Any:
+        """Return how the task ended."""
+        return labels.word("outcomes", row.outcome) if row.outcome else NOTHING
+
     @admin.display(description=_("session"))
     def session_link(self, row: Drive) -> str | SafeString:
         """Return the way to the session."""
@@ -365,26 +353,22 @@ class DriveAdmin(StudyRows):
     @admin.display(description=_("assigned"))
     def assigned_told(self, row: Drive) -> str | SafeString:
         """Return what was assigned."""
-        return _shown(row.assigned)
+        return in_words({"condition": row.assigned.get("condition")}, row.assigned)
 
     @admin.display(description=_("applied"))
     def applied_told(self, row: Drive) -> str | SafeString:
         """Return what was in force."""
-        return _shown(row.applied)
+        return in_words(row.applied)
 
     @admin.display(description=_("result"))
     def result_told(self, row: Drive) -> str | SafeString:
         """Return what the task came to."""
-        return _shown(row.result)
+        return in_words(row.result)
 
     @admin.display(description=_("robot at start and end"))
     def ends_told(self, row: Drive) -> str | SafeString:
         """Return how the robot stood in the first and in the last state."""
-        return _shown(
-            {"began": row.began_with, "ended": row.ended_with}
-            if row.began_with or row.ended_with
-            else {}
-        )
+        return in_words({"start state": row.began_with, "end state": row.ended_with})
 
     @admin.display(description=_("differs"))
     def differs(self, row: Drive) -> str:
@@ -505,7 +489,7 @@ class RehearsalAdmin(StudyRows):
     @admin.display(description=_("report"))
     def told(self, row: Rehearsal) -> str | SafeString:
         """Return what was found."""
-        return _shown(row.report)
+        return as_json(row.report)
 
 
 def is_uuid(text: str) -> bool:
@@ -515,11 +499,3 @@ def is_uuid(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _shown(content: Any) -> str | SafeString:
-    return (
-        format_html("<pre>{}</pre>", json.dumps(content, indent=2, ensure_ascii=False))
-        if content
-        else NOTHING
-    )

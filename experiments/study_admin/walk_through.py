@@ -1,5 +1,5 @@
-"""Walking through a study as its participants see it: every step in order, in any of its languages,
-at the width of a phone or of a computer. Mixed into the studies' administration.
+"""Walking through a study as its participants see it: every step in order, in any of its languages
+and conditions, at the width of a phone or of a computer. Mixed into the studies' administration.
 
 The participant is in no database. Each page is drawn by the step's own code
 (experiments.participation.step_page.StepPage.preview), in a frame within the administration;
@@ -11,6 +11,7 @@ from typing import Any
 from csp.constants import SELF
 from csp.decorators import csp_replace
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase, HttpResponseRedirect
+from django.shortcuts import render
 from django.urls import URLPattern, path, reverse
 from django.utils import timezone, translation
 from django.utils.translation import gettext as _
@@ -18,6 +19,8 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.clickjacking import xframe_options_sameorigin
 
 from accounts.models import User
+from experiments.builder import labels
+from experiments.builder.views import WALK_THROUGH, sections
 from experiments.definition.schema import StudyDefinition
 from experiments.models import Participant, ParticipantKind, Study
 from experiments.participation import journey
@@ -44,90 +47,124 @@ class WalkThroughPages:
                 guard(never_cache(self.walk_through_view)),
                 name="experiments_study_walk_through",
             ),
-            path(
-                "<uuid:pk>/walk-through/<slug:language>/<int:number>/",
-                guard(step),
-                name="experiments_study_walked_step",
+            *(
+                path(
+                    f"<uuid:pk>/walk-through/<slug:language>/<int:number>/{condition}",
+                    guard(step),
+                    name="experiments_study_walked_step",
+                )
+                for condition in ("", "<slug:condition>/")
             ),
         ]
 
     def walk_through_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
         """Show the steps, and the one that is chosen in a frame of the chosen width:
-        `?language=es&width=phone`.
+        `?language=es&width=phone&condition=a&step=task`.
         """
         row = study_for(request, pk, "viewer")
         definition = row.as_definition()
         language = _one_of(definition.languages, request.GET.get("language", ""))
         width = _one_of(tuple(WIDTHS), request.GET.get("width", ""))
+        condition = request.GET.get("condition", "")
+        condition = condition if definition.condition(condition) is not None else ""
+        way = _route(definition, condition)
         steps = [
             (
-                reverse("admin:experiments_study_walked_step", args=[row.pk, language, number]),
+                _address(row, language, number, condition),
                 spoken(journey.step_at(definition, place).title, language) or place.step,
             )
-            for number, place in enumerate(_route(definition), start=1)
+            for number, place in enumerate(way, start=1)
         ]
-        return self._page(  # type: ignore[attr-defined, no-any-return]
-            request,
-            row,
-            "walk_through",
-            _("Walk through as a participant"),
-            steps=steps,
-            language=language,
-            languages=definition.languages,
-            width=width,
-            widths=[
+        keys = [place.step for place in way]
+        asked = request.GET.get("step", "")
+        first = keys.index(asked) if asked in keys else 0
+        context = self.admin_site.each_context(request) | {  # type: ignore[attr-defined]
+            "title": _("Walk through as a participant"),
+            "opts": self.opts,  # type: ignore[attr-defined]
+            "study": row,
+            "study_tab": "builder",
+            "sections": sections(row),
+            "section": WALK_THROUGH,
+            # the frame of a computer needs the room
+            "is_nav_sidebar_enabled": False,
+            "steps": steps,
+            "shown": steps[first][0] if steps else "",
+            "step": asked,
+            "language": language,
+            "languages": [(code, labels.language(code)) for code in definition.languages],
+            "condition": condition,
+            "conditions": [
+                (one.key, spoken(one.title, language) or one.key) for one in definition.conditions
+            ],
+            "width": width,
+            "widths": [
                 ("phone", _("Phone")),
                 ("tablet", _("Tablet")),
                 ("computer", _("Computer")),
             ],
-            size=WIDTHS[width],
-        )
+            "size": WIDTHS[width],
+        }
+        return render(request, "admin/experiments/study/walk_through.html", context)
 
     def walked_step_view(
-        self, request: HttpRequest, pk: Any, language: str, number: int
+        self, request: HttpRequest, pk: Any, language: str, number: int, condition: str = ""
     ) -> HttpResponseBase:
         """Show a step, from 1; whatever is sent leads to the next one, and is not read."""
         row = study_for(request, pk, "viewer")
         definition = row.as_definition()
-        way = _route(definition)
+        if condition and definition.condition(condition) is None:
+            raise Http404
+        way = _route(definition, condition)
         if language not in definition.languages or not 1 <= number <= len(way):
             raise Http404
         if request.method == "POST":
             following = min(number + 1, len(way))
-            return HttpResponseRedirect(
-                reverse("admin:experiments_study_walked_step", args=[pk, language, following])
-            )
+            return HttpResponseRedirect(_address(row, language, following, condition))
         with translation.override(language):
             request.LANGUAGE_CODE = language
-            participant = _nobody(row, definition, way[number - 1], language)
+            participant = _nobody(row, way, number, language, condition)
             step = journey.step_at(definition, way[number - 1])
             return page_of(participant, step).preview(request, timezone.now())
 
 
-def _access(definition: StudyDefinition) -> Access:
-    """Return how people come in who see the most of the study."""
-    is_open = any(condition.access == "open" for condition in definition.conditions)
-    return "open" if is_open or not definition.conditions else "invitation"
+def _address(row: Study, language: str, number: int, condition: str) -> str:
+    args = [row.pk, language, number, *([condition] if condition else [])]
+    return reverse("admin:experiments_study_walked_step", args=args)
 
 
-def _route(definition: StudyDefinition) -> tuple[journey.JourneyPlace, ...]:
-    often = journey.rounds(definition, _access(definition))
+def _access(definition: StudyDefinition, condition: str) -> Access:
+    """Return how people come in who see a condition, or the most of the study."""
+    chosen = definition.condition(condition)
+    shown = [chosen] if chosen is not None else definition.conditions
+    return "open" if not shown or any(one.access == "open" for one in shown) else "invitation"
+
+
+def _route(definition: StudyDefinition, condition: str) -> tuple[journey.JourneyPlace, ...]:
+    often = journey.rounds(definition, _access(definition, condition))
     return journey.route(definition, often, 1)
 
 
 def _nobody(
-    row: Study, definition: StudyDefinition, place: journey.JourneyPlace, language: str
+    row: Study, way: tuple[journey.JourneyPlace, ...], number: int, language: str, condition: str
 ) -> Participant:
-    """Return a participant at a place who is never saved."""
+    """Return a participant at a place of a way who is never saved; with a condition, who has that
+    one in every round.
+    """
+    place = way[number - 1]
+    assigned: dict[str, Any] = {
+        "conditions": [condition] * (1 + way[-1].round),
+        "stage": Participant.Stage.UNDER_WAY,
+    }
     return Participant(
         study=row,
         user=User(kind=User.Kind.PARTICIPANT, display_name=_("Participant")),
         kind=ParticipantKind.PILOT,
-        access=_access(definition),
+        access=_access(row.as_definition(), condition),
         visit=place.visit,
         round=place.round,
         step=place.step,
         language=language,
+        **(assigned if condition else {}),
     )
 
 

@@ -216,7 +216,7 @@ def _write_events(drive: Drive, events: tuple[ProgressEvent, ...]) -> None:
 
 def settle_place(drive: Drive) -> None:
     """Fill, free or pass on the place of a participant whose drive is over; a place that was driven
-    in is never freed.
+    in, or whose instructions were read, is never freed.
     """
     participant = Participant.objects.select_related("study").get(pk=drive.participant_id)
     exposed = Drive.objects.filter(participant=participant, exposed=True)
@@ -227,6 +227,7 @@ def settle_place(drive: Drive) -> None:
             _move(participant, _stage_after(drive, participant))
     elif (
         participant.stage == Stage.UNDER_WAY
+        and not participant.study.as_definition().tells_condition
         and not Drive.objects.filter(participant=participant, settled_at=None)
         .exclude(pk=drive.pk)
         .exists()

@@ -178,6 +178,12 @@ class FakeRobotPage:
         """End the visit, and offer the robot to the first who waits."""
         self.do(self._offer_turn, seconds)
 
+    def keep_waiting(self, reason: str) -> None:
+        """Say to the first who waits why nobody can have the robot."""
+        page = self._queue[0]
+        queued = protocol.Queued(session=page.peer, place=1, minutes=4.0, reason=reason)
+        self.do(page.say, "session/queued", queued)
+
     def tell(self, suffix: str, message: m.Message) -> None:
         """Say something to every page."""
         self.do(self._tell, suffix, message)

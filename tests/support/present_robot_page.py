@@ -80,6 +80,10 @@ class PresentRobotPage(FakeRobotPage):
     def screen_url(self) -> str:
         return self.url + "screen"
 
+    def tell_screens(self, suffix: str, message: m.Message) -> None:
+        """Say something to the pages of the robot's screen."""
+        self.do(lambda: [page.say(suffix, message) for page, _ in self._screens.values()])
+
     def html(self, language: str = "en") -> str:
         if language not in self._rendered:
             page, told = super().html(language), '"capabilities": ["velocity", "video"]'

@@ -140,7 +140,7 @@ NETWORK = (
 PARTICIPANTS = (
     Column("id", "", "code of the participant"),
     Column("kind", "", "participant, pilot or bot").one_of("participant", "pilot", "bot"),
-    amount_of("age", "years", "age at registration: the year then minus the year of birth"),
+    amount_of("age", "years", "age, as told on the consent page"),
     Column("cell", "", "assigned condition, or conditions in order, divided by -"),
     Column("reached", "", "last step of the study that was begun"),
     Column(

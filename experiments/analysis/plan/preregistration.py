@@ -172,13 +172,23 @@ def described(study: StudyDefinition, condition: Condition) -> str:
         parts.append("impaired network")
     if condition.access == "invitation":
         parts.append("by invitation")
+    parts.extend(
+        f"pages {', '.join(map(str, pages))} of the instructions `{step.key}`, which not all have"
+        for step in study.steps
+        if (pages := step.own_pages(condition.key))
+    )
     return "; ".join(part for part in parts if part)
 
 
 def _randomization(study: StudyDefinition) -> str:
     allocation = study.allocation
+    when = (
+        "Before reading instructions that depend on the condition"
+        if study.tells_condition
+        else "On first getting the robot"
+    )
     told = (
-        "On first getting the robot, a participant is assigned to the cell with the fewest"
+        f"{when}, a participant is assigned to the cell with the fewest"
         " places filled or in progress; ties are drawn with a seed that is kept."
     )
     if allocation.design == "within":

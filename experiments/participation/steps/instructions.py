@@ -7,13 +7,16 @@ from django.http import HttpRequest, HttpResponseBase
 from django.utils.translation import gettext_lazy as _
 
 from experiments.definition.steps.instructions import InstructionPage
-from experiments.participation import progress
-from experiments.participation.step_page import StepPage
+from experiments.participation import grants, progress
+from experiments.participation.step_page import StepPage, to_step
 from surveys.documents import spoken
 
 PICTURES = frozenset(
     path.stem for path in (settings.BASE_DIR / "static" / "img" / "instructions").glob("*.svg")
 )
+
+
+EXAMPLES = frozenset({"map", "task"})  # they show a course, which is not that of the study
 
 
 class InstructionsStepPage(StepPage):
@@ -23,11 +26,19 @@ class InstructionsStepPage(StepPage):
     blank = {"leaves": []}
 
     def is_done(self) -> bool:
-        """Tell whether no page is for the robots of this participant."""
+        """Tell whether no page is for the robots and conditions of this participant."""
         return not self.pages()
 
     def show(self, request: HttpRequest, now: datetime.datetime) -> HttpResponseBase:
-        """Show the page that is asked for."""
+        """Show the page that is asked for; whoever comes to one that only some conditions have is
+        assigned now, and turned away where every cell is full.
+        """
+        if self.step.named_conditions and grants.assign_reader(self.participant, now) is None:
+            progress.screen_out(self.participant, now)
+            return to_step(self.participant)
+        return self._show(request) if self.pages() else to_step(self.participant)
+
+    def _show(self, request: HttpRequest) -> HttpResponseBase:
         participant, pages = self.participant, self.pages()
         asked = request.GET.get("leaf", "1")
         number = (
@@ -39,6 +50,7 @@ class InstructionsStepPage(StepPage):
         more = {
             "text": spoken(page.text, self.language(request)),
             "picture": f"img/instructions/{page.picture}.svg" if page.picture in PICTURES else "",
+            "is_example": page.picture in EXAMPLES,
             "leaf": number,
             "leaves": len(pages),
             "before": number - 1,
@@ -51,13 +63,19 @@ class InstructionsStepPage(StepPage):
         """Show them, or that there are none."""
         if not self.pages():
             return self.render(request, "experiments/trouble.html", {"trouble": "instructions"})
-        return self.show(request, now)
+        return self._show(request)
 
     def pages(self) -> tuple[InstructionPage, ...]:
-        """Return the pages that are for the robots that the participant may drive."""
-        robots = {condition.robot for condition in progress.open_conditions(self.participant)}
+        """Return the pages that are for the robots that the participant may drive, and for the
+        conditions that they may get.
+        """
+        conditions = progress.open_conditions(self.participant)
+        robots, keys = {one.robot for one in conditions}, {one.key for one in conditions}
         return tuple(
-            page for page in self.step.leaves if not page.robot or robots.intersection(page.robot)
+            page
+            for page in self.step.leaves
+            if (not page.robot or robots.intersection(page.robot))
+            and (not page.conditions or keys.intersection(page.conditions))
         )
 
     def take(self, request: HttpRequest, now: datetime.datetime) -> bool:

@@ -9,3 +9,9 @@ class TaskStepPage(DrivePage):
     """The task."""
 
     label = _("Task")
+    told = _(
+        "The task is complete when the participant has passed all checkpoints of the course in "
+        "order and docked the robot at the charging station. Otherwise the drive ends when the "
+        "time is up, the participant leaves or the connection is lost. It counts with that "
+        "outcome, the study continues, and the robot returns to its station by itself if it can."
+    )

@@ -135,7 +135,7 @@ const pursue = ({ store, driving }, now) => {
 };
 
 /** The marks of goal and obstacle on the map. @param {import("../drive/registry.js").Page} page */
-const createMarks = ({ map, element }) => {
+const createMarks = ({ map }) => {
   /** the goal of the last action that was asked for: the same object while it is the same goal */
   let last = { id: "", aim: /** @type {any} */ (null) };
 
@@ -155,8 +155,6 @@ const createMarks = ({ map, element }) => {
         : null;
     const chosen = aim !== null && aim.x !== null ? aim : null;
     map.setMarks({ aim: chosen ?? goal, obstacle: help.point, laser: showsLaser(state) });
-    // The buttons never lie over the point that they are about.
-    element("aim").toggleAttribute("data-high", chosen !== null && map.isLow(chosen));
   };
 };
 

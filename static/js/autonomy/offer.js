@@ -6,7 +6,7 @@
 
 import { roleOf } from "../protocol/session.js";
 import { isMoving, isUnderWay } from "./robot_action.js";
-import { mayAsk, maySend } from "../study/restrictions.js";
+import { controllersOf, mayAsk, maySend, maySteer } from "../study/restrictions.js";
 import { reasonFor } from "./reasons.js";
 
 /**
@@ -55,6 +55,32 @@ export const can = (state, capability) =>
 export const isOffered = (state, capability) =>
   roleOf(state.visit) === "driver" && can(state, capability);
 
+/**
+ * What the button out of the station does: the robot's own action, or a drive backwards that the
+ * page steers. Where a study forbids the action there is no button, except for who can only point
+ * at the video, where nothing is behind the robot.
+ * @param {import("../drive/features.js").State} state
+ * @returns {"undock" | "back_out" | null}
+ */
+export const wayOut = (state) => {
+  const onlyPoints =
+    !maySteer(state, "stick") && (maySteer(state, "mouse") || maySteer(state, "touch"));
+  return can(state, "undock")
+    ? "undock"
+    : mayAsk(state, "undock") || onlyPoints
+      ? "back_out"
+      : null;
+};
+
+/** @param {import("../drive/features.js").State} state @returns {Offer | null} */
+const inStation = (state) => {
+  const action = wayOut(state);
+  if (action) {
+    return { word: "dock.here", tone: "calm", main: { action, word: "do.undock" } };
+  }
+  return controllersOf(state)?.length === 0 ? null : { word: "dock.here_yourself", tone: "calm" };
+};
+
 /** @param {import("../drive/features.js").State} state @returns {Offer | null} */
 export const offerFor = (state) => {
   const { visit, robot, task } = state;
@@ -84,11 +110,7 @@ export const offerFor = (state) => {
     return { word: "task.undock", detail: { word: "task.take_over" }, tone: "calm", main: STOP };
   }
   if (robot.docked) {
-    return {
-      word: "dock.here",
-      tone: "calm",
-      main: { action: can(state, "undock") ? "undock" : "back_out", word: "do.undock" },
-    };
+    return inStation(state);
   }
   if (state.aim?.kind === "pose") {
     return null; // the map asks

@@ -38,7 +38,11 @@ export const studyCard = (state, usual) => {
     return usual;
   }
   if (leaving) {
-    return { ...usual, word: study.kind === "practice" ? "practice.leaving" : "study.leaving" };
+    return {
+      ...usual,
+      word: study.kind === "practice" ? "practice.leaving" : "study.leaving",
+      values: { next: study.next },
+    };
   }
   if (hasEnded(state)) {
     return over(state, endOf(state));
@@ -87,6 +91,7 @@ const endOf = ({ study, visit, told }) => {
 const over = ({ study, endedAt, now }, end) => ({
   word:
     study.kind === "practice" && PRACTICE_OVER.has(end) ? "practice.ended" : `study.ended.${end}`,
+  values: { next: study.next },
   countdown:
     endedAt === null
       ? GO_ON_SECONDS

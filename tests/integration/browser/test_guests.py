@@ -137,6 +137,6 @@ def test_a_researcher_walks_through_every_step_in_a_frame_as_wide_as_a_phone(stu
         turn_leaf(frame)
     frame.get_by_role("button", name="Send the answers").click()
     expect(frame.get_by_text("Your completion code")).to_be_visible()
-    page.get_by_role("link", name="es", exact=True).click()
+    page.get_by_role("link", name="Spanish", exact=True).click()
     expect(frame.get_by_role("heading", name="Consentimiento")).to_be_visible()
     assert not Participant.objects.exists()

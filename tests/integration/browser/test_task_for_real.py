@@ -36,8 +36,9 @@ def test_a_participant_backs_out_takes_the_photo_docks_and_is_led_on(site, visit
     ana.wait_for_picture()
     cue = page.locator("#task-cue")
     expect(cue).to_have_text("Drive backwards out of the charging station.", timeout=20_000)
-    # the page backs out, where the robot may not do it by itself
-    expect(page.get_by_role("button", name="Leave station")).to_be_visible()
+    # the condition forbids the robot to leave by itself, so nothing leaves for the participant
+    expect(page.locator("#offer")).to_have_attribute("data-word", "dock.here_yourself")
+    expect(page.get_by_role("button", name="Leave station")).to_be_hidden()
     expect(page.locator("#assist")).to_be_hidden()
 
     photo = page.get_by_role("region", name="Photo")

@@ -16,6 +16,7 @@ from experiments import publishing
 from experiments.definition.schema import to_json
 from experiments.definition.shipped import shipped
 from experiments.models import Participant, ParticipantKind, Rehearsal, Study, StudyMember
+from experiments.participation import completion
 from surveys.models import Questionnaire
 from tests.integration.experiments.test_publishing import NOW, WHY
 from tests.support.html_page import faults, read
@@ -408,6 +409,16 @@ def test_the_overview_gives_the_link_for_participants(client, boss, published):
     assert "http://testserver/studies/cabin-study/" in [
         e.attributes.get("value") for e in page.all("input")
     ]
+
+
+def test_researchers_see_the_codes_that_recruitment_sites_are_told(client, boss, published):
+    codes = completion.codes(published)
+    assert list(codes) == ["done", "technical_failure"]
+    text = read(client.get(at("change", published))).text
+    assert all(code in text for code in codes.values())
+    assert "turned away" not in text
+    member(client, "viewer")
+    assert codes["done"] not in read(client.get(at("change", published))).text
 
 
 def test_a_half_done_draft_of_every_kind_can_be_looked_at(client, boss):

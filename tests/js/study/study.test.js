@@ -389,11 +389,7 @@ describe("what a study fixes", () => {
       robot: robot({ docked: true }),
       plan: { places: [{ name: "sofa", title: "Sofa" }] },
     });
-    assert.equal(
-      offerFor(docked).main.action,
-      "back_out",
-      "the page drives it out, as the participant's hand would",
-    );
+    assert.deepEqual(offerFor(docked), { word: "dock.here_yourself", tone: "calm" });
     assert.equal(can(docked, "dock"), false);
     assert.deepEqual(menuFor(docked), []);
     const lost = state({ robot: robot({ pose: { x: 0, y: 0, theta: 0, localized: false } }) });
@@ -411,6 +407,18 @@ describe("what a study fixes", () => {
     const goes = (one) => menuFor(one).some(({ action }) => action === "go_to:sofa");
     assert.deepEqual([goes(sent("places")), maySend(sent("places"), "map")], [true, false]);
     assert.deepEqual([goes(sent("map")), maySend(sent("map"), "map")], [false, true]);
+  });
+
+  test("offers no way out of the station where the robot may not leave it by itself", () => {
+    const docked = (study) =>
+      offerFor(state({ study: { ...STUDY, ...study }, robot: robot({ docked: true }) }));
+    const forbidden = { actions: ["stop"], ownActions: [] };
+    const byHand = docked({ ...forbidden, controllers: ["keyboard", "mouse", "touch", "stick"] });
+    assert.deepEqual([byHand.word, byHand.main], ["dock.here_yourself", undefined]);
+    assert.ok(SENTENCES.has(byHand.word));
+    // who can only point sees nothing behind the robot to point at
+    assert.equal(docked({ ...forbidden, controllers: ["mouse"] }).main.action, "back_out");
+    assert.equal(docked({ ...forbidden, controllers: [] }), null);
   });
 
   test("is what the terms of the visit say, once they are known", () => {
@@ -598,6 +606,18 @@ describe("the end of a drive", () => {
     assert.equal(
       cardFor(ended("completed", { told: told({ outcome: "completed" }) })).word,
       "study.ended.completed",
+    );
+  });
+
+  test("says what the study says comes next, at the end and before leaving", () => {
+    const study = { ...STUDY, next: "Another drive is next." };
+    const texts = [ended("completed", { study }), state({ study, leaving: true })].map((one) => {
+      const { word, values } = cardFor(one);
+      return words.say(`${word}.text`, values);
+    });
+    assert.ok(
+      texts.every((text) => text.endsWith(study.next)),
+      String(texts),
     );
   });
 

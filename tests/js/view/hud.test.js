@@ -76,6 +76,8 @@ const ENDED = [
 ];
 const CLOSED = ["signed_out", "not_allowed", "no_such_robot", "unsupported", "in_app"];
 
+const ROOM = { driving: true, observers: 0, waiting: 1 };
+
 const everyState = () => [
   ...PHASES.flatMap((phase) =>
     ["none", "connecting", "live", "lost"].flatMap((link) => [
@@ -235,6 +237,15 @@ describe("cards", () => {
       main: { action: "here", word: "do.here" },
       quiet: true,
     });
+  });
+
+  test("whoever waits reads who drives, where that is what they wait for", () => {
+    const waits = (pause, driver) =>
+      cardFor(state({ phase: "queued", place: 2, pause }, { room: { ...ROOM, driver } })).detail;
+    assert.deepEqual(waits("", "Ana"), { word: "queued.driver", values: { driver: "Ana" } });
+    assert.ok(SENTENCES.has("queued.driver"));
+    assert.equal(waits("", null), null);
+    assert.equal(waits("paused: estop", "Ana"), undefined);
   });
 
   test("whoever waits may ask to be told, while the browser can still ask for permission", () => {

@@ -4,8 +4,7 @@
  */
 
 import { roleOf } from "../../protocol/session.js";
-import { mayAsk } from "../../study/restrictions.js";
-import { offersAround } from "../../autonomy/offer.js";
+import { offersAround, wayOut } from "../../autonomy/offer.js";
 import { wordOf } from "../../autonomy/assistance.js";
 import { profileOf } from "../display/profiles.js";
 
@@ -144,7 +143,7 @@ const helpAlert = (state) => {
   }
   if (visit.phase === "driving" && robot.docked && now - pushedAt < PUSHED_SECONDS) {
     return {
-      word: mayAsk(state, "undock") ? "alert.docked_forward" : "alert.docked_forward_yourself",
+      word: wayOut(state) ? "alert.docked_forward" : "alert.docked_forward_yourself",
       tone: "busy",
     };
   }

@@ -81,8 +81,8 @@ const CARDS = {
   lobby: (state) => lobby(state),
   taking: ({ visit }) =>
     visit.socket === "open" ? { word: "taking", busy: true } : { word: "connecting", busy: true },
-  queued: ({ visit, ...state }) => ({
-    ...queued(visit),
+  queued: ({ visit, room, ...state }) => ({
+    ...queued(visit, room.driver),
     values: { place: visit.place, minutes: Math.max(1, Math.ceil(visit.minutes)) },
     ...meanwhile(state),
     other: { action: "leave_now", word: "do.leave_queue" },
@@ -159,17 +159,21 @@ const LACKS = new Set(["not_docked", "elsewhere", "lost", "charge", "silent"]);
 const UNFIT = new Set(["no_picture", "network", "fault", "not_connected"]);
 
 /**
- * How the robot keeps the queue waiting when nobody drives it.
+ * Who keeps the queue waiting, or how the robot does when nobody drives it.
  * @param {import("../../protocol/session.js").Visit} visit
+ * @param {string | null} driver
  * @returns {Card}
  */
-const queued = ({ place, pause }) => {
+const queued = ({ place, pause }, driver) => {
   const [why, reason] = [pause.split(":")[0], pause.split(":").slice(1).join(":").trim()];
   if (why === "start") {
     return { word: LACKS.has(reason) ? `queued.start_${reason}` : "queued.start_silent" };
   }
   if (!PAUSES.has(why)) {
-    return { word: place <= 1 ? "queued.next" : "queued" };
+    return {
+      word: place <= 1 ? "queued.next" : "queued",
+      detail: driver ? { word: "queued.driver", values: { driver } } : null,
+    };
   }
   if (reason === "offline" || reason === "estop") {
     return { word: `queued.${reason}` };

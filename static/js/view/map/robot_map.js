@@ -209,15 +209,6 @@ export class RobotMap {
     }
   }
 
-  /**
-   * Whether a point lies in the lower half of what is shown.
-   * @param {{x: number, y: number}} point m
-   * @returns {boolean}
-   */
-  isLow({ x, y }) {
-    return this.view !== null && toScreen(this.view, x, y)[1] > this.view.height / 2;
-  }
-
   #watchDensity() {
     const query = matchMedia(`(resolution: ${devicePixelRatio}dppx)`);
     query.addEventListener(

@@ -9,10 +9,12 @@ from experiments.builder.pages import BuilderPlace, place_of
 from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped
 from experiments.models import ParticipantKind, Study
+from surveys import questionnaires
 from tests.integration.experiments.test_publishing import NOW
 from tests.support.html_page import read
 from tests.support.participants import comer
 from tests.support.people import person
+from tests.support.questionnaires import defined, item
 from tests.support.studies import STUDY, small_study
 from tests.support.study_pages import form_of
 from tests.support.study_site import cabin_with_giraff
@@ -91,6 +93,75 @@ def test_a_whole_study_is_built_without_json_until_nothing_stands_in_the_way(cli
         "cabin",
         ("door",),
     )
+
+
+def test_the_design_is_chosen_once_with_the_factors_where_there_are_any(client, study):
+    rules = section(study, "rules")
+    assert "allocation.design" in form_of(client.get(rules))
+    client.post(section(study, "factors"), {"do": "add:", "sha256": study.sha256})
+    assert "allocation.design" not in form_of(client.get(rules))
+    send(client, section(study, "factors", 0), design="within")
+    assert stored().allocation.design == "within"
+    page = read(client.get(rules))
+    assert "Design: within participants: all conditions. It follows from the factors." in page.text
+    send(client, rules, allocation__quota="5")
+    assert (stored().allocation.design, stored().allocation.quota) == ("within", 5)
+    send(client, section(study, "factors", 0), design="between")
+    assert stored().allocation.design == "between"
+
+
+def test_a_speed_above_the_robots_own_is_not_saved_and_the_field_says_what_it_reaches(
+    client, study
+):
+    page = section(study, "conditions", 0)
+    answer = send(client, page, speed__linear="9")
+    assert answer.status_code == 422
+    assert "The speed limit of 9 m/s is above the top speed of giraff" in read(answer).text
+    assert stored().conditions[0].speed.linear is None
+    assert send(client, page, speed__linear="0.2").status_code == 302
+
+
+def test_lists_call_questionnaires_by_their_titles(client, study):
+    title = questionnaires.shipped()["experience"].title["en"]
+    assert f"{title}, version 1" in read(client.get(section(study, "steps"))).text
+
+
+def test_the_builder_says_where_a_task_ends_and_what_happens_otherwise(client, study):
+    text = read(client.get(section(study, "steps", 0))).text
+    assert "docked the robot at the charging station. Otherwise the drive ends" in text
+    course = read(client.get(section(study, "courses", 0))).text
+    assert "begins and ends at checkpoint 0" in course
+
+
+def test_a_second_question_on_the_age_is_told_on_both_pages_with_the_way_to_the_other(client, boss):
+    cabin_with_giraff()
+    questionnaires.store(defined([item("number", "years", text={"en": "How old are you?"})]), NOW)
+    title = {"en": "You"}
+    steps = [
+        {"kind": "consent", "key": "consent", "title": title, "text": {"en": "Yes?"}},
+        {"kind": "form", "key": "you", "title": title, "questionnaire": "test"},
+        *STUDY["steps"],
+    ]
+    row = publishing.store(small_study(steps=steps), NOW)
+    twice = "asked for their age twice"
+    for index, other in ((0, 1), (1, 0)):
+        page = read(client.get(section(row, "steps", index)))
+        assert twice in page.text
+        assert "“How old are you?”" in page.text
+        links = [e.attributes.get("href") for e in page.all("a") if e.text == "Go there"]
+        assert links == [section(row, "steps", other)]
+    assert twice not in read(client.get(section(row, "steps", 2))).text
+    send(client, section(row, "steps", 0), minimum_age="0")
+    assert twice not in read(client.get(section(row, "steps", 1))).text
+
+
+def test_a_page_of_the_instructions_is_given_to_some_conditions_by_ticking_them(client, study):
+    sent = {"do": "add:instructions", "sha256": study.sha256}
+    address = client.post(section(study, "steps"), sent).headers["Location"]
+    send(client, address, "add:leaves", title__en="Read")
+    send(client, address, leaves__0__text__en="Mind the door.", leaves__0__conditions=["shut"])
+    assert stored().steps[-1].leaves[0].conditions == ("shut",)
+    assert "Participants are assigned to their condition when" in read(client.get(address)).text
 
 
 def test_factors_are_built_without_json_and_each_condition_is_a_cell_of_them(client, study):

@@ -83,6 +83,16 @@ def test_between_participants_nobody_leaves_a_place_that_they_drove_in(robot):
     assert stages(study, p.later(90 * 86400)) == [("giraff_open", "filled")]
 
 
+def test_who_read_their_conditions_own_instructions_and_never_drove_is_gone_after_a_while(robot):
+    steps = p.msgspec.to_builtins(p.of("exploration"))["steps"]
+    read = next(one for one in steps if one["kind"] == "instructions")
+    read["leaves"][0]["conditions"] = ["giraff_open"]
+    study = p.published(p.of("exploration", steps=steps))
+    p.assign(p.comer(study, person("ada")), "giraff_open")
+    assert stages(study) == [("giraff_open", "under_way")]
+    assert stages(study, p.later(25 * 3600)) == [("giraff_open", "left")]
+
+
 def test_a_bot_or_pilot_is_counted_with_their_own_kind(study, robot):
     somebody(study, robot, "ada", ORDERS[0], 1)
     assert places.held(study, "pilot", p.later(0)) == []

@@ -229,7 +229,8 @@ def test_who_declines_leaves_a_row_without_a_name_and_may_come_again(walk):
     assert walker.participant.status == "active"
 
 
-def test_a_minor_is_turned_away_where_the_study_says_so_with_a_code_of_its_own(robot):
+@pytest.mark.parametrize("gives_code", [False, True])
+def test_a_minor_is_turned_away_and_gets_a_code_only_where_the_study_says_so(robot, gives_code):
     definition = p.of("exploration")
     consent = {
         "kind": "consent",
@@ -240,7 +241,8 @@ def test_a_minor_is_turned_away_where_the_study_says_so_with_a_code_of_its_own(r
         "minors": "refused",
     }
     steps = [consent, *p.msgspec.to_builtins(definition)["steps"][1:]]
-    walker = Walker(p.published(p.of("exploration", steps=steps)), person(), robot)
+    study = p.published(p.of("exploration", steps=steps, turned_away_code=gives_code))
+    walker = Walker(study, person(), robot)
     walker.come()
     assert "at least 18" in walker.look().text
     walker.send(age="17", agree="on")
@@ -250,7 +252,10 @@ def test_a_minor_is_turned_away_where_the_study_says_so_with_a_code_of_its_own(r
     )
     page = walker.look()
     assert "You can't take part" in page.text
-    assert completion.code(walker.study, "screened_out") in page.text
+    code = completion.code(walker.study, "screened_out")
+    assert (code in page.text, walker.participant.completion_code == code) == (gives_code,) * 2
+    assert ("Code for the recruitment site" in page.text) == gives_code
+    assert "completion code" not in page.text
     walker.send(age="18", agree="on")
     assert walker.participant.status == "screened_out"
     assert ConsentReceipt.objects.count() == 0
@@ -277,6 +282,65 @@ def test_instructions_are_one_page_each_with_a_picture_and_only_those_of_the_rob
         assert "of 4" in read(walker.client.get(walker.url(), {"leaf": wrong})).text
     Participant.objects.update(access="invitation")
     assert "Page 1 of 3" in walker.look().text
+
+
+def read_by_condition(*keys: str) -> list[dict]:
+    """The steps of the paper's study with a page of the instructions for each of some conditions,
+    and one for all.
+    """
+    steps = p.msgspec.to_builtins(p.of("exploration"))["steps"]
+    pages = [
+        {"text": dict.fromkeys(("en", "es"), f"For {key}."), "conditions": [key]} for key in keys
+    ]
+    everybody = {"text": dict.fromkeys(("en", "es"), "For everybody.")}
+    return [
+        {**one, "leaves": [everybody, *pages]} if one["key"] == "instructions" else one
+        for one in steps
+    ]
+
+
+def test_a_page_for_some_conditions_is_read_by_those_alone_who_are_assigned_when_they_come(robot):
+    keys = ("giraff_open", "giraff_lab_closed", "giraff_lounge_closed")
+    study = p.published(p.of("exploration", steps=read_by_condition(*keys)))
+    for n in range(3):
+        walker = Walker(study, person(f"p{n}"), robot)
+        walker.come()
+        bring(walker, journey.JourneyPlace(1, 0, "instructions"))
+        walker.look()
+        own = walker.participant
+        assert (own.stage, own.conditions) == ("under_way", [own.cell])
+        page = read(walker.client.get(walker.url(), {"leaf": "2"}))
+        assert f"For {own.cell}." in page.text
+        assert "Page 2 of 2" in page.text
+        walker.look()
+        assert walker.participant.cell == own.cell
+    # one each: the draw is that of the first grant
+    assert sorted(Participant.objects.values_list("cell", flat=True)) == sorted(keys)
+
+
+def test_a_step_without_a_page_for_ones_condition_is_passed_over(robot):
+    steps = read_by_condition("giraff_open")
+    for one in steps:
+        if one["key"] == "instructions":
+            one["leaves"] = one["leaves"][1:]
+    walker = Walker(p.published(p.of("exploration", steps=steps)), person(), robot)
+    walker.come()
+    p.assign(walker.participant, "giraff_lab_closed")
+    bring(walker, journey.JourneyPlace(1, 0, "task"))
+
+
+def test_who_comes_to_such_a_page_when_every_cell_is_full_is_turned_away(robot):
+    full = {"design": "between", "quota": 1}
+    steps = read_by_condition("giraff_open")
+    study = p.published(p.of("exploration", steps=steps, allocation=full))
+    walker = Walker(study, person(), robot)
+    walker.come()
+    for n, condition in enumerate(("giraff_open", "giraff_lab_closed", "giraff_lounge_closed")):
+        p.assign(p.comer(study, person(f"p{n}")), condition)
+    for _ in range(3):
+        if walker.participant.status == "active":
+            walker.do()
+    assert walker.participant.status == "screened_out"
 
 
 # --- driving --------------------------------------------------------------------------------------
@@ -351,7 +415,7 @@ def test_after_a_drive_that_never_moved_one_may_try_again_or_answer_without(at_t
         for e in page.elements
         if e.tag in {"a", "button"} and "button" in e.attributes.get("class", "")
     ]
-    assert words.index("Try again") < words.index("Answer the questions without driving")
+    assert words.index("Try again") < words.index("Continue without driving")
     assert walker.participant.step == "task"
     assert walker.client.get(walker.url("study_drive")).status_code == 200
     walker.send(go="without")

@@ -18,6 +18,7 @@ from robots.api.messages import Event
 from sessions.models import NetworkSample, StateChunk
 from sessions.protocol import NOTICES
 from tests.support import replays
+from tests.support.html_page import read
 from tests.support.paths import ROOT
 from tests.support.people import person
 
@@ -172,6 +173,16 @@ def test_researchers_of_the_study_see_it(client, drive, role):
     client.force_login(member(role))
     assert client.get(reverse("replay", args=[drive.session_id])).status_code == 200
     assert len(data_of(client, drive.session).json()["states"]["t"]) == 240
+
+
+def test_the_readings_are_called_what_they_are(client, drive):
+    client.force_login(member("viewer"))
+    page = read(client.get(reverse("replay", args=[drive.session.pk])))
+    names = [one.text for one in page.all("dt")]
+    places = [one.attributes["id"] for one in page.all("dd")]
+    called = dict(zip(places, names, strict=True))
+    # m/s and rad/s: static/js/pages/replay/readings.js
+    assert called["reading-driven"] == "Speed"
 
 
 def test_others_find_nothing(client, drive):

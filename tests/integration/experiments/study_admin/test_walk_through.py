@@ -74,7 +74,52 @@ def test_the_frame_offers_every_language_and_the_width_of_a_phone(client):
     screen = page.all("iframe")[0].attributes
     assert (screen["width"], screen["src"]) == ("1280", step(study, 1, "es"))
     assert len([e for e in page.all("a") if e.attributes.get("target")]) == 6
+    assert {"English", "Spanish"} <= {e.text for e in page.all("a")}
+    third = read(client.get(frame(study, step="instructions"))).all("iframe")[0].attributes
+    assert third["src"] == step(study, 3)
     assert read(client.get(frame(study, language="xx", width="wall"))).all("iframe")
+
+
+def test_it_is_reached_from_where_the_study_is_built(client):
+    study = publishing.store(p.of("exploration"), timezone.now())
+    researcher(client, study)
+    whole = reverse("admin:experiments_study_walk_through", args=[study.pk])
+    built = reverse("admin:experiments_study_part", args=[study.pk, "steps", 2])
+    overview = reverse("admin:experiments_study_change", args=[study.pk])
+    for address, way in ((built, f"{whole}?step=instructions"), (built, whole), (overview, whole)):
+        assert way in [e.attributes.get("href") for e in read(client.get(address)).all("a")]
+    current = [e.text for e in read(client.get(whole)).all("a") if "aria-current" in e.attributes]
+    assert current[:2] == ["Builder", "Walk through"]
+
+
+def test_it_shows_what_one_condition_sees_and_goes_on_in_it(client):
+    steps = p.msgspec.to_builtins(p.of("exploration"))["steps"]
+    pages = next(one for one in steps if one["kind"] == "instructions")["leaves"]
+    pages[0]["conditions"] = ["giraff_open"]
+    study = publishing.store(p.of("exploration", steps=steps), timezone.now())
+    researcher(client, study)
+    before = rows()
+
+    def seen(condition: str) -> str:
+        page = read(client.get(frame(study, condition=condition, step="instructions")))
+        shown = page.all("iframe")[0].attributes["src"]
+        following = client.post(shown).url
+        assert following.endswith(f"/4/{condition}/" if condition else "/4/")
+        return read(client.get(shown)).text
+
+    assert "Page 1 of 4" in seen("giraff_open")
+    assert "Page 1 of 3" in seen("giraff_lab_closed")
+    assert "Page 1 of 4" in seen("")
+    assert client.get(step(study, 3) + "nobody/").status_code == 404
+    assert rows() == before
+
+
+def test_questions_look_as_participants_see_them_and_save_nothing(client):
+    study = publishing.store(p.of("assistance"), timezone.now())
+    researcher(client, study)
+    scripts = [e.attributes.get("src", "") for e in read(client.get(step(study, 6))).all("script")]
+    assert any("survey/look" in one for one in scripts)
+    assert not any("survey/page" in one for one in scripts)
 
 
 def test_its_pages_are_shown_in_a_frame_of_this_site_and_of_no_other(client):

@@ -237,6 +237,15 @@ def test_who_left_before_anything_moved_gives_the_place_back(robot):
     )
 
 
+def test_who_has_read_what_only_their_condition_says_keeps_the_place(robot):
+    page = {"text": {"en": "Mind the door."}, "conditions": ["all_open"]}
+    read = {"kind": "instructions", "key": "read", "title": {"en": "Read"}, "leaves": [page]}
+    drive = begin(robot, steps=[*STUDY["steps"], read])
+    at = timezone.now().timestamp()
+    drive = settled(close(drive, outcome="connection_refused", reason="never_connected", at=at))
+    assert (drive.exposed, drive.participant.stage) == (False, "under_way")
+
+
 @pytest.mark.parametrize(
     "outcome", ["robot_fault", "connection_lost", "cancelled", "stopped_by_operator"]
 )

@@ -43,6 +43,26 @@ def test_the_speed_that_is_left_is_of_the_conditions_own_limit_which_falls_with_
     assert "at about 0.08 m/s instead of 0.30 m/s" in sentence
 
 
+def test_a_speed_limit_that_the_robot_never_reaches_is_refused_with_the_robots_own():
+    def said(**speed: float) -> list[str]:
+        study = small_study(conditions=[{**STUDY["conditions"][0], "speed": speed}])
+        giraff = RobotFacts(frozenset(("velocity",)), 0.7, angular=1.2)
+        known = Known({"cabin": cabin()}, {"giraff": giraff}, QUESTIONNAIRES)
+        return list(obstacles(study, known, unreachable))
+
+    assert said(linear=9.0, angular=1.3) == [
+        (
+            "Condition all_open: the speed limit of 9 m/s is above the top speed of giraff, 0.7 m/s:"
+            " lower it, or leave it blank to use the robot's."
+        ),
+        (
+            "Condition all_open: the limit of the turning speed of 1.3 rad/s is above the top speed of"
+            " giraff, 1.2 rad/s: lower it, or leave it blank to use the robot's."
+        ),
+    ]
+    assert said(linear=0.7, angular=1.2) == []
+
+
 def test_video_may_be_delayed_as_far_as_the_sentence_says_and_no_farther():
     assert found({"video": {"delay": 0.44}}, NETWORK_LAB) == []
     assert found({"video": {"delay": 0.3, "jitter": 0.05, "loss": 0.02}}, NETWORK_LAB) == []

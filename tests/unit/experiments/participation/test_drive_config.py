@@ -179,3 +179,18 @@ def test_a_plan_without_the_courses_station_is_refused():
         drive_config.guide(
             study, study.task, [study.conditions[0]], bare, language="en", step_url=STEP
         )
+
+
+def test_after_a_drive_the_page_says_what_really_comes_next():
+    steps = {step.key: step for step in shipped()["assistance"].steps}
+
+    def said(*keys):
+        return drive_config.what_follows([steps[key] for key in keys])
+
+    assert said(
+        "workload", "experience", "practice", "task", "workload", "experience", "thanks"
+    ) == ("Questions are next, then you drive again.")
+    assert said("workload", "experience", "thanks") == "The last questions are next."
+    assert said("task", "workload", "thanks") == "Another drive is next."
+    assert said("instructions", "task") == "The study continues with the next step."
+    assert said("thanks") == said() == "That was the last part of the study."
