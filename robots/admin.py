@@ -19,6 +19,7 @@ from django.utils.translation import gettext_lazy as _
 from django.views.decorators.cache import never_cache
 
 from accounts import audit
+from accounts.admin_filters import ShownFilters
 from robots.admin_pages.access import OfRobots, OwnersPermits, WithDriver, theirs_to_change
 from robots.admin_pages.doors import DoorPage
 from robots.admin_pages.finishing import FinishingPage
@@ -26,7 +27,7 @@ from robots.admin_pages.keys import EnrolmentPage, ScreenPage
 from robots.admin_pages.now_filter import NowFilter
 from robots.enrol.credentials import make_credentials, revoke
 from robots.forms import AdapterInput, FloorPlanForm, RobotForm, offered
-from robots.models import FloorPlan, Robot, RobotPermit
+from robots.models import FloorPlan, Robot, RobotElsewhere, RobotPermit
 from robots.presence import standstill_of, trouble_of
 from robots.readiness_text import in_words
 
@@ -639,6 +640,15 @@ class FloorPlanAdmin(FinishingPage, OfRobots):
             f"{len(plan.plan[kind])} {word}" for kind, word in kinds.items() if plan.plan.get(kind)
         ]
         return ", ".join(named) or NOTHING
+
+
+@admin.register(RobotElsewhere)
+class RobotElsewhereAdmin(ShownFilters):
+    """Which other site serves which robot."""
+
+    list_display = ("name", "site")
+    list_filter = ("site",)
+    search_fields = ("name", "site")
 
 
 def _moment(moment: datetime.datetime) -> str:

@@ -5,10 +5,16 @@ import datetime
 import re
 import uuid
 from typing import Any
+from urllib.parse import urlsplit
 
 from django.conf import settings
 from django.core.exceptions import ValidationError
-from django.core.validators import MaxValueValidator, MinValueValidator, RegexValidator
+from django.core.validators import (
+    MaxValueValidator,
+    MinValueValidator,
+    RegexValidator,
+    URLValidator,
+)
 from django.db import models
 from django.utils.translation import get_language
 from django.utils.translation import gettext_lazy as _
@@ -49,6 +55,14 @@ def check_translations(value: Any) -> None:
                 "{“es”: {“title”: “…”, “description”: “…”}}, with straight quotes."
             )
         )
+
+
+def check_site(value: str) -> None:
+    """Raise ValidationError for what is not the address of a site alone: scheme, host and port."""
+    URLValidator(schemes=["https", "http"])(value)
+    parts = urlsplit(value)
+    if "@" in value or value != f"{parts.scheme}://{parts.netloc}":
+        raise ValidationError(_("Enter an address such as https://robots.north.example.org."))
 
 
 class FloorPlan(models.Model):
@@ -382,6 +396,38 @@ class Enrolment(models.Model):
 
     def __str__(self) -> str:
         return f"{self.robot_id} · {self.made_at:%Y-%m-%d %H:%M}"
+
+
+class RobotElsewhere(models.Model):
+    """A robot that another site of the same house serves (robots/enrol/elsewhere.py)."""
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    name = models.CharField(
+        _("name"),
+        max_length=63,
+        unique=True,
+        validators=[
+            RegexValidator(ROBOT_NAME, _("Use only lower-case letters, digits and hyphens."))
+        ],
+        help_text=_(
+            "The robot's name at the other site. If a robot of this name is enabled here, "
+            "this entry has no effect."
+        ),
+    )
+    site = models.CharField(
+        _("site"),
+        max_length=200,
+        validators=[check_site],
+        help_text=_("The other site's address, such as https://robots.north.example.org."),
+    )
+
+    class Meta:
+        verbose_name = _("robot at another site")
+        verbose_name_plural = _("robots at other sites")
+        ordering = ("name",)
+
+    def __str__(self) -> str:
+        return f"{self.name} · {self.site}"
 
 
 class RobotPermit(models.Model):

@@ -18,6 +18,7 @@ from accounts.passwordless import open_to_visitors
 from accounts.rate_limits import too_many
 from robots.access import may_drive, may_observe, robots_visible_to
 from robots.enrol import credentials
+from robots.enrol.elsewhere import misdirected
 from robots.floorplans import plan_content
 from robots.ice import ice_servers
 from robots.models import FloorPlan
@@ -43,6 +44,8 @@ def agent_configuration(request: HttpRequest) -> JsonResponse:
     robot = credentials.robot_of(name, token) if name and token else None
     if robot is None:
         REFUSED.count(address, now)
+        if (elsewhere := misdirected(name)) is not None:
+            return elsewhere
         detail = (
             "Send “Authorization: Bearer <robot>:<token>” with the credentials that the robot's"
             " owner was shown."

@@ -157,6 +157,10 @@ class StateChunk(models.Model):
         constraints = [
             models.UniqueConstraint(fields=["session", "boot", "first_seq"], name="states_once")
         ]
+        # Live views ask for the newest row of a drive again and again.
+        indexes = [
+            models.Index(fields=["session", "received_at", "first_seq"], name="states_in_order")
+        ]
 
     def __str__(self) -> str:
         return f"{self.session_id} · {self.boot} · {self.first_seq}-{self.last_seq}"

@@ -29,6 +29,7 @@ from robots.api.disk_space import DiskSpace
 from robots.api.messages import IceServer
 from robots.bridge import bridge
 from robots.cards import picture_of
+from robots.enrol.elsewhere import led_to_its_site
 from robots.ice import ice_servers
 from robots.models import Robot
 from sessions import interfaces, protocol
@@ -41,6 +42,7 @@ LISTS = Attempts("snapshots", limit=240)
 
 
 @never_cache
+@led_to_its_site
 @login_required
 @require_safe
 def drive(request: HttpRequest, robot: str) -> HttpResponse:

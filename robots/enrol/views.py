@@ -17,6 +17,7 @@ from accounts.attempts import Attempts
 from accounts.rate_limits import limited
 from robots.enrol import credentials, tokens
 from robots.enrol.credentials import Credentials, bearer
+from robots.enrol.elsewhere import MISDIRECTED, misdirected
 
 log = structlog.stdlib.get_logger(__name__)
 LARGEST = 4096
@@ -33,7 +34,7 @@ class EnrolmentRequest(msgspec.Struct):
 @csrf_exempt
 @never_cache
 @require_POST
-@limited(ENROLLING, json=True, refusals={400, 403})
+@limited(ENROLLING, json=True, refusals={400, 403, MISDIRECTED})
 def enrol(request: HttpRequest) -> JsonResponse:
     """Exchange a one-time token for credentials: {"robot", "token"} in, {"robot", "token"} out."""
     try:
@@ -45,6 +46,8 @@ def enrol(request: HttpRequest) -> JsonResponse:
     made = tokens.redeem(asked.robot, asked.token, timezone.now())
     if made is None:
         log.warning("enrolment_refused", robot=asked.robot[:80])
+        if (elsewhere := misdirected(asked.robot)) is not None:
+            return elsewhere
         detail = (
             "This token was used, has expired, or is another robot's: its owner can make a new one"
             " in the administration."
@@ -57,7 +60,7 @@ def enrol(request: HttpRequest) -> JsonResponse:
 @csrf_exempt
 @never_cache
 @require_POST
-@limited(RENEWING, json=True, refusals={401})
+@limited(RENEWING, json=True, refusals={401, MISDIRECTED})
 def renew(request: HttpRequest) -> JsonResponse:
     """Give an agent new credentials, if somebody asked for that; what it shows holds for a while
     longer.
@@ -65,7 +68,7 @@ def renew(request: HttpRequest) -> JsonResponse:
     name, token = bearer(request.headers.get("Authorization", ""))
     robot = credentials.robot_of(name, token) if name and token else None
     if robot is None:
-        return JsonResponse(
+        return misdirected(name) or JsonResponse(
             {
                 "error": "wrong_credentials",
                 "detail": "These credentials are not valid, or no longer valid.",

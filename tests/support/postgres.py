@@ -32,6 +32,7 @@ class Postgres:
 
     directory: Path
     port: int
+    options: tuple[str, ...] = ()  # the last one of a name counts
 
     @property
     def url(self) -> str:
@@ -45,6 +46,7 @@ class Postgres:
         options = (
             f"-p {self.port} -c listen_addresses=127.0.0.1 -c"
             f" unix_socket_directories={self.directory} -c fsync=off -c max_connections=40"
+            f" {' '.join(self.options)}"
         )
         log = str(self.directory / "log")
         _run(
@@ -137,9 +139,11 @@ def _run(*command: str, cwd: Path) -> None:
 
 
 @contextlib.contextmanager
-def running_postgres() -> Iterator[Postgres]:
-    """Start a server whose database has all tables and nothing in them."""
-    with _server() as server:
+def running_postgres(*options: str) -> Iterator[Postgres]:
+    """Start a server whose database has all tables and nothing in them, with more options if one
+    likes.
+    """
+    with _server(*options) as server:
         subprocess.run(["cp", "-a", migrated(), server.data], check=True)
         server.start()
         try:
@@ -174,12 +178,12 @@ def running_pair() -> Iterator[tuple[Postgres, Postgres]]:
 
 
 @contextlib.contextmanager
-def _server() -> Iterator[Postgres]:
+def _server(*options: str) -> Iterator[Postgres]:
     directory = Path(tempfile.mkdtemp(prefix="telepresence-postgres-"))
     if os.geteuid() == 0:
         shutil.chown(directory, OWNER)
     try:
-        yield Postgres(directory, free_port())
+        yield Postgres(directory, free_port(), options)
     finally:
         shutil.rmtree(directory, ignore_errors=True)
 

@@ -82,6 +82,8 @@ def ask(config: AgentConfig) -> tuple[str, ...]:
                 f"the server refused the credentials of {config.robot!r}: create new "
                 "ones in its administration"
             ) from error
+        if error.code == HTTPStatus.MISDIRECTED_REQUEST:
+            raise ConfigError(f"the server refused the request: {reason_of(error)}") from error
         if error.code == HTTPStatus.NOT_FOUND:
             raise ConfigError(
                 f"{config.server} is not a telepresence server: it has no {PATH}"
@@ -106,6 +108,15 @@ def _urls_in(answer: bytes, config: AgentConfig) -> tuple[str, ...]:
             f" mqtts://host:8883, not {json.dumps(urls)[:200]}; correct MQTT_PUBLIC_URL there"
         )
     return tuple(urls)
+
+
+def reason_of(error: urllib.error.HTTPError) -> str:
+    """Return what the server says about its refusal, in its words."""
+    try:
+        content = json.loads(error.read(LARGEST_ANSWER))
+        return str(content["detail"])[:300]
+    except (OSError, ValueError, KeyError, TypeError):
+        return f"it answered {error.code}"
 
 
 def trust(server: str, ca: str | None) -> ssl.SSLContext | None:

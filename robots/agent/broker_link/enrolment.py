@@ -21,6 +21,7 @@ from robots.agent.broker_link.broker_discovery import (
     LARGEST_ANSWER,
     TIMEOUT,
     ServerAwayError,
+    reason_of,
     trust,
 )
 from robots.agent.config import AgentConfig, ConfigError, credentials_path, load
@@ -37,6 +38,7 @@ REFUSALS = (
     HTTPStatus.FORBIDDEN,
     HTTPStatus.NOT_FOUND,
     HTTPStatus.GONE,
+    HTTPStatus.MISDIRECTED_REQUEST,
 )
 
 
@@ -195,18 +197,10 @@ def _post(
             answer = json.loads(response.read(LARGEST_ANSWER))
     except urllib.error.HTTPError as error:
         if error.code in REFUSALS:
-            raise ConfigError(f"the server refused the request: {_reason(error)}") from error
+            raise ConfigError(f"the server refused the request: {reason_of(error)}") from error
         raise ServerAwayError(f"it answered with HTTP status {error.code}") from error
     except (OSError, ValueError) as error:
         raise ServerAwayError(str(getattr(error, "reason", error))) from error
     if not isinstance(answer, dict):
         raise ServerAwayError("its answer is invalid")
     return answer
-
-
-def _reason(error: urllib.error.HTTPError) -> str:
-    try:
-        content = json.loads(error.read(LARGEST_ANSWER))
-        return str(content["detail"])[:300]
-    except (OSError, ValueError, KeyError, TypeError):
-        return f"it answered {error.code}"

@@ -1,6 +1,8 @@
 """The one reader of stored states: order, batches, classes."""
 
 import pytest
+from django.db import connection
+from django.test.utils import CaptureQueriesContext
 
 from experiments import stored_states
 from experiments.dataset.states import StoredState
@@ -67,3 +69,13 @@ def test_offsets_and_the_newest_chunk_are_in_the_same_order(session):
     assert list(clock_offsets(session)) == [0.1, 0.2]
     assert newest_chunk(session).boot == "second"
     assert newest_chunk(session_at("clinic", "bob")) is None
+
+
+def test_the_newest_states_are_found_without_reading_the_others(session):
+    with CaptureQueriesContext(connection) as asked:
+        newest_chunk(session)
+    with connection.cursor() as cursor:
+        cursor.execute(f"EXPLAIN QUERY PLAN {asked[0]['sql']}")
+        assert [row[3].partition(" (")[0] for row in cursor.fetchall()] == [
+            "SEARCH telepresence_sessions_statechunk USING INDEX states_in_order"
+        ]

@@ -36,3 +36,9 @@ def test_a_crash_of_the_database_and_text_that_it_cannot_hold_cost_no_other_stat
     assert found["seqs"] == list(range(1, 201))
     assert found["said"] == "ab"
     assert found["refused"] >= 1, "what cannot be text is refused by itself"
+
+
+def test_the_room_of_deleted_states_is_taken_back_within_days():
+    with running_postgres() as server:
+        asked = "SELECT reloptions FROM pg_class WHERE relname = 'telepresence_sessions_statechunk'"
+        assert server.ask(asked) == [(["autovacuum_vacuum_scale_factor=0.02"],)]

@@ -363,6 +363,7 @@ MODELS = {
     ),
     "accounts_auditentry": (None, ADMINISTRATOR, NOBODY, NOBODY, NOBODY, NOBODY),
     "robots_robot": ("robot", WITH_A_ROBOT, ADMINISTRATOR, ROBOT_OWNER, ROBOT_OWNER, ADMINISTRATOR),
+    "robots_robotelsewhere": (None, ADMINISTRATOR, ADMINISTRATOR, NOBODY, NOBODY, NOBODY),
     "robots_floorplan": (
         "plan",
         WITH_A_ROBOT,

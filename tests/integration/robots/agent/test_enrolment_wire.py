@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from robots.agent.broker_link.broker_discovery import ServerAwayError
+from robots.agent.broker_link.broker_discovery import ServerAwayError, ask
 from robots.agent.broker_link.enrolment import enrol, renew
 from robots.agent.config import ConfigError, load
 
@@ -15,7 +15,7 @@ GOOD = {"robot": "giraff", "user": "giraff.1", "token": "fresh"}
 
 
 class Server(http.server.ThreadingHTTPServer):
-    """Answers every POST with what stands in `answer`, and keeps what it was asked."""
+    """Answers every request with what stands in `answer`, and keeps what it was asked."""
 
     answer: tuple[int, bytes] = (200, b"")
 
@@ -31,8 +31,11 @@ class Server(http.server.ThreadingHTTPServer):
 class Answering(http.server.BaseHTTPRequestHandler):
     server: Server
 
+    def do_GET(self) -> None:
+        self.do_POST()
+
     def do_POST(self) -> None:
-        body = self.rfile.read(int(self.headers["Content-Length"]))
+        body = self.rfile.read(int(self.headers.get("Content-Length", 0)))
         self.server.asked.append((self.path, self.headers.get("Authorization", ""), body))
         code, content = self.server.answer
         self.send_response(code)
@@ -68,6 +71,7 @@ def test_a_token_travels_in_the_body_and_the_answer_is_kept(server, tmp_path):
     ("code", "content", "words"),
     [
         (403, b'{"detail": "This token was used."}', "This token was used"),
+        (421, b'{"detail": "giraff is served by https://n."}', "giraff is served by https://n"),
         (403, b"<html>", "it answered 403"),
         (404, b"", "it answered 404"),
         (500, b"", r"the request to \S+ failed: it answered with HTTP status 500"),
@@ -120,3 +124,12 @@ def test_present_credentials_are_shown_to_get_new_ones_and_stay_when_there_is_no
 def test_a_server_that_is_not_there_is_told(tmp_path):
     with pytest.raises(ConfigError, match=r"the request to \S+ failed"):
         enrol("giraff", "http://127.0.0.1:9", "once", tmp_path / "giraff.toml")
+
+
+def test_an_agent_at_the_wrong_site_ends_with_the_address_of_the_right_one(server, tmp_path):
+    server.answer = (421, b'{"detail": "giraff is served by https://n."}')
+    given = {"robot": "giraff", "server": server.url, "adapter": "simulator", "var": tmp_path}
+    config = load(given, {"TELEPRESENCE_TOKEN": "of-the-north"})
+    with pytest.raises(ConfigError, match=r"giraff is served by https://n\."):
+        ask(config)
+    assert [path for path, _, _ in server.asked] == ["/api/v1/agent/"]

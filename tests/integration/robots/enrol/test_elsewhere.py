@@ -1,0 +1,108 @@
+"""Robots that other sites serve: pages lead there, and agents are told."""
+
+import pytest
+from django.contrib.auth import get_user_model
+from django.core.exceptions import ValidationError
+from django.urls import reverse
+from django.utils import timezone
+
+from robots.enrol.credentials import make_credentials
+from robots.enrol.tokens import make_token
+from robots.models import Robot, RobotElsewhere
+
+pytestmark = pytest.mark.django_db
+NORTH = "https://robots.north.example.org"
+
+
+@pytest.fixture(autouse=True)
+def entry():
+    return RobotElsewhere.objects.create(name="giraff", site=NORTH)
+
+
+def bearer(name: str, token: str) -> dict[str, str]:
+    return {"Authorization": f"Bearer {name}:{token}"}
+
+
+@pytest.mark.parametrize("is_signed_in", [False, True])
+def test_the_page_of_a_robot_leads_to_the_site_that_serves_it(client, is_signed_in):
+    if is_signed_in:
+        client.force_login(get_user_model().objects.create_user("ada"))
+    answer = client.get("/robots/giraff/?watch=1")
+    assert answer.status_code == 302
+    assert answer.url == f"{NORTH}/robots/giraff/?watch=1&from_site=testserver"
+
+
+def test_of_two_sites_that_name_each_other_the_second_one_answers_itself(client):
+    client.force_login(get_user_model().objects.create_user("ada"))
+    assert client.get("/robots/giraff/?from_site=robots.north.example.org").status_code == 404
+
+
+def test_a_robot_that_is_enabled_here_is_served_here(client):
+    robot = Robot.objects.create(name="giraff", title="Giraff")
+    key = make_credentials(robot, timezone.now())
+    assert client.get("/robots/giraff/").url.startswith(reverse("account_login"))
+    assert client.get("/api/v1/agent/", headers=bearer("giraff", key.token)).status_code == 200
+    robot.enabled = False
+    robot.save()
+    assert client.get("/robots/giraff/").url.startswith(NORTH)
+    assert client.get("/api/v1/agent/", headers=bearer("giraff", key.token)).status_code == 421
+
+
+def test_a_robot_that_nobody_knows_is_as_unknown_as_before(client):
+    assert client.get("/robots/rhodon/").url.startswith(reverse("account_login"))
+    for path in ("/api/v1/agent/", "/api/v1/agent/renew/"):
+        asked = client.get if path.endswith("agent/") else client.post
+        assert asked(path, headers=bearer("rhodon", "wrong")).status_code == 401
+
+
+@pytest.mark.parametrize("path", ["/api/v1/agent/", "/api/v1/agent/renew/"])
+def test_an_agent_with_credentials_of_another_site_is_told_which(client, path):
+    asked = client.get if path == "/api/v1/agent/" else client.post
+    answer = asked(path, headers=bearer("giraff", "of the north"))
+    assert answer.status_code == 421
+    assert answer.json()["site"] == NORTH
+    assert answer.json()["detail"].startswith(f"giraff is served by {NORTH}. Start the agent with")
+
+
+def test_whoever_guesses_tokens_of_a_robot_elsewhere_has_to_wait_as_well(client):
+    def tried() -> int:
+        asked = {"robot": "giraff", "token": "guessed"}
+        return client.post(
+            "/api/v1/agent/enrol/", asked, content_type="application/json"
+        ).status_code
+
+    statuses = [tried() for _ in range(12)]
+    assert statuses[0] == 421
+    assert statuses[-1] == 429
+
+
+def test_another_robot_of_this_site_enrols_as_before(client):
+    token = make_token(Robot.objects.create(name="rhodon", title="Rhodon"), timezone.now())
+    asked = {"robot": "rhodon", "token": token}
+    answer = client.post("/api/v1/agent/enrol/", asked, content_type="application/json")
+    assert answer.json()["robot"] == "rhodon"
+
+
+@pytest.mark.parametrize(
+    "site",
+    [
+        "robots.north.example.org",
+        "ftp://robots.north.example.org",
+        "https://robots.north.example.org/",
+        "https://robots.north.example.org/robots",
+        "https://user:secret@north.example.org",
+        "https://north .example.org",
+        "javascript:alert(1)",
+        "https://",
+    ],
+)
+def test_a_site_is_a_scheme_a_host_and_a_port(entry, site):
+    entry.site = site
+    with pytest.raises(ValidationError):
+        entry.full_clean()
+
+
+@pytest.mark.parametrize("site", ["http://10.0.0.7:8000", "https://north.example.org:8443", NORTH])
+def test_such_an_address_is_taken(entry, site):
+    entry.site = site
+    entry.full_clean()
