@@ -29,10 +29,11 @@ from experiments.models import Participant, ParticipantKind, Study, StudyMember
 from experiments.research.notices import mail_to_owner
 from experiments.research.study_access import OfStudies, study_for
 from experiments.study_admin import opening_hours
-from experiments.study_admin.participants import DriveAdmin, ParticipantAdmin, RehearsalAdmin
+from experiments.study_admin.participants import DriveAdmin, ParticipantAdmin
 from experiments.study_admin.people import PeoplePages, made
 from experiments.study_admin.plan import PlanPages
 from experiments.study_admin.publication import PublicationPages
+from experiments.study_admin.rehearsals import RehearsalAdmin, offer_of
 from experiments.study_admin.walk_through import WalkThroughPages
 from robots.admin import NOTHING
 from robots.admin_pages.overview import register_section
@@ -224,7 +225,6 @@ class StudyAdmin(
             .values_list("status")
             .annotate(n=Count("pk"))
         )
-        rehearsal = publishing.passed_rehearsal(row)
         return {
             "study": row,
             "study_tab": "overview",
@@ -233,7 +233,8 @@ class StudyAdmin(
             "may_research": may(request.user, row.slug, "researcher"),
             "sections": sections(row),
             "share": request.build_absolute_uri(reverse("study", args=[row.slug])),
-            "rehearsal": rehearsal,
+            "rehearsal": publishing.passed_rehearsal(row),
+            "offer": offer_of(row),
             "statuses": [
                 (words, by_status.get(value, 0)) for value, words in Participant.Status.choices
             ],
@@ -356,7 +357,9 @@ class StudyAdmin(
             "form": form,
             "reasons": reasons,
             "problems": told(row),
+            "is_owner": True,
             "rehearsal": publishing.passed_rehearsal(row),
+            "offer": offer_of(row),
         }
         return render(
             request,
