@@ -6,7 +6,7 @@ import math
 
 from experiments.bots.endings import Ending
 from experiments.definition.schema import StudyDefinition
-from experiments.rehearsal.report import SLOWEST
+from experiments.rehearsal.report import DRIVER, SLOWEST
 from robots.world.robot_models import MODELS
 
 EACH = 2  # bots that go through each condition to the end
@@ -48,12 +48,13 @@ def problems(study: StudyDefinition) -> list[str]:
 def expected_minutes(study: StudyDefinition, cores: int) -> int:
     """Return about how long it takes on an idle computer, rounded up.
 
-    A bot's drive is reckoned as long as the time limit allows for its slowest; two bots drive at
-    a time where there are two robots, and time goes as fast as the processor can follow.
+    A limit usually leaves people a multiple of their time, and people need a multiple of a bot's.
+    Two bots drive at a time where there are two robots, and time goes as fast as the processor can
+    follow.
     """
     limit = study.task.minutes if study.task is not None else 0.0
     robots = {(condition.robot, condition.site) for condition in study.conditions}
-    drives = len(endings(study)) * limit / SLOWEST
+    drives = len(endings(study)) * limit / (SLOWEST * DRIVER)
     together = max(1, min(AT_ONCE, len(robots)))
-    pace = min(SPEED, cores / (PROCESSOR_SECONDS * together))
+    pace = min(SPEED, cores / PROCESSOR_SECONDS)
     return math.ceil(START_MINUTES + drives / together / pace)
