@@ -495,7 +495,7 @@ class Rehearsal(models.Model):
         WAITING = "waiting", _("waiting")
         RUNNING = "running", _("running")
         STOPPED = "stopped", _("ended by a researcher")
-        FAILED = "failed", _("failed")
+        FAILED = "failed", _("did not finish")
         DONE = "done", _("finished")
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)

@@ -67,7 +67,7 @@ class Migration(migrations.Migration):
                     ("waiting", "waiting"),
                     ("running", "running"),
                     ("stopped", "ended by a researcher"),
-                    ("failed", "failed"),
+                    ("failed", "did not finish"),
                     ("done", "finished"),
                 ],
                 default="waiting",

@@ -83,7 +83,7 @@ def test_an_owner_starts_a_rehearsal_and_whoever_presses_again_is_led_to_it(clie
         found = read(client.get(at(page, study)))
         assert "Waiting to start." in found.text
         assert "Rehearse now" not in found.text
-        assert faults(found) == []
+    assert faults(found) == []
 
 
 def test_a_viewer_follows_a_rehearsal_and_neither_starts_nor_ends_one(client, study):
