@@ -31,10 +31,11 @@ from experiments.research.notices import mail_to_owner
 from experiments.research.study_access import OfStudies, study_for
 from experiments.study_admin import opening_hours
 from experiments.study_admin.filters import ENDINGS
-from experiments.study_admin.participants import DriveAdmin, ParticipantAdmin, RehearsalAdmin
+from experiments.study_admin.participants import DriveAdmin, ParticipantAdmin
 from experiments.study_admin.people import PeoplePages, made
 from experiments.study_admin.plan import PlanPages
 from experiments.study_admin.publication import PublicationPages
+from experiments.study_admin.rehearsals import RehearsalAdmin, offer_of
 from experiments.study_admin.walk_through import WalkThroughPages
 from robots.admin import NOTHING
 from robots.admin_pages.overview import register_section
@@ -226,7 +227,6 @@ class StudyAdmin(
             .values_list("status")
             .annotate(n=Count("pk"))
         )
-        rehearsal = publishing.passed_rehearsal(row)
         return {
             "study": row,
             "study_tab": "overview",
@@ -236,7 +236,8 @@ class StudyAdmin(
             "sections": sections(row),
             "codes": [(ENDINGS[way], code) for way, code in completion.codes(row).items()],
             "share": request.build_absolute_uri(reverse("study", args=[row.slug])),
-            "rehearsal": rehearsal,
+            "rehearsal": publishing.passed_rehearsal(row),
+            "offer": offer_of(row),
             "statuses": [
                 (words, by_status.get(value, 0)) for value, words in Participant.Status.choices
             ],
@@ -359,7 +360,9 @@ class StudyAdmin(
             "form": form,
             "reasons": reasons,
             "problems": told(row),
+            "is_owner": True,
             "rehearsal": publishing.passed_rehearsal(row),
+            "offer": offer_of(row),
         }
         return render(
             request,

@@ -487,17 +487,42 @@ class TaskEvent(models.Model):
 
 
 class Rehearsal(models.Model):
-    """A dress rehearsal of one definition with bots: what was found, and whether it may be
-    published on the strength of it.
+    """A dress rehearsal of one definition with bots: how far it is, what was found, and whether it
+    may be published on the strength of it. experiments/rehearsal/runs.py changes it.
     """
+
+    class Status(models.TextChoices):
+        WAITING = "waiting", _("waiting")
+        RUNNING = "running", _("running")
+        STOPPED = "stopped", _("ended by a researcher")
+        FAILED = "failed", _("did not finish")
+        DONE = "done", _("finished")
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     study = models.ForeignKey(
         Study, models.CASCADE, related_name="rehearsals", verbose_name=_("study")
     )
     sha256 = models.CharField(max_length=64)  # of the definition that was rehearsed
+    status = models.CharField(
+        _("status"), max_length=10, choices=Status.choices, default=Status.WAITING
+    )
+    # The study's id while it waits or runs and something else afterwards: unique on every database
+    # without partial indexes.
+    live_key = models.CharField(max_length=40, unique=True, editable=False, default=uuid.uuid4)
     began_at = models.DateTimeField(_("started at"))
+    seen_at = models.DateTimeField(null=True, blank=True, editable=False)  # its process lived
+    host = models.CharField(_("computer"), max_length=100, blank=True)
+    progress = models.JSONField(default=dict, blank=True, editable=False)  # play.py, Progress
     finished_at = models.DateTimeField(_("finished"), null=True, blank=True)
+    ended_by = models.ForeignKey(
+        settings.AUTH_USER_MODEL,
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="+",
+        verbose_name=_("ended by"),
+    )
+    reason = models.TextField(_("reason"), blank=True)  # why it failed
     passed = models.BooleanField(_("passed"), default=False)
     report = models.JSONField(_("report"), default=dict)
 

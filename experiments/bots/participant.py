@@ -110,9 +110,7 @@ class BotParticipant:
         seen: dict[str, int] = {}
         for _ in range(MOST_PAGES):
             if here.status >= WRONG and here.page.next_form() is None:
-                raise StuckError(
-                    f"“{here.page.title}” at {here.path} answered with status {here.status}"
-                )
+                raise StuckError(f"“{here.page.title}” answered with status {here.status}")
             code = here.page.by_id.get("code", "")
             if code:
                 self.diary.code, self.diary.done = code, True
@@ -123,8 +121,8 @@ class BotParticipant:
             seen[signature] = seen.get(signature, 0) + 1
             if seen[signature] > (MOST_LOOKS if self._is_waiting(here) else SAME_PAGE):
                 raise StuckError(
-                    f"“{' · '.join(here.page.headings)}” at {here.path} does not "
-                    f"continue: {'; '.join(here.page.errors) or 'no reason given'}"
+                    f"“{' · '.join(here.page.headings)}” does not continue: "
+                    f"{'; '.join(here.page.errors) or 'no reason given'}"
                 )
             following = await self._following(here)
             if following is None:

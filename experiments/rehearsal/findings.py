@@ -1,13 +1,9 @@
-"""A rehearsal's findings from the database in which the bots played, and its report into the one to
-which the study belongs.
-"""
+"""A rehearsal's findings from the database in which the bots played."""
 
-import datetime
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from django.utils import timezone
 
 from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.figures.drawing import as_svg
@@ -15,9 +11,9 @@ from experiments.analysis.report import EVERY, reports
 from experiments.analysis.tables.table import as_csv
 from experiments.dataset.build import dataset_of
 from experiments.definition.schema import StudyDefinition
-from experiments.models import Drive, ParticipantKind, Rehearsal, Study
+from experiments.models import Drive, ParticipantKind, Study
 from experiments.rehearsal.replay_check import discrepancies
-from experiments.rehearsal.report import DriveRecord, Findings, RehearsalReport
+from experiments.rehearsal.report import DriveRecord, Findings
 
 # a bot has no WebRTC that would measure them
 NEVER_FOR_BOTS = frozenset({"loss", "fps", "bitrate", "freezes", "jitter"})
@@ -107,18 +103,3 @@ def _draw(dataset: Dataset) -> tuple[list[str], list[str]]:
         # what numbers can be wrong with; a bug that is none of these is one
         return [], [f"tables and figures, because of {type(error).__name__}: {error}"]
     return [one.name for one in (*report.tables, *report.figures)], []
-
-
-def begin(study: Study, now: datetime.datetime) -> Rehearsal:
-    """Note that a study is being rehearsed as it stands."""
-    return Rehearsal.objects.create(study=study, sha256=study.sha256, began_at=now)
-
-
-def keep(rehearsal: Rehearsal, report: RehearsalReport | None, why_not: str = "") -> Rehearsal:
-    """Keep what was found, or why nothing could be."""
-    rehearsal.report = (
-        report.as_data() if report is not None else {"problems": [why_not], "passed": False}
-    )
-    rehearsal.passed, rehearsal.finished_at = report is not None and report.passed, timezone.now()
-    rehearsal.save()
-    return rehearsal

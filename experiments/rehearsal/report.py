@@ -7,7 +7,7 @@ from what bots met: words to read, questions to answer, and the time of the driv
 
 import math
 import statistics
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -15,6 +15,7 @@ from experiments.analysis.power.exact import LARGE, MEDIUM, SMALL, participants_
 from experiments.bots.diary import Diary, Leg
 from experiments.definition import factors
 from experiments.definition.schema import Condition, StudyDefinition
+from experiments.rehearsal.issues import Issue
 
 # how many times longer people drive than bots: the paper's drives took 4 min 34 s on average, a
 # bot's on such a course 2.5
@@ -62,14 +63,15 @@ class StepReport:
 
 @dataclass
 class RehearsalReport:
-    """All of it. `problems` stand in the way of publishing, `notes` do not; each
-    is one sentence.
+    """All of it. `problems` stand in the way of publishing, `notes` do not; each is one sentence,
+    and `issues` has all of them as they were found.
     """
 
     bots: int
     passed: bool = False
     problems: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    issues: list[Issue] = field(default_factory=list)
     conditions: list[ConditionReport] = field(default_factory=list)
     steps: list[StepReport] = field(default_factory=list)
     expected_minutes: float = 0.0
@@ -122,13 +124,15 @@ def judge(study: StudyDefinition, diaries: Sequence[Diary], found: Findings) -> 
     report.expected_minutes = round(_whole(diaries, report.conditions, study), 1)
     report.empty_columns, report.drawn = sorted(found.empty_columns), sorted(found.drawn)
     report.power = _power(study)
-    report.problems = [
+    report.issues = [
         *_problems_of(study, report),
         *_stuck(diaries),
-        *(f"Not drawn: {name}." for name in found.not_drawn),
+        *(Issue("not_drawn", {"what": name}) for name in found.not_drawn),
+        *(Issue("differs", {"what": sentence}) for sentence in found.discrepancies),
+        *_notes(report),
     ]
-    report.problems += found.discrepancies
-    report.notes = _notes(report)
+    report.problems = [one.sentence() for one in report.issues if one.is_problem]
+    report.notes = [one.sentence() for one in report.issues if not one.is_problem]
     report.passed = not report.problems
     return report
 
@@ -243,54 +247,35 @@ def _power(study: StudyDefinition) -> list[dict[str, float]]:
     ]
 
 
-def _problems_of(study: StudyDefinition, report: RehearsalReport) -> list[str]:
-    problems = []
+def _problems_of(study: StudyDefinition, report: RehearsalReport) -> Iterator[Issue]:
     for one in report.conditions:
         if one.completed < ENOUGH:
-            problems.append(f"Condition {one.key}: of {one.drives} drives none was completed.")
-        problems += [
-            f"Condition {one.key}: no bot passed checkpoint {number}." for number in one.missed
-        ]
-        if (
-            one.longest_seconds is not None
-            and one.longest_seconds * SLOWEST > one.limit_minutes * 60.0
-        ):
-            problems.append(
-                f"Condition {one.key}: a bot took {one.longest_seconds / 60.0:.1f} minutes, so"
-                f" {one.limit_minutes:g} are too few for people: allow"
-                f" {math.ceil(one.longest_seconds * SLOWEST / 60.0)}."
-            )
-        problems += [
-            f"Condition {one.key}: not applied as assigned: {name}." for name in one.mismatches
-        ]
+            yield Issue("not_completed", {"drives": one.drives}, one.key)
+        yield from (Issue("missed", {"number": number}, one.key) for number in one.missed)
+        longest = one.longest_seconds
+        if longest is not None and longest * SLOWEST > one.limit_minutes * 60.0:
+            told = {
+                "minutes": f"{longest / 60.0:.1f}",
+                "limit": f"{one.limit_minutes:g}",
+                "allow": math.ceil(longest * SLOWEST / 60.0),
+            }
+            yield Issue("too_short", told, one.key)
+        yield from (Issue("not_applied", {"what": name}, one.key) for name in one.mismatches)
     if study.task is None:
-        problems.append("There is no task to drive.")
-    return problems
+        yield Issue("no_task")
 
 
-def _stuck(diaries: Sequence[Diary]) -> list[str]:
-    sentences = [
-        f"Bot {diary.number} ({diary.ending.replace('_', ' ')}) got stuck: {diary.stuck}."
-        for diary in diaries
-        if diary.stuck
-    ]
-    unfinished = [
-        diary
-        for diary in diaries
-        if diary.ending == "completes" and not diary.code and not diary.stuck
-    ]
-    return [
-        *sentences,
-        *(
-            f"Bot {diary.number} finished the study but got no completion code."
-            for diary in unfinished
-        ),
-    ]
+def _stuck(diaries: Sequence[Diary]) -> Iterator[Issue]:
+    for one in diaries:
+        if one.stuck:
+            last = one.entries[-1].heading if one.entries else ""
+            yield Issue("stuck", {"bot": one.number, "where": one.stuck}, place=last)
+        elif one.ending == "completes" and not one.code:
+            yield Issue("no_code", {"bot": one.number})
 
 
-def _notes(report: RehearsalReport) -> list[str]:
-    notes = [f"No bot gave a value for {name}." for name in report.empty_columns]
+def _notes(report: RehearsalReport) -> Iterator[Issue]:
+    yield from (Issue("empty", {"column": name}) for name in report.empty_columns)
     for one in report.conditions:
         unseen = sorted(set(one.doors_closed) - set(one.doors_found_closed))
-        notes += [f"Condition {one.key}: no bot came to the closed {name}." for name in unseen]
-    return notes
+        yield from (Issue("unseen_door", {"door": name}, one.key) for name in unseen)

@@ -21,14 +21,9 @@ from accounts import audit
 from experiments import publishing
 from experiments.access import may
 from experiments.builder.labels import GUIDE
-from experiments.models import (
-    Drive,
-    Participant,
-    Rehearsal,
-    Study,
-)
+from experiments.models import Drive, Participant, Study
 from experiments.research.study_access import OfStudies
-from experiments.study_admin.document_text import as_json, in_words
+from experiments.study_admin.document_text import in_words
 from experiments.study_admin.filters import (
     ENDINGS,
     CompletionFilter,
@@ -468,29 +463,6 @@ class DriveAdmin(StudyRows):
                 row, request.user, f"Not excluded any more: {reason} (was: {row.excluded_reason})"
             )
             messages.success(request, gettext("The drive is included again."))
-
-
-@admin.register(Rehearsal)
-class RehearsalAdmin(StudyRows):
-    """Dress rehearsals, and what they found."""
-
-    study = "study"
-    study_tab = "overview"
-    list_display = ("began_at", "study", "finished_at", "passed", "is_of_this_definition")
-    list_filter = (StudyFilter, "passed")
-    list_select_related = ("study",)
-    fields = ("study", "began_at", "finished_at", "passed", "is_of_this_definition", "told")
-    readonly_fields = ("is_of_this_definition", "told")
-
-    @admin.display(description=_("of the current definition"), boolean=True)
-    def is_of_this_definition(self, row: Rehearsal) -> bool:
-        """Tell whether nothing was changed since."""
-        return row.sha256 == row.study.sha256
-
-    @admin.display(description=_("report"))
-    def told(self, row: Rehearsal) -> str | SafeString:
-        """Return what was found."""
-        return as_json(row.report)
 
 
 def is_uuid(text: str) -> bool:

@@ -23,10 +23,12 @@ def prepare(count: int, mqtt_url: str) -> list[str]:
     names.
     """
     names = [f"practice-{number}" for number in range(1, count + 1)]
+    Robot.objects.filter(practice=True).exclude(name__in=names).update(enabled=False)
+    if not names:
+        return names
     plan = FloorPlan.objects.filter(name=PLACE).first() or store_floor_plan(
         settings.BASE_DIR / "robots" / "world" / "plans" / PLACE
     )
-    Robot.objects.filter(practice=True).exclude(name__in=names).update(enabled=False)
     for name in names:
         fields = {
             "title": "Practice",

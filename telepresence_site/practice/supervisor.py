@@ -45,23 +45,26 @@ class Supervisor:
     ) -> None:
         self._names = names
         self._command = command
-        self._children = Children(log_dir, dict(os.environ))
+        self.children = Children(log_dir, dict(os.environ))
         self._running: dict[str, Child] = {}  # a robot that was ended is in here no more
         # Unix seconds, of every robot that was ever started
         self._started_at: dict[str, float] = {}
         self._wanted_at: float | None = None
 
-    def run(self, stopping: threading.Event) -> None:
-        """Look after the robots until `stopping` is set, then end them."""
+    def run(self, stopping: threading.Event, also: Callable[[], None] = lambda: None) -> None:
+        """Look after the robots until `stopping` is set, then end all children; `also` is what else
+        is looked after each time.
+        """
         try:
             while not stopping.wait(POLL_INTERVAL_S):
                 try:
                     self.look()
+                    also()
                 except (DatabaseError, InterfaceError) as error:
                     log.warning("practice_database_retry", reason=str(error))
                     connection.close()
         finally:
-            self._children.stop()
+            self.children.stop()
 
     def look(self) -> None:
         """Do what is due."""
@@ -92,7 +95,7 @@ class Supervisor:
 
     def _start(self, name: str) -> None:
         log.info("practice_robot_started", robot=name)
-        self._running[name] = self._children.start(name, self._command(name))
+        self._running[name] = self.children.start(name, self._command(name))
         self._started_at[name] = time.time()
 
     def _stop(self, name: str) -> None:
@@ -100,4 +103,4 @@ class Supervisor:
         self._end(name)
 
     def _end(self, name: str) -> None:
-        self._children.end(self._running.pop(name))
+        self.children.end(self._running.pop(name))

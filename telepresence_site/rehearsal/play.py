@@ -35,12 +35,13 @@ from experiments.models import Drive, ParticipantKind, Study
 from experiments.participation import links
 from experiments.publishing import obstacles_here
 from experiments.rehearsal import findings
+from experiments.rehearsal.plan import AT_ONCE, problems
 from experiments.rehearsal.report import RehearsalReport, judge
 from robots.processes import tied_to_parent
 from telepresence_site.children import STOP_SECONDS
 from telepresence_site.rehearsal import sandbox
 
-ORDERS, FINDINGS, PACE = "orders.json", "findings.json", "pace"
+ORDERS, PROGRESS, FINDINGS, PACE = "orders.json", "progress.json", "findings.json", "pace"
 SETTLE_SECONDS = 120.0
 END_SECONDS = 2 * STOP_SECONDS
 
@@ -58,7 +59,7 @@ class Orders:
     endings: list[str]
     seed: int
     speed: float
-    at_once: int = 2
+    at_once: int = AT_ONCE
     effects: list[str] = field(default_factory=list)
     explore: bool = False
     visits: int = 1
@@ -87,7 +88,7 @@ def play(
     Raises:
         PlayFailed: there cannot be such a sandbox, it did not come up, or its process ended early.
     """
-    wrong = sandbox.problems(study.as_definition())
+    wrong = problems(study.as_definition())
     if wrong:
         raise PlayFailed(" ".join(wrong))
     sandbox.pack(study, folder)
@@ -161,7 +162,17 @@ def _perform(
     wrong = obstacles_here(definition)
     if wrong:
         return [], RehearsalReport(0, problems=wrong)
-    diaries = asyncio.run(crowd_of(study, orders, site, told, pace).run())
+    _note_progress(study, 0, orders)
+    done: list[Diary] = []
+
+    def heard(diary: Diary) -> None:
+        told(line_of(diary))
+        done.append(diary)
+        # the loop does not wait for a database
+        loop = asyncio.get_running_loop()
+        loop.run_in_executor(None, _note_progress, study, len(done), orders)
+
+    diaries = asyncio.run(crowd_of(study, orders, site, heard, pace).run())
     _settle(study)
     pace.set(1.0)
     if orders.dataset:
@@ -169,8 +180,27 @@ def _perform(
     return diaries, judge(definition, diaries, findings.findings(study))
 
 
+def _note_progress(study: Study, bots: int, orders: Orders) -> None:
+    """Leave beside the orders how far the play is: conditions driven so far, bots that are done."""
+    practice = study.as_definition().practice_keys
+    drives = Drive.objects.filter(participant__study=study).exclude(step__in=practice)
+    progress = {
+        "conditions": drives.order_by().values("condition").distinct().count(),
+        "of_conditions": len(study.as_definition().conditions),
+        "bots": bots,
+        "of_bots": len(orders.endings),
+    }
+    new = settings.VAR_DIR / f"{PROGRESS}.{bots}"
+    new.write_text(json.dumps(progress), encoding="utf-8")
+    new.replace(settings.VAR_DIR / PROGRESS)
+
+
 def crowd_of(
-    study: Study, orders: Orders, site: str, told: Callable[[str], None], pace: Pace | None = None
+    study: Study,
+    orders: Orders,
+    site: str,
+    heard: Callable[[Diary], None],
+    pace: Pace | None = None,
 ) -> BotGroup:
     """Return the bots of some orders, each with a link of its own: to open conditions and to those
     by invitation in turn.
@@ -187,7 +217,7 @@ def crowd_of(
         orders.explore,
         orders.visits,
     )
-    return BotGroup(plan, lambda diary: told(line_of(diary)), pace, orders.speed)
+    return BotGroup(plan, heard, pace, orders.speed)
 
 
 def bot_links(study: Study, endings: Sequence[Ending]) -> list[str]:

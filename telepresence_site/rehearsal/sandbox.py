@@ -24,7 +24,6 @@ from robots.api.credentials_file import ENVIRONMENT
 from robots.enrol import credentials
 from robots.floorplans import store_floor_plan
 from robots.models import FloorPlan, Robot
-from robots.world.robot_models import MODELS
 from robots.world.sites import shipped_sites
 from sessions.models import ManagerBeat
 from surveys.models import Questionnaire as QuestionnaireRow
@@ -35,10 +34,6 @@ from telepresence_site.serving import APPLICATION, DAPHNE
 
 STUDY_FILE = "study.json"
 START_SECONDS = 600.0  # for each part: whoever rehearses may have other work for the computer
-WITH_OPERATOR = (
-    "The study has a hidden operator, whose page drives by WebRTC: bots cannot rehearse it. "
-    "docs/howto/rehearse.md describes how to rehearse it with a person who operates."
-)
 FPS = "6"  # of the cameras: bots take four pictures a second, and drawing them is what costs most
 LEFT_BEHIND = (
     "DATABASE_URL",
@@ -125,20 +120,6 @@ def _make_robots(definition: StudyDefinition) -> None:
         credentials.keep_credentials(
             kept, settings.CREDENTIALS_DIR / f"{name}.toml", mqtt_url=settings.MQTT_URL
         )
-
-
-def problems(definition: StudyDefinition) -> list[str]:
-    """Return why a study cannot be played in a sandbox, in sentences: it needs robots that nobody
-    simulates, or a person who operates them.
-    """
-    series = sorted({condition.robot for condition in definition.conditions} - set(MODELS))
-    # An operator's page drives by WebRTC alone, and bots have none.
-    operated = [] if definition.wizard is None else [WITH_OPERATOR]
-    return operated + [
-        f"There is no simulation of {name}: bots can rehearse only with"
-        f" {' and '.join(sorted(MODELS))}."
-        for name in series
-    ]
 
 
 def _robots(definition: StudyDefinition) -> dict[str, tuple[str, str]]:

@@ -3,26 +3,28 @@ they find is kept with it.
 """
 
 import json
+import os
+import socket
 from argparse import ArgumentParser
 from pathlib import Path
 from typing import Any
+from uuid import UUID
 
 from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError
 from django.utils import timezone
 
-from experiments.bots.endings import Ending
 from experiments.definition.problems import problems
 from experiments.definition.schema import StudyDefinition
 from experiments.models import Study
-from experiments.rehearsal import findings
+from experiments.rehearsal import plan, runs
 from experiments.rehearsal.report import ConditionReport, RehearsalReport
 from robots.processes import interrupted_by_signals
-from telepresence_site.rehearsal import sandbox
-from telepresence_site.rehearsal.play import Orders, PlayFailed, play
+from telepresence_site.rehearsal.play import PROGRESS, Orders, PlayFailed, play
 from telepresence_site.rehearsal.room import sandbox_folder
+from telepresence_site.rehearsal.signing import patiently, signed
 
-ASIDE = (Ending.SKIPS_PHOTO, Ending.REFUSES, Ending.LEAVES_AT_DOCK, Ending.COMES_AGAIN)
+NICE = 10  # behind everything that somebody drives with
 
 
 class Command(BaseCommand):
@@ -39,43 +41,61 @@ class Command(BaseCommand):
         parser.add_argument(
             "--seed",
             type=int,
-            default=1,
+            default=plan.SEED,
             metavar="S",
             help="seed for everything that the bots decide",
         )
         parser.add_argument(
             "--speed",
             type=float,
-            default=10.0,
+            default=plan.SPEED,
             metavar="X",
             help="at most this many times faster than real time (default 10)",
         )
         parser.add_argument(
             "--each",
             type=int,
-            default=2,
+            default=plan.EACH,
             metavar="N",
             help="bots that go through each condition to the end (default 2)",
         )
         parser.add_argument("--report", type=Path, help="a file for the report, as JSON")
+        parser.add_argument(
+            "--requested",
+            type=UUID,
+            metavar="ID",
+            help="of a rehearsal that a page asked for; run_practice gives it",
+        )
 
     def handle(self, *_args: Any, **options: Any) -> None:
-        study = named_draft(options["study"])
-        rehearsal = findings.begin(study, timezone.now())
-        wrong = [*problems(study.as_definition()), *sandbox.problems(study.as_definition())]
+        study, key = named_draft(options["study"]), options["requested"]
+        try:
+            key = key or runs.begin(study, socket.gethostname(), timezone.now()).pk
+        except runs.AlreadyRehearsedError:
+            raise CommandError("The study is being rehearsed: see its page.") from None
+        if options["requested"]:
+            os.nice(NICE)
+        # it may have been changed since somebody asked; what is played is in memory from here on
+        runs.sign(key, timezone.now(), sha256=study.sha256)
+        wrong = [*problems(study.as_definition()), *plan.problems(study.as_definition())]
         if wrong:
-            findings.keep(rehearsal, None, " ".join(wrong))
+            runs.fail(key, " ".join(wrong))
             raise CommandError("\n".join(["The study cannot be rehearsed as it is:", *wrong]))
         orders = orders_for(
             study.as_definition(), options["each"], options["seed"], options["speed"]
         )
         try:
-            with interrupted_by_signals(), sandbox_folder(study.slug) as folder:
+            with (
+                interrupted_by_signals(),
+                sandbox_folder(study.slug) as folder,
+                signed(key, folder / PROGRESS),
+            ):
                 played = play(study, orders, folder, self.stdout.write)
-        except (PlayFailed, KeyboardInterrupt) as error:
-            findings.keep(rehearsal, None, str(error) or "Stopped before the rehearsal finished.")
-            raise CommandError(str(error) or "Stopped before the rehearsal finished.") from error
-        findings.keep(rehearsal, played.report)
+        except (PlayFailed, OSError, KeyboardInterrupt) as error:
+            reason = str(error) or "Stopped before the rehearsal finished."
+            patiently(lambda: runs.fail(key, reason))
+            raise CommandError(reason) from error
+        patiently(lambda: runs.finish(key, played.report))
         self._tell(played.report, options["report"])
 
     def _tell(self, report: RehearsalReport, file: Path | None) -> None:
@@ -116,8 +136,7 @@ def orders_for(definition: StudyDefinition, each: int, seed: int, speed: float) 
     """Return what goes through every cell so many times, answers every list with each of its
     options, and leaves in a few other ways.
     """
-    through = max(2, each) * max(1, len(definition.conditions))
-    endings = [str(Ending.COMPLETES)] * through + [str(ending) for ending in ASIDE]
+    endings = [str(ending) for ending in plan.endings(definition, each)]
     return Orders(endings, seed, speed, explore=True, sites=str(settings.VAR_DIR / "sites"))
 
 

@@ -17,7 +17,7 @@ from experiments.bots.persona import EffectError, effect
 from experiments.management.study_lookup import study_named
 from experiments.models import Study
 from robots.processes import ended_by_signals, interrupted_by_signals
-from telepresence_site.rehearsal.play import Orders, PlayFailed, crowd_of, play
+from telepresence_site.rehearsal.play import Orders, PlayFailed, crowd_of, line_of, play
 from telepresence_site.rehearsal.room import sandbox_folder
 
 FASTEST = 50.0
@@ -110,7 +110,8 @@ class Command(BaseCommand):
             raise CommandError("The study is closed: it accepts no new participants.")
         # a bot waits minutes for a site that does not answer, and leaves nothing behind
         with ended_by_signals():
-            diaries = asyncio.run(crowd_of(study, orders, url, self.stdout.write).run())
+            bots = crowd_of(study, orders, url, lambda one: self.stdout.write(line_of(one)))
+            diaries = asyncio.run(bots.run())
         return [diary.as_data() for diary in diaries]
 
     def _in_sandbox(self, study: Study, orders: Orders) -> list[dict[str, Any]]:

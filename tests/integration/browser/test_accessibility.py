@@ -14,11 +14,13 @@ from django.utils import timezone
 from playwright.sync_api import Page, expect
 
 from experiments.coding import store
+from experiments.models import Rehearsal
 from experiments.research.analysis_topics import TOPICS
 from robots.models import Robot
 from sessions import protocol
 from tests.integration.browser.test_replay import made
 from tests.integration.experiments.research.test_analysis_views import computed
+from tests.integration.experiments.study_admin.test_rehearsals import REPORT
 from tests.support import participants as p
 from tests.support.fake_robot_page import FakeRobotPage
 from tests.support.people import person
@@ -175,6 +177,10 @@ def test_a_researchers_pages(opened):
     ]
     built = f"/admin/experiments/study/{study.pk}/build"
     ours = [f"{built}/about/", f"{built}/steps/0/", f"{built}/conditions/0/", f"{built}/courses/0/"]
+    rehearsal = Rehearsal.objects.create(
+        study=study, began_at=timezone.now(), status="done", report=REPORT.as_data()
+    )
+    ours.append(f"/admin/experiments/rehearsal/{rehearsal.pk}/change/")
     check(page, *own, *ours)
 
 

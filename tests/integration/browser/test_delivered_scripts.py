@@ -8,8 +8,10 @@ import msgspec
 import pytest
 from django.contrib.staticfiles.storage import staticfiles_storage
 from django.test import Client
+from django.utils import timezone
 from playwright.sync_api import Page, expect
 
+from experiments.rehearsal import runs
 from robots.models import Robot
 from tests.integration.browser.test_accessibility import driving, opened
 from tests.integration.browser.test_replay import made
@@ -92,6 +94,7 @@ def test_every_script_that_a_page_names_runs_on_it(opened, browser, settings):
     Robot.objects.update(factsheet=msgspec.to_builtins(factsheet(series="giraff")))
     study = p.published(p.of("exploration"))
     replays.study(slug="operated", definition=wizard_document(study={"slug": "operated"}))
+    rehearsal = runs.begin(study, "lab", timezone.now())
     owner = Client()
     owner.force_login(person("owner", is_superuser=True, is_staff=True))
     page = opened(owner)
@@ -104,6 +107,7 @@ def test_every_script_that_a_page_names_runs_on_it(opened, browser, settings):
         "/studies/operated/wizard/": "#video-wait",
         f"/studies/replay/{visit.pk}/": "#replay[data-state=ready]",
         f"/admin/experiments/study/{study.pk}/change/": "#content",
+        f"/admin/experiments/rehearsal/{rehearsal.pk}/change/": "[data-rehearsal]",
         f"/admin/experiments/study/{study.pk}/build/courses/0/": "#course-map .course__handle",
         f"/admin/robots/robot/{robot.pk}/change/": "#robot-overview",
         f"/admin/robots/floorplan/{robot.floor_plan_id}/finish/": "#plan-map .course__handle",
@@ -122,6 +126,7 @@ def test_every_script_that_a_page_names_runs_on_it(opened, browser, settings):
         "js/pages/copy.js",
         "js/pages/admin/course.js",
         "js/pages/admin/plan.js",
+        "js/pages/admin/rehearsal.js",
         "js/pages/admin/robot.js",
     }
     complaints.check(*own)

@@ -4,7 +4,7 @@ import pytest
 from django.contrib.auth.models import Permission
 from django.urls import reverse
 
-from experiments.models import StudyMember
+from experiments.models import Rehearsal, StudyMember
 from experiments.research import analysis_cache
 from experiments.research.analysis_cache import NotComputedError
 from tests.support import replays
@@ -43,6 +43,7 @@ def drive(monkeypatch):
 def pages(drive) -> dict[str, str]:
     """Return addresses of pages of a study, and the tab that each belongs to."""
     study, person_, rows = drive.participant.study, drive.participant, "?study="
+    rehearsal = Rehearsal.objects.create(study=study, began_at=drive.granted_at)
 
     def admin(name, *args):
         return reverse(f"admin:experiments_{name}", args=args)
@@ -51,6 +52,7 @@ def pages(drive) -> dict[str, str]:
         admin("study_change", study.pk): "Overview",
         admin("study_publish", study.pk): "Overview",
         admin("rehearsal_changelist") + f"{rows}{study.pk}": "Overview",
+        admin("rehearsal_change", rehearsal.pk): "Overview",
         admin("study_section", study.pk, "about"): "Builder",
         admin("study_section", study.pk, "steps"): "Builder",
         admin("study_part", study.pk, "courses", 0): "Builder",

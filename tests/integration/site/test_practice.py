@@ -5,7 +5,6 @@ visitor is sent.
 import datetime
 
 import pytest
-from django.core.management import CommandError, call_command
 from django.utils import timezone
 
 from accounts.models import User
@@ -98,7 +97,7 @@ def practice(db, settings, tmp_path):
 def supervisor(practice, tmp_path):
     made = supervise(practice, tmp_path)
     yield made
-    made._children.stop()
+    made.children.stop()
 
 
 def supervise(names, tmp_path) -> Supervisor:
@@ -163,13 +162,13 @@ def test_a_new_supervisor_starts_the_robot_of_whoever_is_practising(
 ):
     drives(ana)
     supervisor.look()
-    supervisor._children.stop()  # as when it is killed: its children die with it
+    supervisor.children.stop()  # as when it is killed: its children die with it
     second = supervise(practice, tmp_path)
     try:
         second.look()
         assert process(second).poll() is None
     finally:
-        second._children.stop()
+        second.children.stop()
 
 
 def test_a_robot_whose_visitor_has_closed_the_page_is_freed_and_ended(supervisor, ana):
@@ -202,7 +201,7 @@ def test_one_practises_after_the_other_ten_times_and_each_finds_a_robot_that_was
         supervisor.look()
         assert supervisor._running == {}
     assert len(seen) == 10
-    assert supervisor._children.running == []
+    assert supervisor.children.running == []
 
 
 def test_a_robot_that_is_gone_when_it_is_to_be_ended_is_no_error(supervisor, ana):
@@ -213,9 +212,9 @@ def test_a_robot_that_is_gone_when_it_is_to_be_ended_is_no_error(supervisor, ana
     leaves(session)
     supervisor.look()
     assert supervisor._running == {}
-    child = supervisor._children.start("practice-1", ["-c", "pass"])
-    supervisor._children.end(child)
-    supervisor._children.end(child)
+    child = supervisor.children.start("practice-1", ["-c", "pass"])
+    supervisor.children.end(child)
+    supervisor.children.end(child)
 
 
 def test_a_robot_that_died_is_named_once_with_its_reason_and_its_log(supervisor, ana, caplog):
@@ -248,12 +247,6 @@ def test_the_rows_of_practice_robots_are_made_once_and_closed_when_there_are_few
     ]
     assert Robot.objects.get(name="practice-1").credential_hash == robot.credential_hash
     assert FloorPlan.objects.count() == 1
-
-
-def test_without_practice_robots_there_is_nothing_to_run(settings):
-    settings.PRACTICE_ROBOTS = 0
-    with pytest.raises(CommandError):
-        call_command("run_practice")
 
 
 # --- where to practise ----------------------------------------------------------------------------

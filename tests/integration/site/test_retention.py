@@ -283,6 +283,7 @@ def test_every_relation_to_a_person_is_one_that_these_tests_know():
         "Coding.coder",
         "Lease.wizard",
         "Study.published_by",
+        "Rehearsal.ended_by",
         "LogEntry.user",
     }
     assert relations() == own | of_staff

@@ -284,6 +284,10 @@ def study_pages() -> list[tuple]:
     return [
         *lines,
         ("admin:experiments_study_shipped", [], ADMINISTRATOR, {"study": "exploration"}),
+        ("admin:experiments_rehearsal_start", ["draft.pk"], STUDY_OWNER, {}),
+        ("admin:experiments_rehearsal_end", ["rehearsal.pk"], STUDY_OWNER, {}),
+        ("admin:experiments_rehearsal_state", ["rehearsal.pk"], VIEWERS, None),
+        ("admin:experiments_rehearsal_report", ["rehearsal.pk"], VIEWERS, None),
         ("admin:experiments_drive_exclude", ["drive.pk"], RESEARCHERS, None),
         (
             "admin:experiments_drive_exclude",

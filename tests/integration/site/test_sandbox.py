@@ -12,6 +12,7 @@ from accounts.models import User
 from experiments import publishing
 from experiments.definition.shipped import shipped
 from experiments.models import Rehearsal, Study
+from experiments.rehearsal import plan
 from robots.api.topics import ROBOT_NAME
 from robots.models import FloorPlan, Robot
 from surveys.models import Questionnaire
@@ -83,8 +84,8 @@ def test_a_study_with_a_robot_that_nobody_simulates_is_refused_before_anything_i
 
 
 def test_a_study_with_a_hidden_operator_is_refused_with_what_it_needs():
-    told = sandbox.problems(wizard_study())
-    assert [text for text in told if "hidden operator" in text] == [sandbox.WITH_OPERATOR]
+    told = plan.problems(wizard_study())
+    assert [text for text in told if "hidden operator" in text] == [plan.WITH_OPERATOR]
 
 
 def test_what_this_computers_own_agent_is_told_does_not_reach_the_simulated_ones(tmp_path):

@@ -1,0 +1,114 @@
+"""Rehearsals from the moment in which one is asked for: one at a time for a study, done by the
+process that takes it, on whichever computer.
+
+The row is all that the pages and the process share. The process signs it every few seconds; a row
+that was not signed for a while has lost its process, and gives its place to the next one. Ending a
+rehearsal is a change of its row, which its process finds when it signs.
+"""
+
+import datetime
+from typing import Any
+from uuid import UUID
+
+from django.db import IntegrityError, transaction
+from django.utils import timezone
+
+from experiments.models import Rehearsal, Study
+from experiments.rehearsal.report import RehearsalReport
+
+SILENT = datetime.timedelta(seconds=30)  # without a sign of life: the process is gone
+NOT_TAKEN = datetime.timedelta(seconds=15)  # waiting for so long: nobody seems to take it
+Status = Rehearsal.Status
+LIVE = (Status.WAITING, Status.RUNNING)
+LOST = "Its process ended without a word, or its computer was restarted."
+
+
+class AlreadyRehearsedError(RuntimeError):
+    """The study is being rehearsed."""
+
+
+def is_lost(row: Rehearsal, now: datetime.datetime) -> bool:
+    """Tell whether a rehearsal is said to run whose process is gone."""
+    return row.status == Status.RUNNING and row.seen_at is not None and row.seen_at < now - SILENT
+
+
+def is_live(row: Rehearsal, now: datetime.datetime) -> bool:
+    """Tell whether a rehearsal waits or runs."""
+    return row.status in LIVE and not is_lost(row, now)
+
+
+def latest(study: Study) -> Rehearsal | None:
+    """Return the newest rehearsal of a study, of whatever definition."""
+    return Rehearsal.objects.filter(study=study).select_related("ended_by").first()
+
+
+def request(study: Study, now: datetime.datetime) -> Rehearsal:
+    """Ask for a rehearsal of a study.
+
+    Raises:
+        AlreadyRehearsedError: one waits or runs; of several that ask at once, one is heard.
+    """
+    for row in Rehearsal.objects.filter(live_key=str(study.pk)):
+        if is_lost(row, now):
+            fail(row.pk, LOST)
+    try:
+        with transaction.atomic():
+            return Rehearsal.objects.create(
+                study=study, sha256=study.sha256, live_key=str(study.pk), began_at=now
+            )
+    except IntegrityError:
+        raise AlreadyRehearsedError from None
+
+
+def take(row: Rehearsal, host: str, now: datetime.datetime) -> bool:
+    """Begin a rehearsal that waits; False when somebody else was first."""
+    waiting = Rehearsal.objects.filter(pk=row.pk, status=Status.WAITING)
+    return bool(waiting.update(status=Status.RUNNING, host=host, began_at=now, seen_at=now))
+
+
+def take_next(host: str, now: datetime.datetime) -> Rehearsal | None:
+    """Begin the rehearsal that has waited longest."""
+    waiting = Rehearsal.objects.filter(status=Status.WAITING).select_related("study")
+    return next((row for row in waiting.order_by("began_at") if take(row, host, now)), None)
+
+
+def begin(study: Study, host: str, now: datetime.datetime) -> Rehearsal:
+    """Begin a rehearsal of a study, or the one that waits.
+
+    Raises:
+        AlreadyRehearsedError: one runs.
+    """
+    key = str(study.pk)
+    row = Rehearsal.objects.filter(live_key=key, status=Status.WAITING).first()
+    row = row or request(study, now)
+    if not take(row, host, now):
+        raise AlreadyRehearsedError
+    return row
+
+
+def sign(key: UUID, now: datetime.datetime, **changes: Any) -> bool:
+    """Note that the process of a rehearsal lives, and how far it is; False when it is to end."""
+    running = Rehearsal.objects.filter(pk=key, status=Status.RUNNING)
+    return bool(running.update(seen_at=now, **changes))
+
+
+def finish(key: UUID, report: RehearsalReport) -> bool:
+    """Keep what was found; False when the rehearsal was ended before."""
+    return _end(key, Status.DONE, report=report.as_data(), passed=report.passed)
+
+
+def fail(key: UUID, reason: str) -> bool:
+    """Keep why nothing could be found; False when the rehearsal was ended before."""
+    report = {"problems": [reason], "passed": False}
+    return _end(key, Status.FAILED, report=report, reason=reason)
+
+
+def stop(key: UUID, user: Any) -> bool:
+    """End a rehearsal because somebody wants it; False when it was ended before."""
+    return _end(key, Status.STOPPED, ended_by=user)
+
+
+def _end(key: UUID, status: str, **changes: Any) -> bool:
+    living = Rehearsal.objects.filter(pk=key, status__in=LIVE)
+    told = {"status": status, "finished_at": timezone.now(), "live_key": str(key), **changes}
+    return bool(living.update(**told))

@@ -1,0 +1,155 @@
+"""A rehearsal in words: how far it is, and what was found, by condition, each with the page of the
+builder on which it is corrected.
+"""
+
+import datetime
+from collections.abc import Iterable
+from typing import Any
+
+import msgspec
+from django.utils import timezone
+from django.utils.translation import gettext as _
+from django.utils.translation import ngettext
+
+from experiments.builder.pages import BuilderPlace
+from experiments.builder.views import LinkedProblem, address
+from experiments.definition.schema import StudyDefinition
+from experiments.models import Rehearsal, Study
+from experiments.rehearsal import runs
+from experiments.rehearsal.issues import Issue
+from surveys.documents import spoken
+
+Groups = dict[str, list[LinkedProblem]]  # by the title of the condition
+
+
+def state_text(row: Rehearsal, now: datetime.datetime) -> str:
+    """Return how far a rehearsal is, or how it ended."""
+    told = {"host": row.host or "?", "reason": row.reason}
+    if runs.is_lost(row, now):
+        told["time"] = timezone.localtime(row.seen_at).strftime("%H:%M")
+        return (
+            _(
+                "Failed: its process on %(host)s has given no sign of life since %(time)s. That "
+                "computer may have been restarted. You can start another rehearsal."
+            )
+            % told
+        )
+    match row.status:
+        case runs.Status.WAITING:
+            return _waiting(row, now)
+        case runs.Status.RUNNING:
+            return _running(row.progress, told["host"])
+        case runs.Status.STOPPED:
+            name = row.ended_by.shown_name if row.ended_by is not None else _("a researcher")
+            return _("Ended by %(name)s before it was finished.") % {"name": name}
+        case runs.Status.FAILED:
+            return _("Failed: %(reason)s") % told
+    if row.passed:
+        return _("Passed.")
+    n = len(row.report.get("problems", ()))
+    return ngettext("%(n)d problem found.", "%(n)d problems found.", n) % {"n": n}
+
+
+def _waiting(row: Rehearsal, now: datetime.datetime) -> str:
+    running = Rehearsal.objects.filter(status=runs.Status.RUNNING, seen_at__gte=now - runs.SILENT)
+    if running.exists():
+        return _("Waiting until another rehearsal has ended.")
+    if now - row.began_at > runs.NOT_TAKEN:
+        return _(
+            "Not started: this site has no process that runs rehearsals. Ask the person who runs "
+            "the site to start manage.py run_practice, or to use the command."
+        )
+    return _("Waiting to start.")
+
+
+def _running(progress: dict[str, int], host: str) -> str:
+    if not progress:
+        return _("Preparing a copy of the site on %(host)s.") % {"host": host}
+    told = {"host": host, **progress}
+    if progress["bots"] >= progress["of_bots"]:
+        return _("All %(of_bots)d bots have finished. Evaluating their data on %(host)s.") % told
+    return (
+        _(
+            "Running on %(host)s: %(conditions)d of %(of_conditions)d conditions driven, "
+            "%(bots)d of %(of_bots)d bots finished."
+        )
+        % told
+    )
+
+
+# --- what was found -------------------------------------------------------------------------------
+
+
+def issues_of(row: Rehearsal, language: str) -> tuple[Groups, Groups]:
+    """Return the problems and the notes of a rehearsal; of an old one the sentences alone."""
+    found = [msgspec.convert(one, Issue) for one in row.report.get("issues", ())]
+    if not found:
+        whole = _("The whole study")
+        plain = (row.report.get("problems"), row.report.get("notes"))
+        first, second = ({whole: [LinkedProblem(text) for text in some or ()]} for some in plain)
+        return {k: v for k, v in first.items() if v}, {k: v for k, v in second.items() if v}
+    problems, notes = [], []
+    for one in found:
+        (problems if one.is_problem else notes).append(one)
+    return _grouped(problems, row.study, language), _grouped(notes, row.study, language)
+
+
+def _grouped(issues: Iterable[Issue], study: Study, language: str) -> Groups:
+    definition, groups = study.as_definition(), Groups()
+    for one in issues:
+        place = place_of(one, definition)
+        url = address(study, place) if place is not None else ""
+        title = condition_title(one.condition, definition, language) or _("The whole study")
+        problem = LinkedProblem(_(one.template) % one.values, url)
+        groups.setdefault(title, []).append(problem)
+    return groups
+
+
+def condition_title(key: str, study: StudyDefinition, language: str) -> str:
+    """Return what a condition is called; its key when it has no title, or is not there any more."""
+    condition = study.condition(key)
+    return (spoken(condition.title, language) if condition is not None else "") or key
+
+
+def place_of(issue: Issue, study: StudyDefinition) -> BuilderPlace | None:
+    """Return the page of the builder on which an issue is corrected; None where there is none."""
+    condition = study.condition(issue.condition)
+    match issue.kind:
+        case "missed" | "unseen_door" | "not_completed" if condition is not None:
+            course = study.course_of(condition)
+            return BuilderPlace("courses", study.courses.index(course)) if course else None
+        case "not_applied" if condition is not None:
+            return BuilderPlace("conditions", study.conditions.index(condition))
+        case "too_short":
+            return _step(step is study.task for step in study.steps)
+        case "stuck":
+            return _step(issue.place in step.title.values() for step in study.steps)
+        case "empty":
+            asked = str(issue.values["column"]).partition(".")[0]
+            return _step(getattr(step, "questionnaire", "") == asked for step in study.steps)
+        case "no_task" | "no_code":
+            return BuilderPlace("steps")
+    return None
+
+
+def _step(is_it: Iterable[bool]) -> BuilderPlace | None:
+    return next((BuilderPlace("steps", n) for n, it in enumerate(is_it) if it), None)
+
+
+def tables_of(row: Rehearsal, language: str) -> dict[str, Any]:
+    """Return what was measured, for the page: conditions with their titles, pages, participants."""
+    definition, report = row.study.as_definition(), row.report
+    conditions = [
+        {
+            **one,
+            "title": condition_title(one["key"], definition, language),
+            "bot_minutes": (one["median_seconds"] or 0.0) / 60.0,
+        }
+        for one in report.get("conditions", ())
+    ]
+    return {
+        "conditions": conditions,
+        "pages": report.get("steps", ()),
+        "expected_minutes": report.get("expected_minutes"),
+        "power": report.get("power", ()),
+    }

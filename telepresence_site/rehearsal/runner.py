@@ -1,0 +1,79 @@
+"""Carries out the rehearsals that pages ask for, one at a time, each in a process of its own: part
+of `run_practice`, which runs simulated robots anyway and which no visitor waits for.
+
+The process ends with this one. Another runner, on another computer, takes other rehearsals.
+"""
+
+import socket
+import time
+from collections.abc import Callable
+
+import structlog
+from django.conf import settings
+from django.utils import timezone
+
+from experiments.models import Rehearsal
+from experiments.rehearsal import runs
+from telepresence_site.children import Child, Children
+
+log = structlog.stdlib.get_logger(__name__)
+MANAGE = str(settings.BASE_DIR / "manage.py")
+END_SECONDS = 40.0  # for a process whose rehearsal has been ended to end itself
+
+
+def rehearsal_command(row: Rehearsal) -> list[str]:
+    """Return how one rehearsal is run."""
+    study = f"{row.study.slug}:{row.study.version}"
+    return [MANAGE, "rehearse_study", study, "--requested", str(row.pk)]
+
+
+class RehearsalRunner:
+    """Runs at most one rehearsal.
+
+    Args:
+        children: of this process, among which the rehearsal's is.
+        command: what runs a rehearsal.
+    """
+
+    def __init__(
+        self, children: Children, command: Callable[[Rehearsal], list[str]] = rehearsal_command
+    ) -> None:
+        self._children = children
+        self._command = command
+        self._host = socket.gethostname()[:100]
+        self._row: Rehearsal | None = None
+        self._child: Child | None = None
+        self._ended_at: float | None = None  # when its row was found ended, monotonic seconds
+
+    def look(self) -> None:
+        """Do what is due."""
+        if self._row is None:
+            self._row = runs.take_next(self._host, timezone.now())
+        if self._row is None:
+            return
+        if self._child is None:
+            self._start(self._row)
+        elif self._child.process.poll() is not None or self._is_overdue(self._row):
+            self._end(self._row, self._child)
+
+    def _start(self, row: Rehearsal) -> None:
+        log.info("rehearsal_started", rehearsal=str(row.pk), study=str(row.study))
+        try:
+            self._child = self._children.start("rehearsal", self._command(row))
+        except OSError as error:  # no memory, or no room for its log
+            runs.fail(row.pk, f"It could not be started: {error.strerror or error}.")
+            self._row = None
+        self._ended_at = None
+
+    def _is_overdue(self, row: Rehearsal) -> bool:
+        """Tell whether the rehearsal was ended, and its process does not end."""
+        if Rehearsal.objects.filter(pk=row.pk, status=runs.Status.RUNNING).exists():
+            return False
+        self._ended_at = self._ended_at or time.monotonic()
+        return time.monotonic() - self._ended_at > END_SECONDS
+
+    def _end(self, row: Rehearsal, child: Child) -> None:
+        if runs.fail(row.pk, f"Its process ended: {child.cause_of_death()}."):
+            log.warning("rehearsal_died", rehearsal=str(row.pk), log=str(child.log))
+        self._children.end(child)
+        self._row = self._child = None

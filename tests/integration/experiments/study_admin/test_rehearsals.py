@@ -1,0 +1,187 @@
+"""A rehearsal is started, followed, ended and read on pages of the administration."""
+
+import datetime
+import json
+
+import pytest
+from django.urls import reverse
+from django.utils import timezone
+
+from experiments import publishing
+from experiments.models import Rehearsal, StudyMember
+from experiments.rehearsal import runs
+from experiments.rehearsal.issues import Issue
+from experiments.rehearsal.report import ConditionReport, RehearsalReport, StepReport
+from tests.support.html_page import faults, read
+from tests.support.people import person
+from tests.support.studies import small_study
+from tests.support.study_site import cabin_with_giraff
+from tests.support.wizard_study import wizard_document
+
+pytestmark = pytest.mark.django_db
+REPORT = RehearsalReport(
+    6,
+    issues=[
+        Issue("missed", {"number": 2}, "shut"),
+        Issue("stuck", {"bot": 4, "where": "“Experience” does not continue"}, place="Experience"),
+        Issue("empty", {"column": "states.charge"}),
+    ],
+    conditions=[ConditionReport("shut", 2, 1, [2], {}, 90.0, 120.0, 2.7, 5.0)],
+    steps=[StepReport("Experience", 5, 120, 9, 1.7)],
+    expected_minutes=4.4,
+    power=[{"effect": 0.5, "per_group": 64, "total": 128}],
+)
+
+
+def at(page: str, row) -> str:
+    return reverse(f"admin:experiments_{page}", args=[row.pk])
+
+
+@pytest.fixture
+def study():
+    cabin_with_giraff()
+    return publishing.store(small_study(), timezone.now())
+
+
+@pytest.fixture
+def owner(client, study):
+    return signed_in(client, "owner")
+
+
+def signed_in(client, role: str, username: str = "rosa"):
+    user = person(username, is_staff=True)
+    StudyMember.objects.create(slug="cabin-study", user=user, role=role)
+    client.force_login(user)
+    return user
+
+
+def running(study, **changes) -> Rehearsal:
+    row = runs.begin(study, "lab", timezone.now())
+    Rehearsal.objects.filter(pk=row.pk).update(**changes)
+    return Rehearsal.objects.get(pk=row.pk)
+
+
+def page_text(client, row) -> str:
+    page = read(client.get(at("rehearsal_change", row)))
+    assert faults(page) == []
+    return page.text
+
+
+def test_an_owner_starts_a_rehearsal_and_whoever_presses_again_is_led_to_it(client, owner, study):
+    for page in ("study_change", "study_publish"):
+        text = read(client.get(at(page, study))).text
+        assert "8 bots take part in a copy of the site, in every condition (2)" in text
+        assert "manage.py rehearse_study cabin-study:1" in text
+    first = client.post(at("rehearsal_start", study))
+    (row,) = Rehearsal.objects.all()
+    assert (row.status, row.sha256) == (runs.Status.WAITING, study.sha256)
+    signed_in(client, "owner", "olga")
+    second = client.post(at("rehearsal_start", study))
+    assert first.url == second.url == at("rehearsal_change", row)
+    assert Rehearsal.objects.count() == 1
+    for page in ("study_change", "study_publish"):
+        found = read(client.get(at(page, study)))
+        assert "Waiting to start." in found.text
+        assert "Rehearse now" not in found.text
+    assert faults(found) == []
+
+
+def test_a_viewer_follows_a_rehearsal_and_neither_starts_nor_ends_one(client, study):
+    signed_in(client, "viewer")
+    assert "Rehearse now" not in read(client.get(at("study_change", study))).text
+    assert client.post(at("rehearsal_start", study)).status_code == 404
+    row = running(study)
+    assert "End the rehearsal" not in page_text(client, row)
+    assert client.post(at("rehearsal_end", row)).status_code == 404
+    assert runs.is_live(Rehearsal.objects.get(), timezone.now())
+
+
+def test_the_page_tells_how_far_it_is(client, owner, study):
+    row = running(study)
+    assert "Preparing a copy of the site on lab." in page_text(client, row)
+    progress = {"conditions": 1, "of_conditions": 2, "bots": 3, "of_bots": 8}
+    runs.sign(row.pk, timezone.now(), progress=progress)
+    told = client.get(at("rehearsal_state", row)).json()
+    said = "Running on lab: 1 of 2 conditions driven, 3 of 8 bots finished."
+    assert told == {"text": said, "live": True, "progress": progress}
+    assert said in page_text(client, row)
+    runs.sign(row.pk, timezone.now(), progress={**progress, "bots": 8})
+    assert "Evaluating" in client.get(at("rehearsal_state", row)).json()["text"]
+
+
+def test_somebody_ends_it_and_is_named(client, owner, study):
+    row = running(study)
+    client.post(at("rehearsal_end", row))
+    assert f"Ended by {owner.shown_name} before it was finished." in page_text(client, row)
+    assert "Rehearse now" in page_text(client, row)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"seen_at": datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)}, "no sign of life"),
+        ({"status": "failed", "reason": "Its process ended: it was ended by SIGKILL."}, "SIGKILL"),
+    ],
+)
+def test_one_that_failed_says_why_and_another_can_be_started(client, owner, study, changes, said):
+    row = running(study, **changes)
+    text = page_text(client, row)
+    assert "Failed: " in text
+    assert said in text
+    Rehearsal.objects.exclude(status="running").update(live_key="ended")
+    client.post(at("rehearsal_start", study))
+    assert Rehearsal.objects.filter(status=runs.Status.WAITING).count() == 1
+
+
+def test_where_nothing_runs_rehearsals_the_page_says_so(client, owner, study):
+    row = runs.request(study, timezone.now() - 2 * runs.NOT_TAKEN)
+    assert "this site has no process that runs rehearsals" in page_text(client, row)
+    running(publishing.store(small_study(slug="other"), timezone.now()))
+    assert "Waiting until another rehearsal has ended." in page_text(client, row)
+
+
+def test_a_report_is_read_by_condition_with_the_pages_of_the_builder(client, owner, study):
+    row = running(study)
+    runs.finish(row.pk, REPORT)
+    page = read(client.get(at("rehearsal_change", row)))
+    assert faults(page) == []
+    assert [e.text for e in page.all("h3")] == ["Shut", "The whole study", "The whole study"]
+    links = {e.text: e.attributes["href"] for e in page.all("a")}
+    course = reverse("admin:experiments_study_part", args=[study.pk, "courses", 0])
+    assert links["No bot passed checkpoint 2."] == course
+    step = reverse("admin:experiments_study_part", args=[study.pk, "steps", 1])
+    assert links["Bot 4 got stuck: “Experience” does not continue."] == step
+    assert "No bot gave a value for states.charge." in page.text
+    assert "A participant needs about 4.4 minutes." in page.text
+    assert "a difference of 0.5 standard deviations: 128" in page.text
+    assert "This rehearsal is of the study as it is now." in page.text
+    assert json.loads(client.get(at("rehearsal_report", row)).content) == REPORT.as_data()
+
+
+def test_a_report_of_before_issues_were_kept_is_read_too(client, owner, study):
+    row = running(study, report={"problems": ["Condition shut: slow."], "notes": ["Hm."]})
+    Rehearsal.objects.filter(pk=row.pk).update(status="done", finished_at=timezone.now())
+    text = page_text(client, row)
+    assert "Condition shut: slow." in text
+    assert "Hm." in text
+
+
+def test_a_rehearsal_of_an_older_draft_says_that_it_does_not_count(client, owner, study):
+    row = running(study)
+    publishing.save_draft(study, small_study(title={"en": "Hut"}))
+    runs.finish(row.pk, RehearsalReport(6, passed=True))
+    assert "so it does not count" in page_text(client, row)
+    text = read(client.get(at("study_publish", study))).text
+    assert "No rehearsal of this exact definition has passed." in text
+    assert "Passed. The study has changed since that rehearsal started" in text
+
+
+def test_a_study_that_bots_cannot_play_says_why_and_is_not_started(client, owner, study):
+    with_operator = publishing.store(
+        small_study(**wizard_document(study={"slug": "cabin-study", "version": 2})), timezone.now()
+    )
+    text = read(client.get(at("study_change", with_operator))).text
+    assert "The study has a hidden operator" in text
+    assert "Rehearse now" not in text
+    client.post(at("rehearsal_start", with_operator))
+    assert Rehearsal.objects.count() == 0
