@@ -274,23 +274,24 @@ def fix_terms(session: str, now: datetime.datetime) -> None:
     changes: dict[str, Any] = {}
     if fixed != FREE:
         changes["terms"] = terms.stored(fixed)
-    if fixed.assist is None and not fixed.study and _drives_for_the_first_time(row):
-        changes["assist"] = Robot.DriveAssist.SLOW
+    if fixed.assist is None and not fixed.study and (level := _assistance_to_begin_with(row)):
+        changes["assist"] = level
     if changes:
         Session.objects.filter(pk=session).update(**changes)
 
 
-def _drives_for_the_first_time(row: Session) -> bool:
-    """Tell whether a visitor who has chosen no assistance yet has never moved a robot, and would
-    get none from this one, which could assist.
+def _assistance_to_begin_with(row: Session) -> str:
+    """Return the assistance that a visitor has who has not chosen any yet, on a robot that could
+    assist and by itself does not: the one that they had last, and at first one that stops at
+    obstacles. Empty for the robot's own level.
     """
     robot = row.robot
-    return (
-        not row.assist
-        and robot.assist == Robot.DriveAssist.OFF
-        and "assist" in (robot.factsheet or {}).get("capabilities", ())
-        and not Session.objects.filter(visitor=row.visitor, first_motion_at__isnull=False).exists()
-    )
+    can_assist = "assist" in (robot.factsheet or {}).get("capabilities", ())
+    if row.assist or robot.assist != Robot.DriveAssist.OFF or not can_assist:
+        return ""
+    driven = Session.objects.filter(visitor=row.visitor, first_motion_at__isnull=False)
+    had = driven.exclude(assist="").order_by("first_motion_at").values_list("assist", flat=True)
+    return had.last() or ("" if driven.exists() else Robot.DriveAssist.SLOW)
 
 
 def _granted(scene: Scene, hold: Hold, asker: _Asker, *, resumed: bool) -> TakeGranted:

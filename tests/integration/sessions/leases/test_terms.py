@@ -267,6 +267,18 @@ class TestFirstDrive:
         )
         assert take(giraff, ana).lease.assist is None
 
+    @pytest.mark.parametrize(("chosen", "next_time"), [("", "slow"), ("steer", "steer")])
+    def test_the_next_drive_begins_with_the_level_of_the_last(
+        self, giraff, ana, chosen, next_time
+    ):
+        session = take(giraff, ana).session
+        if chosen:
+            queries.choose_assist(giraff, ana, session, chosen, peer="peer-1", now=after(1))
+        Session.objects.update(first_motion_at=after(2))
+        store.leave(session, peer="peer-1", now=after(9))
+        Lease.objects.all().delete()
+        assert take(giraff, ana).lease.assist == next_time
+
     def test_a_robot_that_cannot_or_that_assists_anyway_is_told_nothing(self, giraff, ana, ben):
         Robot.objects.update(assist="steer")
         assert take(giraff, ana).lease.assist is None
