@@ -18,6 +18,8 @@ const newSlice = () => ({
   room: { driver: /** @type {string | null} */ (null), driving: false, observers: 0, waiting: 0 },
   /** the robot's last state, null before the first; robots.api.messages.State */
   robot: /** @type {any} */ (null),
+  /** when the robot's emergency stop was released, Unix time */
+  releasedAt: -Infinity,
   /** whether the robot drives back to its station after a visit */
   returnsHome: false,
   /** whether this page is in a frame of one that waits for another robot */
@@ -217,7 +219,8 @@ const newHandlers = ({ store, emit }) => ({
   state: (/** @type {any} */ message) => {
     const { robot: known, visit, began } = store.get();
     if (!known || known.boot !== message.boot || known.seq < message.seq) {
-      store.update({ robot: message });
+      const isReleased = known?.safety.estop && !message.safety.estop;
+      store.update({ robot: message, ...(isReleased ? { releasedAt: unixNow() } : {}) });
       emit("newRobotState", message);
     }
     if (began === null && visit.phase === "driving" && message.session === visit.session) {

@@ -298,6 +298,16 @@ describe("alerts", () => {
     assert.deepEqual(alertFor(one), { word: "alert.stop_unconfirmed", tone: "danger" });
   });
 
+  test("but not where the emergency stop is on, whose end is said, too", () => {
+    const robot = { safety: { ...ROBOT.safety, estop: true, estopSource: "screen:hall" } };
+    const driving = { phase: "driving", link: "live" };
+    const one = state(driving, { stopUnconfirmed: true, robot });
+    assert.equal(alertFor(one).word, "alert.estop_screen");
+    const after = (seconds) =>
+      alertFor(state(driving, { now: 100, releasedAt: 100 - seconds, robot: ROBOT }))?.word;
+    assert.deepEqual([after(2), after(9)], ["alert.released", undefined]);
+  });
+
   test("a latched e-stop, a fault and a contact are said to whoever drives or watches", () => {
     const say = (safety) =>
       alertFor(

@@ -10,6 +10,7 @@ import { profileOf } from "../display/profiles.js";
 
 const SLOW_SECONDS = 0.4;
 const PUSHED_SECONDS = 3;
+const RELEASED_SECONDS = 8;
 const NEEDED = new Set(["stop", "blind"]); // of what the robot does to help: why it does not move
 
 /**
@@ -19,7 +20,8 @@ const NEEDED = new Set(["stop", "blind"]); // of what the robot does to help: wh
  */
 export const alertFor = (state) => {
   const { visit, robot } = state;
-  if (state.stopUnconfirmed) {
+  // A robot whose emergency stop is on stands, whatever else it was told.
+  if (state.stopUnconfirmed && !robot?.safety.estop) {
     return { word: "alert.stop_unconfirmed", tone: "danger" };
   }
   if (!roleOf(visit)) {
@@ -137,7 +139,7 @@ const linkAlert = ({ visit, robot, roundTrip, slow, playing, still, stuck, serve
  * @returns {ReturnType<typeof alertFor>}
  */
 const helpAlert = (state) => {
-  const { visit, robot, help, now, pushedAt, barred, said, stuck } = state;
+  const { visit, robot, help, now, pushedAt, barred, said, stuck, releasedAt } = state;
   if (barred && now - barred.at < PUSHED_SECONDS) {
     return { word: `off.${barred.method}`, tone: "busy" };
   }
@@ -146,6 +148,9 @@ const helpAlert = (state) => {
       word: wayOut(state) ? "alert.docked_forward" : "alert.docked_forward_yourself",
       tone: "busy",
     };
+  }
+  if (visit.phase === "driving" && now - releasedAt < RELEASED_SECONDS) {
+    return { word: "alert.released", tone: "calm" };
   }
   if (said && now - said.at < PUSHED_SECONDS && !offersAround(state)) {
     return { word: said.word, tone: "calm" };
