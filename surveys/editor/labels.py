@@ -67,7 +67,7 @@ HINTS = {
         "Every text is required in each language. Removing a language deletes its texts."
     ),
     "source": _("Where the questions come from, such as the article to cite."),
-    "licence": _("The terms on which others may use the questions."),
+    "licence": _("Terms of use of the questions."),
     "template": _("A template can't be used in a study."),
     "topics": _("Questions whose answers are reported together."),
     "show_if": _("If you choose several things, all must hold."),
