@@ -39,6 +39,7 @@ FAREWELL = 2.0
 IN_FLIGHT = 20
 INCOMING = 5000
 REFUSALS = {134, 135}  # MQTT 5's reason codes: bad user name or password, not authorized
+TAKES_OVER = 5.0  # s that a site may need until its broker knows a password that is new
 SUBSCRIPTION_REFUSED = 0x80
 PORTS = {"mqtt": 1883, "mqtts": 8883, "ws": 80, "wss": 443}
 
@@ -154,6 +155,7 @@ class MqttLink:
         self._reconnection = Reconnection(rng)
         self._wake, self._closing = asyncio.Event(), asyncio.Event()
         self._rival: str | None = None
+        self._refused_since: float | None = None  # by the monotonic clock
         # Nothing that anybody is told: with Mosquitto, whoever knows a client id takes its
         # connection over.
         self._client_id = f"{factsheet.name[:40]}-{secrets.token_hex(8)}"
@@ -178,8 +180,7 @@ class MqttLink:
             try:
                 await self._connection(inbox)
             except* (MqttError, OSError) as errors:
-                name = self._factsheet.name
-                reasons = "; ".join(sorted({_reason(error, name) for error in _leaves(errors)}))
+                reasons = "; ".join(sorted({self._reason(error) for error in _leaves(errors)}))
                 log.warning(
                     "broker_unreachable",
                     host=self._endpoint.host,
@@ -223,6 +224,7 @@ class MqttLink:
                 self.connected = True
                 log.info("broker_connected", host=self._endpoint.host, port=self._endpoint.port)
                 inbox.link_changed(up=True)
+                self._refused_since = None
                 await self._send(client, tasks)
                 await self._farewell(client)
                 receiving.cancel()
@@ -356,22 +358,26 @@ class MqttLink:
         except TimeoutError:
             log.debug("broker_again", after=round(seconds, 1))
 
+    def _reason(self, error: BaseException) -> str:
+        """Return why there is no connection, and what to do where somebody has to do something."""
+        if getattr(getattr(error, "rc", None), "value", None) not in REFUSALS:
+            return str(error)
+        now = time.monotonic()
+        self._refused_since = self._refused_since or now
+        if now - self._refused_since < TAKES_OVER:
+            return "the site does not accept this robot's password yet"
+        # no colon behind "password": what follows one is struck out of logs
+        return (
+            "the site does not accept this robot's password. On the site's machine run"
+            f" `manage.py enrol {self._factsheet.name} --server https://ADDRESS-OF-THE-SITE`, then"
+            " here the command that it prints"
+        )
+
     def _topic(self, suffix: str) -> str:
         return topics.of(self._factsheet.name, suffix)
 
     def _presence(self, state: Literal["ONLINE", "OFFLINE", "CONNECTIONBROKEN"]) -> bytes:
         return codec.encode(Connection(boot=self._factsheet.boot, state=state, stamp=self._unix()))
-
-
-def _reason(error: BaseException, robot: str) -> str:
-    """Return why there is no connection, and what to do where somebody has to do something."""
-    if getattr(getattr(error, "rc", None), "value", None) in REFUSALS:
-        return (
-            "the site does not accept this robot's password: on the site's machine run"
-            f" `manage.py enrol {robot} --server https://ADDRESS-OF-THE-SITE`, then here the"
-            " command that it prints"
-        )
-    return str(error)
 
 
 def _leaves(group: BaseExceptionGroup[Any]) -> list[BaseException]:

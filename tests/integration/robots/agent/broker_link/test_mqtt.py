@@ -188,7 +188,9 @@ def test_an_agent_whose_password_the_broker_does_not_know_says_what_to_do(tmp_pa
         Mosquitto(tmp_path, anonymous=False) as broker,
         LinkThread(broker.url) as agent,
     ):
-        agent.wait(lambda: "manage.py enrol giraff --server" in caplog.text)
+        agent.wait(lambda: "does not accept this robot's password yet" in caplog.text)
+        assert "manage.py" not in caplog.text, "a site that has just made it needs a moment"
+        agent.wait(lambda: "On the site's machine run `manage.py enrol giraff" in caplog.text)
     assert "[code" not in caplog.text
 
 
