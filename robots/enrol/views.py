@@ -49,8 +49,9 @@ def enrol(request: HttpRequest) -> JsonResponse:
         if (elsewhere := misdirected(asked.robot)) is not None:
             return elsewhere
         detail = (
-            "This token was used, has expired, or is another robot's: its owner can make a new one"
-            " in the administration."
+            "This token was used, has expired, or is another robot's. A robot that has connected"
+            " before needs none: leave --enrol out. Else its owner can make a new one in the"
+            " administration."
         )
         return JsonResponse({"error": "unknown_token", "detail": detail}, status=403)
     audit.note("robot_enrolled", robot=asked.robot)

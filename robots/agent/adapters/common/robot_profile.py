@@ -30,6 +30,7 @@ from robots.api.adapter_names import known_names
 from robots.api.messages import Camera, Laser, Limits, Name, Point, TiltRange
 
 SHIPPED = Path(__file__).parents[1] / "profiles"
+FASTEST = {"linear": 5.0, "reverse": 5.0, "angular": 12.0}  # m/s and rad/s, of anything on wheels
 WITHOUT_PROFILE = frozenset({"simulator"})  # its robots are data of robots/world
 PLACE = re.compile(r"at `\$\.(\w+)")  # of what msgspec complains of
 SAID = {"yes": True, "on": True, "no": False, "off": False}  # besides true, false, 1, 0
@@ -94,6 +95,8 @@ def load_profile(name: str, folder: Path = SHIPPED) -> RobotProfile:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
         return _checked(content)
     except FileNotFoundError as error:
+        if name.endswith(".toml"):
+            raise AdapterError(f"there is no file {name} with a robot profile") from error
         known = ", ".join(sorted(each.stem for each in folder.glob("*.toml")))
         raise AdapterError(
             f"no robot profile {name!r}: choose one of {known}, or give the path of a .toml file"
@@ -220,7 +223,11 @@ def _checked(content: dict[str, Any]) -> RobotProfile:
     battery = own.get("battery")
     if isinstance(battery, dict) and not battery.get("empty", 0.0) < battery.get("full", 0.0):
         raise ValueError("in [battery], empty must be fewer volts than full")
-    return msgspec.convert({**own, "adapters": tables}, RobotProfile)
+    profile = msgspec.convert({**own, "adapters": tables}, RobotProfile)
+    for name, most in FASTEST.items():
+        if (speed := getattr(profile.limits, name)) > most:
+            raise ValueError(f"[limits] {name} is {speed:g}: more than {most:g} cannot be meant")
+    return profile
 
 
 def _section(name: str, kind: type[Struct], table: dict[str, Any]) -> dict[str, Any]:

@@ -81,6 +81,7 @@ def test_a_base_without_localization_gets_ours():
         (MINE + LIMITS + "[tilt]\nminimum = 0.0\n", "maximum"),
         ('colour = "red"\n' + MINE + LIMITS, "colour is not a key of a robot profile"),
         (MINE + LIMITS + "[battery]\nempty = 30.0\nfull = 20.0\n", "fewer volts"),
+        (MINE + LIMITS.replace("= 0.5", "= 50"), "linear is 50: more than 5 cannot be meant"),
         (MINE.replace("0.2, -0.2", "0.2") + LIMITS, "footprint"),
         (MINE + LIMITS + "[moos]\nwatchdog = 0.0\n", "watchdog"),
         (MINE + LIMITS + "[[sonars]]\nx = 0.2\ny = 0.0\n", "theta"),
@@ -99,6 +100,8 @@ def test_a_profile_that_cannot_be_is_refused_with_the_reason(tmp_path, text, sen
 def test_a_profile_that_is_not_there_is_answered_with_those_that_are():
     with pytest.raises(AdapterError, match="choose one of giraff, rhodon"):
         load_profile("r2d2")
+    with pytest.raises(AdapterError, match="there is no file ./r2d2.toml"):
+        load_profile("./r2d2.toml")
 
 
 def test_what_is_not_installed_is_named_with_the_line_that_installs_it(monkeypatch):
