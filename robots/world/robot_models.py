@@ -262,7 +262,7 @@ def model_of(series: str) -> RobotModel:
     """
     if series not in MODELS:
         raise UnknownProfileError(
-            f"no robot profile {series!r}: the simulator has {' and '.join(sorted(MODELS))}, and"
-            " takes no file"
+            f"no robot profile {series!r}: the simulator has {', '.join(sorted(MODELS))},"
+            " and takes no file"
         )
     return MODELS[series]

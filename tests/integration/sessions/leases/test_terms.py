@@ -268,9 +268,7 @@ class TestFirstDrive:
         assert take(giraff, ana).lease.assist is None
 
     @pytest.mark.parametrize(("chosen", "next_time"), [("", "slow"), ("steer", "steer")])
-    def test_the_next_drive_begins_with_the_level_of_the_last(
-        self, giraff, ana, chosen, next_time
-    ):
+    def test_the_next_drive_begins_with_the_level_of_the_last(self, giraff, ana, chosen, next_time):
         session = take(giraff, ana).session
         if chosen:
             queries.choose_assist(giraff, ana, session, chosen, peer="peer-1", now=after(1))

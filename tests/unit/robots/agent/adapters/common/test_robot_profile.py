@@ -100,7 +100,7 @@ def test_a_profile_that_cannot_be_is_refused_with_the_reason(tmp_path, text, sen
 def test_a_profile_that_is_not_there_is_answered_with_those_that_are():
     with pytest.raises(AdapterError, match="choose one of giraff, rhodon"):
         load_profile("r2d2")
-    with pytest.raises(AdapterError, match="there is no file ./r2d2.toml"):
+    with pytest.raises(AdapterError, match=r"there is no file \./r2d2\.toml"):
         load_profile("./r2d2.toml")
 
 
