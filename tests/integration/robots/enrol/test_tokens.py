@@ -409,7 +409,7 @@ def test_the_command_prints_what_to_run_on_the_robot(robot):
     command, _, token = out.getvalue().splitlines()[-1].rpartition(" ")
     assert (
         command
-        == "python manage.py run_robot giraff --server https://site.example --adapter ADAPTER"
+        == ".venv/bin/python manage.py run_robot giraff --server https://site.example --adapter ADAPTER"
         " --profile PROFILE --enrol"
     )
     assert redeem("giraff", token, timezone.now()) is not None
