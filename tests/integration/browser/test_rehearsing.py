@@ -67,7 +67,7 @@ def test_a_rehearsal_outlives_the_web_server_and_says_when_it_was_killed(site, s
     )
     started = workers(site)
     (rehearsal,) = (one for one in started if "rehearse_study" in one.cmdline())
-    assert rehearsal.nice() == 10
+    assert rehearsal.nice() == min(19, rehearsal.parent().nice() + 10)
     rehearsal.kill()
     expect(state).to_contain_text("it was ended by SIGKILL", timeout=patient(20) * 1000)
     nothing_is_left(site, started)
