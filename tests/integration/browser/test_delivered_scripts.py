@@ -13,6 +13,7 @@ from playwright.sync_api import Page, expect
 
 from experiments.rehearsal import runs
 from robots.models import Robot
+from surveys.questionnaires import shipped, store
 from tests.integration.browser.test_accessibility import driving, opened
 from tests.integration.browser.test_replay import made
 from tests.support import participants as p
@@ -95,6 +96,7 @@ def test_every_script_that_a_page_names_runs_on_it(opened, browser, settings):
     study = p.published(p.of("exploration"))
     replays.study(slug="operated", definition=wizard_document(study={"slug": "operated"}))
     rehearsal = runs.begin(study, "lab", timezone.now())
+    asked = store(shipped()["sus"], timezone.now())
     owner = Client()
     owner.force_login(person("owner", is_superuser=True, is_staff=True))
     page = opened(owner)
@@ -108,6 +110,7 @@ def test_every_script_that_a_page_names_runs_on_it(opened, browser, settings):
         f"/studies/replay/{visit.pk}/": "#replay[data-state=ready]",
         f"/admin/experiments/study/{study.pk}/change/": "#content",
         f"/admin/experiments/rehearsal/{rehearsal.pk}/change/": "[data-rehearsal]",
+        f"/admin/surveys/questionnaire/{asked.pk}/preview/": "main",
         f"/admin/experiments/study/{study.pk}/build/courses/0/": "#course-map .course__handle",
         f"/admin/robots/robot/{robot.pk}/change/": "#robot-overview",
         f"/admin/robots/floorplan/{robot.floor_plan_id}/finish/": "#plan-map .course__handle",
@@ -128,6 +131,7 @@ def test_every_script_that_a_page_names_runs_on_it(opened, browser, settings):
         "js/pages/admin/plan.js",
         "js/pages/admin/rehearsal.js",
         "js/pages/admin/robot.js",
+        "js/pages/survey/look.js",
     }
     complaints.check(*own)
     ran |= own
