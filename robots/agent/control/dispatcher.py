@@ -92,12 +92,8 @@ class CommandDispatcher:
     def __init__(
         self, parts: DispatcherParts, spawn: Callable[[Coroutine[Any, Any, None]], None]
     ) -> None:
-        self._kernel, self._adapter, self._media, self._monitor = (
-            parts.kernel,
-            parts.adapter,
-            parts.media,
-            parts.monitor,
-        )
+        self._kernel, self._adapter = parts.kernel, parts.adapter
+        self._media, self._monitor = parts.media, parts.monitor
         self._store, self._times, self._spawn = parts.store, parts.times, spawn
         self._attention = Attention(
             Needs(
