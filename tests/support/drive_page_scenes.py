@@ -41,9 +41,13 @@ async def drives(page: Page, site: PresentRobotPage, address: str) -> Scenes:
     await chats(page, site)
     yield "on its way, chat"
     answered(site, m.Goto, "FAILED", "no_path")
-    await page.wait_for_selector("#offer-other:not([hidden])")
+    # A low window has no room for it beside the chat.
+    await page.wait_for_selector("#offer-other:not([hidden])", state="attached")
     yield "failed, chat"
+    await page.click("#presence-talk")
+    yield "failed"
     await page.click("#offer-other")
+    await chats(page, site)
     yield "chat"
     await page.click("#presence-talk")
     await page.click("#places-toggle")
