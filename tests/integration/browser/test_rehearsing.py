@@ -2,6 +2,8 @@
 restarted, killed, ended and read.
 """
 
+from uuid import UUID
+
 import psutil
 import pytest
 from playwright.sync_api import expect
@@ -39,7 +41,7 @@ def study_page(site, visitor):
     def open_it(address: str):
         page = visitor("ada").page
         ((study,),) = site.rows(STUDY)
-        page.goto(address.format(study))
+        page.goto(address.format(UUID(study)))
         return page
 
     return open_it
