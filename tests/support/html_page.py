@@ -94,6 +94,7 @@ def faults(page: Page) -> list[str]:
         if (
             e.tag in CONTROLS
             and a.get("type") != "hidden"
+            and not (a.get("type") == "submit" and a.get("value"))
             and a.get("id") not in labelled
             and "aria-label" not in a
         ):
