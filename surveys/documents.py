@@ -48,6 +48,11 @@ def spoken(text: Mapping[str, str], language: str) -> str:
     return text.get(language) or next(iter(text.values()), "")
 
 
+def text_in(text: Mapping[str, str], languages: Iterable[str]) -> str:
+    """Return a text in the first of these languages that has it; empty when none has."""
+    return next((text[language] for language in languages if text.get(language)), "")
+
+
 def checked(
     document: bytes,
     cls: type[T],

@@ -12,6 +12,7 @@ from experiments.builder.labels import GUIDE
 from experiments.builder.pages import parts_in
 from surveys.document_forms.fields import language_name
 from surveys.document_forms.parts import Document
+from surveys.documents import text_in
 
 _MISSING = re.compile(r"(?P<place>\S+) has no text in (?P<language>\S+)\.")
 _LISTED = re.compile(r"(?P<key>\w+)\[(?P<n>\d+)\]")
@@ -67,10 +68,8 @@ def _segment(name: str) -> str:
 
 def title_of(part: Document, whole: Document) -> str:
     """Return what a step, condition or course is called, in the first language that has it."""
-    texts = part.get("title", {})
-    said = next((texts[language] for language in whole["languages"] if texts.get(language)), "")
     return (
-        said
+        text_in(part.get("title", {}), whole["languages"])
         or part.get("name")
         or part.get("code")
         or part.get("key")

@@ -5,7 +5,7 @@ A *cell* is what a participant is assigned to: one condition (between participan
 conditions (within them). A place in it is held from then on, and is
 
 - freed only when its visitor left before the first velocity was applied: nothing was done to them.
-  Whoever has read what only their condition says keeps it, for as long as the study waits;
+  Participants who have read what only their condition says keep it, for as long as the study waits;
 - filled by every other ending, whose outcome counts in the cell;
 - filled and yet given to another when the study's frozen rule says so of its outcome, as often as
   the rule allows;

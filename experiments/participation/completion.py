@@ -1,8 +1,8 @@
 """How taking part ended, and the code that says so to whoever recruited the participant.
 
 A recruiting site is told one code a way of ending, the same for everybody, so the codes of a study
-follow from its secret and are shown to its researchers beforehand. Who is turned away gets a code
-only where the study says so: most sites pay for any code that a participant brings.
+follow from its secret and are shown to its researchers beforehand. Participants who are turned away
+get a code only where the study says so: most sites pay for any code that a participant brings.
 """
 
 import datetime

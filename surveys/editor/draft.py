@@ -17,7 +17,7 @@ from msgspec import inspect
 
 from surveys.definition import Definition, Page
 from surveys.document_forms.parts import Document, change, in_languages, read_number
-from surveys.documents import DocumentPart, Text
+from surveys.documents import DocumentPart
 from surveys.item import Question, ScalePoint
 from surveys.questions import TYPES
 
@@ -264,8 +264,3 @@ def earlier(definition: Definition, place: EditorPlace) -> Iterator[Question]:
         if place.key == (page.key if place.section == "pages" else question.item.key):
             return
         yield question
-
-
-def text_in(text: Text, languages: Sequence[str]) -> str:
-    """Return a text in the first of these languages that has it."""
-    return next((text[language] for language in languages if text.get(language)), "")

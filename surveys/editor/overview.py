@@ -10,7 +10,8 @@ from django.utils.translation import get_language
 from django.utils.translation import gettext as _
 
 from surveys.document_forms.parts import Document
-from surveys.editor.draft import EditorPlace, text_in
+from surveys.documents import text_in
+from surveys.editor.draft import EditorPlace
 from surveys.editor.labels import kind_name, scale_name
 from surveys.models import Questionnaire
 

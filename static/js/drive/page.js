@@ -97,10 +97,9 @@ const fetched = (fetch) =>
   });
 
 const setUpFirst = async () => {
-  const [...features] = FIRST;
   // What somebody presses meanwhile needs these two.
-  features.splice(0, 2).forEach(setUp);
-  for (const feature of features) {
+  FIRST.slice(0, 2).forEach(setUp);
+  for (const feature of FIRST.slice(2)) {
     await turn();
     setUp(feature);
   }

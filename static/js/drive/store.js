@@ -1,6 +1,6 @@
 /**
- * A small store: changes are merged, and subscribers hear of them once a frame. What is in it
- * stands in the features, a slice each.
+ * A small store: changes are merged, and subscribers hear of them once a frame. Each
+ * feature brings a slice of it.
  * @template {object} State
  * @param {State} initial
  * @param {(callback: () => void) => unknown} [frame]

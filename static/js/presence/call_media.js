@@ -178,7 +178,7 @@ export class CallMedia {
   }
 
   /**
-   * A device was unplugged. Who ends the sharing by the browser's own button has not lost anything.
+   * A device was unplugged. Nothing is lost when sharing is ended by the browser's own button.
    * @param {"audio" | "video"} kind
    */
   #lost(kind) {

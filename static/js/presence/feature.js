@@ -190,8 +190,8 @@ export const presence = { name: "presence", setUp };
  */
 const showBar = (element, state, waits) => {
   const drives = roleOf(state.visit) === "driver";
-  // Who writes goes on writing while the video is away: a field that goes would leave the next
-  // letters to the robot.
+  // A visitor who is writing keeps the field while the video is away: without it the next letters
+  // would go to the robot.
   element("presence").hidden =
     !waits && (!drives || !(state.playing || state.writing || state.panel === "volumes"));
   element("presence-volumes").hidden = waits;

@@ -1,7 +1,7 @@
 /**
  * Two pointers over a video, one of each side, and the hand that moves one of them: what the drive
- * page and the robot's own display have in common. The layer stands in the element that the video
- * fills, and is laid just over the picture, without the bars beside it, so that a share of the
+ * page and the robot's own display have in common. The layer is in the element that the video
+ * fills, and lies just over the picture, without the bars beside it, so that a share of the
  * layer is a share of the picture.
  *
  * It takes presses and nothing else: who cannot point has words and voice, and no key leads here

@@ -1,7 +1,7 @@
 /**
  * The display's own camera and microphone, in the place of the robot's: given where the robot's
- * answer says that it wants them. Whoever put the display up has allowed the page to use them;
- * where a browser refuses, it is said, and tried again.
+ * answer says that it wants them. The person who set up the display has allowed the page to
+ * use them; if the browser refuses, the page says so and tries again.
  */
 
 /** @typedef {import("../../presence/devices.js").Kind} Kind */
