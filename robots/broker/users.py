@@ -1,4 +1,4 @@
-"""Who may connect, read from the database; and the limits that both brokers share."""
+"""Who may connect, read from the database."""
 
 import datetime
 from collections.abc import Awaitable, Callable
@@ -10,7 +10,6 @@ from django.db import DatabaseError, InterfaceError
 from django.utils import timezone
 from django.utils.crypto import salted_hmac
 
-from robots.api import topics
 from robots.broker.permissions import BrokerUser, of_robot, of_server
 from robots.enrol.bcrypt import SALT_LETTERS, bcrypt_hash
 from robots.enrol.credentials import (
@@ -25,11 +24,8 @@ from robots.enrol.credentials import (
 )
 from robots.models import Robot
 
-# The largest payload of the Robot API, and room for its topic and header.
-MAX_PACKET = max(topic.limit for topic in topics.TABLE) + topics.KIB
 POLL_SECONDS = 2.0
 FIELDS = ("name", *STORED)
-SESSION_SECONDS = 24 * 3600.0  # how long a persistent session waits for its client
 
 ReadUsers = Callable[[], Awaitable[dict[str, BrokerUser]]]
 
