@@ -161,7 +161,7 @@ def test_a_page_of_the_instructions_is_given_to_some_conditions_by_ticking_them(
     send(client, address, "add:leaves", title__en="Read")
     send(client, address, leaves__0__text__en="Mind the door.", leaves__0__conditions=["shut"])
     assert stored().steps[-1].leaves[0].conditions == ("shut",)
-    assert "Participants are assigned to their condition when" in read(client.get(address)).text
+    assert "participants are assigned to their condition when" in read(client.get(address)).text
 
 
 def test_factors_are_built_without_json_and_each_condition_is_a_cell_of_them(client, study):
