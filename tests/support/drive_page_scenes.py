@@ -38,6 +38,12 @@ async def drives(page: Page, site: PresentRobotPage, address: str) -> Scenes:
     await under_way(site, m.Goto)
     await page.wait_for_selector("#offer-progress:not([hidden])")
     yield "on its way"
+    await page.click("[data-action=map_large]")
+    yield "on its way, large map"
+    await page.click("#places-toggle")
+    yield "places, large map"
+    await page.click("#places-toggle")
+    await page.click("[data-action=map_large]")
     await chats(page, site)
     yield "on its way, chat"
     answered(site, m.Goto, "FAILED", "no_path")
