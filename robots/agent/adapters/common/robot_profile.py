@@ -226,7 +226,7 @@ def _checked(content: dict[str, Any]) -> RobotProfile:
     profile = msgspec.convert({**own, "adapters": tables}, RobotProfile)
     for name, most in FASTEST.items():
         if (speed := getattr(profile.limits, name)) > most:
-            raise ValueError(f"[limits] {name} is {speed:g}: more than {most:g} cannot be meant")
+            raise ValueError(f"[limits] {name} is {speed:g}; it cannot be more than {most:g}")
     return profile
 
 
