@@ -53,10 +53,13 @@ def drive(request: HttpRequest, robot: str) -> HttpResponse:
     verdict = may_drive(request.user, found)
     if not verdict and not may_observe(request.user, found):
         raise PermissionDenied(verdict.reason)
+    config = page_config(found, request.user)
+    if not found.practice:
+        config["robots"] = reverse("robots_json")  # for whoever waits while others are free
     return render(
         request,
         "sessions/drive.html",
-        {"robot": found, "picture": picture_of(found), "config": page_config(found, request.user)},
+        {"robot": found, "picture": picture_of(found), "config": config},
     )
 
 
