@@ -108,6 +108,7 @@ class FakeRobotPage:
         self.photos: dict[str, bytes] = {}
         # where to practise, as the server says it; PRACTICE is a page for it
         self.practice: dict[str, Any] | None = None
+        self.operates = False  # whether whoever looks operates the robot
         self.still: bytes | None = None  # the JPEG that comes through the server
         self.battery = m.Battery(charge=0.82)
         self.errors: tuple[str, ...] = ()
@@ -251,6 +252,7 @@ class FakeRobotPage:
             "snapshots": "/snapshots",
             "study": self.study,
             "check": f"/{protocol.CHECK_PATH}",
+            "operates": self.operates,
         }
         config["practice"] = "/practice" if self.practice else None
         with translation.override(language):
