@@ -29,6 +29,7 @@ class AdapterInput(forms.TextInput):
 
 
 DECIMALS = ("turn_minutes", "charge_limit", "max_linear", "max_angular")
+NO_DECIMAL = _("This is not a number. Use a decimal point: write 0.6, not 0,6.")
 
 
 class RobotForm(forms.ModelForm):
@@ -39,10 +40,7 @@ class RobotForm(forms.ModelForm):
         fields = ("shown_to_visitors",)  # the administration names the others
         # As people write them: with a comma too, in a language that has decimal commas.
         localized_fields = DECIMALS
-        error_messages: ClassVar = dict.fromkeys(
-            DECIMALS,
-            {"invalid": _("This is not a number. Use a decimal point: write 0.6, not 0,6.")},
-        )
+        error_messages: ClassVar = {name: {"invalid": NO_DECIMAL} for name in DECIMALS}
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
