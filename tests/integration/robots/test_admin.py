@@ -491,7 +491,7 @@ def test_doors_are_opened_and_closed_on_a_page_of_their_own(client, researcher, 
 def test_a_robot_that_is_stuck_between_two_visits_is_freed(client, researcher, giraff):
     Robot.objects.update(turnaround="paused", turnaround_reason="estop")
     assert (
-        "paused: its emergency stop is on"
+        "Not ready: its emergency stop is on"
         in client.get(f"{LIST}{giraff.pk}/change/").content.decode()
     )
     client.post(LIST, {"action": "free", "_selected_action": [str(giraff.pk)]})
