@@ -6,10 +6,10 @@ import re
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from django.test import Client
+from django.urls import reverse
 from django.utils import timezone
 from playwright.sync_api import expect
 
-from robots.enrol.tokens import redeem
 from robots.models import Robot
 from tests.integration.browser.test_accessibility import opened
 from tests.support import replays
@@ -50,7 +50,8 @@ def test_an_owner_connects_a_robot_and_shows_it_without_leaving_its_page(opened)
         name: page.locator(f".field-{name} .readonly") for name in ("between", "seen", "key")
     }
     expect(settings["between"]).to_have_text("New")
-    assert redeem("giraff", copied.rpartition(" ")[2], timezone.now()) is not None
+    enrolling = {"robot": "giraff", "token": copied.rpartition(" ")[2]}
+    assert page.request.post(reverse("agent_enrol"), data=enrolling).status == 200
     Robot.objects.update(
         connection="ONLINE",
         last_seen_at=timezone.now() + datetime.timedelta(hours=1),  # for longer than the test
