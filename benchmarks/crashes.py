@@ -8,7 +8,8 @@ while things are down. Afterwards robots, bases and database are held against ea
 may be lost that a robot had, no two sessions may have had a robot at the same moment, and no base
 may have moved while nobody had its robot.
 
-`CRASH_PLACE` (demo, server-N), `CRASH_PARTS`, `CRASH_ROBOTS` and `CRASH_AGENTS` choose what is run.
+`CRASH_PLACE` (demo, server-W[-managers-M][-nats]), `CRASH_PARTS`, `CRASH_ROBOTS` and
+`CRASH_AGENTS` choose what is run.
 """
 
 import json
@@ -65,7 +66,7 @@ def populate(place: RunningSite, robots: Hands, visitors: Hands, bases: Bases) -
             str(bases.port),
         ]
         place.site.start(name, ["-m", "benchmarks.traffic.based_robot", name, *words])
-    robots.ask("add", place.site.mqtt_port, made[AGENTS:])
+    robots.ask("add", place.broker_ports, made[AGENTS:])
     each = [name for name in names for _ in range(VISITORS)]
     visitors.ask(
         "add",

@@ -10,7 +10,7 @@ Processor shares are those of one core; `others` is what else ran on the compute
 host gave to other virtual computers. A delay contains what the generators themselves are late,
 which stands beside it: a step in which that is large says little about the server.
 
-`LOAD_PLACES` (demo, server-N) and `LOAD_STEPS` choose what is run.
+`LOAD_PLACES` (demo, server-W[-managers-M][-nats]) and `LOAD_STEPS` choose what is run.
 """
 
 import json
@@ -118,7 +118,7 @@ def grow(place: RunningSite, robots: Hands, visitors: Hands, have: int, wanted: 
     as patience lasts.
     """
     names = [f"light-{number}" for number in range(have, wanted)]
-    robots.ask("add", place.site.mqtt_port, place.make_robots(names))
+    robots.ask("add", place.broker_ports, place.make_robots(names))
     wait_for(lambda: robots.ask("online") == wanted, 60, f"{wanted} robots online")
     visitors.ask("add", place.make_visitors([f"visitor-{name}" for name in names], names), 1e9)
     until = time.monotonic() + 60.0

@@ -1,22 +1,27 @@
 """The servers that are loaded: as `make demo` runs them, and as a server does (PostgreSQL, Redis,
-Mosquitto, one web process or more).
+Mosquitto or a cluster of three NATS nodes, one web process and one session manager or more).
 
 Settings, processes and commands are those of the project; only the proxy is left out, whose share
 is small and whose TLS would cost the load generator more than all the rest.
 """
 
+import asyncio
 import contextlib
 import json
+import re
 import signal
 import subprocess
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.traffic.verdicts import DrivePeriod, NumberedState
 from telepresence_site.serving import APPLICATION, DAPHNE
+from tests.support.clustered_brokers.nats import HOST, NatsNodes
+from tests.support.clustered_brokers.node import Node
+from tests.support.clustered_brokers.site import ClusterSite
 from tests.support.postgres import Postgres, running_postgres
 from tests.support.server import program
 from tests.support.site import LOOPBACK, Site, free_port, wait_for
@@ -92,6 +97,10 @@ print(json.dumps([
     for row in rows
 ]))
 """
+MANAGERS = """
+from sessions.models import Shard
+print(len(set(Shard.objects.exclude(owner=None).values_list("owner", flat=True))))
+"""
 
 
 @dataclass(frozen=True)
@@ -161,6 +170,26 @@ class Database:
 
 
 @dataclass
+class BrokerNode:
+    """A node of a clustered broker, which can crash."""
+
+    node: Node
+
+    @property
+    def pid(self) -> int:
+        """Return the id of its process."""
+        return int(self.node.process.pid)
+
+    def start(self) -> None:
+        """Start it again."""
+        self.node.start()
+
+    def kill(self) -> None:
+        """End it without a word."""
+        self.node.kill()
+
+
+@dataclass
 class RunningSite:
     """A running site and what can be asked of it. `webs` has the port of each web process,
     `outside` what is not ours.
@@ -168,7 +197,14 @@ class RunningSite:
 
     site: Site
     webs: dict[str, int]
-    outside: dict[str, Redis | Database]
+    outside: dict[str, Redis | Database | BrokerNode]
+
+    @property
+    def broker_ports(self) -> list[int]:
+        """Return the port of each node of the broker."""
+        if isinstance(self.site, ClusterSite):
+            return [place.mqtt for place in self.site.cluster.places]
+        return [self.site.mqtt_port]
 
     @property
     def processes(self) -> dict[str, int]:
@@ -193,6 +229,9 @@ class RunningSite:
     def make_robots(self, names: list[str]) -> list[list[str]]:
         """Return [name, token] of new robots."""
         made: list[list[str]] = json.loads(self.site.django(ROBOTS.format(names=names)))
+        if isinstance(self.site, ClusterSite):
+            self.site.write_users()
+            self.site.cluster.reload()
         return made
 
     def make_visitors(self, names: list[str], robots: list[str]) -> list[list[str]]:
@@ -238,6 +277,10 @@ class RunningSite:
         """Return every session that had its robot, in order of their grants."""
         return [DrivePeriod(*row) for row in json.loads(self.site.django(SESSIONS))]
 
+    def managers(self) -> int:
+        """Return how many session managers share the robots."""
+        return int(self.site.django(MANAGERS))
+
     def is_ready(self) -> bool:
         """Tell whether every web process says that broker, database and session
         manager are there.
@@ -253,11 +296,19 @@ def _is_ready(port: int) -> bool:
         return False
 
 
+KIND = re.compile(r"demo|server-(?P<webs>\d+)(-managers-(?P<managers>\d+))?(?P<nats>-nats)?")
+
+
 @contextlib.contextmanager
 def running_place(kind: str, directory: Path) -> Iterator[RunningSite]:
-    """Run a place: `demo`, or `server-N` with N web processes; everything is ended afterwards."""
+    """Run a place: `demo`, or `server-W` with W web processes, `server-W-managers-M` with M session
+    managers, either with `-nats` for a broker of three nodes; everything is ended afterwards.
+    """
+    found = KIND.fullmatch(kind)
+    if found is None:
+        raise ValueError(f"there is no place {kind}: demo, or server-W[-managers-M][-nats]")
     with contextlib.ExitStack() as stack:
-        outside: dict[str, Redis | Database] = {}
+        outside: dict[str, Redis | Database | BrokerNode] = {}
         # all visitors come from this computer
         settings = {"LOG_LEVEL": "WARNING", "SOCKETS_PER_ADDRESS": "10000"}
         if kind != "demo":
@@ -266,12 +317,12 @@ def running_place(kind: str, directory: Path) -> Iterator[RunningSite]:
             stack.callback(redis.kill)
             outside = {"database": database, "redis": redis}
             settings |= {"DATABASE_URL": database.postgres.url, "REDIS_URL": redis.url}
-        site = Site(directory / "var", settings=settings)
+        site = _site(directory, settings, is_clustered=bool(found["nats"]))
         stack.callback(site.stop_all)
         webs = (
             {"web": site.web_port}
             if kind == "demo"
-            else {f"web-{n}": free_port() for n in range(int(kind.partition("-")[2]))}
+            else {f"web-{n}": free_port() for n in range(int(found["webs"]))}
         )
         place = RunningSite(site, webs, outside)
         if kind == "demo":
@@ -279,14 +330,39 @@ def running_place(kind: str, directory: Path) -> Iterator[RunningSite]:
         else:
             site.var.mkdir(parents=True, exist_ok=True)
             site.run("manage.py", "migrate", "-v", "0")
-        _start(place)
+        _start_broker(place, stack)
+        _start(place, int(found["managers"] or 1))
         yield place
 
 
-def _start(place: RunningSite) -> None:
+def _site(directory: Path, settings: Mapping[str, str], *, is_clustered: bool) -> Site:
+    if not is_clustered:
+        return Site(directory / "var", settings=dict(settings))
+    nodes = directory / "nats"
+    nodes.mkdir()
+    return ClusterSite(
+        directory / "var", settings=dict(settings), cluster=NatsNodes(nodes, [HOST] * 3)
+    )
+
+
+def _start_broker(place: RunningSite, stack: contextlib.ExitStack) -> None:
     site = place.site
-    site.start_broker()
-    site.start("session-manager", ["manage.py", "run_session_manager"])
+    if not isinstance(site, ClusterSite):
+        site.start_broker()
+        return
+    site.write_users()
+    site.cluster.start()
+    stack.callback(site.cluster.stop)
+    asyncio.run(site.cluster.ready())
+    place.outside |= {f"broker-{n}": BrokerNode(node) for n, node in enumerate(site.cluster.nodes)}
+
+
+def _start(place: RunningSite, managers: int) -> None:
+    site = place.site
+    for n in range(managers):
+        name = "session-manager" if n == 0 else f"session-manager-{n}"
+        site.start(name, ["manage.py", "run_session_manager"])
     for name, port in place.webs.items():
         site.start(name, [*DAPHNE, "-b", LOOPBACK, "-p", str(port), APPLICATION])
     wait_for(place.is_ready, 60, "a site with all its parts")
+    wait_for(lambda: place.managers() == managers, 60, f"{managers} session managers with shards")

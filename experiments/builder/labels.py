@@ -145,7 +145,7 @@ LABELS: dict[str, Words] = {
     "shortcut": _("Key on the operator's page"),
     "line": _("Line"),
     "aloud": _("Read aloud"),
-    "within": _("At most after the step before (s)"),
+    "within": _("Time limit after the previous step (s)"),
     "PlaceMove.name": _("Place"),
     "angle": _("Angle (rad)"),
     "DriveMove.seconds": _("Duration (s)"),
@@ -199,17 +199,17 @@ HINTS: dict[str, Words] = {
     ),
     "contrasts": _("All contrasts of all measures are one family for Holm's correction."),
     "conditions": _("The conditions to compare if there are no contrasts. Leave blank for all."),
-    "InstructionPage.robot": _("Tick none for everyone."),
+    "InstructionPage.robot": _("If you tick none, everyone sees it."),
     "InstructionPage.conditions": _(
-        "Tick none for all conditions. Participants are assigned to their condition when they "
-        "reach these instructions, not when they first get the robot."
+        "If you tick none, everyone sees it. If you tick some, participants are assigned to their "
+        "condition when they reach these instructions, not when they first get the robot."
     ),
     "post_hoc": _("Applies only if there are no contrasts."),
     "recruitment": _("For the reporting sheet. Participants do not see it."),
     "compensation": _("For the reporting sheet. Participants do not see it."),
     "turned_away_code": _(
-        "For recruitment sites that pay people who were screened out, by a code of their own. "
-        "Otherwise only people who reach the end get a code."
+        "For recruitment sites that pay people who were screened out: they get a separate code. "
+        "Otherwise, only people who reach the end get a code."
     ),
     "hypotheses": _(
         "Each names the declared analysis that tests it. All other tests are exploratory."

@@ -45,7 +45,10 @@ CLASSES: Mapping[str, type[Any]] = {
 }
 NEW_ZONE = 1.0  # metres: the sides of a zone before it is drawn
 BEGINNINGS = {
-    "wizard": ("Wizard: ", *(f"The {one} of the wizard" for one in ("stage", "step", "key"))),
+    "wizard": (
+        "Hidden operator: ",
+        *(f"The {one} of the script" for one in ("stage", "step", "key")),
+    ),
     "steps": (
         "The consent",
         "The debriefing",
@@ -61,11 +64,11 @@ BEGINNINGS = {
     "courses": ("The course",),
     "analyses": ("The analysis",),
     PLAN: ("Plan: ", "The plan"),
-    "rules": ("The refill", "The statements", "The assignment"),
+    "rules": ("The participant replacement", "The statements", "The assignment"),
     "coding": ("The coding", "A coding", "The code “", "The name “", "The key “"),
 }
 _OF_A_PART = re.compile(
-    r"(Step|Factor|Condition|Analysis|Wizard step|Code) (?P<key>[a-z][a-z0-9_]*): "
+    r"(Step|Factor|Condition|Analysis|Script step|Code) (?P<key>[a-z][a-z0-9_]*): "
     r"|(?P<text>[a-z][a-z0-9_]*)(\.[a-z_\[\]0-9]+)+[: ]"
 )
 _OF_A_COURSE = re.compile(r"Course of (?P<robot>\S+) at (?P<site>\S+): ")

@@ -213,9 +213,12 @@ def _of_allocation(study: StudyDefinition) -> Iterator[str]:
     if study.coding is not None:
         yield from scheme_problems(study.coding.codes)
     if bool(study.refill.outcomes) != bool(study.refill.most):
-        yield "The refill rule needs both outcomes and a number."
+        yield "The participant replacement (refill) needs both outcomes and a number."
     if {"completed", "timed_out"}.intersection(study.refill.outcomes):
-        yield "The refill rule cannot include outcomes of the task itself (completed, timed out)."
+        yield (
+            "The participant replacement (refill) cannot include outcomes of the task itself"
+            " (completed, timed out)."
+        )
     known = {step.questionnaire for step in study.asking}
     if study.analysis.statements not in known:
         yield (

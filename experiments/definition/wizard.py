@@ -131,16 +131,16 @@ def problems(
         )
     for key in wizard.conditions:
         if key not in conditions:
-            yield f"Wizard: there is no condition {key}."
+            yield f"Hidden operator: there is no condition {key}."
     if not wizard.steps and not wizard.by_hand:
-        yield "Wizard: the operator has no step and may not drive by hand: add a step."
-    yield from duplicates("stage of the wizard", (stage.key for stage in wizard.stages))
-    yield from duplicates("step of the wizard", (step.key for step in wizard.steps))
+        yield "Hidden operator: the script has no step and driving by hand is off: add a step."
+    yield from duplicates("stage of the script", (stage.key for stage in wizard.stages))
+    yield from duplicates("step of the script", (step.key for step in wizard.steps))
     keys = (step.shortcut for step in wizard.steps if step.shortcut)
-    yield from duplicates("key of the wizard", keys)
+    yield from duplicates("key of the script", keys)
     for step in wizard.steps:
         for problem in _of_step(step, languages):
-            yield f"Wizard step {step.key}: {problem}"
+            yield f"Script step {step.key}: {problem}"
 
 
 def _of_step(step: WizardStep, languages: Sequence[str]) -> Iterator[str]:
@@ -161,9 +161,9 @@ def obstacles(
     for step in wizard.steps:
         if isinstance(step.move, PlaceMove) and step.move.name not in places:
             yield (
-                f"the wizard's step {step.key} goes to {step.move.name}, which is not a"
+                f"the script's step {step.key} goes to {step.move.name}, which is not a"
                 " place there."
             )
         need: Capability = "say" if step.move is None else NEEDS[type(step.move)]
         if need not in capabilities:
-            yield f"the robot cannot do the wizard's step {step.key} ({need})."
+            yield f"the robot cannot do the script's step {step.key} ({need})."

@@ -20,7 +20,7 @@ SILENT = datetime.timedelta(seconds=30)  # without a sign of life: the process i
 NOT_TAKEN = datetime.timedelta(seconds=15)  # waiting for so long: nobody seems to take it
 Status = Rehearsal.Status
 LIVE = (Status.WAITING, Status.RUNNING)
-LOST = "Its process ended without a word, or its computer was restarted."
+LOST = "Its process ended without giving a reason, or its computer was restarted."
 
 
 class AlreadyRehearsedError(RuntimeError):

@@ -27,8 +27,7 @@ from robots.broker.packets import (
     Subscribe,
     Unsubscribe,
 )
-from robots.broker.permissions import BrokerUser
-from robots.broker.users import MAX_PACKET
+from robots.broker.permissions import MAX_PACKET, BrokerUser
 
 PACKETS_A_TURN = 8
 READ_BYTES = 16 * 1024  # at once

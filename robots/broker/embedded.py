@@ -19,8 +19,8 @@ from robots.broker.bounded_log import BoundedLog
 from robots.broker.connection import ClientConnection
 from robots.broker.hub import Hub
 from robots.broker.packets import Connect, ProtocolError
-from robots.broker.permissions import BrokerUser
-from robots.broker.users import POLL_SECONDS, SESSION_SECONDS, ReadUsers, UsersUnavailableError
+from robots.broker.permissions import SESSION_SECONDS, BrokerUser
+from robots.broker.users import POLL_SECONDS, ReadUsers, UsersUnavailableError
 from robots.enrol.credentials import Verifier, matches
 
 logger = structlog.stdlib.get_logger(__name__)

@@ -24,14 +24,14 @@ from pathlib import Path
 import structlog
 
 from robots.broker.hub import WINDOW
-from robots.broker.permissions import SERVER_ALLOWANCE, BrokerUser, of_robot
-from robots.broker.users import (
+from robots.broker.permissions import (
     MAX_PACKET,
-    POLL_SECONDS,
+    SERVER_ALLOWANCE,
     SESSION_SECONDS,
-    ReadUsers,
-    UsersUnavailableError,
+    BrokerUser,
+    of_robot,
 )
+from robots.broker.users import POLL_SECONDS, ReadUsers, UsersUnavailableError
 from robots.processes import tied_to_parent
 
 logger = structlog.stdlib.get_logger(__name__)

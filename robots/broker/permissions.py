@@ -10,6 +10,9 @@ from robots.api import topics
 from robots.broker.filters import covers, is_topic, matches
 
 MIB = 1024 * 1024
+# The largest payload of the Robot API, and room for its topic and header.
+MAX_PACKET = max(topic.limit for topic in topics.TABLE) + topics.KIB
+SESSION_SECONDS = 24 * 3600.0  # how long a persistent session waits for its client
 
 
 @dataclass(frozen=True)

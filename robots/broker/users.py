@@ -1,14 +1,15 @@
-"""Who may connect, read from the database; and the limits that both brokers share."""
+"""Who may connect, read from the database."""
 
+import datetime
 from collections.abc import Awaitable, Callable
 from functools import cache
+from typing import Any
 
 from channels.db import database_sync_to_async
 from django.db import DatabaseError, InterfaceError
 from django.utils import timezone
 from django.utils.crypto import salted_hmac
 
-from robots.api import topics
 from robots.broker.permissions import BrokerUser, of_robot, of_server
 from robots.enrol.bcrypt import SALT_LETTERS, bcrypt_hash
 from robots.enrol.credentials import (
@@ -23,10 +24,8 @@ from robots.enrol.credentials import (
 )
 from robots.models import Robot
 
-# The largest payload of the Robot API, and room for its topic and header.
-MAX_PACKET = max(topic.limit for topic in topics.TABLE) + topics.KIB
 POLL_SECONDS = 2.0
-SESSION_SECONDS = 24 * 3600.0  # how long a persistent session waits for its client
+FIELDS = ("name", *STORED)
 
 ReadUsers = Callable[[], Awaitable[dict[str, BrokerUser]]]
 
@@ -53,16 +52,36 @@ def _server_users() -> list[BrokerUser]:
     return [_server_user(part, name) for part, name in SERVER_USERS.items()]
 
 
-def _robot_users() -> list[BrokerUser]:
-    rows, now = (
-        Robot.objects.filter(enabled=True).exclude(credential_hash="").only("name", *STORED),
-        timezone.now(),
-    )
+class _RobotUsers:
+    """The users of robots. Who has changed is asked every two seconds, so a row that says what it
+    said the last time gives the users that were made of it then.
+    """
+
+    def __init__(self) -> None:
+        self._made: dict[tuple[Any, ...], list[BrokerUser]] = {}
+
+    def read(self) -> list[BrokerUser]:
+        """Return the users of all enabled robots, by the robots' names."""
+        now, until = timezone.now(), FIELDS.index("former_until")
+        rows = Robot.objects.filter(enabled=True).exclude(credential_hash="").order_by("name")
+        made = {}
+        for row in rows.values_list(*FIELDS):
+            key = (*row, row[until] is not None and now < row[until])
+            made[key] = self._made.get(key) or _users_in(row, now)
+        self._made = made
+        return [user for users in made.values() for user in users]
+
+
+def _users_in(row: tuple[Any, ...], now: datetime.datetime) -> list[BrokerUser]:
+    robot = Robot(**dict(zip(FIELDS, row, strict=True)))
+    hashes = bcrypt_hashes_of(robot)
     return [
-        BrokerUser(user, kept, of_robot(robot.name), bcrypt_hashes_of(robot)[kept])
-        for robot in rows.order_by("name")
+        BrokerUser(user, kept, of_robot(robot.name), hashes[kept])
         for user, kept in users_of(robot, now).items()
     ]
+
+
+_robots = _RobotUsers()
 
 
 def users_now() -> dict[str, BrokerUser]:
@@ -73,7 +92,7 @@ def users_now() -> dict[str, BrokerUser]:
         UsersUnavailableError: the database could not be read.
     """
     try:
-        return {user.name: user for user in (*_server_users(), *_robot_users())}
+        return {user.name: user for user in (*_server_users(), *_robots.read())}
     except (DatabaseError, InterfaceError) as error:
         raise UsersUnavailableError(str(error)) from error
 

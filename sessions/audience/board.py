@@ -100,11 +100,15 @@ class Board:
     # --- what people do; each returns why not, in one word, or nothing ----------------------------
 
     def raise_hand(self, page: object, hand: RaisedHand) -> str:
-        """Raise somebody's hand, unless it is up."""
+        """Raise somebody's hand. One that is up keeps its place in the row and goes down with this
+        page from now on: the page before it, or its web process, may be dead without our knowing.
+        """
         if self.session is None:
             return "closed"
-        if hand.user not in self._raised:
-            self._own[page] = hand
+        raised = next((one for one in self.hands if one.user == hand.user), hand)
+        if self._own.get(page) != raised:
+            others = {key: one for key, one in self._own.items() if one.user != hand.user}
+            self._own = {**others, page: raised}
             self._change()
         return ""
 

@@ -37,7 +37,7 @@ WORDS: Mapping[str, Any] = {
     r"an option that is ranked .*": _("An option of a ranking can't exclude the others."),
     r"show_if must name .*": _("Choose when it is shown, or remove the condition."),
     r"show_if needs item .*": _("Choose both an earlier question and answers to it."),
-    r"show_if names .*": _("The condition asks a question that does not come earlier."),
+    r"show_if names .*": _("The condition refers to a question that does not come earlier."),
     r"show_if expects .*": _("The condition expects an answer that the question doesn't offer."),
     r"show_if compares .*": _("Only the answer to a number question has a minimum or maximum."),
     r"The scale \S+ has \d+ points; .*": _("A scale needs 2 to 11 points."),

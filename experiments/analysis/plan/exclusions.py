@@ -21,7 +21,7 @@ PLATFORM_FAULT, BY_HAND = "platform fault", "researcher's decision"
 NOT_ASKED = frozenset({Missing.NOT_ASKED, Missing.NOT_REACHED, WITHHELD})  # nothing to judge
 LISTED = (
     "Rules of the plan exclude a participant with all sessions; a platform fault or a researcher's"
-    " decision excludes one session. Sessions that the platform ended are in no table at all."
+    " decision excludes one session. Sessions that the platform ended count in no result."
 )
 
 

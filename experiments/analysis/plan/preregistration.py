@@ -173,7 +173,8 @@ def described(study: StudyDefinition, condition: Condition) -> str:
     if condition.access == "invitation":
         parts.append("by invitation")
     parts.extend(
-        f"pages {', '.join(map(str, pages))} of the instructions `{step.key}`, which not all have"
+        f"pages {', '.join(map(str, pages))} of the instructions `{step.key}`, for some conditions"
+        " only"
         for step in study.steps
         if (pages := step.own_pages(condition.key))
     )

@@ -114,7 +114,7 @@ def _address(text: str | None) -> tuple[str, int] | None:
         return None
     host, _, port = text.rpartition(":")
     if not host or not port.isdecimal():
-        raise CommandError(f"--websockets is HOST:PORT, and not {text}.")
+        raise CommandError(f"--websockets must be HOST:PORT, not {text}.")
     return host.strip("[]"), int(port)
 
 

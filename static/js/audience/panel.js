@@ -107,7 +107,8 @@ export const createPanel = (page) => {
       }
       if (before && before !== audience) {
         before = null;
-        if (audience.open && !audience.raised) {
+        // Also when it seems to be up: a web process that died may have been the one that held it.
+        if (audience.open) {
           connection.send("audience/hand", { raised: true });
         }
       }

@@ -64,7 +64,7 @@ class Command(BaseCommand):
             "--requested",
             type=UUID,
             metavar="ID",
-            help="of a rehearsal that a page asked for; run_practice gives it",
+            help="ID of a rehearsal that was started from a page; set by run_practice",
         )
 
     def handle(self, *_args: Any, **options: Any) -> None:

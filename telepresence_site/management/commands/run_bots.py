@@ -145,7 +145,9 @@ def _orders(options: dict[str, Any]) -> Orders:
     dataset: Path | None = options["dataset"]
     if dataset is not None:
         if options["speed"] is None:
-            raise CommandError("--dataset is of a sandbox: give --speed, or use export_study.")
+            raise CommandError(
+                "--dataset works only in a sandbox: add --speed, or use export_study."
+            )
         if dataset.exists() and (not dataset.is_dir() or any(dataset.iterdir())):
             raise CommandError(f"{dataset} already exists: choose another --dataset.")
     try:

@@ -5,10 +5,9 @@ The visitors have no data channel, so that all control passes through the broker
 agent, and as a rule the session manager, are connected to the node that fails.
 """
 
-import asyncio
 import json
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import pytest
 
@@ -17,8 +16,9 @@ from benchmarks.traffic.places import ROBOTS, SESSIONS, VISITORS
 from benchmarks.traffic.verdicts import DrivePeriod, moved_alone, two_at_once
 from benchmarks.traffic.worker import Hands
 from tests.support.clustered_brokers.nats import NatsNodes
+from tests.support.clustered_brokers.site import ClusterSite
 from tests.support.host_jitter import watched
-from tests.support.site import Site, wait_for
+from tests.support.site import wait_for
 
 pytestmark = [pytest.mark.broker, pytest.mark.soak]
 MACHINES = ("127.0.0.11", "127.0.0.12", "127.0.0.13")
@@ -27,25 +27,6 @@ AGAIN = 60.0  # s in which the robot drives again
 FROZEN = 10.0  # s
 STAYS = 300.0  # s that a visitor would drive: longer than the test
 ROBOT = "giraff-2"
-
-
-@dataclass
-class ClusterSite(Site):
-    """A site whose broker is a cluster, with the users that our own command writes."""
-
-    cluster: NatsNodes = field(kw_only=True)
-
-    @property
-    def mqtt_url(self):
-        return self.cluster.urls
-
-    def write_users(self):
-        command = ["mosquitto_files", str(self.cluster.directory), "--engine", "nats"]
-        self.run("manage.py", *command)
-
-    def _begin_broker(self):
-        self.cluster.start()
-        asyncio.run(self.cluster.ready())
 
 
 @dataclass

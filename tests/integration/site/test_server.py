@@ -3,7 +3,9 @@ visitor does works wherever it lands.
 """
 
 import asyncio
+import contextlib
 import json
+import signal
 import time
 
 import aiomqtt
@@ -11,9 +13,12 @@ import pytest
 from django.contrib.staticfiles.storage import staticfiles_storage
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.protocol import State
 
 from robots.api import codec, topics
 from sessions import protocol
+from sessions.audience.audience import BEAT_SECONDS
+from sessions.audience.board import HAND_SECONDS
 from tests.support import words
 from tests.support.pages import decode
 from tests.support.patience import patient
@@ -24,6 +29,7 @@ from tests.support.site import wait_for
 pytestmark = [pytest.mark.broker, pytest.mark.postgres]
 SECONDS = 10.0
 WEB = ("web-0", "web-1")
+DRIVER = 'telepresence_pages{standing="driver"}'
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +42,8 @@ class Tab:
     """A page's WebSocket through the proxy; `seen` is what came, oldest first."""
 
     def __init__(self, server, name):
-        self.server, self.cookie, self.seen = server, server.site.sign_in(name), []
+        self.server, self.name, self.seen = server, name, []
+        self.cookie = server.site.sign_in(name)
 
     async def __aenter__(self):
         await self.open()
@@ -78,6 +85,13 @@ class Tab:
                 self.seen.append(suffix)
                 if suffix == wanted and condition(message):
                     return message
+
+    async def listen(self, seconds):
+        """Take what comes for a while, as a page does: whoever reads nothing is cut off."""
+        with contextlib.suppress(TimeoutError, ConnectionClosed):
+            async with asyncio.timeout(seconds):
+                while True:
+                    await self.socket.recv()
 
 
 async def until(condition, what):
@@ -128,6 +142,44 @@ async def test_hands_and_questions_reach_the_driver_on_the_other_process(server)
             await ada.expect("session/ended")
 
 
+@pytest.mark.soak
+async def test_a_hand_is_up_as_long_as_its_page_though_a_web_process_dies(server):
+    async with ScriptedRobot(
+        "giraff", server.site.mqtt_url, login=("giraff", server.token), period=0.1
+    ) as robot:
+        await online(robot, server)
+        async with contextlib.AsyncExitStack() as stack:
+            tabs = [Tab(server, name) for name in ("ada", "bob", "cy", "dee", "eve")]
+            ada, *watchers = [await stack.enter_async_context(tab) for tab in tabs]
+            await ada.say("session/take", protocol.Take())
+            await ada.expect("session/granted")
+            for watcher in watchers:
+                await watcher.say("session/observe", protocol.Observe())
+                await watcher.expect("audience", lambda audience: audience.open)
+                await watcher.say("audience/hand", protocol.RaiseHand(raised=True))
+            await ada.expect("audience", lambda audience: audience.hands == len(watchers))
+            (dead,) = (web for web in WEB if server.figure(web, DRIVER) == 0)
+            server.site.stop(dead, signal.SIGKILL)
+            await asyncio.gather(*(watcher.listen(1.0) for watcher in watchers))
+            alive = [watcher for watcher in watchers if watcher.socket.state is State.OPEN]
+            back, *gone = (watcher for watcher in watchers if watcher not in alive)
+            await back.open()
+            await back.say("session/observe", protocol.Observe())
+            await back.expect("audience", lambda audience: audience.raised)
+            await back.say("audience/hand", protocol.RaiseHand(raised=True))
+            seconds = HAND_SECONDS + 2 * BEAT_SECONDS
+            await asyncio.gather(*(tab.listen(seconds) for tab in (ada, back, *alive)))
+            for watcher in alive:
+                await watcher.say("audience/hand", protocol.RaiseHand(raised=False))
+            assert gone, "somebody who does not come back"
+            await ada.expect("audience", lambda audience: audience.names == (back.name,))
+            server.site.start(dead)
+            port = server.ports[dead]
+            await until(lambda: server.site.listening(port), "the process that was killed")
+            await ada.say("session/leave", protocol.Leave())
+            await ada.expect("session/ended")
+
+
 async def test_two_visitors_on_two_processes_share_one_robot(server):
     async with ScriptedRobot(
         "giraff", server.site.mqtt_url, login=("giraff", server.token), period=0.1
@@ -168,11 +220,7 @@ async def test_two_visitors_on_two_processes_share_one_robot(server):
 
             # The process that serves bob is killed: his page comes back to the other one, to the
             # same drive.
-            mine = next(
-                web
-                for web in WEB
-                if server.figure(web, 'telepresence_pages{standing="driver"}') == 1
-            )
+            mine = next(web for web in WEB if server.figure(web, DRIVER) == 1)
             server.site.processes[mine].kill()
             server.site.processes.pop(mine).wait()
             with pytest.raises((ConnectionClosed, TimeoutError)):

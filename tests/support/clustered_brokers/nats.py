@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robots.broker.nats import user_file
-from robots.broker.users import MAX_PACKET
+from robots.broker.permissions import MAX_PACKET
 from tests.support.clustered_brokers.node import Node, program
 from tests.support.site import free_port
 

@@ -155,7 +155,7 @@ compared <- function(groups, test) {
 # p values of a table by Holm's method, in which rows of the same data are one test
 tell_family <- function(table, found, data) {
   ps <- sapply(found, function(one) if (is.null(one$p)) NA else one$p)
-  codes <- sapply(data, function(one) paste(deparse(lapply(one, function(x) round(x[order(names(x))], 9))), collapse = ""))
+  codes <- sapply(data, function(one) paste(deparse(lapply(one, function(x) round(if (is.null(names(x))) x else x[order(names(x))], 9))), collapse = ""))
   first <- !duplicated(codes) & !is.na(ps); adjusted <- rep(NA, length(ps)); adjusted[first] <- p.adjust(ps[first], "holm")
   for (n in seq_along(found)) {
     known <- if (is.na(ps[n])) list() else list(`p (Holm)` = adjusted[first][match(codes[n], codes[first])])

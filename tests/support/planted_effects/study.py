@@ -34,7 +34,7 @@ EFFECTS = [
         for assist, page in (("steer", "standard"), ("off", "novice"))
     ),
     *(f"{item}@drive={n}:{0.5 * (n - 1)}" for item in LIKEABILITY for n in (2, 3, 4)),
-    "pace@interface=novice:-1.5",
+    "pace@interface=novice:-4.0",
 ]
 ASSIST = {"off": ("alone", "Alone"), "steer": ("assisted", "Assisted")}
 PAGES = {"standard": ("usual", "usual page"), "novice": ("novice", "page for novices")}

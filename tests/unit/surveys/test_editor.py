@@ -125,7 +125,7 @@ def test_problems_are_told_where_they_are_mended_without_keys():
         "page2": ["This page has no questions. Add one."],
         "agree": ["The values must increase from point to point."],
         "a": ["Choose a scale."],
-        "b": ["Add the options.", "The condition asks a question that does not come earlier."],
+        "b": ["Add the options.", "The condition refers to a question that does not come earlier."],
         "m": ["There are too few options for these limits."],
         "g": ["Statement 1 · Text (English) is missing."],
     }

@@ -248,7 +248,7 @@ def _checked(path: Path) -> RobotProfile:
         raise ValueError("in [battery], empty must be fewer volts than full")
     for name, most in FASTEST.items():
         if (speed := getattr(profile.limits, name)) > most:
-            raise ValueError(f"[limits] {name} is {speed:g}: more than {most:g} cannot be meant")
+            raise ValueError(f"[limits] {name} is {speed:g}; it cannot be more than {most:g}")
     return profile
 
 

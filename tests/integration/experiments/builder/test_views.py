@@ -161,7 +161,7 @@ def test_a_page_of_the_instructions_is_given_to_some_conditions_by_ticking_them(
     send(client, address, "add:leaves", title__en="Read")
     send(client, address, leaves__0__text__en="Mind the door.", leaves__0__conditions=["shut"])
     assert stored().steps[-1].leaves[0].conditions == ("shut",)
-    assert "Participants are assigned to their condition when" in read(client.get(address)).text
+    assert "participants are assigned to their condition when" in read(client.get(address)).text
 
 
 def test_factors_are_built_without_json_and_each_condition_is_a_cell_of_them(client, study):
@@ -583,10 +583,13 @@ def test_nobody_else_may_ask_for_a_check(client, study):
             ),
             BuilderPlace("steps"),
         ),
-        ("The refill rule needs both outcomes and a number.", BuilderPlace("rules")),
-        ("Wizard: there is no condition ajar.", BuilderPlace("wizard")),
-        ("The step of the wizard hello stands 2 times.", BuilderPlace("wizard")),
-        ("Wizard step home: it needs either a line or a move.", BuilderPlace("stages", 1)),
+        (
+            "The participant replacement (refill) needs both outcomes and a number.",
+            BuilderPlace("rules"),
+        ),
+        ("Hidden operator: there is no condition ajar.", BuilderPlace("wizard")),
+        ("The step of the script hello appears 2 times.", BuilderPlace("wizard")),
+        ("Script step home: it needs either a line or a move.", BuilderPlace("stages", 1)),
         ("tour.title has no text in es.", BuilderPlace("stages", 1)),
         ("The coding scheme has no codes.", BuilderPlace("coding")),
         ("The key “h” is used 2 times.", BuilderPlace("coding")),

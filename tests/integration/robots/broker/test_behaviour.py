@@ -9,7 +9,7 @@ import pytest
 
 from robots.api.topics import of, session_notices
 from robots.broker import packets
-from robots.broker.users import MAX_PACKET
+from robots.broker.permissions import MAX_PACKET
 from tests.support.broker_rig import (
     RawClient,
     ReceivedPacket,

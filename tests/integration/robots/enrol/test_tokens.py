@@ -19,7 +19,7 @@ from robots.agent.agent import agent_of
 from robots.agent.broker_link import enrolment as agent_side
 from robots.agent.broker_link.broker_discovery import ServerAwayError
 from robots.agent.config import ConfigError, load
-from robots.broker.users import _robot_users
+from robots.broker.users import users_now
 from robots.enrol.credentials import (
     GRACE,
     ask_for_renewal,
@@ -42,8 +42,12 @@ def robot():
     return Robot.objects.create(name="giraff", title="Giraff")
 
 
+def robots_at_the_broker():
+    return [user for user in users_now().values() if not user.name.startswith("server.")]
+
+
 def at_the_broker() -> dict[str, str]:
-    return {user.name: user.credential_hash for user in _robot_users()}
+    return {user.name: user.credential_hash for user in robots_at_the_broker()}
 
 
 # --- tokens ---------------------------------------------------------------------------------------
@@ -95,10 +99,29 @@ def test_the_old_credentials_hold_beside_the_new_ones_for_a_while(robot):
 
 def test_both_users_at_the_broker_are_the_same_robot_and_nobody_else(robot):
     new = rotate(robot, make_credentials(robot, timezone.now()).token, timezone.now())
-    old_user, new_user = sorted(_robot_users(), key=lambda user: len(user.name))
+    old_user, new_user = sorted(robots_at_the_broker(), key=lambda user: len(user.name))
     assert (old_user.name, new_user.name) == ("giraff", new.user)
     assert old_user.permissions == new_user.permissions
     assert not new_user.permissions.may_publish("telepresence/v1/rhodon/state")
+
+
+def test_the_broker_hears_when_the_old_credentials_have_run_out(robot, monkeypatch):
+    now = timezone.now()
+    new = rotate(robot, make_credentials(robot, now).token, now)
+    assert set(at_the_broker()) == {"giraff", new.user}
+    monkeypatch.setattr("robots.broker.users.timezone.now", lambda: now + GRACE)
+    assert set(at_the_broker()) == {new.user}
+
+
+def test_a_robot_of_which_nothing_has_changed_costs_the_broker_no_new_user(robot):
+    make_credentials(robot, timezone.now())
+    other = Robot.objects.create(name="rhodon", title="Rhodon")
+    make_credentials(other, timezone.now())
+    giraff, rhodon = robots_at_the_broker()
+    make_credentials(other, timezone.now())
+    same, changed = robots_at_the_broker()
+    assert same is giraff
+    assert changed.credential_hash != rhodon.credential_hash
 
 
 def test_an_agent_that_lost_the_answer_asks_again_with_what_it_has(robot):

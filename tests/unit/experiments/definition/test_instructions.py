@@ -42,7 +42,7 @@ def test_participants_of_several_conditions_read_it_in_each_round():
 
 def test_the_preregistration_says_who_reads_what_and_when_they_are_assigned():
     text = preregistration(study_with(), None)
-    assert "pages 2 of the instructions `read`, which not all have" in text
+    assert "pages 2 of the instructions `read`, for some conditions only" in text
     assert "Before reading instructions that depend on the condition, a participant" in text
     assert "On first getting the robot, a participant" in preregistration(small_study(), None)
 

@@ -183,7 +183,7 @@ def test_the_second_study_has_everybody_drive_with_and_without_assistance():
         ({"refill": {"outcomes": ["robot_fault"]}}, "needs both outcomes and a number"),
         (
             {"refill": {"outcomes": ["completed"], "most": 1}},
-            "The refill rule cannot include outcomes of the task itself",
+            "The participant replacement (refill) cannot include outcomes of the task itself",
         ),
         (changed("steps", 0, last_minutes=9), "longer than the task"),
         ({"languages": ["en", "es"]}, "study.title has no text in es"),

@@ -50,9 +50,9 @@ def test_it_cannot_be_published_before_the_debriefing_tells_of_the_operator():
 @pytest.mark.parametrize(
     ("wizard", "problem"),
     [
-        ({"conditions": ["nowhere"]}, "Wizard: there is no condition nowhere."),
-        ({"stages": [], "by_hand": False}, "no step and may not drive by hand"),
-        (with_steps(step("a", line={})), "Wizard step a: it needs either a line or a move."),
+        ({"conditions": ["nowhere"]}, "Hidden operator: there is no condition nowhere."),
+        ({"stages": [], "by_hand": False}, "no step and driving by hand is off"),
+        (with_steps(step("a", line={})), "Script step a: it needs either a line or a move."),
         (with_steps(step("a", move={"kind": "dock"})), "either a line or a move"),
         (with_steps(step("a", shortcut="w")), "the key w drives the robot"),
         (with_steps(step("a", shortcut="1"), step("b", shortcut="1")), "1"),

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from sessions.audience.board import (
     HAND_SECONDS,
+    MOST_NAMES,
     MOST_OWN,
     MOST_WAITING,
     QUESTION_PAUSE,
@@ -216,6 +217,42 @@ def test_the_hands_of_a_process_that_is_gone_go_down_and_its_questions_stay():
     two.expire(100.0 + HAND_SECONDS)
     assert names(two) == ()
     assert states(two) == [("Why?", "waiting")]
+
+
+def test_a_hand_stays_up_where_its_page_has_come_back_to_another_process():
+    one, two = opened("a"), opened("b")
+    raises(one, "ada", 1.0)
+    raises(one, "bob", 2.0)
+    raises(two, "cy", 3.0)
+    talk(one, two, now=100.0)
+    raises(two, "ada", 50.0)
+    two.expire(100.0 + HAND_SECONDS)
+    assert names(two) == ("Ada", "Cy"), "and keeps its place in the row"
+    assert two.lower_hand("ada") == ""
+    assert names(two) == ("Cy",)
+
+
+def test_a_hand_outlives_the_connection_that_its_page_has_replaced():
+    board = opened()
+    raises(board, "ada", 1.0, page="lost, and not known to be")
+    raises(board, "ada", 2.0, page="again")
+    board.leave("lost, and not known to be")
+    assert names(board) == ("Ada",)
+    board.leave("again")
+    assert names(board) == ()
+
+
+def test_hundreds_of_hands_of_several_processes_are_one_row():
+    boards = [opened(process) for process in "abc"]
+    for number in range(600):
+        raises(boards[number % 3], f"user{number}", float(number))
+    talk(*boards)
+    for board in boards:
+        seen = board.view("", moderates=True)
+        assert (seen.hands, len(seen.names), seen.names[0]) == (600, MOST_NAMES, "User0")
+    boards[0].lower_all()
+    talk(*boards)
+    assert [board.view("", moderates=True).hands for board in boards] == [0, 0, 0]
 
 
 def test_another_drives_news_are_none():

@@ -81,7 +81,7 @@ def test_a_base_without_localization_gets_ours():
         (MINE + LIMITS + "[tilt]\nminimum = 0.0\n", "maximum"),
         ('colour = "red"\n' + MINE + LIMITS, "colour is not a key of a robot profile"),
         (MINE + LIMITS + "[battery]\nempty = 30.0\nfull = 20.0\n", "fewer volts"),
-        (MINE + LIMITS.replace("= 0.5", "= 50"), "linear is 50: more than 5 cannot be meant"),
+        (MINE + LIMITS.replace("= 0.5", "= 50"), "linear is 50; it cannot be more than 5"),
         (MINE.replace("0.2, -0.2", "0.2") + LIMITS, "footprint"),
         (MINE + LIMITS + "[moos]\nwatchdog = 0.0\n", "watchdog"),
         (MINE + LIMITS + "[[sonars]]\nx = 0.2\ny = 0.0\n", "theta"),
