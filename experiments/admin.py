@@ -39,6 +39,7 @@ from experiments.study_admin.rehearsals import RehearsalAdmin, offer_of
 from experiments.study_admin.walk_through import WalkThroughPages
 from robots.admin import NOTHING
 from robots.admin_pages.overview import register_section
+from surveys.document_forms.problem_text import sentences
 
 WAY = "participants__kind"
 register_section("mail", mail_to_owner)
@@ -345,7 +346,7 @@ class StudyAdmin(
                 publishing.publish(row, request.user, form.cleaned_data["reason"], timezone.now())
             except publishing.NotPublishableError as error:
                 known = publishing.problems_of(row)  # these stand on the page already
-                reasons = [reason for reason in error.reasons if reason not in known]
+                reasons = sentences(one for one in error.reasons if one not in known)
             else:
                 messages.success(
                     request,
@@ -387,7 +388,7 @@ class StudyAdmin(
             else:
                 publishing.close(row, timezone.now())
         except publishing.NotPublishableError as error:
-            messages.error(request, str(error))
+            messages.error(request, " ".join(sentences(error.reasons)))
         else:
             publishing.log(row, request.user, "Opened again." if opens else "Closed.")
             audit.note(

@@ -29,18 +29,25 @@ from robots.models import FloorPlan, Robot
 from sessions.interfaces import INTERFACES
 from surveys import questionnaires
 from surveys.definition import Definition as QuestionnaireDefinition
-from surveys.documents import BadDefinitionError, ChangedMeanwhileError
+from surveys.documents import (
+    BadDefinitionError,
+    ChangedMeanwhileError,
+    Problem,
+    ProblemPlace,
+    within,
+)
+from surveys.documents import gettext_noop as _
 from surveys.models import Questionnaire as QuestionnaireRow
 
 LEAST_REASON = 10  # characters: "later" is none
 
 
 class NotPublishableError(ValueError):
-    """Why a study cannot be published or closed; `reasons` has a sentence each."""
+    """Why a study cannot be published or closed."""
 
-    def __init__(self, reasons: Sequence[str]) -> None:
-        super().__init__("; ".join(reasons))
+    def __init__(self, reasons: Iterable[Problem]) -> None:
         self.reasons = list(reasons)
+        super().__init__("; ".join(map(str, self.reasons)))
 
 
 # --- into the database ----------------------------------------------------------------------------
@@ -53,8 +60,7 @@ def store(definition: StudyDefinition, now: datetime.datetime) -> Row:
     Raises:
         BadDefinitionError: when it is wrong, or its version was published with other content.
     """
-    found = list(problems(definition))
-    if found:
+    if found := list(problems(definition)):
         raise BadDefinitionError(found)
     return _put(definition, now)
 
@@ -75,8 +81,9 @@ def _replace(definition: StudyDefinition, fields: dict[str, Any]) -> Row:
     rows.filter(status=Row.Status.DRAFT).exclude(sha256=fields["sha256"]).update(**fields)
     row = rows.get()
     if row.sha256 != fields["sha256"]:
-        name = f"Version {definition.version} of {definition.slug}"
-        raise BadDefinitionError([f"{name} is published and cannot change: make a new version."])
+        words = _("Version %(n)d of %(name)s is published and cannot change: make a new version.")
+        values = {"n": definition.version, "name": definition.slug}
+        raise BadDefinitionError([Problem(words, values)])
     return row
 
 
@@ -112,10 +119,9 @@ def begin_empty(slug: str, title: str, languages: Sequence[str], now: datetime.d
     Raises:
         BadDefinitionError: there is a study of that name, or name or languages cannot be.
     """
-    taken = [
-        *name_problems(slug),
-        *([f"There is a study {slug} already."] if Row.objects.filter(slug=slug).exists() else []),
-    ]
+    taken = list(name_problems(slug))
+    if Row.objects.filter(slug=slug).exists():
+        taken.append(Problem(_("There is a study %(name)s already."), {"name": slug}))
     if taken:
         raise BadDefinitionError(taken)
     try:
@@ -194,19 +200,23 @@ def own(row: Row, user: Any) -> None:
 # --- what stands in the way -----------------------------------------------------------------------
 
 
-def problems_of(row: Row) -> list[str]:
+def problems_of(row: Row) -> list[Problem]:
     """Return what is wrong with a study in itself, then, when nothing is, what stands in its way
     here. A consent with placeholders is only refused here: a rehearsal may be run with them.
     """
     definition = row.as_definition()
-    consent = definition.consent
-    unfilled = consent.unfilled() if consent is not None else ()
-    return [*problems(definition), *unfilled] or obstacles_here(definition)
+    return [*problems(definition), *_unfilled(definition)] or obstacles_here(definition)
 
 
-def obstacles_here(definition: StudyDefinition) -> list[str]:
+def _unfilled(definition: StudyDefinition) -> Iterator[Problem]:
+    if (consent := definition.consent) is not None:
+        place = ProblemPlace("steps", definition.steps.index(consent))
+        yield from within(consent.unfilled(), place, _("Step"), consent.key)
+
+
+def obstacles_here(definition: StudyDefinition) -> list[Problem]:
     """Return what makes a study impossible with the sites, robots and questionnaires of this
-    server, a sentence each.
+    server.
     """
     return [
         *obstacles(definition, known_here(), unreachable),
@@ -216,20 +226,23 @@ def obstacles_here(definition: StudyDefinition) -> list[str]:
     ]
 
 
-def _unknown_metrics(definition: StudyDefinition) -> Iterator[str]:
+def _unknown_metrics(definition: StudyDefinition) -> Iterator[Problem]:
     if not definition.analyses:
         return
     # with numpy and scipy, which a page about a study without analyses need not load
     from experiments.analysis.metrics.sessions import METRICS  # noqa: PLC0415
 
     known = {column.name for column in METRICS}
-    for one in definition.analyses:
-        for measure in one.measures:
-            if "." not in measure and measure not in known:
-                yield f"Analysis {one.key}: there is no metric {measure}."
+    for n, one in enumerate(definition.analyses):
+        found = (
+            Problem(_("there is no metric %(name)s."), {"name": measure})
+            for measure in one.measures
+            if "." not in measure and measure not in known
+        )
+        yield from within(found, ProblemPlace("analyses", n), _("Analysis"), one.key)
 
 
-def _attention_checks(definition: StudyDefinition) -> Iterator[str]:
+def _attention_checks(definition: StudyDefinition) -> Iterator[Problem]:
     """Yield the attention checks that nobody could pass, or that an export would not have."""
     for check in definition.plan.attention_checks if definition.plan is not None else ():
         asked = {
@@ -237,22 +250,22 @@ def _attention_checks(definition: StudyDefinition) -> Iterator[str]:
             for step in definition.asking
             if step.questionnaire == check.questionnaire
         }
+        name = (_("attention check"), f"{check.questionnaire}.{check.item}")
         for one in _questionnaires(asked):
-            told = _of_check(one, check)
-            if told:
-                yield f"Plan: attention check {check.questionnaire}.{check.item}: {told}"
+            found = within(_of_check(one, check), None, *name)
+            yield from within(found, ProblemPlace("plan"), _("Plan"))
 
 
-def _of_check(asked: QuestionnaireDefinition, check: AttentionCheck) -> str:
+def _of_check(asked: QuestionnaireDefinition, check: AttentionCheck) -> Iterator[Problem]:
     question = next((one for one in asked.questions() if one.key == check.item), None)
     if question is None:
-        return "the questionnaire has no such item."
+        yield Problem(_("the questionnaire has no such item."))
+        return
+    options = {str(value) for value, _label in question.labelled_values}
     if question.item.is_free_text:
-        return "a free text has no right answer."
-    options = {str(value) for value, _ in question.labelled_values}
-    if options and check.answer not in options and not question.item.takes_several:
-        return f"its answers are {', '.join(sorted(options))}."
-    return ""
+        yield Problem(_("a free text has no right answer."))
+    elif options and check.answer not in options and not question.item.takes_several:
+        yield Problem(_("its answers are %(answers)s."), {"answers": ", ".join(sorted(options))})
 
 
 def _questionnaires(versions: Iterable[tuple[str, int]]) -> Iterator[QuestionnaireDefinition]:
@@ -372,14 +385,14 @@ def publish(row: Row, user: Any, reason: str, now: datetime.datetime) -> Row:
         NotPublishableError: with everything that stands in the way.
     """
     rehearsal, reason = passed_rehearsal(row), reason.strip()
-    wrong = (
-        ["Only a draft can be published."] if row.status != Row.Status.DRAFT else problems_of(row)
-    )
+    is_draft = row.status == Row.Status.DRAFT
+    wrong = problems_of(row) if is_draft else [Problem(_("Only a draft can be published."))]
     if rehearsal is None and len(reason) < LEAST_REASON:
-        wrong.append(
-            f"No rehearsal of this definition has passed: say in at least {LEAST_REASON} characters"
-            " why it is published without one."
+        words = _(
+            "No rehearsal of this definition has passed: say in at least %(n)d characters why it "
+            "is published without one."
         )
+        wrong.append(Problem(words, {"n": LEAST_REASON}))
     if wrong:
         raise NotPublishableError(wrong)
     _freeze_questionnaires(row.as_definition(), now)
@@ -390,9 +403,8 @@ def publish(row: Row, user: Any, reason: str, now: datetime.datetime) -> Row:
         "unrehearsed_reason": "" if rehearsal is not None else reason,
     }
     if not Row.objects.filter(pk=row.pk, status=Row.Status.DRAFT, sha256=row.sha256).update(**told):
-        raise NotPublishableError(
-            ["The study has since been changed or published. Reload the page."]
-        )
+        words = _("The study has since been changed or published. Reload the page.")
+        raise NotPublishableError([Problem(words)])
     Row.objects.filter(slug=row.slug, status=Row.Status.PUBLISHED).exclude(pk=row.pk).update(
         status=Row.Status.CLOSED, closed_at=now
     )
@@ -436,7 +448,7 @@ def close(row: Row, now: datetime.datetime) -> Row:
     if not Row.objects.filter(pk=row.pk, status=Row.Status.PUBLISHED).update(
         status=Row.Status.CLOSED, closed_at=now
     ):
-        raise NotPublishableError(["Only a published study can be closed."])
+        raise NotPublishableError([Problem(_("Only a published study can be closed."))])
     return Row.objects.get(pk=row.pk)
 
 
@@ -451,13 +463,12 @@ def reopen(row: Row) -> Row:
         .exclude(status=Row.Status.DRAFT)
         .exists()
     ):
-        raise NotPublishableError(
-            [("A newer version of this study has been published; this one stays closed.")]
-        )
+        words = _("A newer version of this study has been published; this one stays closed.")
+        raise NotPublishableError([Problem(words)])
     if not Row.objects.filter(pk=row.pk, status=Row.Status.CLOSED).update(
         status=Row.Status.PUBLISHED, closed_at=None
     ):
-        raise NotPublishableError(["Only a closed study can be opened again."])
+        raise NotPublishableError([Problem(_("Only a closed study can be opened again."))])
     return Row.objects.get(pk=row.pk)
 
 

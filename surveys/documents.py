@@ -1,5 +1,5 @@
 """What questionnaires and studies share as JSON documents: texts in several languages, names, and
-reading a document with every problem of it in a sentence.
+reading a document with every problem of it.
 
 A text is an object of languages, `{"en": "…", "es": "…"}`.
 """
@@ -7,7 +7,8 @@ A text is an object of languages, `{"en": "…", "es": "…"}`.
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from typing import Annotated, TypeVar
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, TypeVar
 
 import msgspec
 
@@ -18,9 +19,22 @@ Language = Annotated[str, msgspec.Meta(pattern=r"^[a-z]{2,3}(-[a-z0-9]{2,8})*$",
 
 T = TypeVar("T")
 
+
+class MarkedText(str):
+    """A text in English that pages translate (surveys/document_forms/problem_text.py)."""
+
+    __slots__ = ()
+
+
+gettext_noop = _ = MarkedText  # puts a text into the catalogue
+
 MAX_TEXT = 4000
 # What msgspec says of a part whose `kind` no class has.
 _UNKNOWN_KIND = re.compile(r"^Invalid value '(?P<kind>.*)' - at `(?P<path>\$.*)\.kind`$")
+
+_NOT_A_LANGUAGE = _("%(text)s has a text in %(language)s, which is not among the languages.")
+_NULL_CHARACTER = _("%(text)s: the text in %(language)s holds a null character.")
+_TOO_LONG = _("%(text)s: the text in %(language)s is longer than %(n)d characters.")
 
 
 class DocumentPart(
@@ -29,12 +43,70 @@ class DocumentPart(
     """Any part of a definition."""
 
 
-class BadDefinitionError(ValueError):
-    """A definition that cannot be used. `problems` has a sentence each."""
+@dataclass(frozen=True)
+class ProblemPlace:
+    """Where a problem is corrected: a section of a document, or in it the part with a key or with a
+    number, from 0. Without a section, nowhere in it.
+    """
 
-    def __init__(self, problems: list[str]) -> None:
-        super().__init__("; ".join(problems))
-        self.problems = problems
+    section: str = ""
+    part: Any = None
+
+
+NOWHERE = ProblemPlace()
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Something that is wrong with a document.
+
+    `words`, filled in with `values`, say it at its `place`. `names` are what the file calls the
+    parts around it, from the outside in, each as a few words. `path` leads from the place to a text
+    or a part in it; `language` is the one in which that text is missing.
+    """
+
+    words: str
+    values: Mapping[str, Any] = field(default_factory=dict)
+    place: ProblemPlace = NOWHERE
+    names: tuple[tuple[Any, ...], ...] = ()
+    path: tuple[str | int, ...] = ()
+    language: str = ""
+
+    def __str__(self) -> str:
+        """Return the sentence for files and commands: in English, with its place."""
+        return self.sentence(str)
+
+    def sentence(self, translate: Callable[[str], str]) -> str:
+        """Return the sentence that also says where."""
+        names = (" ".join(str(_said(one, translate)) for one in name) for name in self.names)
+        return ": ".join([*names, self.text(translate)])
+
+    def text(self, translate: Callable[[str], str]) -> str:
+        """Return what is said at its place."""
+        words = str(_said(self.words, translate))
+        values = {name: _said(value, translate) for name, value in self.values.items()}
+        return words % values if values else words
+
+
+def _said(one: Any, translate: Callable[[str], str]) -> Any:
+    return translate(one) if isinstance(one, MarkedText) else one
+
+
+def within(found: Iterable[Problem], place: ProblemPlace | None, *name: Any) -> Iterator[Problem]:
+    """Yield problems of a part as those of the document around it: at a place, where they have
+    none, and under a name, if there is one.
+    """
+    for one in found:
+        here = place if place is not None and one.place == NOWHERE else one.place
+        yield replace(one, place=here, names=(name, *one.names) if name else one.names)
+
+
+class BadDefinitionError(ValueError):
+    """A definition that cannot be used, and why: each is a problem, or a sentence."""
+
+    def __init__(self, problems: Iterable[Problem | str]) -> None:
+        self.problems = list(problems)
+        super().__init__("; ".join(map(str, self.problems)))
 
 
 class ChangedMeanwhileError(RuntimeError):
@@ -56,7 +128,7 @@ def text_in(text: Mapping[str, str], languages: Iterable[str]) -> str:
 def checked(
     document: bytes,
     cls: type[T],
-    problems_of: Callable[[T], Iterable[str]],
+    problems_of: Callable[[T], Iterable[Problem]],
     *,
     limit: int,
     kinds: Collection[str],
@@ -71,82 +143,79 @@ def checked(
             the first.
     """
     if len(document) > limit:
-        raise BadDefinitionError([f"The file is larger than {limit // 1024} kB."])
+        told = Problem(_("The file is larger than %(n)d kB."), {"n": limit // 1024})
+        raise BadDefinitionError([told])
     try:
         found = msgspec.json.decode(document, type=cls)
     except msgspec.ValidationError as error:
-        raise BadDefinitionError([_sentence(str(error), kinds, kind_name)]) from error
+        raise BadDefinitionError([_of_types(str(error), kinds, kind_name)]) from error
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise BadDefinitionError([f"This is not valid JSON: {error}."]) from error
+        told = Problem(_("This is not valid JSON: %(error)s."), {"error": error})
+        raise BadDefinitionError([told]) from error
     wrong = list(problems_of(found))
     if wrong:
         raise BadDefinitionError(wrong)
     return found
 
 
-def _sentence(error: str, kinds: Collection[str], kind_name: str) -> str:
+def _of_types(error: str, kinds: Collection[str], kind_name: str) -> Problem:
     unknown = _UNKNOWN_KIND.match(error)
     if unknown is None:
-        return f"{error}."
-    return (
-        f"{unknown['path']}: there is no {kind_name} “{unknown['kind']}”; "
-        f"choose one of {', '.join(sorted(kinds))}."
-    )
+        return Problem(f"{error}.")
+    words = _("there is no %(what)s “%(kind)s”; choose one of %(kinds)s.")
+    values = {"what": kind_name, "kind": unknown["kind"], "kinds": ", ".join(sorted(kinds))}
+    return Problem(words, values, names=((unknown["path"],),))
 
 
-def duplicates(what: str, names: Iterable[str]) -> Iterator[str]:
-    """Yield a sentence for each name that stands more than once."""
-    yield from (
-        f"The {what} {name} appears {count} times."
-        for name, count in Counter(names).items()
-        if count > 1
-    )
+def duplicates(what: str, names: Iterable[str]) -> Iterator[Problem]:
+    """Yield a problem for each name that stands more than once; `what` is so called."""
+    for name, count in Counter(names).items():
+        if count > 1:
+            words = _("%(what)s “%(name)s” appears %(n)d times.")
+            yield Problem(words, {"what": what, "name": name, "n": count})
 
 
-def text_problems(part: DocumentPart, where: str, languages: tuple[str, ...]) -> Iterator[str]:
+def text_problems(part: DocumentPart, name: str, languages: tuple[str, ...]) -> Iterator[Problem]:
     """Yield what is wrong with any text inside a part: each must be there in all of the languages
-    and in no other.
+    and in no other. The paths begin in the part.
     """
-    for place, text, needed in _texts(part, where):
+    for called, path, text, needed in _texts(part, name, ()):
         if not needed and not any(text.values()):
             continue
-        yield from (
-            f"{place} has no text in {language}."
-            for language in languages
-            if not text.get(language, "").strip()
-        )
-        yield from (
-            f"{place} has a text in {name}, which is not among the languages."
-            for name in text
-            if name not in languages
-        )
-        yield from (
-            f"{place}: the text in {name} holds a null character."
-            for name in text
-            if "\x00" in text[name]
-        )
-        yield from (
-            f"{place}: the text in {name} is longer than {MAX_TEXT} characters."
-            for name in text
-            if len(text[name]) > MAX_TEXT
-        )
+        for language in languages:
+            if not text.get(language, "").strip():
+                words = _("%(text)s has no text in %(language)s.")
+                named = {"text": called, "language": language}
+                yield Problem(words, named, path=path, language=language)
+        for language, said in text.items():
+            values = {"text": called, "language": language, "n": MAX_TEXT}
+            if language not in languages:
+                yield Problem(_NOT_A_LANGUAGE, values)
+            if "\x00" in said:
+                yield Problem(_NULL_CHARACTER, values)
+            if len(said) > MAX_TEXT:
+                yield Problem(_TOO_LONG, values)
 
 
-def _texts(part: DocumentPart, place: str) -> Iterator[tuple[str, Text, bool]]:
-    """Yield (where, text, whether it must be there) for every text inside a part."""
-    for field in msgspec.structs.fields(part):
-        value = getattr(part, field.name)
-        if field.type == Text:
-            yield f"{place}.{field.encode_name}", value, field.required
+def _texts(
+    part: DocumentPart, name: str, path: tuple[str | int, ...]
+) -> Iterator[tuple[str, tuple[str | int, ...], Text, bool]]:
+    """Yield (what it is called, path, text, whether it must be there) for every text inside a
+    part; what has a key is called by it.
+    """
+    for one in msgspec.structs.fields(part):
+        value, key = getattr(part, one.name), one.encode_name
+        called, here = f"{name}.{key}", (*path, key)
+        if one.type == Text:
+            yield called, here, value, one.required
         elif isinstance(value, DocumentPart):
-            yield from _texts(value, f"{place}.{field.encode_name}")
+            yield from _texts(value, called, here)
         elif isinstance(value, tuple):
             for n, inner in enumerate(value):
                 if isinstance(inner, DocumentPart):
-                    yield from _texts(
-                        inner, getattr(inner, "key", "") or f"{place}.{field.encode_name}[{n}]"
-                    )
-        elif isinstance(value, dict) and field.name == "scales":
-            for name, points in value.items():
-                for point in points:
-                    yield from _texts(point, f"scale {name}, {point.value}")
+                    own = getattr(inner, "key", "") or f"{called}[{n}]"
+                    yield from _texts(inner, own, (*here, n))
+        elif isinstance(value, dict) and one.name == "scales":
+            for scale, points in value.items():
+                for n, point in enumerate(points):
+                    yield from _texts(point, f"scale {scale}, {point.value}", (*here, scale, n))

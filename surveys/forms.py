@@ -12,6 +12,7 @@ from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from surveys.definition import Definition, to_json
+from surveys.document_forms.problem_text import sentences
 from surveys.documents import BadDefinitionError
 from surveys.models import Questionnaire
 from surveys.problems import MAX_BYTES, parse
@@ -78,12 +79,7 @@ class QuestionnaireForm(forms.ModelForm):
             self._check_name(definition)
             self.stored = store(definition, timezone.now())
         except BadDefinitionError as error:
-            raise forms.ValidationError(
-                [
-                    forms.ValidationError("%(problem)s", params={"problem": problem})
-                    for problem in error.problems
-                ]
-            ) from error
+            raise forms.ValidationError(sentences(error.problems)) from error
         return cleaned
 
     def _check_name(self, definition: Definition) -> None:
@@ -96,14 +92,13 @@ class QuestionnaireForm(forms.ModelForm):
         )
         if not self.instance._state.adding:
             if name != own:
-                version = f"version {own[1]} of {own[0]}"
-                raise BadDefinitionError(
-                    [(f"This is {version}; the slug and version of a questionnaire cannot change.")]
-                )
+                told = _("This is version %(n)d of %(slug)s. Its name and version can't change.")
+                raise BadDefinitionError([told % {"n": own[1], "slug": own[0]}])
         elif Questionnaire.objects.filter(
             slug=definition.slug, version=definition.version
         ).exists():
-            version = f"Version {name[1]} of {name[0]}"
-            raise BadDefinitionError(
-                [(f"{version} already exists: change that one, or give yours another version.")]
+            told = _(
+                "Version %(n)d of %(slug)s already exists. Edit that one, or give yours another "
+                "version number."
             )
+            raise BadDefinitionError([told % {"n": name[1], "slug": name[0]}])

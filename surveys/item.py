@@ -17,7 +17,7 @@ from typing import Annotated, Any, ClassVar, Literal, Protocol, TypeVar
 import msgspec
 from django.utils.translation import gettext as _
 
-from surveys.documents import DocumentPart, Key, Text, duplicates, spoken
+from surveys.documents import DocumentPart, Key, Problem, Text, duplicates, gettext_noop, spoken
 
 T = TypeVar("T")
 
@@ -189,7 +189,7 @@ class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
         """Yield what is shown beside text, hint and scale."""
         yield from ()
 
-    def problems(self, scales: Scales) -> Iterator[str]:
+    def problems(self, scales: Scales) -> Iterator[Problem]:
         """Yield what is wrong with it, beside what types and texts tell."""
         yield from ()
 
@@ -287,10 +287,10 @@ class ScaleItem(Item, frozen=True, kw_only=True):
         """Return the points of its scale."""
         return scales.get(self.scale, ())
 
-    def problems(self, scales: Scales) -> Iterator[str]:
+    def problems(self, scales: Scales) -> Iterator[Problem]:
         """Yield that its scale is not there."""
         if not self.points(scales):
-            yield f"there is no scale {self.scale}."
+            yield Problem(gettext_noop("Choose a scale."), names=(("scale", self.scale),))
 
     def parse(self, question: "Question", values: Sequence[str], now: datetime.datetime) -> int:
         """Return the value of the point."""
@@ -331,11 +331,11 @@ class OptionsItem(Item, frozen=True, kw_only=True):
         """Yield the labels of the options."""
         yield from (option.label for option in self.options)
 
-    def problems(self, scales: Scales) -> Iterator[str]:
+    def problems(self, scales: Scales) -> Iterator[Problem]:
         """Yield that there are no options, or two of one name."""
         if not self.options:
-            yield "there are no options."
-        yield from duplicates("option", (option.value for option in self.options))
+            yield Problem(gettext_noop("There are no options; add some."))
+        yield from duplicates(gettext_noop("Option"), (option.value for option in self.options))
 
     def options_shown(self, seed: int) -> list[Option]:
         """Return the options in the order shown; those that stand alone ("none of these") stay at

@@ -1,16 +1,19 @@
-"""What is wrong with a questionnaire that somebody wrote, in sentences that say where."""
+"""What is wrong with a questionnaire that somebody wrote, and where it is corrected."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from surveys.definition import Definition
-from surveys.documents import checked, duplicates, text_problems
-from surveys.item import ItemCondition, Question
+from surveys.documents import Problem, ProblemPlace, checked, duplicates, text_problems, within
+from surveys.documents import gettext_noop as _
+from surveys.item import Item, ItemCondition, Question, ScalePoint
 from surveys.questions import TYPES
 
 MAX_BYTES = 512 * 1024
 MAX_QUESTIONS = 300
 MIN_POINTS, MAX_POINTS = 2, 11
 SUS_ITEMS, TLX_ITEMS = 10, 6
+ABOUT = ProblemPlace("about")  # the questionnaire itself
 
 
 def parse(document: bytes) -> Definition:
@@ -21,66 +24,86 @@ def parse(document: bytes) -> Definition:
             the first.
     """
     return checked(
-        document, Definition, problems, limit=MAX_BYTES, kinds=TYPES, kind_name="question type"
+        document, Definition, problems, limit=MAX_BYTES, kinds=TYPES, kind_name=_("question type")
     )
 
 
-def problems(definition: Definition) -> Iterator[str]:
+def problems(definition: Definition) -> Iterator[Problem]:
     """Yield what is wrong with a definition whose types are right."""
-    yield from _of_the_whole(definition)
+    yield from within(_of_the_whole(definition), ABOUT)
     yield from _of_texts(definition)
-    yield from _of_scales(definition)
+    for name, points in definition.scales.items():
+        yield from within(_of_scale(points), ProblemPlace("scales", name), "scale", name)
     for page in definition.pages:
         for item in page.items:
-            yield from (f"{item.key}: {problem}" for problem in item.problems(definition.scales))
+            yield from within(item.problems(definition.scales), _place_of(item), item.key)
     yield from _of_conditions(definition)
-    yield from _of_scoring(definition)
+    yield from within(_of_scoring(definition), ABOUT)
 
 
-def _of_the_whole(definition: Definition) -> Iterator[str]:
+def _place_of(item: Item) -> ProblemPlace:
+    return ProblemPlace("questions", item.key)
+
+
+def _of_the_whole(definition: Definition) -> Iterator[Problem]:
     if not definition.pages:
-        yield "There is no page; add at least one."
-    yield from (f"Page {page.key} has no items." for page in definition.pages if not page.items)
-    yield from duplicates("page", (page.key for page in definition.pages))
+        yield Problem(_("There is no page; add at least one."))
+    for page in definition.pages:
+        if not page.items:
+            found = [Problem(_("This page has no questions. Add one."))]
+            yield from within(found, ProblemPlace("pages", page.key), "page", page.key)
+    yield from duplicates(_("Page"), (page.key for page in definition.pages))
     items = [item for page in definition.pages for item in page.items]
     keys = [item.key if row is None else row.key for item in items for row in item.rows_asked()]
-    yield from duplicates("key", keys + [item.key for item in items if item.is_group])
+    groups = [item.key for item in items if item.is_group]
+    yield from duplicates(_("Name in the data"), keys + groups)
     if len(keys) > MAX_QUESTIONS:
-        yield f"There are {len(keys)} questions; at most {MAX_QUESTIONS} are allowed."
-    yield from duplicates("topic", (topic.key for topic in definition.topics))
-
-
-def _of_texts(definition: Definition) -> Iterator[str]:
+        words = _("There are %(n)d questions; at most %(most)d are allowed.")
+        yield Problem(words, {"n": len(keys), "most": MAX_QUESTIONS})
+    yield from duplicates(_("Topic"), (topic.key for topic in definition.topics))
     if not definition.languages:
-        yield "There is no language; add at least one."
-    yield from duplicates("language", definition.languages)
+        yield Problem(_("There is no language; add at least one."))
+    yield from duplicates(_("Language"), definition.languages)
     if "\x00" in definition.source + definition.licence:
-        yield "The source or licence contains a null character; remove it."
-    yield from text_problems(definition, "questionnaire", definition.languages)
+        yield Problem(_("The source or licence contains a null character; remove it."))
 
 
-def _of_scales(definition: Definition) -> Iterator[str]:
-    for name, points in definition.scales.items():
-        values = [point.value for point in points]
-        if not MIN_POINTS <= len(values) <= MAX_POINTS:
-            yield (
-                f"The scale {name} has {len(values)} points; it needs {MIN_POINTS} to {MAX_POINTS}."
-            )
-        elif values != sorted(set(values)):
-            yield f"The values of the scale {name} must increase from point to point."
-        elif not (any(points[0].label.values()) and any(points[-1].label.values())):
-            yield f"The scale {name} must name its two ends."
+def _of_texts(definition: Definition) -> Iterator[Problem]:
+    for one in text_problems(definition, "questionnaire", definition.languages):
+        match one.path:
+            case ("pages", int(n), "items", int(m), *path):
+                place = _place_of(definition.pages[n].items[m])
+            case ("pages", int(n), *path):
+                place = ProblemPlace("pages", definition.pages[n].key)
+            case ("scales", name, *path):
+                place, path = ProblemPlace("scales", name), ["points", *path]
+            case path:
+                place = ABOUT
+        yield replace(one, place=place, path=tuple(path))
 
 
-def _of_conditions(definition: Definition) -> Iterator[str]:
+def _of_scale(points: Sequence[ScalePoint]) -> Iterator[Problem]:
+    values = [point.value for point in points]
+    if not MIN_POINTS <= len(values) <= MAX_POINTS:
+        words = _("A scale needs %(least)d to %(most)d points; this one has %(n)d.")
+        yield Problem(words, {"least": MIN_POINTS, "most": MAX_POINTS, "n": len(values)})
+    elif values != sorted(set(values)):
+        yield Problem(_("The values must increase from point to point."))
+    elif not (any(points[0].label.values()) and any(points[-1].label.values())):
+        yield Problem(_("Label the first and the last point."))
+
+
+def _of_conditions(definition: Definition) -> Iterator[Problem]:
     known: dict[str, Question] = {}
     for index, page in enumerate(definition.pages):
-        yield from (f"page {page.key}: {problem}" for problem in _of_condition(page.show_if, known))
+        found = within(_of_condition(page.show_if, known), None, "show_if")
+        yield from within(found, ProblemPlace("pages", page.key), "page", page.key)
         here: dict[str, Question] = {}
         for item in page.items:
             # On a shuffled page nothing is surely earlier; a later page always is.
             reach = known if page.order == "shuffled" else {**known, **here}
-            yield from (f"{item.key}: {problem}" for problem in _of_condition(item.show_if, reach))
+            found = within(_of_condition(item.show_if, reach), None, "show_if")
+            yield from within(found, _place_of(item), item.key)
             here |= {
                 question.key: question
                 for question in definition.questions()
@@ -89,56 +112,56 @@ def _of_conditions(definition: Definition) -> Iterator[str]:
         known |= here
 
 
-def _of_condition(condition: ItemCondition | None, earlier: dict[str, Question]) -> Iterator[str]:
+def _of_condition(
+    condition: ItemCondition | None, earlier: dict[str, Question]
+) -> Iterator[Problem]:
     if condition is None:
         return
     asks_answer = (
         bool(condition.one_of) or condition.at_least is not None or condition.at_most is not None
     )
     if not (condition.robot or condition.outcome or condition.item):
-        yield "show_if must name a robot, an outcome or an item."
+        yield Problem(_("Choose when it is shown, or remove the condition."))
     if bool(condition.item) != asks_answer:
-        yield "show_if needs item together with is, at_least or at_most."
+        yield Problem(_("Choose both an earlier question and answers to it."))
     elif condition.item and condition.item not in earlier:
-        yield f"show_if names {condition.item}, which is not an earlier question."
+        words = _("The condition refers to a question that does not come earlier.")
+        yield Problem(words, names=((condition.item,),))
     elif condition.item:
         yield from _of_expected(condition, earlier[condition.item])
 
 
-def _of_expected(condition: ItemCondition, question: Question) -> Iterator[str]:
+def _of_expected(condition: ItemCondition, question: Question) -> Iterator[Problem]:
     possible = {value for value, _label in question.labelled_values}
     if possible:
-        yield from (
-            f"show_if expects {value}, which is not a possible answer to {question.key}."
-            for value in condition.one_of
-            if value not in possible
-        )
+        words = _("The condition expects an answer that the question doesn't offer.")
+        others = (value for value in condition.one_of if value not in possible)
+        yield from (Problem(words, names=(("is", value),)) for value in others)
     bounded = condition.at_least is not None or condition.at_most is not None
     if bounded and not question.item.is_number:
-        yield f"show_if compares {question.key}, which is not a number."
+        yield Problem(_("Only the answer to a number question has a minimum or maximum."))
 
 
-def _of_scoring(definition: Definition) -> Iterator[str]:
+def _of_scoring(definition: Definition) -> Iterator[Problem]:
     by_key = {question.key: question for question in definition.questions()}
     for topic in definition.topics:
-        yield from (
-            f"topic {topic.key}: there is no statement {key}."
-            for key in topic.items
-            if key not in by_key or not _may_be_in_topic(definition, by_key[key])
-        )
+        for key in topic.items:
+            if key not in by_key or not _may_be_in_topic(definition, by_key[key]):
+                words = _("A topic has a question that it can't use.")
+                yield Problem(words, names=(("topic", topic.key), (key,)))
     yield from _of_topics_as_scales(definition, by_key)
     yield from _of_reversed(definition)
     scored = [question.score_values for question in definition.scored]
     if definition.scoring == "likert" and len({tuple(values) for values in scored}) != 1:
-        yield "scoring likert needs statements on one scale."
+        yield Problem(_("A mean of all statements needs statements on one scale."))
     if definition.scoring == "sus" and not (
         len(scored) == SUS_ITEMS and all(list(values) == [1, 2, 3, 4, 5] for values in scored)
     ):
-        yield "scoring sus needs ten statements on a scale from 1 to 5."
+        yield Problem(_("The SUS needs ten statements on a scale from 1 to 5."))
     if definition.scoring == "tlx_raw" and not (
         len(scored) == TLX_ITEMS and all(_is_percent(values) for values in scored)
     ):
-        yield "scoring tlx_raw needs six sliders from 0 to 100."
+        yield Problem(_("The raw NASA-TLX needs six sliders from 0 to 100."))
 
 
 def _may_be_in_topic(definition: Definition, question: Question) -> bool:
@@ -147,32 +170,35 @@ def _may_be_in_topic(definition: Definition, question: Question) -> bool:
     return bool(question.points)
 
 
-def _of_topics_as_scales(definition: Definition, by_key: Mapping[str, Question]) -> Iterator[str]:
+def _of_topics_as_scales(
+    definition: Definition, by_key: Mapping[str, Question]
+) -> Iterator[Problem]:
     if definition.scoring != "topics":
         return
     if not definition.topics:
-        yield "scoring topics needs at least one topic."
+        yield Problem(_("A mean of each topic needs topics. Add them."))
     for topic in definition.topics:
         values = {tuple(by_key[key].score_values) for key in topic.items if key in by_key}
         if len(values) != 1:
-            yield f"topic {topic.key}: scoring topics needs statements on one scale."
+            words = _("The questions of a topic need the same scale.")
+            yield Problem(words, names=(("topic", topic.key),))
 
 
-def _of_reversed(definition: Definition) -> Iterator[str]:
+def _of_reversed(definition: Definition) -> Iterator[Problem]:
     scored = {question.key for question in definition.scored}
     for question in definition.questions():
         if not question.is_reversed:
             continue
-        values = question.score_values
+        values, words = question.score_values, None
         if definition.scoring == "sus":
-            yield f"{question.key}: scoring sus reverses the even statements; remove reverse."
+            words = _("The SUS reverses its statements itself.")
         elif question.key not in scored:
-            yield f"{question.key} is reversed, but no score of this questionnaire uses it."
+            words = _("It is reversed, but no score uses it.")
         elif {question.from_other_end(value) for value in values} != set(values):
-            yield (
-                f"{question.key}: a scale with unequal distances from its two ends"
-                " cannot be reversed."
-            )
+            words = _("A scale that isn't symmetric can't be reversed.")
+        if words:
+            place = _place_of(question.item)
+            yield Problem(words, place=place, names=((question.key,), ("reverse",)))
 
 
 def _is_percent(values: Sequence[int]) -> bool:

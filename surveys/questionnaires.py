@@ -18,7 +18,7 @@ from django.db.models import QuerySet
 from django.utils.translation import gettext
 
 from surveys.definition import Definition, digest, language_for
-from surveys.documents import BadDefinitionError, ChangedMeanwhileError, spoken
+from surveys.documents import BadDefinitionError, ChangedMeanwhileError, Problem, spoken
 from surveys.importing.report import ImportReport, stored
 from surveys.models import Questionnaire
 from surveys.problems import parse, problems
@@ -88,7 +88,8 @@ def store_next(
         except IntegrityError:
             continue
         return row, True
-    raise BadDefinitionError([f"{definition.slug} is being changed by somebody else: try again."])
+    told = gettext("Someone else is changing %(name)s. Try again.") % {"name": definition.slug}
+    raise BadDefinitionError([told])
 
 
 def _replace(definition: Definition, fields: dict[str, Any]) -> Questionnaire:
@@ -96,10 +97,10 @@ def _replace(definition: Definition, fields: dict[str, Any]) -> Questionnaire:
     rows.filter(frozen_at=None).exclude(sha256=fields["sha256"]).update(**fields)
     row = rows.get()
     if row.sha256 != fields["sha256"]:
-        version = f"Version {definition.version} of {definition.slug}"
-        raise BadDefinitionError(
-            [f"{version} is in use and cannot change: give yours another version."]
+        told = gettext(
+            "Version %(n)d of %(name)s is in use and cannot change: use another version."
         )
+        raise BadDefinitionError([told % {"n": definition.version, "name": definition.slug}])
     return row
 
 
@@ -166,7 +167,7 @@ def _rows_like(questionnaire: Questionnaire) -> QuerySet[Questionnaire]:
     )
 
 
-def problems_of(questionnaire: Questionnaire) -> Sequence[str]:
+def problems_of(questionnaire: Questionnaire) -> Sequence[Problem]:
     """Return what is wrong with a draft; nothing with what is in use."""
     if questionnaire.frozen_at is not None:
         return ()
@@ -174,7 +175,7 @@ def problems_of(questionnaire: Questionnaire) -> Sequence[str]:
 
 
 @lru_cache(maxsize=256)
-def _problems_in(document: bytes) -> Sequence[str]:
+def _problems_in(document: bytes) -> Sequence[Problem]:
     return tuple(problems(msgspec.json.decode(document, type=Definition)))
 
 
@@ -210,16 +211,13 @@ def freeze(questionnaire: Questionnaire, now: datetime.datetime) -> Questionnair
     """
     while questionnaire.frozen_at is None:
         if questionnaire.as_definition().template:
-            raise BadDefinitionError(
-                [
-                    (
-                        f"{questionnaire.slug} is a template: fill in its text and set "
-                        "template to false before you use it."
-                    )
-                ]
+            told = gettext(
+                "%(name)s is a template: fill in its text and set template to false before you use "
+                "it."
             )
+            raise BadDefinitionError([told % {"name": questionnaire.slug}])
         if found := problems_of(questionnaire):
-            raise BadDefinitionError(list(found))
+            raise BadDefinitionError(found)
         _rows_like(questionnaire).update(frozen_at=now)
         questionnaire = Questionnaire.objects.get(pk=questionnaire.pk)
     return Questionnaire.objects.get(pk=questionnaire.pk)

@@ -108,7 +108,7 @@ def speeds_refused(part: Document) -> dict[str, str]:
         return {}
     robot = publishing.known_here().robots.get(condition.robot)
     told = too_fast(condition, robot) if robot is not None else {}
-    return {f"speed.{key}": capfirst(text) for key, text in told.items()}
+    return {f"speed.{key}": capfirst(one.text(_)) for key, one in told.items()}
 
 
 def places(plans: Iterable[Plan]) -> tuple[str, ...]:

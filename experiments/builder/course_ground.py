@@ -1,18 +1,17 @@
 """The page of a course: the ground that it draws, and the problems of what is on it."""
 
-import re
-from collections.abc import Iterable
+from dataclasses import replace
 
 import msgspec
 
 from experiments import publishing
 from experiments.definition.problems import problems
-from experiments.definition.schema import Course, StudyDefinition
+from experiments.definition.schema import StudyDefinition
 from robots.floorplans import plan_content
 from robots.models import FloorPlan
 from surveys.document_forms.parts import Document
-
-WRONG_PLACE = re.compile(r"checkpoint (\d+) (?:cannot be reached|is not in a room|is not at)")
+from surveys.document_forms.problem_text import sentences
+from surveys.documents import ProblemPlace
 
 
 def drawn_course(course: Document) -> Document:
@@ -26,10 +25,12 @@ def drawn_course(course: Document) -> Document:
     }
 
 
-def problems_of_course(study: StudyDefinition, course: Course) -> list[str]:
-    """Return what is wrong with one course of a study, or with its conditions because of it."""
-    mine = f"Course of {course.robot} at {course.site}: "
-    wrong = [text for text in problems(study) if text.startswith(mine)]
+def course_check(study: StudyDefinition, n: int) -> Document:
+    """Return what is wrong with the course with a number, or with its conditions because of it: as
+    sentences, and the numbers of the checkpoints that they are about.
+    """
+    course = study.courses[n]
+    mine = (one for one in problems(study) if one.place == ProblemPlace("courses", n))
     driven = tuple(
         one for one in study.conditions if (one.robot, one.site) == (course.robot, course.site)
     )
@@ -40,9 +41,11 @@ def problems_of_course(study: StudyDefinition, course: Course) -> list[str]:
         conditions=driven,
         steps=tuple(step for step in study.steps if step is study.task),
     )
-    return [text.removeprefix(mine) for text in (*wrong, *publishing.obstacles_here(alone))]
-
-
-def wrong_checkpoints(texts: Iterable[str]) -> list[int]:
-    """Return the numbers of the checkpoints that problems of a course speak of, in order."""
-    return sorted({int(n) for text in texts for n in WRONG_PLACE.findall(text)})
+    # Texts that are missing stand above the form; the course itself need not be named on its page.
+    found = [one for one in (*mine, *publishing.obstacles_here(alone)) if not one.language]
+    numbers = {one.path[1] for one in found if one.path[:1] == ("checkpoints",)}
+    found = [
+        replace(one, names=one.names[1:]) if one.place.section == "courses" else one
+        for one in found
+    ]
+    return {"problems": sentences(found), "checkpoints": sorted(numbers)}

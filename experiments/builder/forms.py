@@ -19,6 +19,7 @@ from experiments.definition.problems import MAX_BYTES, parse
 from experiments.definition.schema import StudyDefinition, to_json
 from experiments.models import Study, StudyMember
 from surveys.document_forms.fields import language_name
+from surveys.document_forms.problem_text import sentences
 from surveys.documents import BadDefinitionError, ChangedMeanwhileError
 from surveys.forms import format_reference
 
@@ -85,12 +86,7 @@ class StudyForm(forms.ModelForm):
         try:
             self.stored = self._take(parse(document)) if document.strip() else self._begin(cleaned)
         except BadDefinitionError as error:
-            raise forms.ValidationError(
-                [
-                    forms.ValidationError("%(problem)s", params={"problem": problem})
-                    for problem in error.problems
-                ]
-            ) from error
+            raise forms.ValidationError(sentences(error.problems)) from error
         except ChangedMeanwhileError as error:
             raise forms.ValidationError(
                 gettext(

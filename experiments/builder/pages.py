@@ -1,9 +1,8 @@
-"""The pages of the study builder as places in a definition: what each edits, how it is put back,
-and where a problem belongs.
+"""The pages of the study builder as places in a definition: what each edits, and how it is put
+back.
 """
 
 import math
-import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -44,37 +43,6 @@ CLASSES: Mapping[str, type[Any]] = {
     "codes": Code,
 }
 NEW_ZONE = 1.0  # metres: the sides of a zone before it is drawn
-BEGINNINGS = {
-    "wizard": (
-        "Hidden operator: ",
-        *(f"The {one} of the script" for one in ("stage", "step", "key")),
-    ),
-    "steps": (
-        "The consent",
-        "The debriefing",
-        "The steps",
-        "The step",
-        "There are",
-        "One round",
-        "The last",
-        "Participants do",
-    ),
-    "factors": ("The factor",),
-    "conditions": ("There is no condition", "The condition", "No condition has"),
-    "courses": ("The course",),
-    "analyses": ("The analysis",),
-    PLAN: ("Plan: ", "The plan"),
-    "rules": ("The participant replacement", "The statements", "The assignment"),
-    "coding": ("The coding", "A coding", "The code “", "The name “", "The key “"),
-}
-_OF_A_PART = re.compile(
-    r"(Step|Factor|Condition|Analysis|Script step|Code) (?P<key>[a-z][a-z0-9_]*): "
-    r"|(?P<text>[a-z][a-z0-9_]*)(\.[a-z_\[\]0-9]+)+[: ]"
-)
-_OF_A_COURSE = re.compile(r"Course of (?P<robot>\S+) at (?P<site>\S+): ")
-_IN_A_LIST = re.compile(
-    r"study\.(?P<section>steps|factors|conditions|courses|analyses)\[(?P<index>\d+)\]"
-)
 
 
 @dataclass(frozen=True)
@@ -160,59 +128,6 @@ def _with_inner_lists(part: Document, whole: Document) -> Document:
         if part.get(owner) is not None
     }
     return part | found
-
-
-def place_of(problem: str, study: StudyDefinition) -> BuilderPlace | None:
-    """Return the page on which a problem is mended; None when that cannot be told."""
-    if found := _OF_A_COURSE.match(problem):
-        named = ((course.robot, course.site) for course in study.courses)
-        return next(
-            (
-                BuilderPlace("courses", n)
-                for n, name in enumerate(named)
-                if name == (found["robot"], found["site"])
-            ),
-            None,
-        )
-    if found := _IN_A_LIST.match(problem):
-        return BuilderPlace(found["section"], int(found["index"]))
-    if problem.startswith("study."):
-        return BuilderPlace("about")
-    if (found := _OF_A_PART.match(problem)) and (
-        place := _place_of_key(found["key"] or found["text"], study)
-    ):
-        return place
-    return next(
-        (
-            BuilderPlace(section)
-            for section, starts in BEGINNINGS.items()
-            if problem.startswith(starts)
-        ),
-        None,
-    )
-
-
-def _place_of_key(key: str, study: StudyDefinition) -> BuilderPlace | None:
-    keys = {
-        "steps": [step.key for step in study.steps],
-        "factors": [factor.key for factor in study.factors],
-        "conditions": [condition.key for condition in study.conditions],
-        "analyses": [analysis.key for analysis in study.analyses],
-        "codes": [code.code for code in study.coding.codes] if study.coding else [],
-        "stages": [stage.key for stage in study.wizard.stages] if study.wizard else [],
-    }
-    found = [BuilderPlace(name, own.index(key)) for name, own in keys.items() if key in own]
-    found += [
-        BuilderPlace("factors", n)
-        for n, factor in enumerate(study.factors)
-        if key in {level.key for level in factor.levels}
-    ]
-    found += [
-        BuilderPlace("stages", n)
-        for n, stage in enumerate(study.wizard.stages if study.wizard else ())
-        if key in {step.key for step in stage.steps}
-    ]
-    return found[0] if found else None
 
 
 def renumber(course: Document) -> Document:

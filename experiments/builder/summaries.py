@@ -1,4 +1,6 @@
-"""The lists of the study builder: what can be added to each, and what is said of its parts."""
+"""The lists of the study builder: what can be added to each, what its parts are called, and what is
+said of them.
+"""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -7,10 +9,10 @@ from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 
 from experiments.builder.labels import GUIDE
-from experiments.builder.problem_text import title_of
 from experiments.definition.steps import KINDS
 from experiments.participation.steps import page_type
 from surveys.document_forms.parts import Document
+from surveys.documents import text_in
 
 
 def kinds(section: str) -> list[tuple[str, Any]]:
@@ -26,6 +28,18 @@ def kinds(section: str) -> list[tuple[str, Any]]:
         "codes": GUIDE.item("codes"),
     }
     return [("", named[section])]
+
+
+def title_of(part: Document, whole: Document) -> str:
+    """Return what a step, condition or course is called, in the first language that has it."""
+    named = {"robot": part.get("robot", ""), "site": part.get("site", "")}
+    return (
+        text_in(part.get("title", {}), whole["languages"])
+        or part.get("name")
+        or part.get("code")
+        or part.get("key")
+        or _("%(robot)s at %(site)s") % named
+    )
 
 
 def about(

@@ -7,7 +7,7 @@ may be saved half done; what is still wrong stands above the form.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import msgspec
@@ -29,7 +29,7 @@ from experiments.builder.choices import (
     questionnaire_titles,
     speeds_refused,
 )
-from experiments.builder.course_ground import drawn_course, problems_of_course, wrong_checkpoints
+from experiments.builder.course_ground import course_check, drawn_course
 from experiments.builder.labels import GUIDE
 from experiments.builder.pages import (
     INNER_LISTS,
@@ -50,20 +50,20 @@ from experiments.builder.pages import (
     new_stage,
     new_step,
     parts_in,
-    place_of,
     renumber,
     with_parts,
 )
-from experiments.builder.problem_text import in_words, title_of
 from experiments.builder.study_form import StudyPartForm
-from experiments.builder.summaries import about, kinds
+from experiments.builder.summaries import about, kinds, title_of
 from experiments.definition.schema import Course, StudyDefinition
 from experiments.definition.steps import KINDS
 from experiments.models import Study as Row
 from experiments.participation.steps import page_type
 from experiments.research.study_access import study_for
 from surveys.document_forms.parts import Document, change, new_point
-from surveys.documents import ChangedMeanwhileError
+from surveys.document_forms.problem_text import by_place, text_name
+from surveys.document_forms.submitted import MEANWHILE, SubmittedPart, number, pressed
+from surveys.documents import ChangedMeanwhileError, Problem
 
 TITLES = {
     "about": gettext_lazy("About the study"),
@@ -78,9 +78,6 @@ TITLES = {
     "coding": gettext_lazy("Coding of replays"),
 }
 WALK_THROUGH = "walk_through"  # beside the sections: experiments/study_admin/walk_through.py
-MEANWHILE = gettext_lazy(
-    "Not saved: someone else changed this study. If your change still applies, submit it again."
-)
 MOST_SHOWN = 40  # problems above a form
 
 
@@ -90,18 +87,6 @@ class LinkedProblem:
 
     text: str
     url: str = ""
-
-
-@dataclass
-class SubmittedPart:
-    """A form as it came in: `part` as typed, `errors` by name of the field, `above` what no field
-    is to blame for, `anchor` where to go on.
-    """
-
-    part: Document
-    errors: dict[str, str] = field(default_factory=dict)
-    above: list[str] = field(default_factory=list)
-    anchor: str = ""
 
 
 def whole_of(row: Row) -> Document:
@@ -138,13 +123,27 @@ def sections(row: Row) -> list[dict[str, Any]]:
 
 def told(row: Row) -> list[LinkedProblem]:
     """Return everything that is wrong with a study, or stands in its way here."""
-    definition = row.as_definition()
-    said = in_words(publishing.problems_of(row), whole_of(row))
-    found = [(text, place_of(problem, definition)) for problem, text in said.items()]
-    return [
-        LinkedProblem(text, address(row, place) if place is not None else "")
-        for text, place in found
-    ]
+    whole = whole_of(row)
+    found = by_place(
+        publishing.problems_of(row),
+        lambda one: one.sentence(_),
+        lambda one: _text_name(one, whole),
+    )
+    pages = {
+        place: address(row, BuilderPlace(place.section, place.part)) if place.section else ""
+        for place in found
+    }
+    return [LinkedProblem(text, pages[place]) for place, texts in found.items() for text in texts]
+
+
+def _text_name(one: Problem, whole: Document) -> str:
+    """Return what a text that is missing is called, with the part of the study that it is in."""
+    part = BuilderPlace(one.place.section, one.place.part).part(whole)
+    title = [title_of(part, whole)] if part is not None and part is not whole else []
+    name = text_name(
+        GUIDE, part, one.path, lambda inner: title_of(inner, whole) if "key" in inner else ""
+    )
+    return " · ".join([*title, name])
 
 
 class BuilderPages:
@@ -203,14 +202,8 @@ class BuilderPages:
             return JsonResponse(
                 {"problems": list(dict.fromkeys(draft.errors.values())), "checkpoints": []}
             )
-        course = msgspec.convert(draft.part, Course)
-        wrong = problems_of_course(_put(whole, place, draft.part), course)
-        return JsonResponse(
-            {
-                "problems": wrong,
-                "checkpoints": wrong_checkpoints(wrong),
-            }
-        )
+        study = msgspec.convert(place.put(whole, draft.part), StudyDefinition)
+        return JsonResponse(course_check(study, index))
 
     # --- forms ------------------------------------------------------------------------------------
 
@@ -331,15 +324,16 @@ class BuilderPages:
     # --- lists ------------------------------------------------------------------------------------
 
     def _change_list(self, request: HttpRequest, row: Row, section: str) -> HttpResponse:
-        verb, _colon, what = request.POST.get("do", "").partition(":")
+        verb, what = pressed(request.POST, 2)
         whole = whole_of(row)
         parts = changed = parts_in(whole, section)
         if verb == "add":
             changed = [*parts, _new(section, what, whole)]
-        elif what.isascii() and what.isdigit():
-            changed = change(parts, verb, int(what[:6]))
+        else:
+            n = number(what)
+            changed = change(parts, verb, n)
             if verb == "copy" and len(changed) > len(parts):
-                changed[int(what) + 1] = copied(section, parts[int(what)], whole)
+                changed[n + 1] = copied(section, parts[n], whole)
         whole = with_parts(whole, section, changed)
         saved = _keep(row, whole) if request.POST.get("sha256") == row.sha256 else str(MEANWHILE)
         if isinstance(saved, str):
@@ -385,8 +379,7 @@ def _press(part: Document, sent: Any) -> str:
     """Do what the button of a form says to one of the lists in it, and return where the page goes
     on.
     """
-    verb, _colon, what = sent.get("do", "save").partition(":")
-    key, _colon, n = what.partition(":")
+    verb, key, n = pressed(sent)
     values = part.get(key, [])
     if verb == "add" and key == "steps":
         step = new_script_step(part, n, places(publishing.sites().values()))
@@ -396,13 +389,9 @@ def _press(part: Document, sent: Any) -> str:
         at = new_point(sent.get("at", ""), middle_of(publishing.sites().get(part.get("site", ""))))
         part[key] = [*values, new_part(key, len(values), at)]
         return "course" if sent.get("at") else f"{key}.{len(values)}"
-    if n.isascii() and n.isdigit() and isinstance(values, list):
-        part[key] = change(values, verb, int(n[:6]))
+    if isinstance(part.get(key), list):
+        part[key] = change(values, verb, number(n))
     return key
-
-
-def _put(whole: Document, place: BuilderPlace, part: Document) -> StudyDefinition:
-    return msgspec.convert(place.put(whole, part), StudyDefinition)
 
 
 def _save(request: HttpRequest, row: Row, place: BuilderPlace, draft: SubmittedPart) -> Row | None:

@@ -16,6 +16,7 @@ from msgspec import structs
 
 from experiments.coding.scheme import BadCodingError, CodedEvent, clean
 from experiments.definition.coding import Code, Modifier
+from surveys.document_forms.problem_text import sentences
 from surveys.documents import BadDefinitionError
 from surveys.importing import safe_xml
 
@@ -130,7 +131,7 @@ def from_eaf(document: bytes, codes: Sequence[Code]) -> tuple[list[CodedEvent], 
     try:
         root = safe_xml.read(document)
     except BadDefinitionError as error:
-        raise BadCodingError(error.problems) from error
+        raise BadCodingError(sentences(error.problems)) from error
     if root.tag != "ANNOTATION_DOCUMENT":
         raise BadCodingError([_("This is not an ELAN annotation file.")])
     reading = _Reading(root, codes)

@@ -11,6 +11,7 @@ import msgspec
 from django.utils.translation import gettext as _
 
 from experiments.definition.coding import Code, CodingScheme, scheme_problems
+from surveys.document_forms.problem_text import sentences
 
 MAX_EVENTS, MAX_COMMENT = 5000, 500
 # Six days: longer than any session, and short enough that no time is a mistake in units.
@@ -49,7 +50,7 @@ def scheme_from(document: Any) -> CodingScheme:
         scheme = msgspec.convert(whole, CodingScheme)
     except msgspec.ValidationError as error:
         raise BadCodingError([f"{error}."]) from error
-    if found := list(scheme_problems(scheme.codes)):
+    if found := sentences(scheme_problems(scheme.codes)):
         raise BadCodingError(found)
     return scheme
 

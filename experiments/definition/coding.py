@@ -2,13 +2,13 @@
 which have a beginning and an end, in seconds since the grant. Frozen with a study that declares it.
 """
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from surveys.documents import DocumentPart, Key
+from surveys.documents import DocumentPart, Key, Problem, ProblemPlace, duplicates, within
+from surveys.documents import gettext_noop as _
 
 MAX_CODES, MAX_MODIFIERS, MAX_VALUES = 40, 5, 20
 MAX_NAME, MAX_DESCRIPTION = 80, 500
@@ -56,52 +56,55 @@ class CodingScheme(DocumentPart, frozen=True, kw_only=True):
         return next((code for code in self.codes if code.code == key), None)
 
 
-def scheme_problems(codes: Sequence[Code]) -> Iterator[str]:
-    """Yield what is wrong with the codes of a scheme, a sentence each."""
+def scheme_problems(codes: Sequence[Code]) -> Iterator[Problem]:
+    """Yield what is wrong with the codes of a scheme."""
+    yield from within(_of_whole(codes), ProblemPlace("coding"))
+    for n, code in enumerate(codes):
+        yield from within(_code_problems(code), ProblemPlace("codes", n), _("Code"), code.code)
+
+
+def _of_whole(codes: Sequence[Code]) -> Iterator[Problem]:
     if not codes:
-        yield "The coding scheme has no codes."
+        yield Problem(_("The coding scheme has no codes."))
     if len(codes) > MAX_CODES:
-        yield f"A coding scheme has at most {MAX_CODES} codes."
-    for code in codes:
-        yield from (f"Code {code.code}: {problem}" for problem in _code_problems(code))
-    yield from _repeated("code", [code.code for code in codes])
-    yield from _repeated("name", [code.name.strip().casefold() for code in codes])
-    yield from _repeated("key", [code.key.lower() for code in codes if code.key])
+        yield Problem(_("A coding scheme has at most %(n)d codes."), {"n": MAX_CODES})
+    yield from duplicates(_("Code"), (code.code for code in codes))
+    yield from duplicates(_("Name"), (code.name.strip().casefold() for code in codes))
+    yield from duplicates(_("Key"), (code.key.lower() for code in codes if code.key))
 
 
-def _code_problems(code: Code) -> Iterator[str]:
+def _code_problems(code: Code) -> Iterator[Problem]:
     if not code.name.strip() or len(code.name) > MAX_NAME or not code.name.isprintable():
-        yield f"enter a name of at most {MAX_NAME} characters."
+        yield Problem(_("enter a name of at most %(n)d characters."), {"n": MAX_NAME})
     if len(code.key) > 1 or code.key.lower() in TAKEN_KEYS or not code.key.isprintable():
-        yield "choose a single character as the key. The player already uses k, + and −."
+        words = _("choose a single character as the key. The player already uses k, + and −.")
+        yield Problem(words)
     if len(code.description) > MAX_DESCRIPTION or "\x00" in code.description:
-        yield f"the description is longer than {MAX_DESCRIPTION} characters."
+        words = _("the description is longer than %(n)d characters.")
+        yield Problem(words, {"n": MAX_DESCRIPTION})
     if len(code.group) > MAX_NAME or not code.group.isprintable():
-        yield "the group's name is too long."
+        yield Problem(_("the group's name is too long."))
     if code.group and code.kind == "point":
-        yield "a point event has no duration, so it cannot be in a group."
+        yield Problem(_("a point event has no duration, so it cannot be in a group."))
     if len(code.modifiers) > MAX_MODIFIERS:
-        yield f"it has more than {MAX_MODIFIERS} modifiers."
+        yield Problem(_("it has more than %(n)d modifiers."), {"n": MAX_MODIFIERS})
     for modifier in code.modifiers:
         yield from _modifier_problems(modifier)
-    yield from _repeated("modifier", [modifier.name for modifier in code.modifiers])
+    yield from duplicates(_("Modifier"), (modifier.name for modifier in code.modifiers))
 
 
-def _modifier_problems(modifier: Modifier) -> Iterator[str]:
+def _modifier_problems(modifier: Modifier) -> Iterator[Problem]:
     if not 1 <= len(modifier.values) <= MAX_VALUES:
-        yield f"the modifier “{modifier.name}” needs 1 to {MAX_VALUES} values."
+        words = _("the modifier “%(name)s” needs 1 to %(n)d values.")
+        yield Problem(words, {"name": modifier.name, "n": MAX_VALUES})
     for text in (modifier.name, *modifier.values):
         if not text.strip() or text != text.strip() or len(text) > MAX_NAME:
-            yield (
-                f"the modifier “{modifier.name}” has a text that is empty, too long, or has spaces"
-                " around it."
+            words = _(
+                "the modifier “%(name)s” has a text that is empty, too long, or has spaces around "
+                "it."
             )
+            yield Problem(words, {"name": modifier.name})
         elif not text.isprintable() or FORBIDDEN_IN_MODIFIERS & set(text) or text == "None":
-            yield f"“{text}” cannot be used: it is “None”, or has one of ( | ) , ` ~."
-    yield from _repeated("value", modifier.values)
-
-
-def _repeated(what: str, names: Sequence[str]) -> Iterator[str]:
-    for name, count in Counter(names).items():
-        if count > 1:
-            yield f"The {what} “{name}” is used {count} times."
+            words = _("“%(text)s” cannot be used: it is “None”, or has one of ( | ) , ` ~.")
+            yield Problem(words, {"text": text})
+    yield from duplicates(_("Value"), modifier.values)

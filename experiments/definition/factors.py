@@ -5,12 +5,13 @@ A condition is one cell: it has one level of each factor. A factor is *within* w
 has all of its levels, *between* when they have one; a study with both kinds is a mixed design.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import product
 
 from experiments.definition.design import Factor
 from experiments.definition.schema import Condition, StudyDefinition
-from surveys.documents import duplicates
+from surveys.documents import Problem, ProblemPlace, duplicates, within
+from surveys.documents import gettext_noop as _
 
 LEAST_LEVELS = 2
 MOST_PERMUTED = 4  # conditions of which all orders are made: 24
@@ -42,50 +43,69 @@ def conditions_together(study: StudyDefinition) -> list[tuple[str, ...]]:
     return [(key,) for group in found for key in group]
 
 
-def problems(study: StudyDefinition) -> Iterator[str]:
+def problems(study: StudyDefinition) -> Iterator[Problem]:
     """Yield what is wrong with the factors of a study and their cells."""
-    yield from duplicates("factor", (factor.key for factor in study.factors))
-    for factor in study.factors:
-        if len(factor.levels) < LEAST_LEVELS:
-            yield f"Factor {factor.key}: it needs at least {LEAST_LEVELS} levels."
-        for told in duplicates("level", (level.key for level in factor.levels)):
-            yield f"Factor {factor.key}: {told}"
+    keys = (factor.key for factor in study.factors)
+    yield from within(duplicates(_("Factor"), keys), ProblemPlace("factors"))
+    for n, factor in enumerate(study.factors):
+        place = ProblemPlace("factors", n)
+        yield from within(_of_factor(factor), place, _("Factor"), factor.key)
     wrong = list(_of_levels(study))
     yield from wrong
     if study.factors and not wrong:
         yield from _of_cells(study)
-    yield from _of_design(study)
+    yield from within(_of_design(study), ProblemPlace("rules"))
 
 
-def _of_levels(study: StudyDefinition) -> Iterator[str]:
+def _of_factor(factor: Factor) -> Iterator[Problem]:
+    if len(factor.levels) < LEAST_LEVELS:
+        yield Problem(_("it needs at least %(n)d levels."), {"n": LEAST_LEVELS})
+    yield from duplicates(_("Level"), (level.key for level in factor.levels))
+
+
+def _of_levels(study: StudyDefinition) -> Iterator[Problem]:
     known = {factor.key: [level.key for level in factor.levels] for factor in study.factors}
-    for condition in study.conditions:
-        for key, levels in known.items():
-            own = condition.levels.get(key, "")
-            if not own:
-                yield f"Condition {condition.key}: choose its level of the factor {key}."
-            elif own not in levels:
-                yield f"Condition {condition.key}: the factor {key} has no level {own}."
-        for key in condition.levels:
-            if key not in known:
-                yield f"Condition {condition.key}: there is no factor {key}."
+    for n, condition in enumerate(study.conditions):
+        yield from of_condition(n, condition, _of_own_levels(condition, known))
 
 
-def _of_cells(study: StudyDefinition) -> Iterator[str]:
+def of_condition(n: int, condition: Condition, found: Iterable[Problem]) -> Iterator[Problem]:
+    """Yield problems as those of the condition with a number."""
+    return within(found, ProblemPlace("conditions", n), _("Condition"), condition.key)
+
+
+def _of_own_levels(condition: Condition, known: Mapping[str, list[str]]) -> Iterator[Problem]:
+    for key, levels in known.items():
+        own = condition.levels.get(key, "")
+        if not own:
+            yield Problem(_("choose its level of the factor %(key)s."), {"key": key})
+        elif own not in levels:
+            words = _("the factor %(key)s has no level %(level)s.")
+            yield Problem(words, {"key": key, "level": own})
+    for key in condition.levels:
+        if key not in known:
+            yield Problem(_("there is no factor %(key)s."), {"key": key})
+
+
+def _of_cells(study: StudyDefinition) -> Iterator[Problem]:
     wanted = product(*([(one.key, level.key) for level in one.levels] for one in study.factors))
     first: dict[tuple[tuple[str, str], ...], str] = {}
-    for condition in study.conditions:
+    for n, condition in enumerate(study.conditions):
         cell = cell_of(condition, study.factors)
         if cell in first:
-            yield (
-                f"Condition {condition.key}: it has the same levels as the condition"
-                f" {first[cell]}; each cell of the factors needs exactly one condition."
+            words = _(
+                "it has the same levels as the condition %(key)s; each cell of the factors needs "
+                "exactly one condition."
             )
+            yield from of_condition(n, condition, [Problem(words, {"key": first[cell]})])
         first.setdefault(cell, condition.key)
     for cell in wanted:
         if cell not in first:
-            named = ", ".join(f"{factor} {level}" for factor, level in cell)
-            yield f"No condition has {named}; each cell of the factors needs exactly one condition."
+            words = _(
+                "No condition has %(levels)s; each cell of the factors needs exactly one condition."
+            )
+            named = {"levels": ", ".join(f"{factor} {level}" for factor, level in cell)}
+            yield Problem(words, named, place=ProblemPlace("conditions"))
 
 
 def cell_of(condition: Condition, factors: Sequence[Factor]) -> tuple[tuple[str, str], ...]:
@@ -93,27 +113,27 @@ def cell_of(condition: Condition, factors: Sequence[Factor]) -> tuple[tuple[str,
     return tuple((factor.key, condition.levels.get(factor.key, "")) for factor in factors)
 
 
-def _of_design(study: StudyDefinition) -> Iterator[str]:
-    within = [factor.key for factor in study.factors if factor.design == "within"]
-    if study.factors and (study.allocation.design == "within") != bool(within):
-        wanted = "within" if within else "between"
-        yield (
-            f"The assignment must be {wanted} participants, because"
-            f" {f'the factor {within[0]} is' if within else 'all factors are between'}."
-        )
+def _of_design(study: StudyDefinition) -> Iterator[Problem]:
+    inside = [factor.key for factor in study.factors if factor.design == "within"]
+    if study.factors and (study.allocation.design == "within") != bool(inside):
+        if inside:
+            words = _("The assignment must be within participants, because the factor %(key)s is.")
+            yield Problem(words, {"key": inside[0]})
+        else:
+            words = _("The assignment must be between participants, because all factors are.")
+            yield Problem(words)
     if study.allocation.design != "within":
         return
     most = MOST_PERMUTED if study.allocation.order == "all" else MOST_ORDERED
     for access in ("open", "invitation"):
         for group in groups(study, access):
             if len(group) > most:
-                yield (
-                    f"{len(group)} conditions for each participant; at most {most} can be ordered."
-                )
+                words = _("%(n)d conditions for each participant; at most %(most)d can be ordered.")
+                yield Problem(words, {"n": len(group), "most": most})
     yield from _of_access(study)
 
 
-def _of_access(study: StudyDefinition) -> Iterator[str]:
+def _of_access(study: StudyDefinition) -> Iterator[Problem]:
     """A participant has every level of a within factor, so its conditions are open to the same
     people.
     """
@@ -123,10 +143,11 @@ def _of_access(study: StudyDefinition) -> Iterator[str]:
     for condition in study.conditions:
         ways.setdefault(_between_cell(study, condition), set()).add(condition.access)
     if any(len(one) > 1 for one in ways.values()):
-        yield (
-            "The assignment gives a participant every level of a within factor: all conditions of"
-            " one participant must have the same access (open, or by invitation)."
+        words = _(
+            "The assignment gives a participant every level of a within factor: all conditions of "
+            "one participant must have the same access (open, or by invitation)."
         )
+        yield Problem(words)
 
 
 def _between_cell(study: StudyDefinition, condition: Condition) -> tuple[str, ...]:

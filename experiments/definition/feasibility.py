@@ -1,13 +1,15 @@
-"""Can a study be run with the robots, sites and questionnaires that are at hand? One sentence for
+"""Can a study be run with the robots, sites and questionnaires that are at hand? One problem for
 each thing that stands in the way.
 """
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from experiments.definition import wizard as wizards
-from experiments.definition.problems import length_of
+from experiments.definition.factors import of_condition
+from experiments.definition.problems import length_of, of_course
 from experiments.definition.schema import (
     Condition,
     Course,
@@ -22,9 +24,12 @@ from experiments.definition.slowing import (
     longest_video_delay,
     predicted,
 )
+from experiments.definition.step import AskingStep
 from robots.api.floorplan import ChargingDock, FloorPlan
 from robots.api.geometry import Pose2D
 from robots.api.messages import Capability, Point
+from surveys.documents import Problem, ProblemPlace, within
+from surveys.documents import gettext_noop as _
 
 CAPABILITY: dict[OwnAction, Capability] = {
     "places": "goto",
@@ -39,6 +44,18 @@ NETWORK_LAB: Capability = "network_lab"
 # themselves, in seconds.
 ROOM_FOR_COMMANDS, ROOM_FOR_PICTURES = 0.05, 0.15
 ROUNDING = 1e-9
+SLOW_COMMANDS = _(
+    "commands would arrive up to %(late).0f ms late, and %(robot)s slows down when they are older "
+    "than %(age)g ms: it would drive at about %(left).2f m/s instead of %(speed).2f m/s. The "
+    "condition would measure the safety limits as well as delay. Delay the video instead (up to "
+    "%(most).0f ms), which delays what the driver sees and does, and no command."
+)
+SLOW_VIDEO = _(
+    "video and the commands that answer it would be up to %(late).0f ms late, and %(robot)s slows "
+    "down when they are older than %(age)g ms: it would drive at about %(left).2f m/s instead of "
+    "%(speed).2f m/s. The condition would measure the safety limits as well as delay. Delay the "
+    "video less."
+)
 SAME_PLACE = 0.5  # how far checkpoint 0 may lie from the docked pose: metres
 
 Unreachable = Callable[[FloorPlan, Iterable[str], Pose2D, Sequence[tuple[Point, float]]], list[int]]
@@ -69,7 +86,7 @@ class Known:
     interfaces: frozenset[str] = field(default_factory=lambda: frozenset({"standard"}))
 
 
-def obstacles(study: StudyDefinition, known: Known, unreachable: Unreachable) -> Iterator[str]:
+def obstacles(study: StudyDefinition, known: Known, unreachable: Unreachable) -> Iterator[Problem]:
     """Yield what makes a study, which is right in itself, impossible here.
 
     Args:
@@ -78,22 +95,21 @@ def obstacles(study: StudyDefinition, known: Known, unreachable: Unreachable) ->
         unreachable: tells which points cannot be got to (experiments.definition.reachability, or a
             double).
     """
-    for step in study.asking:
-        if (step.questionnaire, step.version) not in known.questionnaires:
-            yield (
-                f"Step {step.key}: there is no usable questionnaire {step.questionnaire}, version"
-                f" {step.version}."
-            )
-    for course in study.courses:
-        yield from (
-            f"Course of {course.robot} at {course.site}: {problem}"
-            for problem in _of_course(course, known)
-        )
-    for condition in study.conditions:
-        yield from (
-            f"Condition {condition.key}: {problem}"
-            for problem in _of_condition(study, condition, known, unreachable)
-        )
+    for n, step in enumerate(study.steps):
+        if isinstance(step, AskingStep):
+            found = _of_questionnaire(step, known)
+            yield from within(found, ProblemPlace("steps", n), _("Step"), step.key)
+    for n, course in enumerate(study.courses):
+        yield from of_course(n, course, _of_course(course, known))
+    for n, condition in enumerate(study.conditions):
+        found = _of_condition(study, condition, known, unreachable)
+        yield from of_condition(n, condition, found)
+
+
+def _of_questionnaire(step: AskingStep, known: Known) -> Iterator[Problem]:
+    if (step.questionnaire, step.version) not in known.questionnaires:
+        words = _("there is no usable questionnaire %(name)s, version %(n)d.")
+        yield Problem(words, {"name": step.questionnaire, "n": step.version})
 
 
 def dock_of(course: Course, plan: FloorPlan) -> ChargingDock | None:
@@ -106,21 +122,28 @@ def dock_of(course: Course, plan: FloorPlan) -> ChargingDock | None:
     return fitting[0] if len(fitting) == 1 else None
 
 
-def _of_course(course: Course, known: Known) -> Iterator[str]:
+def _of_course(course: Course, known: Known) -> Iterator[Problem]:
     plan = known.sites.get(course.site)
     if plan is None:
-        yield f"there is no site {course.site}."
+        yield Problem(_("there is no site %(name)s."), {"name": course.site})
         return
     yield from _of_dock(course, plan)
     doors, mirrors = {door.name for door in plan.doors}, {mirror.name for mirror in plan.mirrors}
-    yield from (f"there is no door {name}." for name in course.doors if name not in doors)
+    for name in course.doors:
+        if name not in doors:
+            yield Problem(_("there is no door %(name)s."), {"name": name})
     if course.photo is not None and course.photo.mirror not in mirrors:
-        yield f"there is no mirror {course.photo.mirror}."
+        yield Problem(_("there is no mirror %(name)s."), {"name": course.photo.mirror})
     for checkpoint in course.checkpoints:
         if plan.room_at(checkpoint.x, checkpoint.y) is None and not _in_doorway(
             plan, checkpoint.x, checkpoint.y
         ):
-            yield f"checkpoint {checkpoint.number} is not in a room; move it into one."
+            words = _("checkpoint %(n)d is not in a room; move it into one.")
+            yield _of_checkpoint(words, checkpoint.number)
+
+
+def _of_checkpoint(words: Any, number: int, **values: Any) -> Problem:
+    return Problem(words, {"n": number, **values}, path=("checkpoints", number))
 
 
 def _in_doorway(plan: FloorPlan, x: float, y: float) -> bool:
@@ -135,21 +158,19 @@ def _middle(start: Point, end: Point) -> Point:
     return (start[0] + end[0]) / 2.0, (start[1] + end[1]) / 2.0
 
 
-def _of_dock(course: Course, plan: FloorPlan) -> Iterator[str]:
+def _of_dock(course: Course, plan: FloorPlan) -> Iterator[Problem]:
     named = [dock for dock in plan.docks if course.dock in {"", dock.name}]
     fitting = [dock for dock in named if dock.type == course.robot]
     if not named:
-        yield (
-            f"there is no charging station {course.dock}."
-            if course.dock
-            else "there is no charging station."
-        )
+        words = _("there is no charging station %(name)s.")
+        none = Problem(_("there is no charging station."))
+        yield Problem(words, {"name": course.dock}) if course.dock else none
     elif not fitting:
-        yield f"no charging station of the course fits {course.robot}."
+        words = _("no charging station of the course fits %(robot)s.")
+        yield Problem(words, {"robot": course.robot})
     elif len(fitting) > 1:
-        yield (
-            f"there are {len(fitting)} charging stations for {course.robot}: name the one to use."
-        )
+        words = _("there are %(n)d charging stations for %(robot)s: name the one to use.")
+        yield Problem(words, {"n": len(fitting), "robot": course.robot})
     elif (
         course.checkpoints
         and math.dist(
@@ -157,17 +178,19 @@ def _of_dock(course: Course, plan: FloorPlan) -> Iterator[str]:
         )
         > SAME_PLACE
     ):
-        yield (f"checkpoint 0 is not at the charging station {fitting[0].name}; move it there.")
+        words = _("checkpoint %(n)d is not at the charging station %(name)s; move it there.")
+        yield _of_checkpoint(words, 0, name=fitting[0].name)
 
 
 def _of_condition(
     study: StudyDefinition, condition: Condition, known: Known, unreachable: Unreachable
-) -> Iterator[str]:
+) -> Iterator[Problem]:
     if condition.interface not in known.interfaces:
-        yield f"there is no interface profile {condition.interface}."
+        words = _("there is no interface profile %(name)s.")
+        yield Problem(words, {"name": condition.interface})
     robot = known.robots.get(condition.robot)
     if robot is None:
-        yield f"there is no robot of the series {condition.robot}."
+        yield Problem(_("there is no robot of the series %(name)s."), {"name": condition.robot})
     else:
         yield from _of_robot(study, condition, robot)
     plan, course = known.sites.get(condition.site), study.course_of(condition)
@@ -179,19 +202,15 @@ def _of_condition(
         yield from _of_way(condition, course, plan, unreachable)
 
 
-def _of_robot(study: StudyDefinition, condition: Condition, robot: RobotFacts) -> Iterator[str]:
-    wanted: dict[str, str] = {
-        CAPABILITY[action]: f"the action {action}" for action in condition.actions
-    }
+def _of_robot(study: StudyDefinition, condition: Condition, robot: RobotFacts) -> Iterator[Problem]:
+    action, name = _("%(robot)s cannot do the action %(name)s."), {"robot": condition.robot}
+    wanted = {CAPABILITY[one]: Problem(action, {**name, "name": one}) for one in condition.actions}
     if condition.assist != "off":
-        wanted["assist"] = f"assistance {condition.assist}"
+        words = _("%(robot)s cannot do assistance %(name)s.")
+        wanted["assist"] = Problem(words, {**name, "name": condition.assist})
     if condition.controllers:
-        wanted["velocity"] = "driving by hand"
-    yield from (
-        f"{condition.robot} cannot do {what}."
-        for capability, what in wanted.items()
-        if capability not in robot.capabilities
-    )
+        wanted["velocity"] = Problem(_("%(robot)s cannot be driven by hand."), name)
+    yield from (told for need, told in wanted.items() if need not in robot.capabilities)
     yield from _of_network(condition, robot)
     yield from too_fast(condition, robot).values()
     course, task = study.course_of(condition), study.task
@@ -200,62 +219,72 @@ def _of_robot(study: StudyDefinition, condition: Condition, robot: RobotFacts) -
         and task is not None
         and length_of(course) / robot.linear >= task.minutes * 60.0
     ):
-        yield (
-            f"at {robot.linear:g} m/s, the top speed of {condition.robot}, the "
-            f"course takes longer than the task's {task.minutes:g} minutes."
+        words = _(
+            "at %(speed)g m/s, the top speed of %(robot)s, the course takes longer than the task's "
+            "%(n)g minutes."
         )
+        yield Problem(words, {**name, "speed": robot.linear, "n": task.minutes})
 
 
-def too_fast(condition: Condition, robot: RobotFacts) -> dict[str, str]:
+def too_fast(condition: Condition, robot: RobotFacts) -> dict[str, Problem]:
     """Return why a condition's speed limits are none, by their field: the robot stays below them by
     itself.
     """
     speed = condition.speed
+    linear = _(
+        "the speed limit of %(asked)g m/s is above the top speed of %(robot)s, %(most)g m/s: lower "
+        "it, or leave it blank to use the robot's."
+    )
+    angular = _(
+        "the limit of the turning speed of %(asked)g rad/s is above the top speed of %(robot)s, "
+        "%(most)g rad/s: lower it, or leave it blank to use the robot's."
+    )
     limits = {
-        "linear": ("speed limit", speed.linear, robot.linear, "m/s"),
-        "angular": ("limit of the turning speed", speed.angular, robot.angular, "rad/s"),
+        "linear": (linear, speed.linear, robot.linear),
+        "angular": (angular, speed.angular, robot.angular),
     }
     return {
-        key: (
-            f"the {what} of {asked:g} {unit} is above the top speed of {condition.robot},"
-            f" {most:g} {unit}: lower it, or leave it blank to use the robot's."
-        )
-        for key, (what, asked, most, unit) in limits.items()
+        key: Problem(words, {"asked": asked, "most": most, "robot": condition.robot})
+        for key, (words, asked, most) in limits.items()
         if asked is not None and asked > most + ROUNDING
     }
 
 
-def _of_network(condition: Condition, robot: RobotFacts) -> Iterator[str]:
+def _of_network(condition: Condition, robot: RobotFacts) -> Iterator[Problem]:
     """Yield why nobody could drive this robot over such a network, or why it would measure the
     robot's limits on age, which hold in every condition.
     """
     if condition.network != Network() and NETWORK_LAB not in robot.capabilities:
-        yield f"{condition.robot} cannot impair its network: remove the delay, loss or limit."
+        words = _("%(robot)s cannot impair its network: remove the delay, loss or limit.")
+        yield Problem(words, {"robot": condition.robot})
     there, back = latest(condition.network.control), latest(condition.network.video)
     too_late = False
     if there > robot.command_age - ROOM_FOR_COMMANDS + ROUNDING:
-        yield (
-            f"commands would be delayed by up to {1000.0 * there:g} ms; "
-            f"{condition.robot} accepts none older than "
-            f"{1000.0 * robot.command_age:g} ms, and "
-            f"{1000.0 * ROOM_FOR_COMMANDS:g} ms of that are reserved for the real "
-            "network."
+        words = _(
+            "commands would be delayed by up to %(late)g ms; %(robot)s accepts none older than "
+            "%(age)g ms, and %(room)g ms of that are reserved for the real network."
         )
+        yield _too_late(words, condition, there, robot.command_age, ROOM_FOR_COMMANDS)
         too_late = True
     if there + back > robot.frame_age - ROOM_FOR_PICTURES + ROUNDING:
-        yield (
-            "video and the commands that answer it would be delayed by up to "
-            f"{1000.0 * (there + back):g} ms; {condition.robot} accepts no "
-            f"command based on video older than {1000.0 * robot.frame_age:g} ms, "
-            f"and {1000.0 * ROOM_FOR_PICTURES:g} ms of that are reserved for the "
-            "camera and the page."
+        words = _(
+            "video and the commands that answer it would be delayed by up to %(late)g ms; "
+            "%(robot)s accepts no command based on video older than %(age)g ms, and %(room)g ms of "
+            "that are reserved for the camera and the page."
         )
+        yield _too_late(words, condition, there + back, robot.frame_age, ROOM_FOR_PICTURES)
         too_late = True
     if not too_late:
         yield from _of_slowing(condition, robot)
 
 
-def _of_slowing(condition: Condition, robot: RobotFacts) -> Iterator[str]:
+def _too_late(words: Any, condition: Condition, late: float, age: float, room: float) -> Problem:
+    """Return what a delay prevents; seconds come in, and are told as milliseconds."""
+    times = {"late": 1000.0 * late, "age": 1000.0 * age, "room": 1000.0 * room}
+    return Problem(words, {"robot": condition.robot, **times})
+
+
+def _of_slowing(condition: Condition, robot: RobotFacts) -> Iterator[Problem]:
     """Yield that the robot's safety kernel would slow the drive down, with the speed that is left
     and what can be done.
     """
@@ -263,52 +292,43 @@ def _of_slowing(condition: Condition, robot: RobotFacts) -> Iterator[str]:
     if not condition.controllers or not found.is_slowed:
         return
     speed = min(robot.linear, condition.speed.linear or math.inf)
-    refused = f", and refuse {found.refused:.0%} of the commands" if found.refused >= 0.005 else ""
     there, back = latest(condition.network.control), latest(condition.network.video)
     if there + REAL_COMMANDS > robot.command_age / 2.0:
-        least = longest_video_delay(Network(), robot.frame_age)
-        cause = (
-            f"commands would arrive up to {1000.0 * (there + REAL_COMMANDS):.0f} ms late, and"
-            f" {condition.robot} slows down when they are older than"
-            f" {500.0 * robot.command_age:g} ms"
-        )
-        remedy = (
-            f"Delay the video instead (up to {1000.0 * least:.0f} ms), which delays what the driver"
-            " sees and does, and no command"
-        )
+        words, late, age = SLOW_COMMANDS, there + REAL_COMMANDS, robot.command_age
     else:
-        cause = (
-            f"video and the commands that answer it would be up to"
-            f" {1000.0 * (there + back + REAL_PICTURES):.0f} ms late, and {condition.robot} slows"
-            f" down when they are older than {500.0 * robot.frame_age:g} ms"
-        )
-        remedy = "Delay the video less"
-    yield (
-        f"{cause}: it would drive at about {found.share * speed:.2f} m/s instead of"
-        f" {speed:.2f} m/s{refused}. The condition would measure the safety limits as well as"
-        f" delay. {remedy}."
-    )
+        words, late, age = SLOW_VIDEO, there + back + REAL_PICTURES, robot.frame_age
+    values = {
+        "robot": condition.robot,
+        "late": 1000.0 * late,
+        "age": 500.0 * age,
+        "left": found.share * speed,
+        "speed": speed,
+        "refused": 100.0 * found.refused,
+        "most": 1000.0 * longest_video_delay(Network(), robot.frame_age),
+    }
+    yield Problem(words, values)
+    if found.refused >= 0.005:
+        yield Problem(_("the robot would refuse %(refused).0f%% of the commands."), values)
 
 
 def _of_way(
     condition: Condition, course: Course, plan: FloorPlan, unreachable: Unreachable
-) -> Iterator[str]:
+) -> Iterator[Problem]:
     doors = {door.name for door in plan.doors}
     unknown = [name for name in condition.doors_closed if name not in doors]
-    yield from (f"there is no door {name} to close." for name in unknown)
+    for name in unknown:
+        yield Problem(_("there is no door %(name)s to close."), {"name": name})
     dock = dock_of(course, plan)
     if dock is None or unknown:
         return
     spots = [
         ((checkpoint.x, checkpoint.y), checkpoint.radius) for checkpoint in course.checkpoints[1:]
     ]
-    with_doors = (
-        f" with {', '.join(condition.doors_closed)} closed" if condition.doors_closed else ""
-    )
-    for index in unreachable(
-        plan, condition.doors_closed, Pose2D(dock.x, dock.y, dock.theta), spots
-    ):
-        yield (
-            f"checkpoint {course.checkpoints[1:][index].number} cannot be reached from the charging"
-            f" station{with_doors}."
+    words = _("checkpoint %(n)d cannot be reached from the charging station.")
+    if condition.doors_closed:
+        words = _(
+            "checkpoint %(n)d cannot be reached from the charging station with %(doors)s closed."
         )
+    start, closed = Pose2D(dock.x, dock.y, dock.theta), ", ".join(condition.doors_closed)
+    for index in unreachable(plan, condition.doors_closed, start, spots):
+        yield _of_checkpoint(words, course.checkpoints[1:][index].number, doors=closed)

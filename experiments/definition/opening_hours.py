@@ -13,21 +13,26 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
+from surveys.documents import Problem, within
+from surveys.documents import gettext_noop as _
+
 Hours = Sequence[Mapping[str, Any]]
 _CLOCK = re.compile(r"(?:[01]\d|2[0-3]):[0-5]\d\Z", re.ASCII)
 _MOST_SPANS = 50
 _WEEK = 7
 
 
-def problems(hours: Any, time_zone: str) -> Iterator[str]:
+def problems(hours: Any, time_zone: str) -> Iterator[Problem]:
     """Yield what is wrong with opening hours as somebody wrote them."""
     if not _is_zone(time_zone):
-        yield f"There is no time zone {time_zone!r}; use a name such as Europe/Madrid."
+        words = _("There is no time zone “%(name)s”; use a name such as Europe/Madrid.")
+        yield Problem(words, {"name": time_zone})
     if not isinstance(hours, list) or len(hours) > _MOST_SPANS:
-        yield f"Opening hours must be a list of at most {_MOST_SPANS} spans."
+        words = _("Opening hours must be a list of at most %(n)d spans.")
+        yield Problem(words, {"n": _MOST_SPANS})
         return
     for number, span in enumerate(hours, start=1):
-        yield from (f"Span {number}: {problem}" for problem in _of_span(span))
+        yield from within(_of_span(span), None, _("Span"), number)
 
 
 def _is_zone(name: str) -> bool:
@@ -39,9 +44,9 @@ def _is_zone(name: str) -> bool:
     return True
 
 
-def _of_span(span: Any) -> Iterator[str]:
+def _of_span(span: Any) -> Iterator[Problem]:
     if not isinstance(span, dict) or set(span) != {"days", "start", "end"}:
-        yield "it needs exactly days, start and end."
+        yield Problem(_("it needs exactly days, start and end."))
         return
     days = span["days"]
     if (
@@ -49,10 +54,10 @@ def _of_span(span: Any) -> Iterator[str]:
         or not days
         or any(type(day) is not int or not 0 <= day < _WEEK for day in days)
     ):
-        yield "its days must be one or more numbers from 0 (Monday) to 6."
+        yield Problem(_("its days must be one or more numbers from 0 (Monday) to 6."))
     for name in ("start", "end"):
         if not isinstance(span[name], str) or not _CLOCK.match(span[name]):
-            yield f"its {name} must be a time such as 09:00."
+            yield Problem(_("%(name)s must be a time such as 09:00."), {"name": name})
 
 
 def is_open(hours: Hours, time_zone: str, now: datetime.datetime) -> bool:

@@ -1,6 +1,4 @@
-"""What is wrong with the plan of a study, in sentences that say where. Asks nothing but the study
-itself.
-"""
+"""What is wrong with the plan of a study. Asks nothing but the study itself."""
 
 from collections.abc import Iterator
 
@@ -14,18 +12,19 @@ from experiments.definition.plan import (
     own_texts,
 )
 from experiments.definition.schema import StudyDefinition
-from surveys.documents import MAX_TEXT, duplicates
+from surveys.documents import MAX_TEXT, Problem, duplicates, within
+from surveys.documents import gettext_noop as _
 
 
-def problems(study: StudyDefinition) -> Iterator[str]:
+def problems(study: StudyDefinition) -> Iterator[Problem]:
     """Yield what is wrong with the plan of a study; nothing where there is none."""
     plan = study.plan
     if plan is None:
         return
     yield from _of_texts(plan)
-    yield from duplicates("hypothesis", (one.key for one in plan.hypotheses))
+    yield from duplicates(_("Hypothesis"), (one.key for one in plan.hypotheses))
     for one in plan.hypotheses:
-        yield from (f"hypothesis {one.key}: {told}" for told in _of_hypothesis(one, study))
+        yield from within(_of_hypothesis(one, study), None, _("hypothesis"), one.key)
     yield from _of_families(plan)
     for rule in (*plan.attention_checks, *plan.speeders):
         yield from _of_rule(rule, study)
@@ -33,92 +32,103 @@ def problems(study: StudyDefinition) -> Iterator[str]:
         yield from _of_expected(expected, study)
     yield from _of_the_same(plan)
     if plan.stopping and plan.participants is None:
-        yield "there is a stopping rule, but no planned number of participants."
+        yield Problem(_("there is a stopping rule, but no planned number of participants."))
 
 
-def _of_texts(plan: StudyPlan) -> Iterator[str]:
+def _of_texts(plan: StudyPlan) -> Iterator[Problem]:
     for text in own_texts(plan):
         if "\x00" in text:
-            yield "a text contains a null character; remove it."
+            yield Problem(_("a text contains a null character; remove it."))
         if len(text) > MAX_TEXT:
-            yield f"a text is longer than {MAX_TEXT} characters."
+            yield Problem(_("a text is longer than %(n)d characters."), {"n": MAX_TEXT})
 
 
-def _of_hypothesis(one: Hypothesis, study: StudyDefinition) -> Iterator[str]:
+def _of_hypothesis(one: Hypothesis, study: StudyDefinition) -> Iterator[Problem]:
     if not one.text.strip():
-        yield "it has no text."
+        yield Problem(_("it has no text."))
     if not one.analysis:
-        yield "no analysis tests it; choose one of the declared analyses."
+        yield Problem(_("no analysis tests it; choose one of the declared analyses."))
         return
     analysis = next((it for it in study.analyses if it.key == one.analysis), None)
     if analysis is None:
-        yield f"there is no analysis {one.analysis}."
+        yield Problem(_("there is no analysis %(key)s."), {"key": one.analysis})
         return
     for measure in one.measures:
         if measure not in analysis.measures:
-            yield f"the analysis {analysis.key} does not measure {measure}."
+            words = _("the analysis %(key)s does not measure %(measure)s.")
+            yield Problem(words, {"key": analysis.key, "measure": measure})
     yield from _of_contrast(one, analysis)
     yield from _of_effect(one, analysis, study)
 
 
-def _of_contrast(one: Hypothesis, analysis: DeclaredAnalysis) -> Iterator[str]:
+def _of_contrast(one: Hypothesis, analysis: DeclaredAnalysis) -> Iterator[Problem]:
     if one.contrast is not None and one.contrast > len(analysis.contrasts):
-        yield f"the analysis {analysis.key} has no contrast {one.contrast}."
+        words = _("the analysis %(key)s has no contrast %(n)d.")
+        yield Problem(words, {"key": analysis.key, "n": one.contrast})
     if analysis.test != "mixed" and one.direction != "different" and not analysis.contrasts:
-        yield (
-            f"it has a direction, but the analysis {analysis.key} compares all conditions at once:"
-            " add a contrast."
+        words = _(
+            "it has a direction, but the analysis %(key)s compares all conditions at once: add a "
+            "contrast."
         )
+        yield Problem(words, {"key": analysis.key})
 
 
 def _of_effect(
     one: Hypothesis, analysis: DeclaredAnalysis, study: StudyDefinition
-) -> Iterator[str]:
+) -> Iterator[Problem]:
     if one.effect and one.effect not in analysis.effects:
-        yield f"the analysis {analysis.key} has no effect {one.effect}."
+        words = _("the analysis %(key)s has no effect %(effect)s.")
+        yield Problem(words, {"key": analysis.key, "effect": one.effect})
     if analysis.test == "mixed" and one.direction != "different":
         levels = next((len(it.levels) for it in study.factors if it.key == one.effect), 0)
         if levels != 2:
-            yield "in a mixed model, only the effect of a factor with two levels has a direction."
+            yield Problem(
+                _("in a mixed model, only the effect of a factor with two levels has a direction.")
+            )
 
 
-def _of_families(plan: StudyPlan) -> Iterator[str]:
-    yield from duplicates("family", (one.key for one in plan.families))
+def _of_families(plan: StudyPlan) -> Iterator[Problem]:
+    yield from duplicates(_("Family"), (one.key for one in plan.families))
     known = {one.key for one in plan.hypotheses}
     for family in plan.families:
+        name = ((_("family"), family.key),)
         if not family.hypotheses:
-            yield f"family {family.key}: it has no hypothesis."
+            yield Problem(_("it has no hypothesis."), names=name)
         for key in family.hypotheses:
             if key not in known:
-                yield f"family {family.key}: there is no hypothesis {key}."
+                yield Problem(_("there is no hypothesis %(key)s."), {"key": key}, names=name)
     named = [key for family in plan.families for key in dict.fromkeys(family.hypotheses)]
     for key in dict.fromkeys(key for key in named if named.count(key) > 1):
-        yield f"hypothesis {key}: it is in several families."
+        yield Problem(_("it is in several families."), names=((_("hypothesis"), key),))
 
 
-def _of_rule(rule: AttentionCheck | Speeder, study: StudyDefinition) -> Iterator[str]:
+def _of_rule(rule: AttentionCheck | Speeder, study: StudyDefinition) -> Iterator[Problem]:
     if rule.questionnaire not in {step.questionnaire for step in study.asking}:
-        yield (
-            f"a rule of exclusion names the questionnaire {rule.questionnaire}, which the study"
-            " does not ask."
+        words = _(
+            "a rule of exclusion names the questionnaire %(name)s, which the study does not ask."
         )
+        yield Problem(words, {"name": rule.questionnaire})
     if isinstance(rule, AttentionCheck):
         if not rule.answer.strip():
-            yield f"attention check {rule.questionnaire}.{rule.item}: its right answer is missing."
+            name = (_("attention check"), f"{rule.questionnaire}.{rule.item}")
+            yield Problem(_("its right answer is missing."), names=(name,))
     elif rule.seconds is None and rule.median_share is None:
-        yield f"speeders of {rule.questionnaire}: give seconds, or a share of the median."
+        name = (_("fast answers to"), rule.questionnaire)
+        yield Problem(_("give seconds, or a share of the median."), names=(name,))
 
 
-def _of_the_same(plan: StudyPlan) -> Iterator[str]:
+def _of_the_same(plan: StudyPlan) -> Iterator[Problem]:
     checks = (f"{one.questionnaire}.{one.item}" for one in plan.attention_checks)
-    yield from duplicates("attention check", checks)
-    yield from duplicates("rule on speeders of", (one.questionnaire for one in plan.speeders))
-    expected = (f"{one.measure} in {one.condition}" for one in plan.expected)
-    yield from duplicates("expected effect on", expected)
+    yield from duplicates(_("Attention check"), checks)
+    yield from duplicates(_("Rule on fast answers"), (one.questionnaire for one in plan.speeders))
+    expected = (f"{one.measure}, {one.condition}" for one in plan.expected)
+    yield from duplicates(_("Expected effect"), expected)
 
 
-def _of_expected(one: ExpectedEffect, study: StudyDefinition) -> Iterator[str]:
+def _of_expected(one: ExpectedEffect, study: StudyDefinition) -> Iterator[Problem]:
+    name = ((_("expected effect on"), one.measure),)
     if study.condition(one.condition) is None:
-        yield f"expected effect on {one.measure}: there is no condition {one.condition or '–'}."
+        words = _("there is no condition %(key)s.")
+        yield Problem(words, {"key": one.condition or "–"}, names=name)
     if one.measure not in {measure for it in study.analyses for measure in it.measures}:
-        yield f"expected effect on {one.measure}: no declared analysis measures it."
+        yield Problem(_("no declared analysis measures it."), names=name)

@@ -1,9 +1,10 @@
-"""What is wrong with a study that somebody wrote, in sentences that say where. Asks nothing but the
+"""What is wrong with a study that somebody wrote, and where it is corrected. Asks nothing but the
 study itself.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 from experiments.definition import factors, plan_problems
 from experiments.definition import wizard as wizards
@@ -12,7 +13,8 @@ from experiments.definition.coding import scheme_problems
 from experiments.definition.schema import Condition, Course, Impairment, StudyDefinition
 from experiments.definition.step import Step
 from experiments.definition.steps import KINDS
-from surveys.documents import checked, duplicates, text_problems
+from surveys.documents import Problem, ProblemPlace, checked, duplicates, text_problems, within
+from surveys.documents import gettext_noop as _
 
 MAX_BYTES = 1024 * 1024
 MOST_MINUTES = 240.0  # of driving, for one participant
@@ -31,24 +33,20 @@ def parse(document: bytes) -> StudyDefinition:
         BadDefinitionError: with every problem found; JSON or types that are wrong end the search at
             the first.
     """
+    kind = _("kind of step")
     return checked(
-        document, StudyDefinition, problems, limit=MAX_BYTES, kinds=KINDS, kind_name="kind of step"
+        document, StudyDefinition, problems, limit=MAX_BYTES, kinds=KINDS, kind_name=kind
     )
 
 
-def problems(study: StudyDefinition) -> Iterator[str]:
+def problems(study: StudyDefinition) -> Iterator[Problem]:
     """Yield what is wrong with a study whose types are right."""
     yield from _of_the_whole(study)
     yield from _of_steps(study)
-    for condition in study.conditions:
-        yield from (
-            f"Condition {condition.key}: {problem}" for problem in _of_condition(study, condition)
-        )
-    for course in study.courses:
-        yield from (
-            f"Course of {course.robot} at {course.site}: {problem}"
-            for problem in _of_course(study, course)
-        )
+    for n, condition in enumerate(study.conditions):
+        yield from factors.of_condition(n, condition, _of_condition(study, condition))
+    for n, course in enumerate(study.courses):
+        yield from of_course(n, course, _of_course(study, course))
     yield from _of_allocation(study)
     if study.wizard is not None:
         yield from wizards.problems(
@@ -57,93 +55,116 @@ def problems(study: StudyDefinition) -> Iterator[str]:
             study.languages,
             told=study.tells_of_operator,
         )
-    yield from (f"Plan: {problem}" for problem in plan_problems.problems(study))
+    yield from within(plan_problems.problems(study), ProblemPlace("plan"), _("Plan"))
 
 
-def name_problems(slug: str) -> Iterator[str]:
+def of_course(n: int, course: Course, found: Iterable[Problem]) -> Iterator[Problem]:
+    """Yield problems as those of the course with a number."""
+    name = (_("Course of"), course.robot, _("at"), course.site)
+    return within(found, ProblemPlace("courses", n), *name)
+
+
+def name_problems(slug: str) -> Iterator[Problem]:
     """Yield why a study cannot have a name."""
     if slug in TAKEN_NAMES:
-        yield (
-            f"The name {slug} is reserved for the addresses of personal links: "
-            "give the study another one."
+        words = _(
+            "The name %(name)s is reserved for the addresses of personal links: give the study "
+            "another one."
         )
+        yield Problem(words, {"name": slug})
 
 
-def _of_the_whole(study: StudyDefinition) -> Iterator[str]:
+def _of_the_whole(study: StudyDefinition) -> Iterator[Problem]:
     yield from name_problems(study.slug)
+    yield from within(_of_the_study_itself(study), ProblemPlace("about"))
+    yield from _of_texts(study)
+    keys = (condition.key for condition in study.conditions)
+    yield from within(duplicates(_("Condition"), keys), ProblemPlace("conditions"))
+    names = (f"{course.robot}, {course.site}" for course in study.courses)
+    yield from within(duplicates(_("Course"), names), ProblemPlace("courses"))
+
+
+def _of_the_study_itself(study: StudyDefinition) -> Iterator[Problem]:
     if not study.languages:
-        yield "There is no language; add at least one."
-    yield from duplicates("language", study.languages)
-    yield from text_problems(study, "study", study.languages)
+        yield Problem(_("There is no language; add at least one."))
+    yield from duplicates(_("Language"), study.languages)
     if "\x00" in study.source + study.licence + study.recruitment + study.compensation:
-        yield "A text of the study contains a null character; remove it."
-    yield from duplicates("condition", (condition.key for condition in study.conditions))
-    yield from duplicates(
-        "course", (f"of {course.robot} at {course.site}" for course in study.courses)
-    )
-    yield from duplicates("step", (step.key for step in study.steps))
+        yield Problem(_("A text of the study contains a null character; remove it."))
 
 
-def _of_steps(study: StudyDefinition) -> Iterator[str]:
-    for kind in KINDS.values():
-        yield from kind.problems_among(study.steps)
-    yield from _of_repeats(study)
-    for step in study.steps:
-        yield from (f"Step {step.key}: {problem}" for problem in step.problems())
-        yield from (f"Step {step.key}: {problem}" for problem in _of_own_pages(study, step))
+def _of_texts(study: StudyDefinition) -> Iterator[Problem]:
+    for one in text_problems(study, "study", study.languages):
+        match one.path:
+            case ("wizard", "stages", int(n), *path):
+                place = ProblemPlace("stages", n)
+            case (str(section), int(n), *path):
+                place = ProblemPlace(section, n)
+            case path:
+                place = ProblemPlace("about")
+        yield replace(one, place=place, path=tuple(path))
 
 
-def _of_own_pages(study: StudyDefinition, step: Step) -> Iterator[str]:
+def _of_steps(study: StudyDefinition) -> Iterator[Problem]:
+    yield from within(_of_all_steps(study), ProblemPlace("steps"))
+    for n, step in enumerate(study.steps):
+        found = (*step.problems(), *_of_own_pages(study, step))
+        yield from within(found, ProblemPlace("steps", n), _("Step"), step.key)
+
+
+def _of_own_pages(study: StudyDefinition, step: Step) -> Iterator[Problem]:
     for key in sorted(step.named_conditions):
         if study.condition(key) is None:
-            yield f"there is no condition {key}."
+            yield Problem(_("there is no condition %(key)s."), {"key": key})
     if step.named_conditions and study.allocation.design == "within" and not step.repeat:
-        yield (
-            "it has pages for some conditions, and participants do all of them: it must be"
-            " repeated for each condition."
+        words = _(
+            "it has pages for some conditions, and participants do all of them: it must be "
+            "repeated for each condition."
         )
+        yield Problem(words)
 
 
-def _of_repeats(study: StudyDefinition) -> Iterator[str]:
+def _of_all_steps(study: StudyDefinition) -> Iterator[Problem]:
     """Who drives several times goes round the repeated steps, so these stand together and the task
     is among them.
     """
+    yield from duplicates(_("Step"), (step.key for step in study.steps))
+    for kind in KINDS.values():
+        yield from kind.problems_among(study.steps)
     repeated = [index for index, step in enumerate(study.steps) if step.repeat]
     if repeated and repeated != list(range(repeated[0], repeated[-1] + 1)):
-        yield "The steps that are repeated must be consecutive."
+        yield Problem(_("The steps that are repeated must be consecutive."))
     task = study.task
     if study.allocation.design == "within" and task is not None and not task.repeat:
-        yield "Participants do every condition, so the task must be repeated."
+        yield Problem(_("Participants do every condition, so the task must be repeated."))
     driving = sum(step.minutes for step in study.drives)
     if task is not None and driving > MOST_MINUTES:
-        yield (
-            f"One round lasts up to {driving:g} minutes of driving; at most {MOST_MINUTES:g} are"
-            " allowed."
-        )
+        words = _("One round lasts up to %(n)g minutes of driving; at most %(most)g are allowed.")
+        yield Problem(words, {"n": driving, "most": MOST_MINUTES})
     if task is not None and task.last_minutes > task.minutes:
-        yield (
-            f"The last {task.last_minutes:g} minutes of the task cannot be longer than the task."
-        )
+        words = _("The last %(n)g minutes of the task cannot be longer than the task.")
+        yield Problem(words, {"n": task.last_minutes})
 
 
-def _of_condition(study: StudyDefinition, condition: Condition) -> Iterator[str]:
+def _of_condition(study: StudyDefinition, condition: Condition) -> Iterator[Problem]:
     sends = {"places", "map", "follow"}.intersection(condition.actions)
     if not condition.controllers and not sends and study.wizard_of(condition.key) is None:
-        yield (
-            "there is no controller and no action that sends the robot (places, "
-            "map or follow): nobody could drive."
+        words = _(
+            "there is no controller and no action that sends the robot (places, map or "
+            "follow): nobody could drive."
         )
-    for what, names in (
-        ("controller", condition.controllers),
-        ("action", condition.actions),
-        ("closed door", condition.doors_closed),
-    ):
-        yield from duplicates(what, names)
-    yield from _of_network("towards the robot", condition.network.control, LEAST_CONTROL_RATE)
-    yield from _of_network("back from the camera", condition.network.video, LEAST_VIDEO_RATE)
+        yield Problem(words)
+    yield from duplicates(_("Controller"), condition.controllers)
+    yield from duplicates(_("Action"), condition.actions)
+    yield from duplicates(_("Closed door"), condition.doors_closed)
+    network = condition.network
+    yield from within(
+        _of_network(network.control, LEAST_CONTROL_RATE), None, _("towards the robot")
+    )
+    yield from within(_of_network(network.video, LEAST_VIDEO_RATE), None, _("back from the camera"))
     course = study.course_of(condition)
     if course is None:
-        yield f"there is no course for {condition.robot} at {condition.site}."
+        words = _("there is no course for %(robot)s at %(site)s.")
+        yield Problem(words, {"robot": condition.robot, "site": condition.site})
         return
     task, linear = study.task, condition.speed.linear
     if (
@@ -151,24 +172,22 @@ def _of_condition(study: StudyDefinition, condition: Condition) -> Iterator[str]
         and linear is not None
         and length_of(course) / linear >= task.minutes * 60.0
     ):
-        yield f"at {linear:g} m/s the course takes longer than the task's {task.minutes:g} minutes."
+        words = _("at %(speed)g m/s the course takes longer than the task's %(n)g minutes.")
+        yield Problem(words, {"speed": linear, "n": task.minutes})
 
 
-def _of_network(direction: str, impairment: Impairment | None, least_rate: float) -> Iterator[str]:
+def _of_network(impairment: Impairment | None, least_rate: float) -> Iterator[Problem]:
     if impairment is None:
         return
     if impairment.jitter > impairment.delay:
-        yield (
-            f"{direction}, the jitter varies the delay both ways, so it cannot be "
-            "greater than the delay."
-        )
+        words = _("the jitter varies the delay both ways, so it cannot be greater than the delay.")
+        yield Problem(words)
     if impairment.loss > MOST_LOSS:
-        yield (
-            f"{direction}, more than {MOST_LOSS:.0%} of the packets would be lost: nobody could"
-            " drive."
-        )
+        words = _("more than %(n)s of the packets would be lost: nobody could drive.")
+        yield Problem(words, {"n": f"{MOST_LOSS:.0%}"})
     if impairment.bitrate is not None and impairment.bitrate < least_rate:
-        yield f"{direction}, the bit rate is below {least_rate / 1e3:g} kbit/s: nobody could drive."
+        words = _("the bit rate is below %(n)g kbit/s: nobody could drive.")
+        yield Problem(words, {"n": least_rate / 1e3})
 
 
 def length_of(course: Course) -> float:
@@ -186,86 +205,98 @@ def length_of(course: Course) -> float:
     )
 
 
-def _of_course(study: StudyDefinition, course: Course) -> Iterator[str]:
+def _of_course(study: StudyDefinition, course: Course) -> Iterator[Problem]:
     numbers = [checkpoint.number for checkpoint in course.checkpoints]
-    if len(numbers) < LEAST_CHECKPOINTS:
-        yield (
-            "there is no checkpoint besides the charging station; add at least one."
-            if numbers
-            else "there is no checkpoint; add at least one."
-        )
+    if not numbers:
+        yield Problem(_("there is no checkpoint; add at least one."))
+    elif len(numbers) < LEAST_CHECKPOINTS:
+        yield Problem(_("there is no checkpoint besides the charging station; add at least one."))
     elif numbers != list(range(len(numbers))):
-        yield f"the checkpoints are numbered {numbers}, not 0, 1, 2 …"
+        words = _("the checkpoints are numbered %(numbers)s, not 0, 1, 2 …")
+        yield Problem(words, {"numbers": numbers})
     if course.photo is not None and course.photo.checkpoint not in numbers[1:]:
-        yield f"the photo belongs to checkpoint {course.photo.checkpoint}, which does not exist."
-    yield from duplicates("door", course.doors)
-    yield from duplicates("zone", (zone.name for zone in course.zones))
+        words = _("the photo belongs to checkpoint %(n)d, which does not exist.")
+        yield Problem(words, {"n": course.photo.checkpoint})
+    yield from duplicates(_("Door"), course.doors)
+    yield from duplicates(_("Zone"), (zone.name for zone in course.zones))
     if all(study.course_of(condition) is not course for condition in study.conditions):
-        yield "no condition uses it."
+        yield Problem(_("no condition uses it."))
 
 
-def _of_allocation(study: StudyDefinition) -> Iterator[str]:
+def _of_allocation(study: StudyDefinition) -> Iterator[Problem]:
     if not study.conditions:
-        yield "There is no condition; add at least one."
+        words = _("There is no condition; add at least one.")
+        yield Problem(words, place=ProblemPlace("conditions"))
         return
     yield from factors.problems(study)
     yield from _of_analyses(study)
     if study.coding is not None:
         yield from scheme_problems(study.coding.codes)
+    yield from within(_of_rules(study), ProblemPlace("rules"))
+
+
+def _of_rules(study: StudyDefinition) -> Iterator[Problem]:
     if bool(study.refill.outcomes) != bool(study.refill.most):
-        yield "The participant replacement (refill) needs both outcomes and a number."
+        words = _("The participant replacement (refill) needs both outcomes and a number.")
+        yield Problem(words)
     if {"completed", "timed_out"}.intersection(study.refill.outcomes):
-        yield (
-            "The participant replacement (refill) cannot include outcomes of the task itself"
-            " (completed, timed out)."
+        yield Problem(
+            _(
+                "The participant replacement (refill) cannot include outcomes of the task itself "
+                "(completed, timed out)."
+            )
         )
     known = {step.questionnaire for step in study.asking}
     if study.analysis.statements not in known:
-        yield (
-            f"The statements of the analysis, {study.analysis.statements}, must "
-            "be among the study's questionnaires."
+        words = _(
+            "The statements of the analysis, %(name)s, must be among the study's questionnaires."
         )
+        yield Problem(words, {"name": study.analysis.statements})
 
 
-def _of_analyses(study: StudyDefinition) -> Iterator[str]:
-    yield from duplicates("analysis", (one.key for one in study.analyses))
-    for one in study.analyses:
-        yield from (f"Analysis {one.key}: {told}" for told in _of_analysis(one, study))
+def _of_analyses(study: StudyDefinition) -> Iterator[Problem]:
+    keys = (one.key for one in study.analyses)
+    yield from within(duplicates(_("Analysis"), keys), ProblemPlace("analyses"))
+    for n, one in enumerate(study.analyses):
+        place = ProblemPlace("analyses", n)
+        yield from within(_of_analysis(one, study), place, _("Analysis"), one.key)
 
 
-def _of_analysis(one: DeclaredAnalysis, study: StudyDefinition) -> Iterator[str]:
+def _of_analysis(one: DeclaredAnalysis, study: StudyDefinition) -> Iterator[Problem]:
     if not one.measures:
-        yield "it measures nothing; add at least one measure."
-    yield from duplicates("measure", one.measures)
+        yield Problem(_("it measures nothing; add at least one measure."))
+    yield from duplicates(_("Measure"), one.measures)
     asked = {step.questionnaire for step in study.asking}
     for measure in one.measures:
-        questionnaire, point, _ = measure.partition(".")
+        questionnaire, point, _rest = measure.partition(".")
         if point and questionnaire not in asked:
-            yield f"the study does not ask the questionnaire {questionnaire}."
+            words = _("the study does not ask the questionnaire %(name)s.")
+            yield Problem(words, {"name": questionnaire})
     known = {condition.key for condition in study.conditions}
     named = [*one.conditions, *(key for it in one.contrasts for key in (*it.first, *it.second))]
     for key in dict.fromkeys(named):
         if key not in known:
-            yield f"there is no condition {key}."
+            yield Problem(_("there is no condition %(key)s."), {"key": key})
     for contrast in one.contrasts:
         if not contrast.first or not contrast.second or set(contrast.first) & set(contrast.second):
-            yield "a contrast compares two different sides of at least one condition each."
+            words = _("a contrast compares two different sides of at least one condition each.")
+            yield Problem(words)
     yield from _of_mixed_model(one, study)
 
 
-def _of_mixed_model(one: DeclaredAnalysis, study: StudyDefinition) -> Iterator[str]:
+def _of_mixed_model(one: DeclaredAnalysis, study: StudyDefinition) -> Iterator[Problem]:
     if one.test != "mixed":
         if one.effects:
-            yield "only a mixed model has effects."
+            yield Problem(_("only a mixed model has effects."))
         return
     if not one.effects:
-        yield "a mixed model needs at least one effect."
+        yield Problem(_("a mixed model needs at least one effect."))
     if one.contrasts or one.post_hoc:
-        yield "a mixed model has effects, and neither contrasts nor post-hoc tests."
+        yield Problem(_("a mixed model has effects, and neither contrasts nor post-hoc tests."))
     if study.allocation.design != "within":
-        yield "a mixed model needs participants who do several conditions."
+        yield Problem(_("a mixed model needs participants who do several conditions."))
     factors = {factor.key for factor in study.factors}
     for effect in one.effects:
         for name in effect.split(":"):
             if name not in factors | EFFECTS:
-                yield f"there is no factor {name}."
+                yield Problem(_("there is no factor %(key)s."), {"key": name})

@@ -10,7 +10,8 @@ from typing import Annotated, ClassVar
 
 from msgspec import Meta
 
-from surveys.documents import DocumentPart, Key, Slug, Text
+from surveys.documents import DocumentPart, Key, Problem, Slug, Text
+from surveys.documents import gettext_noop as _
 
 Version = Annotated[int, Meta(ge=1, le=9999)]
 Minutes = Annotated[float, Meta(gt=0.0, le=600.0)]
@@ -52,13 +53,13 @@ class Step(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
         """
         return ()
 
-    def problems(self) -> Iterator[str]:
+    def problems(self) -> Iterator[Problem]:
         """Yield what is wrong with it, beside what types and texts tell."""
         if self.repeat and not self.may_repeat:
-            yield f"a {self.kind} step cannot be repeated."
+            yield Problem(_("a step of this kind cannot be repeated."))
 
     @classmethod
-    def problems_among(cls, _steps: Sequence["Step"]) -> Iterator[str]:
+    def problems_among(cls, _steps: Sequence["Step"]) -> Iterator[Problem]:
         """Yield what is wrong with how many of its kind there are, and where they stand."""
         yield from ()
 

@@ -11,7 +11,8 @@ from msgspec import Meta
 
 from robots.api.floorplan import Key as PlanKey
 from robots.api.messages import Capability
-from surveys.documents import DocumentPart, Key, Text, duplicates
+from surveys.documents import DocumentPart, Key, Problem, ProblemPlace, Text, duplicates, within
+from surveys.documents import gettext_noop as _
 
 MOST_DRIVE_SECONDS = 10.0
 # These drive by hand on the operator's page.
@@ -122,48 +123,57 @@ class Wizard(DocumentPart, frozen=True, kw_only=True):
 
 def problems(
     wizard: Wizard, conditions: Sequence[str], languages: Sequence[str], *, told: bool
-) -> Iterator[str]:
+) -> Iterator[Problem]:
     """Yield what is wrong with a script; `told` is whether the debriefing tells of the operator."""
     if not told:
-        yield (
-            "The debriefing must tell participants that an operator drove the robot: add a debrief"
-            " step with an `operator` text."
+        words = _(
+            "The debriefing must tell participants that an operator drove the robot: add a debrief "
+            "step with an `operator` text."
         )
+        yield Problem(words, place=ProblemPlace("steps"))
+    place = ProblemPlace("wizard")
+    yield from within(_of_whole(wizard, conditions), place, _("Hidden operator"))
+    for n, stage in enumerate(wizard.stages):
+        place = ProblemPlace("stages", n)
+        for step in stage.steps:
+            found = _of_step(step, languages)
+            yield from within(found, place, _("Script step"), step.key)
+
+
+def _of_whole(wizard: Wizard, conditions: Sequence[str]) -> Iterator[Problem]:
     for key in wizard.conditions:
         if key not in conditions:
-            yield f"Hidden operator: there is no condition {key}."
+            yield Problem(_("there is no condition %(key)s."), {"key": key})
     if not wizard.steps and not wizard.by_hand:
-        yield "Hidden operator: the script has no step and driving by hand is off: add a step."
-    yield from duplicates("stage of the script", (stage.key for stage in wizard.stages))
-    yield from duplicates("step of the script", (step.key for step in wizard.steps))
+        words = _("the script has no step and driving by hand is off: add a step.")
+        yield Problem(words)
+    yield from duplicates(_("Stage"), (stage.key for stage in wizard.stages))
+    yield from duplicates(_("Step"), (step.key for step in wizard.steps))
     keys = (step.shortcut for step in wizard.steps if step.shortcut)
-    yield from duplicates("key of the script", keys)
-    for step in wizard.steps:
-        for problem in _of_step(step, languages):
-            yield f"Script step {step.key}: {problem}"
+    yield from duplicates(_("Key"), keys)
 
 
-def _of_step(step: WizardStep, languages: Sequence[str]) -> Iterator[str]:
+def _of_step(step: WizardStep, languages: Sequence[str]) -> Iterator[Problem]:
     if bool(step.line) == (step.move is not None):
-        yield "it needs either a line or a move."
+        yield Problem(_("it needs either a line or a move."))
     if step.shortcut in DRIVING_KEYS:
-        yield f"the key {step.shortcut} drives the robot; choose another one."
+        words = _("the key %(key)s drives the robot; choose another one.")
+        yield Problem(words, {"key": step.shortcut})
     if step.line and any(len(step.line.get(one, "")) > LONGEST_LINE for one in languages):
-        yield f"the line is longer than {LONGEST_LINE} characters."
+        yield Problem(_("the line is longer than %(n)d characters."), {"n": LONGEST_LINE})
     if isinstance(step.move, DriveMove) and not (step.move.linear or step.move.angular):
-        yield "the robot would drive at no speed."
+        yield Problem(_("the robot would drive at no speed."))
 
 
 def obstacles(
     wizard: Wizard, places: frozenset[str], capabilities: frozenset[str]
-) -> Iterator[str]:
+) -> Iterator[Problem]:
     """Yield what a robot and its site cannot do of a script."""
     for step in wizard.steps:
         if isinstance(step.move, PlaceMove) and step.move.name not in places:
-            yield (
-                f"the script's step {step.key} goes to {step.move.name}, which is not a"
-                " place there."
-            )
+            words = _("the script's step %(key)s goes to %(place)s, which is not a place there.")
+            yield Problem(words, {"key": step.key, "place": step.move.name})
         need: Capability = "say" if step.move is None else NEEDS[type(step.move)]
         if need not in capabilities:
-            yield f"the robot cannot do the script's step {step.key} ({need})."
+            words = _("the robot cannot do the script's step %(key)s (%(need)s).")
+            yield Problem(words, {"key": step.key, "need": need})

@@ -4,6 +4,8 @@ that takes. Pure.
 
 import math
 
+from django.utils.translation import gettext_lazy as _
+
 from experiments.bots.endings import Ending
 from experiments.definition.schema import StudyDefinition
 from experiments.rehearsal.report import DRIVER, SLOWEST
@@ -17,9 +19,12 @@ ASIDE = (Ending.SKIPS_PHOTO, Ending.REFUSES, Ending.LEAVES_AT_DOCK, Ending.COMES
 # Seconds of processor time for each second of a drive (docs/howto/rehearse.md).
 PROCESSOR_SECONDS = 0.75
 START_MINUTES = 1.0  # until a sandbox runs, and to evaluate what was played
-WITH_OPERATOR = (
+WITH_OPERATOR = _(
     "The study has a hidden operator, whose page drives by WebRTC: bots cannot rehearse it. "
     "docs/howto/rehearse.md describes how to rehearse it with a person who operates."
+)
+WITHOUT_SIMULATION = _(
+    "There is no simulation of %(name)s: bots can rehearse only with %(robots)s."
 )
 
 
@@ -37,12 +42,9 @@ def problems(study: StudyDefinition) -> list[str]:
     """
     series = sorted({condition.robot for condition in study.conditions} - set(MODELS))
     # An operator's page drives by WebRTC alone, and bots have none.
-    operated = [] if study.wizard is None else [WITH_OPERATOR]
-    return operated + [
-        f"There is no simulation of {name}: bots can rehearse only with"
-        f" {' and '.join(sorted(MODELS))}."
-        for name in series
-    ]
+    operated = [] if study.wizard is None else [str(WITH_OPERATOR)]
+    robots = ", ".join(sorted(MODELS))
+    return operated + [WITHOUT_SIMULATION % {"name": name, "robots": robots} for name in series]
 
 
 def expected_minutes(study: StudyDefinition, cores: int) -> int:

@@ -13,6 +13,7 @@ from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from experiments.definition import opening_hours
+from surveys.document_forms.problem_text import sentences
 
 Hours = list[dict[str, Any]]
 DAYS = tuple(f"day_{n}" for n in range(7))
@@ -112,6 +113,6 @@ class HoursForm(forms.Form):
         if self.errors:
             return cleaned
         self.hours = from_days([cleaned.get(name, "") for name in DAYS])
-        for problem in opening_hours.problems(self.hours, cleaned["time_zone"]):
+        for problem in sentences(opening_hours.problems(self.hours, cleaned["time_zone"])):
             self.add_error(None, problem)
         return cleaned

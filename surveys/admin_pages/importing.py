@@ -22,6 +22,7 @@ from django.views.decorators.http import require_http_methods, require_POST
 from accounts import audit
 from surveys.definition import Definition, from_stored
 from surveys.document_forms.fields import language_name
+from surveys.document_forms.problem_text import sentences
 from surveys.documents import BadDefinitionError
 from surveys.forms import format_reference
 from surveys.importing import report as reports
@@ -85,7 +86,7 @@ def choose(request: HttpRequest) -> HttpResponse:
         slug = slug_for(next(iter(draft.title.values()), ""))
         definition = draft.definition(slug, 1)
     except BadDefinitionError as error:
-        for problem in error.problems:
+        for problem in sentences(error.problems):
             form.add_error("file", problem)
         return _page(request, {"form": form})
     parcel = signing.dumps(
@@ -114,7 +115,7 @@ def save(request: HttpRequest) -> HttpResponse:
     try:
         row, is_new = store_next(named, report, timezone.now())
     except BadDefinitionError as error:
-        for problem in error.problems:
+        for problem in sentences(error.problems):
             form.add_error(None, problem)
         return _page(request, _shown(form, definition, report))
     _tell(request, row, is_new=is_new)

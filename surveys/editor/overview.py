@@ -1,6 +1,6 @@
 """What the overview of the editor lists, and the addresses of what is edited and previewed."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import partial
 from typing import Any
 from urllib.parse import urlencode
@@ -10,10 +10,13 @@ from django.utils.translation import get_language
 from django.utils.translation import gettext as _
 
 from surveys.document_forms.parts import Document
-from surveys.documents import text_in
+from surveys.document_forms.problem_text import by_place, text_name
+from surveys.documents import Problem, ProblemPlace, text_in
 from surveys.editor.draft import EditorPlace
-from surveys.editor.labels import kind_name, scale_name
+from surveys.editor.labels import GUIDE, kind_name, scale_name
 from surveys.models import Questionnaire
+
+ABOUT = EditorPlace("about")
 
 
 def address(row: Questionnaire, place: EditorPlace | None = None) -> str:
@@ -23,6 +26,20 @@ def address(row: Questionnaire, place: EditorPlace | None = None) -> str:
     if not place.key:
         return reverse("admin:surveys_questionnaire_section", args=[row.pk, place.section])
     return reverse("admin:surveys_questionnaire_part", args=[row.pk, place.section, place.key])
+
+
+def told(found: Iterable[Problem], whole: Document) -> dict[EditorPlace, list[str]]:
+    """Return what is said of problems, by the page on which each is corrected."""
+
+    def name_of(one: Problem) -> str:
+        return text_name(GUIDE, _page_for(one.place).part(whole), one.path)
+
+    said = by_place(found, lambda one: one.text(_), name_of)
+    return {_page_for(place): texts for place, texts in said.items()}
+
+
+def _page_for(place: ProblemPlace) -> EditorPlace:
+    return EditorPlace(place.section, place.part or "")
 
 
 def pages_of(

@@ -6,7 +6,6 @@ half done; what is missing is told where it is mended.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 from uuid import UUID
@@ -29,6 +28,8 @@ from django.views.decorators.http import require_http_methods
 from surveys.definition import Definition
 from surveys.document_forms.fields import Offered, language_name
 from surveys.document_forms.parts import Document, change
+from surveys.document_forms.problem_text import sentences
+from surveys.document_forms.submitted import MEANWHILE, SubmittedPart, number, pressed
 from surveys.documents import BadDefinitionError, ChangedMeanwhileError
 from surveys.editor.draft import (
     EditorPlace,
@@ -43,8 +44,7 @@ from surveys.editor.draft import (
     numbered,
 )
 from surveys.editor.labels import CHOICES, READY, EditorForm, kind_name, ready_points, scale_name
-from surveys.editor.overview import address, pages_of, preview_of, scales_of, text_of
-from surveys.editor.problem_text import ABOUT, told
+from surveys.editor.overview import ABOUT, address, pages_of, preview_of, scales_of, text_of, told
 from surveys.importing.reading import MAX_SLUG, slug_for
 from surveys.item import Question
 from surveys.models import Questionnaire
@@ -52,10 +52,6 @@ from surveys.questionnaires import begin_empty, problems_of, save_draft
 from surveys.questions import TYPES
 
 VIEW, ADD, EDIT = (f"surveys.{verb}_questionnaire" for verb in ("view", "add", "change"))
-MEANWHILE = gettext_lazy(
-    "Not saved: someone else changed this questionnaire. If your change still applies, submit it "
-    "again."
-)
 TITLES = {
     "about": gettext_lazy("About the questionnaire"),
     "pages": gettext_lazy("Page"),
@@ -84,18 +80,6 @@ class WriteForm(forms.Form):
     )
 
 
-@dataclass
-class Sent:
-    """A form as it came in: `part` as typed, `errors` by field, `above` what no field is to blame
-    for, `anchor` where to go on.
-    """
-
-    part: Document
-    errors: dict[str, str] = field(default_factory=dict)
-    above: str = ""
-    anchor: str = ""
-
-
 def urls(guard: Callable[..., Any]) -> list[URLPattern]:
     """Return the addresses of the editor."""
     name = "surveys_questionnaire"
@@ -119,7 +103,7 @@ def write(request: HttpRequest) -> HttpResponse:
         try:
             row = begin_empty(name, said["title"], said["languages"], timezone.now())
         except BadDefinitionError as error:
-            form.add_error("name", error.problems)
+            form.add_error("name", sentences(error.problems))
         else:
             return redirect(address(row))
     return _page(request, "write", {"title": _("Write a questionnaire"), "form": form})
@@ -158,13 +142,13 @@ def edit(request: HttpRequest, pk: UUID, section: str, key: str = "") -> HttpRes
     if former is None and not (is_known and request.POST.get("kind") in TYPES):
         raise Http404
     if request.method != "POST":
-        return _show(request, row, place, Sent(former or {}))
+        return _show(request, row, place, SubmittedPart(former or {}))
     # Somebody else may have removed the question: what was typed is shown once more.
     is_gone = former is None
     former = former or {"kind": request.POST["kind"], "key": key}
     sent = _read(request, place, former, whole)
     if is_gone:
-        sent.above = _("Not saved: someone else removed this question.")
+        sent.above.append(_("Not saved: someone else removed this question."))
     if sent.errors or sent.above or not _saved(request, row, place, whole, sent):
         return _show(request, Questionnaire.objects.get(pk=pk), place, sent, former=former)
     messages.success(request, _("Saved."))
@@ -202,7 +186,7 @@ def keep(request: HttpRequest, row: Questionnaire, whole: Document) -> str:
 
 def _press(request: HttpRequest, row: Questionnaire, whole: Document) -> HttpResponse:
     """Do what a button says: `add|up|down|copy|remove:<section>:<key>:<kind>`."""
-    verb, section, key, kind = [*request.POST.get("do", "").split(":"), "", "", "", ""][:4]
+    verb, section, key, kind = pressed(request.POST, 4)
     place = EditorPlace(section, key)
     made = _added(whole, place, kind) if verb == "add" else None
     if verb != "add":
@@ -238,7 +222,9 @@ def _added(whole: Document, place: EditorPlace, kind: str) -> EditorPlace | None
 # --- forms ----------------------------------------------------------------------------------------
 
 
-def _read(request: HttpRequest, place: EditorPlace, former: Document, whole: Document) -> Sent:
+def _read(
+    request: HttpRequest, place: EditorPlace, former: Document, whole: Document
+) -> SubmittedPart:
     """Return what a form says after its button: `save`, `done`, `add:<list>`, or
     `remove|up|down:<list>:<n>`.
     """
@@ -247,13 +233,13 @@ def _read(request: HttpRequest, place: EditorPlace, former: Document, whole: Doc
     if part.get("show_if"):
         questions = list(msgspec.convert(whole, Definition).questions())
         answers_typed(part["show_if"], former.get("show_if"), questions)
-    verb, name, n = [*request.POST.get("do", "").split(":"), "", "", ""][:3]
+    verb, name, n = pressed(request.POST)
     anchor = name
     if verb == "add":
         part[name] = [*part.get(name, ()), *new_entry(cls, name, part, whole)]
         anchor = f"{name}.{len(part[name]) - 1}"
-    elif n.isascii() and n.isdigit() and isinstance(part.get(name), list):
-        part[name] = change(part[name], verb, int(n[:6]))
+    elif isinstance(part.get(name), list):
+        part[name] = change(part[name], verb, number(n))
         if name == "points":
             # the words move, the values keep rising
             values = [point["value"] for point in part[name]]
@@ -261,26 +247,32 @@ def _read(request: HttpRequest, place: EditorPlace, former: Document, whole: Doc
             part[name] = [one | {"value": n} for one, n in zip(part[name], values, strict=True)]
     offered = _offered(whole, place, part)
     form = EditorForm(cls, part, offered=offered, only=place.only, is_sent=True)
-    return Sent(part, form.told, anchor=anchor)
+    return SubmittedPart(part, form.told, anchor=anchor)
 
 
 def _saved(
-    request: HttpRequest, row: Questionnaire, place: EditorPlace, whole: Document, sent: Sent
+    request: HttpRequest,
+    row: Questionnaire,
+    place: EditorPlace,
+    whole: Document,
+    sent: SubmittedPart,
 ) -> bool:
-    sent.above = keep(request, row, place.put(whole, sent.part))
-    if not sent.above:
+    refused = keep(request, row, place.put(whole, sent.part))
+    if refused:
+        sent.above.append(refused)
+    else:
         user: Any = request.user
         LogEntry.objects.log_actions(
             user.pk, [row], CHANGE, f"Changed: {place.section} {place.key}", single_object=True
         )
-    return not sent.above
+    return not refused
 
 
 def _show(
     request: HttpRequest,
     row: Questionnaire,
     place: EditorPlace,
-    sent: Sent,
+    sent: SubmittedPart,
     former: Document | None = None,
 ) -> HttpResponse:
     whole = whole_of(row)

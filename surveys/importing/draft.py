@@ -15,6 +15,7 @@ import msgspec
 from django.utils.translation import gettext as _
 
 from surveys.definition import Definition, to_json
+from surveys.document_forms.problem_text import sentences
 from surveys.documents import MAX_TEXT, BadDefinitionError, Text
 from surveys.importing.plain_text import PIPED, plain
 from surveys.importing.report import ImportReport, Note, NotImportedError, clean, excerpt
@@ -242,7 +243,7 @@ class Draft:
             "pages": [{"key": "page", "items": bare}],
         }
         try:
-            found = list(problems(msgspec.convert(document, Definition)))
+            found = sentences(problems(msgspec.convert(document, Definition)))
         except msgspec.ValidationError as error:
             found = [str(error)]
         if found:

@@ -8,6 +8,7 @@ import msgspec
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 
+from surveys.documents import Problem, gettext_noop
 from surveys.item import (
     EASTERNMOST,
     WESTERNMOST,
@@ -32,16 +33,17 @@ class Date(Item, frozen=True, kw_only=True, tag="date"):
     earliest: Day | None = None
     latest: Day | None = None
 
-    def problems(self, scales: Scales) -> Iterator[str]:
+    def problems(self, scales: Scales) -> Iterator[Problem]:
         """Yield that a bound is no day, or that no day lies within them."""
         days = []
         for day in (self.earliest, self.latest):
             try:
                 days += [datetime.date.fromisoformat(day)] if day not in {None, "today"} else []
             except ValueError:
-                yield f"{day} is not a date: write YYYY-MM-DD or today."
+                words = gettext_noop("Write a day as year-month-day, or today.")
+                yield Problem(words, names=((day,),))
         if len(days) == len((self.earliest, self.latest)) and days[0] > days[1]:
-            yield "the earliest day is after the latest."
+            yield Problem(gettext_noop("The earliest day is after the latest day."))
 
     def days_between(
         self, now: datetime.datetime

@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 
 from django.utils.translation import gettext_lazy
 
+from surveys.documents import Problem, gettext_noop
 from surveys.item import Order, Row, ScaleItem, Scales, ordered
 
 
@@ -29,8 +30,8 @@ class Grid(ScaleItem, frozen=True, kw_only=True, tag="grid"):
         """Tell what the definition of a row says."""
         return row is not None and row.reverse
 
-    def problems(self, scales: Scales) -> Iterator[str]:
+    def problems(self, scales: Scales) -> Iterator[Problem]:
         """Yield that its scale is not there, or that it has no rows."""
         yield from super().problems(scales)
         if not self.rows:
-            yield "the grid has no rows."
+            yield Problem(gettext_noop("There are no statements; add some."))

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 
+from surveys.documents import Problem, gettext_noop
 from surveys.item import OptionsItem, Question, RefusedError, Scales, one_of
 
 
@@ -19,12 +20,13 @@ class Multiple(OptionsItem, frozen=True, kw_only=True, tag="multiple"):
     at_least: int = 0
     at_most: int | None = None
 
-    def problems(self, scales: Scales) -> Iterator[str]:
+    def problems(self, scales: Scales) -> Iterator[Problem]:
         """Yield what is wrong with the options, or with how many of them may be chosen."""
         yield from super().problems(scales)
         most = len(self.options) if self.at_most is None else self.at_most
         if not 0 <= self.at_least <= most or not 1 <= most <= len(self.options):
-            yield "at_least and at_most do not fit the number of options."
+            words = gettext_noop("There are too few options for these limits.")
+            yield Problem(words, names=(("at_least, at_most",),))
 
     def parse(self, question: Question, values: Sequence[str], now: datetime.datetime) -> list[str]:
         """Return the values that were chosen, in written order."""

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Literal
 from django.utils.translation import gettext as _
 from django.utils.translation import pgettext_lazy
 
-from surveys.documents import Text, spoken
+from surveys.documents import Problem, Text, gettext_noop, spoken
 from surveys.item import (
     EASTERNMOST,
     Item,
@@ -38,14 +38,14 @@ class Number(Item, frozen=True, kw_only=True, tag="number"):
         """Yield the unit."""
         yield self.unit
 
-    def problems(self, scales: Scales) -> Iterator[str]:
+    def problems(self, scales: Scales) -> Iterator[Problem]:
         """Yield that no number lies within the bounds."""
         if (
             isinstance(self.minimum, float)
             and isinstance(self.maximum, float)
             and self.minimum > self.maximum
         ):
-            yield "the minimum is greater than the maximum."
+            yield Problem(gettext_noop("The minimum is greater than the maximum."))
 
     def greatest(self, now: datetime.datetime) -> float | None:
         """Return the upper bound; None without one."""

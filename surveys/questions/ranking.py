@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 
-from surveys.documents import Text, spoken
+from surveys.documents import Problem, Text, gettext_noop, spoken
 from surveys.item import (
     Bot,
     Choice,
@@ -33,14 +33,18 @@ class Ranking(OptionsItem, frozen=True, kw_only=True, tag="ranking"):
     plain_name: ClassVar[Any] = gettext_lazy("Ranking")
     takes_several: ClassVar[bool] = True
 
-    def problems(self, scales: Scales) -> Iterator[str]:
+    def problems(self, scales: Scales) -> Iterator[Problem]:
         """Yield what is wrong with the options, or that they cannot be put into an order."""
         yield from super().problems(scales)
         count = len(self.options)
         if self.options and not MIN_OPTIONS <= count <= MAX_OPTIONS:
-            yield f"{count} options are ranked; there must be {MIN_OPTIONS} to {MAX_OPTIONS}."
+            words = gettext_noop(
+                "A ranking needs %(least)d to %(most)d options; this one has %(n)d."
+            )
+            yield Problem(words, {"least": MIN_OPTIONS, "most": MAX_OPTIONS, "n": count})
         if any(option.alone for option in self.options):
-            yield "an option that is ranked cannot exclude the others (alone)."
+            words = gettext_noop("An option of a ranking can't exclude the others.")
+            yield Problem(words, names=(("alone",),))
 
     def parse(self, question: Question, values: Sequence[str], now: datetime.datetime) -> list[str]:
         """Return the options in the order that was given; each has a place of its own."""

@@ -8,7 +8,7 @@ import msgspec
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 
-from surveys.documents import Text, spoken
+from surveys.documents import Problem, Text, gettext_noop, spoken
 from surveys.item import (
     Item,
     Question,
@@ -50,10 +50,12 @@ class Slider(Item, frozen=True, kw_only=True, tag="slider"):
         yield self.low
         yield self.high
 
-    def problems(self, scales: Scales) -> Iterator[str]:
+    def problems(self, scales: Scales) -> Iterator[Problem]:
         """Yield that its ends do not fit its step."""
         if self.minimum >= self.maximum or (self.maximum - self.minimum) % self.step:
-            yield "its maximum must be above its minimum by a multiple of its step."
+            yield Problem(
+                gettext_noop("The maximum must be above the minimum by a multiple of the step.")
+            )
 
     def parse(self, question: Question, values: Sequence[str], now: datetime.datetime) -> int:
         """Return the number."""

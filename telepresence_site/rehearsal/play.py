@@ -161,7 +161,7 @@ def _perform(
     definition = study.as_definition()
     wrong = obstacles_here(definition)
     if wrong:
-        return [], RehearsalReport(0, problems=wrong)
+        return [], RehearsalReport(0, problems=[str(problem) for problem in wrong])
     _note_progress(study, 0, orders)
     done: list[Diary] = []
 

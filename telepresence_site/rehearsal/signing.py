@@ -43,31 +43,34 @@ def signed(key: UUID, progress: Path) -> Iterator[None]:
 
 
 def _sign(key: UUID, progress: Path, ended: threading.Event) -> None:
-    while not ended.wait(SIGN_SECONDS):
+    def sign_once() -> None:
         told = {}
         with suppress(OSError, ValueError):
             told = {"progress": json.loads(progress.read_text(encoding="utf-8"))}
-        try:
-            if not runs.sign(key, timezone.now(), **told):
-                signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGTERM)
-                break
-        except (DatabaseError, InterfaceError) as error:
-            log.warning("rehearsal_database_retry", reason=str(error))
-            connection.close()
+        if not runs.sign(key, timezone.now(), **told):
+            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGTERM)
+            ended.set()
+
+    while not ended.wait(SIGN_SECONDS):
+        _attempt(sign_once)
     connection.close()
 
 
 def patiently(write: Callable[[], object]) -> None:
     """Write to the database, once it is there."""
     deadline = time.monotonic() + PATIENCE_SECONDS
-    is_written = False
-    while not is_written:
-        try:
-            write()
-            is_written = True
-        except (DatabaseError, InterfaceError) as error:
-            if time.monotonic() > deadline:
-                raise
-            log.warning("rehearsal_database_retry", reason=str(error))
-            connection.close()
-            time.sleep(SIGN_SECONDS)
+    while (error := _attempt(write)) is not None:
+        if time.monotonic() > deadline:
+            raise error
+        time.sleep(SIGN_SECONDS)
+
+
+def _attempt(write: Callable[[], object]) -> DatabaseError | InterfaceError | None:
+    """Return why the database could not be written to; the next attempt connects anew."""
+    try:
+        write()
+    except (DatabaseError, InterfaceError) as error:
+        log.warning("rehearsal_database_retry", reason=str(error))
+        connection.close()
+        return error
+    return None

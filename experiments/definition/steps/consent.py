@@ -11,7 +11,8 @@ from typing import Annotated, ClassVar, Literal
 from msgspec import Meta
 
 from experiments.definition.step import Step, Version
-from surveys.documents import Text
+from surveys.documents import Problem, Text
+from surveys.documents import gettext_noop as _
 
 PLACEHOLDER = re.compile(r"\[\[[^\[\]]+\]\]")
 # By language; a study in another language begins with the English one.
@@ -68,7 +69,7 @@ class Consent(Step, frozen=True, kw_only=True, tag="consent"):
     minimum_age: Annotated[int, Meta(ge=0, le=99)] = 18
     minors: Literal["refused", "guardian"] = "refused"
 
-    def unfilled(self) -> Iterator[str]:
+    def unfilled(self) -> Iterator[Problem]:
         """Yield, as one problem, the placeholders that the text still has, by language."""
         found = {
             language: ", ".join(dict.fromkeys(PLACEHOLDER.findall(text)))
@@ -76,13 +77,14 @@ class Consent(Step, frozen=True, kw_only=True, tag="consent"):
         }
         listed = "; ".join(f"{language}: {names}" for language, names in found.items() if names)
         if listed:
-            yield f"Step {self.key}: fill in the placeholders of the text. {listed}."
+            words = _("fill in the placeholders of the text. %(placeholders)s.")
+            yield Problem(words, {"placeholders": listed})
 
     @classmethod
-    def problems_among(cls, steps: Sequence[Step]) -> Iterator[str]:
+    def problems_among(cls, steps: Sequence[Step]) -> Iterator[Problem]:
         """Yield that there are several, or that something comes before it."""
         count = sum(isinstance(step, cls) for step in steps)
         if count > 1:
-            yield f"There are {count} consent steps; only one is allowed."
+            yield Problem(_("There are %(n)d consent steps; only one is allowed."), {"n": count})
         if count and not isinstance(steps[0], cls):
-            yield "The consent must be the first step."
+            yield Problem(_("The consent must be the first step."))

@@ -4,7 +4,8 @@ from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
 from experiments.definition.step import Step
-from surveys.documents import Text
+from surveys.documents import Problem, Text
+from surveys.documents import gettext_noop as _
 
 
 class Debrief(Step, frozen=True, kw_only=True, tag="debrief"):
@@ -25,7 +26,7 @@ class Debrief(Step, frozen=True, kw_only=True, tag="debrief"):
         return self.text
 
     @classmethod
-    def problems_among(cls, steps: Sequence[Step]) -> Iterator[str]:
+    def problems_among(cls, steps: Sequence[Step]) -> Iterator[Problem]:
         """Yield that something comes after it."""
         if any(isinstance(step, cls) for step in steps[:-1]):
-            yield "The debriefing must be the last step."
+            yield Problem(_("The debriefing must be the last step."))

@@ -7,7 +7,8 @@ from msgspec import Meta
 
 from experiments.definition.step import Step
 from robots.api.floorplan import Key as PlanKey
-from surveys.documents import DocumentPart, Key, Text
+from surveys.documents import DocumentPart, Key, Problem, Text
+from surveys.documents import gettext_noop as _
 
 
 class InstructionPage(DocumentPart, frozen=True, kw_only=True):
@@ -40,8 +41,8 @@ class Instructions(Step, frozen=True, kw_only=True, tag="instructions"):
         numbered = enumerate(self.leaves, start=1)
         return tuple(number for number, page in numbered if condition in page.conditions)
 
-    def problems(self) -> Iterator[str]:
+    def problems(self) -> Iterator[Problem]:
         """Yield that it has no pages."""
         yield from super().problems()
         if not self.leaves:
-            yield "there is no page to read; add at least one."
+            yield Problem(_("there is no page to read; add at least one."))

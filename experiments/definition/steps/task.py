@@ -7,6 +7,8 @@ from msgspec import Meta
 
 from experiments.definition.step import DriveStep, Minutes, Step
 from robots.api.docked import DOCKED
+from surveys.documents import Problem
+from surveys.documents import gettext_noop as _
 
 
 class TaskStep(DriveStep, frozen=True, kw_only=True, tag="task"):
@@ -22,11 +24,12 @@ class TaskStep(DriveStep, frozen=True, kw_only=True, tag="task"):
     docked_seconds: Annotated[float, Meta(ge=1.0, le=60.0)] = DOCKED.seconds
 
     @classmethod
-    def problems_among(cls, steps: Sequence[Step]) -> Iterator[str]:
+    def problems_among(cls, steps: Sequence[Step]) -> Iterator[Problem]:
         """Yield that there is not one."""
         count = sum(isinstance(step, cls) for step in steps)
         if count != 1:
-            yield (
-                f"There are {count} task steps; a study needs exactly one, which is "
-                "repeated for each condition."
+            words = _(
+                "There are %(n)d task steps; a study needs exactly one, which is repeated for each "
+                "condition."
             )
+            yield Problem(words, {"n": count})

@@ -77,7 +77,8 @@ class Command(BaseCommand):
             os.nice(NICE)
         # it may have been changed since somebody asked; what is played is in memory from here on
         runs.sign(key, timezone.now(), sha256=study.sha256)
-        wrong = [*problems(study.as_definition()), *plan.problems(study.as_definition())]
+        found = (*problems(study.as_definition()), *plan.problems(study.as_definition()))
+        wrong = [str(problem) for problem in found]
         if wrong:
             runs.fail(key, " ".join(wrong))
             raise CommandError("\n".join(["The study cannot be rehearsed as it is:", *wrong]))

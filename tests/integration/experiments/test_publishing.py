@@ -12,6 +12,7 @@ from experiments.models import FrozenStudyError, Participant, Rehearsal, Study, 
 from experiments.publishing import NotPublishableError, publish, store
 from robots.floorplans import store_floor_plan
 from robots.models import FloorPlan
+from surveys.document_forms.problem_text import sentences
 from surveys.documents import BadDefinitionError, ChangedMeanwhileError
 from surveys.models import Questionnaire
 from tests.support.paths import ROOT
@@ -57,7 +58,7 @@ def test_a_draft_is_replaced_by_a_changed_definition_of_its_version():
 def test_a_study_with_problems_is_not_stored():
     with pytest.raises(BadDefinitionError) as error:
         store(small_study(conditions=[]), NOW)
-    assert "There is no condition; add at least one." in error.value.problems
+    assert "There is no condition; add at least one." in str(error.value)
     assert not Study.objects.exists()
 
 
@@ -66,7 +67,7 @@ def test_a_half_done_draft_is_kept_with_its_problems():
         store(small_study(), NOW), small_study(conditions=[], slug="other", version=7)
     )
     assert (row.slug, row.version) == ("cabin-study", 1)
-    assert "There is no condition; add at least one." in publishing.problems_of(row)
+    assert "There is no condition; add at least one." in sentences(publishing.problems_of(row))
 
 
 def test_saving_what_says_the_same_keeps_the_digest_that_was_rehearsed():
@@ -99,10 +100,10 @@ def test_an_empty_study_has_the_usual_steps_and_says_what_is_missing():
         "experience",
         "thanks",
     ]
-    assert "There is no condition; add at least one." in publishing.problems_of(row)
+    assert "There is no condition; add at least one." in sentences(publishing.problems_of(row))
     asked = "institution, duration, risks, retention, ethics approval, contact"
     english = ", ".join(f"[[{name}]]" for name in asked.split(", "))
-    told = [one for one in publishing.problems_of(row) if "placeholders" in one]
+    told = [one for one in sentences(publishing.problems_of(row)) if "placeholders" in one]
     assert len(told) == 1
     assert told[0].startswith(
         f"Step consent: fill in the placeholders of the text. en: {english}; es: [[institución]], "
@@ -131,7 +132,7 @@ def test_a_consent_with_a_placeholder_is_not_published_and_names_it():
 
     row = stored("Write to [[contact]]; see note [1].")
     told = "Step consent: fill in the placeholders of the text. en: [[contact]]."
-    assert publishing.problems_of(row) == [told]
+    assert sentences(publishing.problems_of(row)) == [told]
     with pytest.raises(publishing.NotPublishableError):
         publishing.publish(row, None, WHY, NOW)
     assert publishing.problems_of(stored("Write to Ada; see note [1].")) == []
@@ -141,7 +142,7 @@ def test_a_consent_with_a_placeholder_is_not_published_and_names_it():
 
 
 def test_without_sites_and_robots_a_study_cannot_be_run():
-    told = publishing.obstacles_here(small_study())
+    told = sentences(publishing.obstacles_here(small_study()))
     assert "Course of giraff at cabin: there is no site cabin." in told
     assert "Condition all_open: there is no robot of the series giraff." in told
 
@@ -154,8 +155,8 @@ def test_with_its_site_and_robot_nothing_stands_in_the_way():
 def test_a_robot_that_is_elsewhere_stands_in_the_way():
     cabin_with_giraff().robots.update(floor_plan=None)
     robot_at(store_floor_plan(OFFICE), "far", "giraff")
-    assert "Condition shut: there is no giraff at the site cabin." in publishing.obstacles_here(
-        small_study()
+    assert "Condition shut: there is no giraff at the site cabin." in sentences(
+        publishing.obstacles_here(small_study())
     )
 
 
@@ -163,8 +164,8 @@ def test_a_series_can_do_what_each_of_its_robots_can():
     plan = cabin_with_giraff()
     robot_at(plan, "lame", "giraff", capabilities=("velocity",))
     tilting = [{**condition, "actions": ["tilt"]} for condition in STUDY["conditions"]]
-    assert "Condition all_open: giraff cannot do the action tilt." in publishing.obstacles_here(
-        small_study(conditions=tilting)
+    assert "Condition all_open: giraff cannot do the action tilt." in sentences(
+        publishing.obstacles_here(small_study(conditions=tilting))
     )
 
 

@@ -75,7 +75,7 @@ def test_a_study_with_a_robot_that_nobody_simulates_is_refused_before_anything_i
 ):
     settings.VAR_DIR = tmp_path
     publishing.store(another(shipped()["exploration"], rhodon="rosie"), timezone.now())
-    sentence = "There is no simulation of rosie: bots can rehearse only with giraff and rhodon."
+    sentence = "There is no simulation of rosie: bots can rehearse only with giraff, rhodon."
     for command in (["rehearse_study", "another"], ["run_bots", "another", "--speed", "5"]):
         with pytest.raises(CommandError, match=sentence):
             call_command(*command)

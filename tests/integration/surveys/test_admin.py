@@ -94,8 +94,8 @@ def test_what_is_wrong_is_told_and_nothing_comes_in(client, researcher, content,
 def test_every_problem_is_told_in_a_line_of_its_own_and_escaped(client, researcher):
     broken = document([item("likert", "a", scale="b"), item("likert", "c", scale="<script>")])
     page = read(client.post(reverse(ADD), {"document": json.dumps(broken)}))
-    told = [e.text for e in page.all("li") if "there is no scale" in e.text]
-    assert told == ["a: there is no scale b.", "c: there is no scale <script>."]
+    told = [e.text for e in page.all("li") if "Choose a scale" in e.text]
+    assert told == ["a: scale b: Choose a scale.", "c: scale <script>: Choose a scale."]
 
 
 def test_an_import_never_replaces_a_version_that_is_here_already(client, researcher):
@@ -116,7 +116,7 @@ def test_a_draft_is_changed_in_its_place(client, researcher):
         question.key for question in Questionnaire.objects.get().as_definition().questions()
     ] == ["b"]
     other = client.post(address, {"document": json.dumps(document([item("text", "b")], version=2))})
-    assert "the slug and version of a questionnaire cannot change" in read(other).text
+    assert "Its name and version can't change" in read(other).text
 
 
 def test_what_is_in_use_is_shown_and_not_changed(client, researcher):

@@ -135,7 +135,7 @@ def test_of_two_who_write_at_once_the_second_is_refused_and_loses_nothing(client
     answer = client.post(page, sent)
     shown = read(answer)
     assert answer.status_code == 422
-    assert "someone else changed this questionnaire" in shown.text
+    assert "someone else changed this draft" in shown.text
     assert [e.text.strip() for e in shown.all("textarea") if e.attributes["name"] == "text.en"] == [
         "Mine"
     ]

@@ -5,11 +5,13 @@ import copy
 import msgspec
 import pytest
 from django.http import QueryDict
+from django.utils.translation import override
 
 from surveys.definition import Definition
+from surveys.document_forms.problem_text import sentences
 from surveys.editor.draft import EditorPlace, arrange, complete, earlier, new_entry, new_question
 from surveys.editor.labels import READY, EditorForm, kind_name, ready_points
-from surveys.editor.problem_text import WORDS, told
+from surveys.editor.overview import told
 from surveys.problems import problems
 from surveys.questions import TYPES
 from tests.support.questionnaires import document, item, rows
@@ -100,7 +102,9 @@ def test_a_new_point_of_a_scale_has_the_next_value():
 def test_scales_that_are_offered_are_whole_in_the_languages_of_the_site(name):
     written = whole([item("likert", "a")], scales={"agree": ready_points(name, ["en", "es"])})
     written |= {"languages": ["en", "es"]}
-    assert not [text for text in problems(msgspec.convert(written, Definition)) if "scale" in text]
+    assert not [
+        text for text in problems(msgspec.convert(written, Definition)) if "scale" in str(text)
+    ]
     assert ready_points(name, ["es", "fr"])[0]["label"] == {"es": "Muy en desacuerdo"}
 
 
@@ -125,17 +129,22 @@ def test_problems_are_told_where_they_are_mended_without_keys():
         "page2": ["This page has no questions. Add one."],
         "agree": ["The values must increase from point to point."],
         "a": ["Choose a scale."],
-        "b": ["Add the options.", "The condition refers to a question that does not come earlier."],
+        "b": [
+            "There are no options; add some.",
+            "The condition refers to a question that does not come earlier.",
+        ],
         "m": ["There are too few options for these limits."],
         "g": ["Statement 1 · Text (English) is missing."],
     }
 
 
-def test_a_sentence_without_plain_words_is_told_as_it_is():
-    assert told(["a: it is odd."], whole([item("text", "a")])) == {
-        EditorPlace("questions", "a"): ["it is odd."]
-    }
-    assert len(WORDS) > 20
+def test_problems_are_told_in_the_language_of_now():
+    written = whole([item("likert", "a", scale="none")], languages=["es"])
+    found = list(problems(msgspec.convert(written, Definition)))
+    with override("es"):
+        assert "Elige una escala." in told(found, written)[EditorPlace("questions", "a")]
+        assert "a: scale none: Elige una escala." in sentences(found)
+        assert "a: scale none: Choose a scale." in map(str, found)
 
 
 def test_leaving_a_language_takes_its_texts_out_of_pages_and_scales():

@@ -91,7 +91,7 @@ def parsed(content):
     try:
         return parse(content), []
     except BadDefinitionError as error:
-        return None, error.problems
+        return None, [str(problem) for problem in error.problems]
 
 
 def read(key, fields):

@@ -18,7 +18,7 @@ from tests.support.questionnaires import AGREE, OPTIONS, as_bytes, defined, docu
 def refused(content: bytes | dict) -> str:
     with pytest.raises(BadDefinitionError) as caught:
         parse(content if isinstance(content, bytes) else as_bytes(content))
-    return "\n".join(caught.value.problems)
+    return "\n".join(map(str, caught.value.problems))
 
 
 def likert(**more) -> dict:
@@ -89,25 +89,31 @@ def test_what_is_no_definition_at_all_is_told_apart(content, said):
         ({"colour": "red"}, "unknown field `colour`"),
         ({"pages": []}, "There is no page; add at least one."),
         ({"languages": []}, "There is no language; add at least one."),
-        ({"languages": ["en", "en"]}, "language en appears 2 times"),
+        ({"languages": ["en", "en"]}, "Language “en” appears 2 times"),
         ({"languages": ["en", "es"]}, "q1.text has no text in es"),
         ({"title": {"en": "T", "fr": "T"}}, "fr, which is not among"),
         ({"title": {"en": "  "}}, "title has no text in en"),
         ({"title": {"en": "a\x00b"}}, "null character"),
         ({"source": "\x00"}, "null character"),
         ({"intro": {"en": "x" * 5000}}, "longer than 4000"),
-        ({"scales": {}}, "q1: there is no scale agree"),
-        ({"scales": {"agree": AGREE[:1]}}, "has 1 points"),
+        ({"scales": {}}, "q1: scale agree: Choose a scale."),
+        (
+            {"scales": {"agree": AGREE[:1]}},
+            "scale agree: A scale needs 2 to 11 points; this one has 1.",
+        ),
         ({"scales": {"agree": AGREE[::-1]}}, "must increase"),
-        ({"scales": {"agree": [AGREE[0], {"value": 3}]}}, "must name its two ends"),
+        (
+            {"scales": {"agree": [AGREE[0], {"value": 3}]}},
+            "scale agree: Label the first and the last point.",
+        ),
         ({"scales": {"a.b": AGREE}}, "$.scales"),
         ({"scoring": "magic"}, "$.scoring"),
         ({"scoring": "sus"}, "ten statements"),
         ({"scoring": "tlx_raw"}, "six sliders"),
-        ({"scoring": "topics"}, "scoring topics needs at least one topic"),
+        ({"scoring": "topics"}, "A mean of each topic needs topics."),
         (
             {"topics": [{"key": "t", "text": {"en": "T"}, "items": ["zz"]}]},
-            "topic t: there is no statement zz",
+            "topic t: zz: A topic has a question that it can't use.",
         ),
     ],
 )
@@ -118,35 +124,44 @@ def test_a_wrong_whole_is_told_with_its_place(change, said):
 @pytest.mark.parametrize(
     ("items", "said"),
     [
-        ([], "Page page1 has no items"),
-        ([likert(), likert()], "The key q1 appears 2 times"),
+        ([], "page page1: This page has no questions."),
+        ([likert(), likert()], "Name in the data “q1” appears 2 times"),
         (
             [{**likert(), "kind": "essay"}],
             "$.pages[0].items[0]: there is no question type “essay”; choose one of ",
         ),
         ([likert(requird=True)], "unknown field `requird`"),
         ([item("likert", "Q 1")], "items[0].key"),
-        ([item("grid", "g", rows=[])], "g: the grid has no rows"),
-        ([item("grid", "g", rows=rows("g"))], "The key g appears 2 times"),
+        ([item("grid", "g", rows=[])], "g: There are no statements; add some."),
+        ([item("grid", "g", rows=rows("g"))], "Name in the data “g” appears 2 times"),
         ([item("grid", "g", rows=[{"key": "r", "text": {"en": ""}}])], "r.text has no text"),
-        ([item("single", "s", options=[])], "no options"),
-        ([item("single", "s", options=OPTIONS[:1] * 2)], "option a appears 2 times"),
-        ([item("multiple", "m", at_least=3, at_most=2)], "do not fit the number of options"),
-        ([item("multiple", "m", at_most=9)], "do not fit the number of options"),
-        ([item("ranking", "r", options=[])], "r: there are no options"),
-        ([item("ranking", "r", options=OPTIONS[:1])], "there must be 2 to 20"),
-        ([item("ranking", "r", options=OPTIONS[:1] * 2)], "option a appears 2 times"),
+        ([item("single", "s", options=[])], "s: There are no options; add some."),
+        ([item("single", "s", options=OPTIONS[:1] * 2)], "Option “a” appears 2 times"),
+        (
+            [item("multiple", "m", at_least=3, at_most=2)],
+            "m: at_least, at_most: There are too few options",
+        ),
+        ([item("multiple", "m", at_most=9)], "m: at_least, at_most: There are too few options"),
+        ([item("ranking", "r", options=[])], "r: There are no options"),
+        (
+            [item("ranking", "r", options=OPTIONS[:1])],
+            "r: A ranking needs 2 to 20 options; this one has 1.",
+        ),
+        ([item("ranking", "r", options=OPTIONS[:1] * 2)], "Option “a” appears 2 times"),
         (
             [item("ranking", "r", options=[*OPTIONS, OPTIONS[0] | {"alone": True}])],
-            "cannot exclude the others (alone)",
+            "r: alone: An option of a ranking can't exclude",
         ),
         ([item("number", "n", minimum=5, maximum=1)], "minimum is greater"),
-        ([item("slider", "x", minimum=9, maximum=1)], "multiple of its step"),
-        ([item("slider", "x", step=7)], "multiple of its step"),
+        ([item("slider", "x", minimum=9, maximum=1)], "multiple of the step"),
+        ([item("slider", "x", step=7)], "multiple of the step"),
         ([item("slider", "x", maximum=10**9)], "$.pages"),
         ([item("text", "t", max_length=0)], "$.pages"),
-        ([item("date", "d", earliest="2020-02-31")], "2020-02-31 is not a date"),
-        ([item("date", "d", earliest="2021-01-01", latest="2020-01-01")], "after the latest"),
+        (
+            [item("date", "d", earliest="2020-02-31")],
+            "d: 2020-02-31: Write a day as year-month-day",
+        ),
+        ([item("date", "d", earliest="2021-01-01", latest="2020-01-01")], "after the latest day"),
     ],
 )
 def test_a_wrong_item_is_told_with_its_key(items, said):
@@ -156,16 +171,16 @@ def test_a_wrong_item_is_told_with_its_key(items, said):
 @pytest.mark.parametrize(
     ("condition", "said"),
     [
-        ({}, "must name a robot, an outcome or an item"),
-        ({"item": "q1"}, "needs item together with"),
-        ({"is": [1]}, "needs item together with"),
-        ({"item": "later", "is": ["a"]}, "not an earlier question"),
-        ({"item": "own", "is": ["x"]}, "not an earlier question"),
-        ({"item": "q1", "is": [7]}, "expects 7, which is not a possible answer to q1"),
-        ({"item": "s", "is": ["z"]}, "expects z"),
-        ({"item": "s", "at_least": 2}, "is not a number"),
-        ({"item": "r", "is": ["z"]}, "expects z"),
-        ({"item": "r", "at_most": 1}, "is not a number"),
+        ({}, "own: show_if: Choose when it is shown"),
+        ({"item": "q1"}, "own: show_if: Choose both an earlier question"),
+        ({"is": [1]}, "own: show_if: Choose both an earlier question"),
+        ({"item": "later", "is": ["a"]}, "own: show_if: later: The condition refers to a question"),
+        ({"item": "own", "is": ["x"]}, "does not come earlier"),
+        ({"item": "q1", "is": [7]}, "own: show_if: is 7: The condition expects an answer"),
+        ({"item": "s", "is": ["z"]}, "show_if: is z"),
+        ({"item": "s", "at_least": 2}, "Only the answer to a number question"),
+        ({"item": "r", "is": ["z"]}, "show_if: is z"),
+        ({"item": "r", "at_most": 1}, "Only the answer to a number question"),
     ],
 )
 def test_a_condition_that_cannot_be_decided_is_refused(condition, said):
@@ -185,7 +200,7 @@ def test_on_a_shuffled_page_no_question_is_earlier_than_another():
         "order": "shuffled",
         "items": [likert(), item("text", "why", show_if={"item": "q1", "is": [1]})],
     }
-    assert "not an earlier question" in refused({**document(), "pages": [shuffled]})
+    assert "does not come earlier" in refused({**document(), "pages": [shuffled]})
     fine = [
         {"key": "p", "order": "shuffled", "items": [likert()]},
         {"key": "p2", "items": [item("text", "why", show_if={"item": "q1", "is": [1]})]},
@@ -240,16 +255,16 @@ TOPIC = {"key": "t", "text": {"en": "T"}, "items": ["q1", "s"]}
 @pytest.mark.parametrize(
     ("items", "change", "said"),
     [
-        ([likert(reverse=True)], {}, "q1 is reversed, but no score of this questionnaire uses it"),
+        ([likert(reverse=True)], {}, "q1: reverse: It is reversed, but no score uses it."),
         (
             [likert(reverse=True)],
             {"scoring": "likert", "scales": {"agree": UNEVEN}},
-            "q1: a scale with unequal distances from its two ends cannot be reversed",
+            "q1: reverse: A scale that isn't symmetric can't be reversed.",
         ),
         (
             [likert(), item("slider", "s")],
             {"scoring": "topics", "topics": [TOPIC]},
-            "topic t: scoring topics needs statements on one scale",
+            "topic t: The questions of a topic need the same scale.",
         ),
         ([item("number", "n", reverse=True)], {}, "unknown field `reverse`"),
         ([item("grid", "g", rows=rows("r"), reverse=True)], {}, "unknown field `reverse`"),
@@ -262,4 +277,4 @@ def test_an_item_is_reversed_only_where_a_score_can_count_it_so(items, change, s
 def test_sus_reverses_its_even_statements_itself():
     whole = json.loads((ROOT / "surveys/definitions/sus.json").read_text())
     whole["pages"][0]["items"][1]["reverse"] = True
-    assert "sus2: scoring sus reverses the even statements; remove reverse" in refused(whole)
+    assert "sus2: reverse: The SUS reverses its statements itself." in refused(whole)

@@ -5,11 +5,11 @@ import pytest
 from django.urls import reverse
 
 from experiments import publishing
-from experiments.builder.pages import BuilderPlace, place_of
 from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped
 from experiments.models import ParticipantKind, Study
 from surveys import questionnaires
+from surveys.document_forms.problem_text import sentences
 from tests.integration.experiments.test_publishing import NOW
 from tests.support.html_page import read
 from tests.support.participants import comer
@@ -62,6 +62,10 @@ def stored():
     return Study.objects.get().as_definition()
 
 
+def wrong():
+    return sentences(publishing.problems_of(Study.objects.get()))
+
+
 # --- building -------------------------------------------------------------------------------------
 
 
@@ -85,7 +89,7 @@ def test_a_whole_study_is_built_without_json_until_nothing_stands_in_the_way(cli
     ]
     send(client, section(row, "courses", 0), "add:checkpoints", at="3 1")
     send(client, section(row, "courses", 0), "add:checkpoints", at="7 2")
-    assert publishing.problems_of(Study.objects.get()) == []
+    assert wrong() == []
     condition = stored().conditions[1]
     assert (condition.key, condition.robot, condition.site, condition.doors_closed) == (
         "condition_2",
@@ -174,7 +178,7 @@ def test_factors_are_built_without_json_and_each_condition_is_a_cell_of_them(cli
     send(client, section(study, "factors", 0), **names)
     (factor,) = stored().factors
     assert (factor.key, [level.key for level in factor.levels]) == ("doors", ["open", "closed"])
-    assert publishing.problems_of(Study.objects.get())[:2] == [
+    assert wrong()[:2] == [
         "Condition all_open: choose its level of the factor doors.",
         "Condition shut: choose its level of the factor doors.",
     ]
@@ -182,7 +186,7 @@ def test_factors_are_built_without_json_and_each_condition_is_a_cell_of_them(cli
         page = section(study, "conditions", n)
         assert send(client, page, levels__doors=level).status_code == 302
     assert [one.levels for one in stored().conditions] == [{"doors": "open"}, {"doors": "closed"}]
-    assert publishing.problems_of(Study.objects.get()) == []
+    assert wrong() == []
     send(client, section(study, "factors", 0), "add:levels")
     assert len(stored().factors[0].levels) == 3
     listed = read(client.get(section(study, "factors"))).text
@@ -200,11 +204,9 @@ def test_an_analysis_is_declared_without_json(client, study):
     assert (analysis.key, analysis.test) == ("doors", "ranks")
     assert analysis.measures == ("task_time", "experience.q1")
     assert (analysis.contrasts[0].first, analysis.contrasts[0].second) == (("shut",), ("all_open",))
-    assert publishing.problems_of(Study.objects.get()) == []
+    assert wrong() == []
     send(client, page, measures="task_tim")
-    assert publishing.problems_of(Study.objects.get()) == [
-        "Analysis doors: there is no metric task_tim."
-    ]
+    assert wrong() == ["Analysis doors: there is no metric task_tim."]
 
 
 def test_a_plan_is_declared_without_json(client, study):
@@ -214,22 +216,18 @@ def test_a_plan_is_declared_without_json(client, study):
     send(client, page)
     assert stored().plan is None
     send(client, page, "add:hypotheses")
-    assert "Plan: hypothesis h1: it has no text." in publishing.problems_of(Study.objects.get())
+    assert "Plan: hypothesis h1: it has no text." in wrong()
     send(client, page, hypotheses__0__text="More stops.", hypotheses__0__analysis="doors")
     send(client, page, "add:attention_checks")
     check = {"questionnaire": "experience", "item": "q9", "answer": "7"}
     send(client, page, **{f"attention_checks__0__{key}": value for key, value in check.items()})
-    assert publishing.problems_of(Study.objects.get()) == [
-        "Plan: attention check experience.q9: the questionnaire has no such item."
-    ]
+    assert wrong() == ["Plan: attention check experience.q9: the questionnaire has no such item."]
     send(client, page, attention_checks__0__item="q1")
-    assert publishing.problems_of(Study.objects.get()) == [
-        "Plan: attention check experience.q1: its answers are -1, -2, 0, 1, 2."
-    ]
+    assert wrong() == ["Plan: attention check experience.q1: its answers are -1, -2, 0, 1, 2."]
     send(client, page, attention_checks__0__answer="2", participants="40")
     plan = stored().plan
     assert (plan.hypotheses[0].analysis, plan.participants) == ("doors", 40)
-    assert publishing.problems_of(Study.objects.get()) == []
+    assert wrong() == []
 
 
 def add_to(client, row: Study, name: str) -> None:
@@ -254,13 +252,13 @@ def test_a_script_is_written_without_json(client, study):
     assert moves == ["place", "dock", "undock", "tilt", "turn", "drive"]
     assert stage.steps[4].move.angle == 0.3
     send(client, page, "remove:steps:1")  # the cabin has no place to go to
-    assert publishing.problems_of(Study.objects.get())[0].startswith("The debriefing must tell")
+    assert wrong()[0].startswith("The debriefing must tell")
     # the settings of the script have a page of their own, and saving it leaves the stages alone
     assert send(client, section(study, "wizard"), wizard__blind="on").status_code == 302
     assert (stored().wizard.blind, len(stored().wizard.stages[0].steps)) == (True, 6)
     assert read(client.get(section(study, "wizard"))).text.count("6 steps") == 1
     client.post(section(study, "stages"), {"do": "copy:0", "sha256": Study.objects.get().sha256})
-    assert not [text for text in publishing.problems_of(Study.objects.get()) if "stands" in text]
+    assert not [text for text in wrong() if "stands" in text]
     form = form_of(client.get(section(study, "wizard")))
     del form["wizard.on"]
     client.post(section(study, "wizard"), dict(form.lists()) | {"do": "save"})
@@ -269,7 +267,7 @@ def test_a_script_is_written_without_json(client, study):
 
 def test_a_coding_scheme_is_written_without_json(client, study):
     send(client, section(study, "coding"), coding__on="on", coding__bin="0,5")
-    assert publishing.problems_of(Study.objects.get()) == ["The coding scheme has no codes."]
+    assert wrong() == ["The coding scheme has no codes."]
     add_to(client, study, "codes")
     page = section(study, "codes", 0)
     send(client, page, "add:modifiers", code="help", name="Asks for help", key="h")
@@ -279,15 +277,13 @@ def test_a_coding_scheme_is_written_without_json(client, study):
     assert (code.code, code.name, code.kind, code.key) == ("help", "Asks for help", "point", "h")
     assert code.modifiers[0].values == ("the robot", "a visitor")
     assert stored().coding.bin == 0.5
-    assert publishing.problems_of(Study.objects.get()) == []
+    assert wrong() == []
     client.post(section(study, "codes"), {"do": "copy:0", "sha256": Study.objects.get().sha256})
     assert [one.code for one in stored().coding.codes] == ["help", "help_2"]
-    assert publishing.problems_of(Study.objects.get()) == [
-        "The name “asks for help” is used 2 times."
-    ]
+    assert wrong() == ["Name “asks for help” appears 2 times."]
     shown = read(client.get(section(study, "coding"))).text
     assert "Asks for help" in shown
-    assert "is used 2 times" in shown
+    assert "appears 2 times" in shown
 
 
 def test_a_text_of_a_script_that_is_missing_leads_to_its_stage(client, study):
@@ -349,6 +345,13 @@ def test_a_missing_text_is_told_once_for_all_languages_and_by_the_names_of_the_p
     send(client, section(row, "steps", 2), "add:leaves")
     told = [e.text for e in read(client.get(section(row, "steps", 2))).all("li")]
     assert "How it works · Page 1 · Text (English, Spanish) is missing." in told
+
+
+def test_what_is_wrong_is_told_in_the_language_of_the_page(client, boss):
+    row = publishing.store(small_study(), NOW)
+    page = read(client.get(section(row, "courses", 0), headers={"Accept-Language": "es"}))
+    told = [e.text for e in page.all("li")]
+    assert "Recorrido por el plano de giraff en cabin: no existe el lugar cabin." in told
 
 
 def test_languages_are_chosen_by_their_names(client, study):
@@ -428,7 +431,7 @@ def test_leaving_a_language_takes_its_texts_and_adding_one_asks_for_them(client,
     assert "fr" in [
         e.attributes.get("lang") for e in read(client.get(section(row, "steps", 0))).all("textarea")
     ]
-    assert any("has no text in fr" in text for text in publishing.problems(stored()))
+    assert any("has no text in fr" in text for text in sentences(publishing.problems(stored())))
 
 
 def test_of_two_who_change_a_study_at_once_the_second_sees_both(client, study):
@@ -437,7 +440,7 @@ def test_of_two_who_change_a_study_at_once_the_second_sees_both(client, study):
     mine["title.en"] = "Hut"
     answer = client.post(section(study, "about"), dict(mine.lists()))
     assert answer.status_code == 422
-    assert "someone else changed this study" in read(answer).text
+    assert "someone else changed this draft" in read(answer).text
     again = form_of(answer)
     assert again["title.en"] == "Hut"
     assert client.post(section(study, "about"), dict(again.lists())).status_code == 302
@@ -448,7 +451,7 @@ def test_a_list_that_was_changed_meanwhile_is_not_changed_blindly(client, study)
     answer = client.post(
         section(study, "steps"), {"do": "remove:0", "sha256": "of before"}, follow=True
     )
-    assert "someone else changed this study" in read(answer).text
+    assert "someone else changed this draft" in read(answer).text
     assert stored() == small_study()
 
 
@@ -555,56 +558,7 @@ def test_nobody_else_may_ask_for_a_check(client, study):
     assert client.post(address, {}).status_code == 404
 
 
-# --- where a problem belongs ----------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("problem", "place"),
-    [
-        ("study.title has no text in es.", BuilderPlace("about")),
-        ("study.courses[0].checkpoints[1].title has no text in es.", BuilderPlace("courses", 0)),
-        ("experience.title has no text in es.", BuilderPlace("steps", 1)),
-        ("shut.title has no text in es.", BuilderPlace("conditions", 1)),
-        ("doors.title has no text in es.", BuilderPlace("factors", 0)),
-        ("closed.title has no text in es.", BuilderPlace("factors", 0)),
-        ("Factor doors: it needs at least 2 levels.", BuilderPlace("factors", 0)),
-        ("No condition has doors closed; each cell", BuilderPlace("conditions")),
-        ("The assignment must be within participants, because", BuilderPlace("rules")),
-        ("Step task: there is no page to read; add at least one.", BuilderPlace("steps", 0)),
-        ("Condition shut: there is no site cabin.", BuilderPlace("conditions", 1)),
-        (
-            "Course of giraff at cabin: there is no checkpoint; add at least one.",
-            BuilderPlace("courses", 0),
-        ),
-        (
-            (
-                "There are 2 task steps; a study needs exactly one, which is repeated for each"
-                " condition."
-            ),
-            BuilderPlace("steps"),
-        ),
-        (
-            "The participant replacement (refill) needs both outcomes and a number.",
-            BuilderPlace("rules"),
-        ),
-        ("Hidden operator: there is no condition ajar.", BuilderPlace("wizard")),
-        ("The step of the script hello appears 2 times.", BuilderPlace("wizard")),
-        ("Script step home: it needs either a line or a move.", BuilderPlace("stages", 1)),
-        ("tour.title has no text in es.", BuilderPlace("stages", 1)),
-        ("The coding scheme has no codes.", BuilderPlace("coding")),
-        ("The key “h” is used 2 times.", BuilderPlace("coding")),
-        ("Code help: the group's name is too long.", BuilderPlace("codes", 0)),
-        ("Something that nobody foresaw.", None),
-    ],
-)
-def test_each_problem_leads_to_the_page_where_it_is_mended(problem, place):
-    levels = [{"key": key, "title": {"en": key}} for key in ("ajar", "closed")]
-    study = small_study(
-        factors=[{"key": "doors", "title": {"en": "Doors"}, "levels": levels}],
-        wizard=WIZARD,
-        coding={"codes": [{"code": "help", "name": "Asks for help", "kind": "point"}]},
-    )
-    assert place_of(problem, study) == place
+# --- around the builder ---------------------------------------------------------------------------
 
 
 def test_every_page_of_the_small_study_is_reached_from_the_others(client, study):

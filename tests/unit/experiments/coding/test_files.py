@@ -245,8 +245,8 @@ def code(**more) -> dict:
 @pytest.mark.parametrize(
     ("codes", "told"),
     [
-        ([code(), code(key="b")], "code “a” is used 2 times"),
-        ([code(), code(code="b", key="A")], "key “a” is used 2 times"),
+        ([code(), code(key="b")], "Code “a” appears 2 times"),
+        ([code(), code(code="b", key="A")], "Key “a” appears 2 times"),
         ([code(key="k")], "choose a single character"),
         ([code(key="ab")], "choose a single character"),
         ([], "no codes"),

@@ -3,6 +3,7 @@
 import pytest
 
 from experiments.definition.problems import problems
+from surveys.document_forms.problem_text import sentences
 from tests.support.studies import small_study
 
 GOOD = {"key": "doors", "title": {"en": "Doors"}, "measures": ["task_time", "experience.q1"]}
@@ -10,7 +11,7 @@ SIDES = {"title": {"en": "Shut"}, "first": ["shut"], "second": ["all_open"]}
 
 
 def test_an_analysis_that_makes_sense_is_accepted():
-    assert list(problems(small_study(analyses=[{**GOOD, "contrasts": [SIDES]}]))) == []
+    assert sentences(problems(small_study(analyses=[{**GOOD, "contrasts": [SIDES]}]))) == []
 
 
 @pytest.mark.parametrize(
@@ -32,5 +33,5 @@ def test_an_analysis_that_makes_sense_is_accepted():
     ],
 )
 def test_what_makes_no_sense_is_told_with_the_analysis(changes, told):
-    found = list(problems(small_study(analyses=[{**GOOD, **changes}])))
+    found = sentences(problems(small_study(analyses=[{**GOOD, **changes}])))
     assert f"Analysis doors: {told}" in found

@@ -12,6 +12,7 @@ from experiments.definition.factors import groups
 from experiments.definition.problems import problems
 from experiments.definition.schema import digest
 from experiments.participation.assignment import cells
+from surveys.document_forms.problem_text import sentences
 from tests.support.studies import STUDY, small_study
 
 TASK = [{**STUDY["steps"][0], "repeat": True}, {**STUDY["steps"][1], "repeat": True}]
@@ -58,7 +59,7 @@ HELP = factor("help", "between", "alone", "assisted")
 
 def test_within_a_participant_has_every_cell_in_a_latin_square_of_orders():
     study = study_of(crossed(DELAY, factor("help", "within", "alone", "assisted")))
-    assert list(problems(study)) == []
+    assert sentences(problems(study)) == []
     offered = cells(study)
     assert len(offered) == 6  # conditions, an even number: the square alone
     for place in range(6):
@@ -69,13 +70,13 @@ def test_within_a_participant_has_every_cell_in_a_latin_square_of_orders():
 
 def test_between_factors_alone_give_a_cell_a_condition():
     study = study_of(crossed({**DELAY, "design": "between"}, HELP))
-    assert list(problems(study)) == []
+    assert sentences(problems(study)) == []
     assert [cell.conditions for cell in cells(study)] == [(one.key,) for one in study.conditions]
 
 
 def test_in_a_mixed_design_a_participant_keeps_one_level_of_the_between_factor():
     study = study_of(crossed(DELAY, HELP))
-    assert list(problems(study)) == []
+    assert sentences(problems(study)) == []
     offered = cells(study)
     assert len(offered) == 12  # for each kind of help three orders and their reverses
     for cell in offered:
@@ -159,13 +160,13 @@ APART = (
     ],
 )
 def test_cells_that_are_missing_doubled_or_unknown_are_told(document, told):
-    assert list(problems(study_of(document))) == told
+    assert sentences(problems(study_of(document))) == told
 
 
 def test_a_condition_without_a_level_and_a_factor_of_one_level_are_told():
     one = crossed(factor("delay", "between", "none"))
     one["conditions"] = [*one["conditions"], {**STUDY["conditions"][1]}]
-    assert list(problems(study_of(one))) == [
+    assert sentences(problems(study_of(one))) == [
         "Factor delay: it needs at least 2 levels.",
         "Condition shut: choose its level of the factor delay.",
     ]
@@ -175,6 +176,6 @@ def test_invited_and_open_participants_may_have_levels_of_a_between_factor_each(
     study = study_of(
         crossed(DELAY, HELP, access=lambda levels: "invitation" if "alone" in levels else "open")
     )
-    assert list(problems(study)) == []
+    assert sentences(problems(study)) == []
     assert all("assisted" in key for cell in cells(study) for key in cell.conditions)
     assert all("alone" in key for cell in cells(study, "invitation") for key in cell.conditions)

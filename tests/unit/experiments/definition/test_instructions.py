@@ -5,6 +5,7 @@ import pytest
 from experiments.analysis.plan.preregistration import preregistration
 from experiments.definition.problems import problems
 from experiments.participation.assignment import stage_now
+from surveys.document_forms.problem_text import sentences
 from tests.support.studies import STUDY, small_study
 
 SHARED, OWN = {"text": {"en": "Drive."}}, {"text": {"en": "A door is shut."}}
@@ -19,25 +20,25 @@ def study_with(own: str = "shut", *, repeat: bool = False, **changes):
 
 def test_a_page_for_some_conditions_is_part_of_a_study_without_problems():
     study = study_with()
-    assert list(problems(study)) == []
+    assert sentences(problems(study)) == []
     assert (study.tells_condition, small_study().tells_condition) == (True, False)
     read = study.step("read")
     assert (read.own_pages("shut"), read.own_pages("all_open")) == ((2,), ())
 
 
 def test_a_page_for_a_condition_that_does_not_exist_is_a_problem():
-    assert list(problems(study_with("gone"))) == ["Step read: there is no condition gone."]
+    assert sentences(problems(study_with("gone"))) == ["Step read: there is no condition gone."]
 
 
 def test_participants_of_several_conditions_read_it_in_each_round():
     within = {"design": "within"}
-    (told, *_) = problems(study_with(allocation=within))
+    (told, *_) = sentences(problems(study_with(allocation=within)))
     assert "repeated" in told
     assert any(
         "Step read: it has pages for some conditions" in one
-        for one in problems(study_with(allocation=within))
+        for one in sentences(problems(study_with(allocation=within)))
     )
-    assert list(problems(study_with(allocation=within, repeat=True))) == []
+    assert sentences(problems(study_with(allocation=within, repeat=True))) == []
 
 
 def test_the_preregistration_says_who_reads_what_and_when_they_are_assigned():

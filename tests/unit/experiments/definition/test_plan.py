@@ -6,12 +6,14 @@ import pytest
 from experiments.definition.plan import StudyPlan, deciding_hypotheses
 from experiments.definition.problems import problems
 from experiments.definition.schema import digest, to_json
+from surveys.document_forms.problem_text import sentences
 from tests.support.planned import ANALYSES, PLAN, hypothesis, plan_with, planned_study
 from tests.support.studies import small_study
 
 
 def told(study):
-    return [one.removeprefix("Plan: ") for one in problems(study) if one.startswith("Plan: ")]
+    said = sentences(problems(study))
+    return [one.removeprefix("Plan: ") for one in said if one.startswith("Plan: ")]
 
 
 def with_hypotheses(*found):
@@ -49,7 +51,7 @@ def test_a_study_without_a_plan_has_the_digest_that_it_had_before_there_were_pla
             with_hypotheses(hypothesis(effect="delay")),
             "hypothesis h1: the analysis driving has no effect delay.",
         ),
-        (with_hypotheses(hypothesis(), hypothesis()), "The hypothesis h1 appears 2 times."),
+        (with_hypotheses(hypothesis(), hypothesis()), "Hypothesis “h1” appears 2 times."),
         (
             plan_with(families=[{"key": "f", "hypotheses": ["h2"]}]),
             "family f: there is no hypothesis h2.",
@@ -65,7 +67,7 @@ def test_a_study_without_a_plan_has_the_digest_that_it_had_before_there_were_pla
         ),
         (
             plan_with(speeders=[{"questionnaire": "experience"}]),
-            "speeders of experience: give seconds, or a share of the median.",
+            "fast answers to experience: give seconds, or a share of the median.",
         ),
         (
             plan_with(attention_checks=[{"questionnaire": "experience", "item": "q1"}]),

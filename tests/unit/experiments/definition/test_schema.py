@@ -11,6 +11,7 @@ from experiments.definition.shipped import shipped
 from robots.api.floorplan import FloorPlan
 from robots.world.robot_models import MODELS
 from robots.world.sites import load_plan
+from surveys.document_forms.problem_text import sentences
 from surveys.documents import BadDefinitionError
 from surveys.questionnaires import shipped as shipped_questionnaires
 from tests.support.studies import PLAN, STUDY, cabin, small_study
@@ -24,7 +25,7 @@ def known(plan: FloorPlan | None = None, robot: RobotFacts = GIRAFF) -> Known:
 
 
 def here(study: StudyDefinition, **of_known) -> list[str]:
-    return list(obstacles(study, known(**of_known), unreachable))
+    return sentences(obstacles(study, known(**of_known), unreachable))
 
 
 def changed(part: str, index: int, **fields) -> dict:
@@ -65,7 +66,7 @@ def test_the_shipped_studies_can_be_run_in_the_office():
     sites = {"office": load_plan("office")[0]}
     assert set(shipped()) == {"exploration", "assistance"}
     for study in shipped().values():
-        assert list(obstacles(study, Known(sites, robots, questionnaires), unreachable)) == []
+        assert sentences(obstacles(study, Known(sites, robots, questionnaires), unreachable)) == []
 
 
 def test_the_shipped_courses_are_the_sites_own_routes():
@@ -116,7 +117,7 @@ def test_the_second_study_has_everybody_drive_with_and_without_assistance():
             "no checkpoint besides the charging station",
         ),
         ({"courses": []}, "there is no course for giraff at cabin"),
-        ({"courses": STUDY["courses"] * 2}, "course of giraff at cabin appears 2 times"),
+        ({"courses": STUDY["courses"] * 2}, "Course “giraff, cabin” appears 2 times"),
         (
             changed("courses", 0, checkpoints=STUDY["courses"][0]["checkpoints"][::-1]),
             "numbered [2, 1, 0]",
@@ -126,7 +127,7 @@ def test_the_second_study_has_everybody_drive_with_and_without_assistance():
             "checkpoint 7, which does not exist",
         ),
         (changed("courses", 0, site="elsewhere"), "no condition uses it"),
-        (changed("conditions", 1, key="all_open"), "condition all_open appears 2 times"),
+        (changed("conditions", 1, key="all_open"), "Condition “all_open” appears 2 times"),
         (changed("conditions", 0, controllers=[]), "nobody could drive"),
         (
             changed("conditions", 0, speed={"linear": 0.01}),
@@ -134,19 +135,19 @@ def test_the_second_study_has_everybody_drive_with_and_without_assistance():
         ),
         (
             changed("conditions", 0, network={"control": {"delay": 0.1, "jitter": 0.2}}),
-            "towards the robot, the jitter varies the delay both ways, so it cannot be greater",
+            "towards the robot: the jitter varies the delay both ways, so it cannot be greater",
         ),
         (
             changed("conditions", 0, network={"video": {"loss": 0.6}}),
-            "back from the camera, more than 50% of the packets would be lost",
+            "back from the camera: more than 50% of the packets would be lost",
         ),
         (
             changed("conditions", 0, network={"control": {"bitrate": 9000}}),
-            "towards the robot, the bit rate is below 50 kbit/s",
+            "towards the robot: the bit rate is below 50 kbit/s",
         ),
         (
             changed("conditions", 0, network={"video": {"bitrate": 100_000}}),
-            "back from the camera, the bit rate is below 150 kbit/s",
+            "back from the camera: the bit rate is below 150 kbit/s",
         ),
         ({"conditions": []}, "There is no condition"),
         ({"steps": STUDY["steps"][1:]}, "There are 0 task steps"),
@@ -193,7 +194,7 @@ def test_the_second_study_has_everybody_drive_with_and_without_assistance():
     ],
 )
 def test_a_study_that_makes_no_sense_is_refused_with_a_sentence_that_says_where(changes, said):
-    found = list(problems(small_study(**changes)))
+    found = sentences(problems(small_study(**changes)))
     assert any(said in problem for problem in found), found
 
 
@@ -201,7 +202,7 @@ def test_a_study_that_makes_no_sense_is_refused_with_a_sentence_that_says_where(
 def test_one_condition_more_than_can_be_ordered_is_too_many_for_one_participant(order, most):
     conditions = [{**STUDY["conditions"][0], "key": f"c{n}"} for n in range(most + 1)]
     steps = [{**STUDY["steps"][0], "repeat": True}, STUDY["steps"][1]]
-    found = list(
+    found = sentences(
         problems(
             small_study(
                 conditions=conditions,
@@ -328,6 +329,6 @@ def test_a_robot_too_slow_for_the_time_limit_is_told():
 
 
 def test_a_site_that_is_not_there_is_told_and_does_not_end_the_search():
-    found = list(obstacles(small_study(), Known({}, {}, frozenset()), unreachable))
+    found = sentences(obstacles(small_study(), Known({}, {}, frozenset()), unreachable))
     assert "Course of giraff at cabin: there is no site cabin." in found
     assert "Condition all_open: there is no robot of the series giraff." in found

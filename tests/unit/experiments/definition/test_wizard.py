@@ -9,6 +9,7 @@ from experiments.definition.reachability import unreachable
 from experiments.definition.schema import digest, to_json
 from experiments.wizard.script import script_of
 from sessions.wizard.script import TimedDrive
+from surveys.document_forms.problem_text import sentences
 from tests.support.studies import STUDY, cabin, small_study
 from tests.support.wizard_study import OPERATOR_TEXT, WIZARD, wizard_study
 
@@ -16,7 +17,7 @@ ALL = frozenset({"velocity", "goto", "follow", "dock", "undock", "tilt", "assist
 
 
 def told(**wizard):
-    return list(problems(wizard_study(**wizard)))
+    return sentences(problems(wizard_study(**wizard)))
 
 
 def with_steps(*steps):
@@ -40,9 +41,9 @@ def test_a_study_without_one_has_the_digest_that_it_had():
 
 def test_it_cannot_be_published_before_the_debriefing_tells_of_the_operator():
     for operator in ({}, {"en": "  "}):
-        found = list(problems(wizard_study(operator=operator)))
+        found = sentences(problems(wizard_study(operator=operator)))
         assert any("must tell participants that an operator drove" in one for one in found)
-    (found,) = problems(small_study(wizard=WIZARD))  # without any debriefing
+    (found,) = sentences(problems(small_study(wizard=WIZARD)))  # without any debriefing
     assert found.startswith("The debriefing must tell")
     assert wizard_study().operator_text["en"] == OPERATOR_TEXT
 
@@ -52,7 +53,10 @@ def test_it_cannot_be_published_before_the_debriefing_tells_of_the_operator():
     [
         ({"conditions": ["nowhere"]}, "Hidden operator: there is no condition nowhere."),
         ({"stages": [], "by_hand": False}, "no step and driving by hand is off"),
-        (with_steps(step("a", line={})), "Script step a: it needs either a line or a move."),
+        (
+            with_steps(step("a", line={})),
+            "Script step a: it needs either a line or a move.",
+        ),
         (with_steps(step("a", move={"kind": "dock"})), "either a line or a move"),
         (with_steps(step("a", shortcut="w")), "the key w drives the robot"),
         (with_steps(step("a", shortcut="1"), step("b", shortcut="1")), "1"),
@@ -69,8 +73,10 @@ def test_what_is_wrong_with_a_script_is_said(wizard, problem):
 
 def test_a_condition_that_nobody_but_the_operator_drives_needs_no_controller():
     alone = [{**STUDY["conditions"][0], "controllers": [], "actions": []}]
-    assert any("nobody could drive" in one for one in problems(small_study(conditions=alone)))
-    assert not list(problems(wizard_study(study={"conditions": alone})))
+    assert any(
+        "nobody could drive" in one for one in sentences(problems(small_study(conditions=alone)))
+    )
+    assert not sentences(problems(wizard_study(study={"conditions": alone})))
 
 
 def test_what_robot_and_site_cannot_do_of_a_script_is_said():
@@ -80,7 +86,7 @@ def test_what_robot_and_site_cannot_do_of_a_script_is_said():
         {"giraff": RobotFacts(ALL - {"say", "goto"}, 0.7)},
         frozenset({("experience", 1)}),
     )
-    found = list(obstacles(study, known, unreachable))
+    found = sentences(obstacles(study, known, unreachable))
     assert any("goes to moon, which is not a place there" in one for one in found)
     assert any("step a (goto)" in one for one in found)
 
