@@ -24,7 +24,7 @@ from accounts.attempts import Attempts
 from accounts.models import User
 from accounts.passwordless import open_to_visitors
 from accounts.rate_limits import limited
-from robots.access import has_a_robot, may_drive, may_observe, robots_visible_to
+from robots.access import has_a_robot, may_drive, may_observe, may_operate, robots_visible_to
 from robots.api.disk_space import DiskSpace
 from robots.api.messages import IceServer
 from robots.bridge import bridge
@@ -99,6 +99,7 @@ def page_config(robot: Robot, user: Any) -> dict[str, Any]:
         "factsheet": robot.factsheet,
         "returnsHome": robot.returns_home,
         "suggested": interfaces.suggested_to(user),
+        "operates": bool(may_operate(user, robot)),
     }
 
 

@@ -110,6 +110,7 @@ class FakeRobotPage:
         self.practice: dict[str, Any] | None = None
         # what the landing page's list says of other robots
         self.others: list[dict[str, Any]] = []
+        self.operates = False  # whether whoever looks operates the robot
         self.still: bytes | None = None  # the JPEG that comes through the server
         self.battery = m.Battery(charge=0.82)
         self.errors: tuple[str, ...] = ()
@@ -254,6 +255,7 @@ class FakeRobotPage:
             "snapshots": "/snapshots",
             "study": self.study,
             "check": f"/{protocol.CHECK_PATH}",
+            "operates": self.operates,
         }
         config["practice"] = "/practice" if self.practice else None
         config["robots"] = "/robots.json"
