@@ -4,6 +4,7 @@
  * way ahead stays in sight.
  */
 
+import { releaseOf } from "../protocol/estop_release.js";
 import { roleOf } from "../protocol/session.js";
 import { isMoving, isUnderWay } from "./robot_action.js";
 import { controllersOf, mayAsk, maySend, maySteer } from "../study/restrictions.js";
@@ -23,6 +24,7 @@ import { reasonFor } from "./reasons.js";
 const AROUND_SECONDS = 8; // time to read it, and to look where it is
 /** It stops the robot, as the red button does, which alone is called so. */
 const CANCEL = { action: "stop", word: "do.cancel_drive" };
+const RELEASE = { action: "release_stop", word: "do.release_stop" };
 const AGAIN = { action: "task_again", word: "do.task_again" };
 const SELF = { action: "task_dismiss", word: "do.drive_yourself" };
 
@@ -82,8 +84,27 @@ const inStation = (state) => {
   return controllersOf(state)?.length === 0 ? null : { word: "dock.here_yourself", tone: "calm" };
 };
 
+/**
+ * What somebody who operates a robot does about its emergency stop; null while it is not on.
+ * @param {import("../drive/features.js").State} state
+ * @returns {{word: string, main?: {action: string, word: string}} | null}
+ */
+export const releaseFor = ({ operates, robot, release, now }) => {
+  if (!operates || !robot?.safety.estop) {
+    return null;
+  }
+  const what = releaseOf(release, now);
+  return { word: `release.${what}`, main: what === "asked" ? undefined : RELEASE };
+};
+
 /** @param {import("../drive/features.js").State} state @returns {Offer | null} */
 export const offerFor = (state) => {
+  const release = roleOf(state.visit) ? releaseFor(state) : null;
+  return release ? { ...release, tone: "danger" } : usualOffer(state);
+};
+
+/** @param {import("../drive/features.js").State} state @returns {Offer | null} */
+const usualOffer = (state) => {
   const { visit, robot, task } = state;
   if (
     roleOf(visit) !== "driver" ||

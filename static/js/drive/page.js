@@ -32,6 +32,7 @@ const registry = new Registry();
 const given = {
   factsheet: config.factsheet ?? null,
   returnsHome: config.returnsHome ?? false,
+  operates: config.operates ?? false,
   guest: Boolean(config.signUp),
   practising: Boolean(config.practising) && !config.signUp,
   study: config.study ?? null,

@@ -5,6 +5,7 @@
 
 import { backToDriving } from "../lib/dom.js";
 import { unixNow } from "../lib/clock.js";
+import { isRefusal, newRelease } from "../protocol/estop_release.js";
 import { awaitsAnswer, isSigning, newVisit, reduce } from "../protocol/session.js";
 import { watchActivity } from "./activity.js";
 import { forget, remember, rememberLeaving } from "./storage.js";
@@ -29,6 +30,10 @@ const newSlice = () => ({
   robot: /** @type {any} */ (null),
   /** when the robot's emergency stop was released, Unix time */
   releasedAt: -Infinity,
+  /** whether the visitor operates the robot, and so may release its emergency stop */
+  operates: false,
+  /** the release of its emergency stop that was asked of the robot */
+  release: /** @type {import("../protocol/estop_release.js").Release | null} */ (null),
   /** whether the robot drives back to its station after a visit */
   returnsHome: false,
   /** whether this page is in a frame of one that waits for another robot */
@@ -229,11 +234,18 @@ const newHandlers = ({ store, emit }) => ({
     const { robot: known, visit, began } = store.get();
     if (!known || known.boot !== message.boot || known.seq < message.seq) {
       const isReleased = known?.safety.estop && !message.safety.estop;
-      store.update({ robot: message, ...(isReleased ? { releasedAt: unixNow() } : {}) });
+      const released = isReleased ? { releasedAt: unixNow(), release: null } : {};
+      store.update({ robot: message, ...released });
       emit("newRobotState", message);
     }
     if (began === null && visit.phase === "driving" && message.session === visit.session) {
       store.update({ began: { at: unixNow(), distance: message.distance } });
+    }
+  },
+  action: (/** @type {{actionId: string, status: string}} */ message) => {
+    const { release } = store.get();
+    if (release && isRefusal(release, message)) {
+      store.update({ release: { ...release, refused: true } });
     }
   },
   factsheet: (/** @type {any} */ factsheet) => {
@@ -262,6 +274,13 @@ const newActions = (page) => ({
     page.store.get().visit.phase === "driving"
       ? page.store.update({ leaving: true })
       : page.act("leave_now"),
+  release_stop: () => {
+    const release = newRelease("release-");
+    const { id: actionId, since: stamp } = release;
+    page.store.update({ release, now: stamp });
+    page.connection.send("command/action", { type: "clear_estop", actionId, stamp });
+    backToDriving(page.element);
+  },
   leave_now: () => {
     page.store.update({ leaving: false, notice: "" });
     page.session.dispatch({ type: "leave" });

@@ -2,6 +2,8 @@ import assert from "node:assert/strict";
 import { readFileSync, readdirSync } from "node:fs";
 import { describe, test } from "node:test";
 
+import { offerFor } from "../../../static/js/autonomy/offer.js";
+import { isRefusal } from "../../../static/js/protocol/estop_release.js";
 import { newVisit } from "../../../static/js/protocol/session.js";
 import { alertFor } from "../../../static/js/view/hud/alert.js";
 import { cardFor } from "../../../static/js/view/hud/card.js";
@@ -705,5 +707,40 @@ describe("a picture that comes through the server", () => {
       { slow: true, playing: true, robot: ROBOT },
     );
     assert.equal(alertFor(watching).word, "alert.slow_picture_observer");
+  });
+});
+
+describe("an emergency stop", () => {
+  const stopped = (phase, more = {}) =>
+    state({ phase }, { robot: { ...ROBOT, ...STANDSTILLS[0] }, now: 100, ...more });
+  const asked = { id: "release-1", since: 99, refused: false };
+
+  test("is released by who operates the robot, whether they drive, watch or wait", () => {
+    for (const phase of ["driving", "watching"]) {
+      assert.equal(offerFor(stopped(phase)), null);
+      const offer = offerFor(stopped(phase, { operates: true }));
+      assert.deepEqual([offer.word, offer.main.action], ["release.offered", "release_stop"]);
+    }
+    for (const phase of ["lobby", "queued"]) {
+      assert.notEqual(cardFor(stopped(phase)).extra?.action, "release_stop");
+      const card = cardFor(stopped(phase, { operates: true }));
+      assert.deepEqual([card.detail.word, card.extra.action], ["release.offered", "release_stop"]);
+    }
+  });
+
+  test("is being released, until the robot does, refuses or has not answered", () => {
+    const at = (release, now = 100) =>
+      offerFor(stopped("driving", { operates: true, release, now }));
+    assert.deepEqual([at(asked).word, at(asked).main], ["release.asked", undefined]);
+    assert.equal(at({ ...asked, refused: true }).word, "release.failed");
+    assert.deepEqual(
+      [at(asked, 104).word, at(asked, 104).main.action],
+      ["release.failed", "release_stop"],
+    );
+    assert.ok(isRefusal(asked, { actionId: "release-1", status: "FAILED" }));
+    assert.ok(!isRefusal(asked, { actionId: "another", status: "FAILED" }));
+    assert.ok(!isRefusal(null, { actionId: "release-1", status: "FAILED" }));
+    const free = state({ phase: "driving" }, { robot: ROBOT, operates: true, release: asked });
+    assert.equal(offerFor(free), null);
   });
 });

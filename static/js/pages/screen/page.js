@@ -13,6 +13,7 @@ import { readWords } from "../../lib/words.js";
 import { Devices } from "../../presence/devices.js";
 import { RemotePointers } from "../../presence/remote_pointers.js";
 import { lineOf } from "../../presence/message_line.js";
+import { isRefusal, newRelease } from "../../protocol/estop_release.js";
 import { Rejection, decodePacket, encodePacket } from "../../protocol/robot_api.js";
 import { MediaSender } from "./media_sender.js";
 import { createChime } from "./chime.js";
@@ -175,7 +176,7 @@ const HANDLERS = {
   },
   action: (message) => {
     receipts.answered(message);
-    if (told.release?.id === message.actionId && message.status === "FAILED") {
+    if (told.release && isRefusal(told.release, message)) {
       told.release.refused = true;
       show();
     }
@@ -234,7 +235,7 @@ const stop = () => {
 };
 
 const release = () => {
-  told.release = { id: freshId("screen-"), since: unixNow(), refused: false };
+  told.release = newRelease("screen-");
   act("clear_estop", {}, told.release.id);
   show();
 };

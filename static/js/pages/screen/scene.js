@@ -2,14 +2,14 @@
  * What a robot's own display shows, from what it was told: decisions only.
  */
 
+import { releaseOf } from "../../protocol/estop_release.js";
+
 /** s without a state after which a robot that somebody drives counts as out of reach */
 export const STALE = 4;
 /** s for one that nobody drives, which may be silent for half a minute (robots/api/idle.py) */
 export const STALE_IDLE = 45;
 /** s after which a stop that the robot has not echoed is worth a word */
 const UNCONFIRMED = 2;
-/** s for which the robot is given time to let a stop go before the button can be pressed again */
-const RELEASE_PATIENCE = 4;
 
 /**
  * @typedef {object} Told
@@ -21,7 +21,7 @@ const RELEASE_PATIENCE = 4;
  * @property {boolean} online what the server says of the robot
  * @property {{id: string, since: number} | null} stop the stop that was pressed here and is not
  *   echoed
- * @property {{id: string, since: number, refused: boolean} | null} [release] the release of a stop
+ * @property {import("../../protocol/estop_release.js").Release | null} [release] of a stop
  *   that was asked for here and has not come
  */
 
@@ -50,7 +50,7 @@ export const sceneFor = (told, now) => {
   const name = screen?.visitor ?? screen?.waiting ?? "";
   const visited = screen?.visitor != null;
   const scene = sceneOf(told, call, now);
-  const [stopped, release] = [stoppedBy(told, now), releaseOf(told, now)];
+  const [stopped, release] = [stoppedBy(told, now), releaseOf(told.release ?? null, now)];
   const shares = Boolean(call?.shares);
   return {
     scene,
@@ -106,14 +106,6 @@ const sceneOf = ({ keyed, screen, state, heardAt, online }, call, now) => {
     return "visiting";
   }
   return call.video ? "seen" : call.audio ? "speaking" : "visiting";
-};
-
-/** @param {Told} told @param {number} now @returns {"offered" | "asked" | "failed"} */
-const releaseOf = ({ release }, now) => {
-  if (!release) {
-    return "offered";
-  }
-  return release.refused || now - release.since > RELEASE_PATIENCE ? "failed" : "asked";
 };
 
 /** @param {Told} told @param {number} now */

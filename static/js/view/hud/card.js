@@ -3,6 +3,7 @@
  * one thing to do about it. Pure: which words and buttons; card_panel.js shows them.
  */
 
+import { releaseFor } from "../../autonomy/offer.js";
 import { roleOf } from "../../protocol/session.js";
 import { studyCard } from "../../study/end_cards.js";
 import { betweenVisits, pauseOf, reasonForWaiting } from "./pause.js";
@@ -73,8 +74,19 @@ const usualCard = (state) => {
       quiet: true,
     };
   }
-  const card = CARDS[state.visit.phase];
-  return card ? card(state) : null;
+  const card = CARDS[state.visit.phase]?.(state) ?? null;
+  return card && ["lobby", "queued"].includes(state.visit.phase) ? withRelease(card, state) : card;
+};
+
+/**
+ * The card of who waits for a robot whose emergency stop they may release.
+ * @param {Card} card
+ * @param {import("../../drive/features.js").State} state
+ * @returns {Card}
+ */
+const withRelease = (card, state) => {
+  const release = releaseFor(state);
+  return release ? { ...card, detail: { word: release.word }, extra: release.main } : card;
 };
 
 /** @type {Record<string, (state: import("../../drive/features.js").State) => Card | null>} */
