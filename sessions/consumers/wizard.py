@@ -262,8 +262,7 @@ class WizardConsumer(RobotPageConsumer):
     def handle_message(self, inbound: ReceivedMessage) -> None:
         """Take a message of the robot, or a notice of the participant's session."""
         authorization = self.authorization
-        if authorization is None:
-            return
+        assert authorization is not None
         if inbound.suffix == NOTICE:
             self._handle_notice(str(inbound.frame))
         elif inbound.suffix == "lease":

@@ -22,6 +22,7 @@ from sessions.recording.builder import RecordBuilder
 from sessions.recording.items import StateItem
 from sessions.recording.store import RecordStore
 from sessions.shards import rows
+from sessions.shards.division import ALL, Holding
 from sessions.shards.hashing import shard_of
 from sessions.shards.ownership import Fenced, Ownership
 from tests.support.examples import repetitions
@@ -82,6 +83,56 @@ def test_a_takeover_counts_up_the_epochs_of_what_it_takes_alone(owner):
     take_away()
     after = {one.number: one.epoch for one in rows.holdings()}
     assert after == before | {SHARD: before[SHARD] + 1}
+
+
+def test_shards_that_two_processes_make_at_once_are_made_once(db, monkeypatch):
+    make = Shard.objects.bulk_create
+
+    def quicker(shards):
+        made = list(shards)
+        monkeypatch.undo()
+        make(made[:1])
+        make(made)
+
+    monkeypatch.setattr(type(Shard.objects), "bulk_create", lambda _, shards: quicker(shards))
+    assert {one.number for one in rows.holdings()} == set(ALL)
+    assert Shard.objects.count() == len(ALL)
+
+
+def test_a_shard_is_handed_over_by_its_owner_alone(owner):
+    before = rows.holdings()[SHARD]
+    rows.hand_over([SHARD], "second", "third")
+    assert rows.holdings()[SHARD] == before
+    rows.hand_over([SHARD], "first", "third")
+    assert rows.holdings()[SHARD] == Holding(SHARD, "third", before.epoch + 1)
+
+
+def test_of_two_processes_that_take_a_slot_at_once_one_has_it(db):
+    assert rows.occupy(0, None, "first", NOW)
+    assert not rows.occupy(0, None, "second", NOW)
+    (member,) = rows.members()
+    assert rows.beat(0, "first", member.beats + 1, NOW, {})
+    assert not rows.dismiss(member), "it has beaten meanwhile"
+    assert not rows.occupy(0, member, "second", NOW)
+    (member,) = rows.members()
+    assert rows.dismiss(member)
+    (free,) = rows.members()
+    assert rows.occupy(0, free, "second", NOW)
+    assert [one.holder for one in rows.members()] == ["second"]
+
+
+def test_when_a_session_manager_was_last_alive_is_known_also_after_it_left(db):
+    assert rows.last_alive() is None
+    rows.occupy(0, None, "first", at(1))
+    rows.occupy(1, None, "second", at(2))
+    rows.give_back("second")
+    assert rows.last_alive() == at(2)
+    _, second = rows.members()
+    rows.occupy(1, second, "third", at(3))
+    rows.give_back("third")
+    assert rows.last_alive() == at(3)
+    ManagerBeat.objects.filter(name=rows.name_of(1)).update(report={})
+    assert rows.last_alive() == at(1)
 
 
 @pytest.mark.django_db(transaction=True)
