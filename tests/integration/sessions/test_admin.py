@@ -399,7 +399,8 @@ def test_a_session_that_ends_while_it_is_stopped_is_not_counted(
     monkeypatch.setattr(store, "end", too_late)
     answer = client.post(f"{LIST}{taken.session}/stop/", follow=True)
     assert "None of these sessions was running." in answer.content.decode()
-    assert Session.objects.get().outcome == "cancelled"
+    assert Session.objects.get().outcome == "completed"
+    assert not SystemLog.objects.exists()
 
 
 def test_several_sessions_download_as_one_table_and_this_is_noted(client, researcher, session):

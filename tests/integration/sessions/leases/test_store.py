@@ -6,18 +6,18 @@ from itertools import pairwise
 
 import pytest
 from django.conf import settings
-from django.db import connection
+from django.db import OperationalError, connection
 from django.test.utils import CaptureQueriesContext
 from django.utils import timezone
 
 from accounts.models import User
-from robots.api import topics
+from robots.api import codec, topics
 from robots.models import Robot
 from sessions.leases import store
 from sessions.leases.expiry import tick
 from sessions.leases.transitions import IDLE, Free, Move, RobotLink, decide_tick
 from sessions.manager.scheduler import Scheduler
-from sessions.models import Lease, Session
+from sessions.models import Lease, Session, SessionEvent
 from sessions.protocol import Ended, Offered
 
 pytestmark = pytest.mark.django_db
@@ -346,6 +346,62 @@ def test_that_nobody_drives_is_told_before_the_news_of_what_has_ended(giraff, an
     first, *others = keeper.outbox
     assert (first.topic, first.payload, first.retain) == (topics.of("giraff", "lease"), b"", True)
     assert topics.session_notices(granted.session) in [letter.topic for letter in others]
+
+
+def test_a_turn_has_an_end_while_somebody_waits_and_none_when_they_have_left(giraff, ana, ben):
+    granted = store.take(giraff, ana, "peer-1", now=NOW)
+    Session.objects.update(state="driving", driving_at=NOW, first_motion_at=NOW)
+    keeper = Scheduler()
+
+    def turn_ends_at(seconds):
+        now = after(seconds).timestamp()
+        link = RobotLink(
+            since=NOW.timestamp(),
+            last_received_at=now,
+            state_at=now,
+            session=granted.session,
+            epoch=granted.epoch,
+            silence=0.1,
+            moved=True,
+            active_at=now,
+        )
+        keeper.tick({"giraff": link}, RobotLink(since=NOW.timestamp()), after(seconds))
+        return Session.objects.get(pk=granted.session).turn_ends_at
+
+    assert turn_ends_at(1) is None
+    waiting = store.take(giraff, ben, "peer-2", now=after(2))
+    assert turn_ends_at(3) == after(900)
+    store.leave(waiting.session, peer="peer-2", now=after(4))
+    assert turn_ends_at(5) is None
+    noted = SessionEvent.objects.filter(session=granted.session, type__startswith="turn_")
+    assert set(noted.values_list("type", flat=True)) == {"turn_limited", "turn_unlimited"}
+
+
+@pytest.mark.parametrize("full", [True, False])
+def test_on_a_full_disk_leases_are_renewed_with_numbers_that_grow(giraff, ana, full):
+    store.take(giraff, ana, "peer-1", now=NOW)
+    Session.objects.update(state="driving", driving_at=NOW)
+    keeper = Scheduler()
+
+    def refuse(execute, sql, params, many, context):
+        if sql.startswith("UPDATE") and Lease._meta.db_table in sql:
+            raise OperationalError("database or disk is full" if full else "locked")
+        return execute(sql, params, many, context)
+
+    def renewals():
+        for seconds in (0, 10, 20):
+            assert keeper.renew(after(seconds))
+        leases = [codec.decode("lease", one.payload) for one in reversed(keeper.outbox)]
+        return [lease.renewal for lease in leases]
+
+    with connection.execute_wrapper(refuse):
+        if full:
+            assert renewals() == [1, 2, 3]
+        else:
+            with pytest.raises(OperationalError, match="locked"):
+                renewals()
+    keeper.outbox.clear()
+    assert renewals() == ([4, 5, 6] if full else [1, 2, 3])
 
 
 def test_a_grant_that_begins_while_the_scene_is_read_is_not_taken_for_a_leftover(

@@ -16,6 +16,7 @@ from robots.api import codec, messages
 from robots.models import Robot
 from robots.presence import PresenceWriter
 from sessions.leases import store
+from sessions.leases.transitions import RobotLink
 from sessions.manager.scheduler import Scheduler
 from sessions.models import Lease, ManagerBeat, Session, SessionEvent, Shard, StateChunk
 from sessions.recording.builder import RecordBuilder
@@ -190,6 +191,20 @@ def test_a_scheduler_that_lost_a_robot_says_nothing_of_its_lease_and_one_that_go
     owner.become(mine)
     assert scheduler.renew(at(3))
     assert [message.payload for message in scheduler.outbox] == [b""]
+
+
+def test_what_waits_to_be_said_of_a_robot_that_is_anothers_by_now_is_said_by_that_one(
+    giraff, session, owner
+):
+    Session.objects.filter(pk=session).update(state="driving")
+    scheduler = Scheduler(owner)
+    assert scheduler.renew(at(0))
+    (lease,) = scheduler.outbox
+    owner.become({n: epoch for n, epoch in owner.epochs.items() if n != SHARD})
+    store.end(session, "completed", "left", at(1))
+    assert scheduler.tick({}, RobotLink(since=NOW.timestamp()), at(2)) == []
+    assert lease not in scheduler.outbox
+    assert not SessionEvent.objects.filter(session=session, type="ended").exists()
 
 
 @pytest.mark.django_db(transaction=True)
