@@ -25,6 +25,7 @@ from robots.admin_pages.doors import DoorPage
 from robots.admin_pages.finishing import FinishingPage
 from robots.admin_pages.keys import EnrolmentPage, ScreenPage
 from robots.admin_pages.now_filter import NowFilter
+from robots.admin_pages.overview import status_of
 from robots.enrol.credentials import make_credentials, revoke
 from robots.forms import AdapterInput, FloorPlanForm, RobotForm, offered
 from robots.models import FloorPlan, Robot, RobotElsewhere, RobotPermit
@@ -88,10 +89,9 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         "key",
         "screen",
         "between",
-        "turnaround_at",
         "control",
         "driver",
-        "last_seen_at",
+        "seen",
         "sessions",
         "told_factsheet",
         "told_state",
@@ -115,7 +115,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         (_("Driving access"), {"fields": ("access", "observers_allowed", "turn_minutes")}),
         (
             _("Between visits"),
-            {"fields": ("returns_home", "charge_limit", "between", "turnaround_at")},
+            {"fields": ("returns_home", "charge_limit", "between")},
         ),
         (_("Driving"), {"fields": ("assist",)}),
         (_("Robot's screen"), {"fields": ("calls", "screen")}),
@@ -134,7 +134,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
                     "adapter_here",
                     "key",
                     "control",
-                    "last_seen_at",
+                    "seen",
                     "driver",
                     "sessions",
                 )
@@ -293,12 +293,16 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
 
     @admin.display(description=_("current status"))
     def between(self, robot: Robot) -> str:
-        """Whether it is ready for a visit, and why not."""
-        standstill = standstill_of(robot.report) if robot.is_online(timezone.now()) else ""
-        if standstill:
-            return in_words(standstill)
-        phase = robot.get_turnaround_display()
-        return f"{phase}: {in_words(robot.turnaround_reason)}" if robot.turnaround_reason else phase
+        """What the top of the page says, and why and since when it is not ready for a visit."""
+        label, why, since = status_of(robot).label, "", None
+        if robot.enabled and robot.is_online(timezone.now()):
+            why = standstill_of(robot.report) or robot.turnaround_reason
+            waits = robot.turnaround != Robot.Turnaround.READY
+            since = robot.turnaround_at if waits else None
+        shown = f"{label}: {in_words(why)}" if why else label
+        if since is None:
+            return shown
+        return gettext("%(state)s (since %(when)s)") % {"state": shown, "when": _moment(since)}
 
     @admin.display(description=_("driver"))
     def driver(self, robot: Robot) -> str | SafeString:
@@ -332,19 +336,31 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
     @admin.display(description=_("credentials"))
     def key(self, robot: Robot) -> str | SafeString:
         """When its credentials were made, and the way to new ones."""
-        if not robot.credential_hash or robot.credential_made_at is None:
-            state = gettext("none: the robot can't connect")
-        else:
-            state = gettext("created %(when)s") % {"when": _moment(robot.credential_made_at)}
         if robot._state.adding:
             return gettext("Save the robot first.")
-        if robot.renewal_asked_at is not None:
-            state = gettext("%(made)s; new ones requested, not fetched yet") % {"made": state}
         ways = (
             link_to("admin:robots_robot_enrol", gettext("Enrol the robot's computer"), robot.pk),
             link_to("admin:robots_robot_credentials", gettext("Create new credentials"), robot.pk),
         )
-        return format_html("{} · {} · {}", state, *ways)
+        return format_html("<span data-state>{}</span> · {} · {}", self._credentials(robot), *ways)
+
+    @staticmethod
+    def _credentials(robot: Robot) -> str:
+        if not robot.credential_hash or robot.credential_made_at is None:
+            return gettext("none: the robot can't connect")
+        made = gettext("created %(when)s") % {"when": _moment(robot.credential_made_at)}
+        if robot.renewal_asked_at is None:
+            return made
+        return gettext("%(made)s; new ones requested, not fetched yet") % {"made": made}
+
+    def live_fields(self, robot: Robot) -> dict[str, str]:
+        """Return the fields below the top of the page that change with it."""
+        return {
+            "between": self.between(robot),
+            "control": self.control(robot),
+            "seen": self.seen(robot),
+            "key": self._credentials(robot),
+        }
 
     @admin.display(description=_("screen"))
     def screen(self, robot: Robot) -> str | SafeString:

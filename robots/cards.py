@@ -15,6 +15,8 @@ from robots.models import Robot
 from robots.presence import is_stopped_there, standstill_of
 
 CardState = Literal["available", "busy", "stopped", "offline"]
+# of a robot that is in its station and not ready yet: sessions/leases/readiness.py
+CHECKS = frozenset({"level", "relocalize", "picture", "network"})
 STATES: tuple[CardState, ...] = get_args(CardState)  # in the order of a list
 PICTURES = frozenset({"giraff", "rhodon"})  # the series that have a picture of their own
 
@@ -134,8 +136,12 @@ def _away(robot: Robot) -> tuple[str, str] | None:
         return None
     words = {
         Robot.Turnaround.RETURNING: (
-            _("Returning to its station"),
-            _("It needs to dock first. You can join the queue."),
+            (_("Getting ready"), _("It is running its self-check. You can join the queue."))
+            if robot.turnaround_reason in CHECKS
+            else (
+                _("Returning to its station"),
+                _("It needs to dock first. You can join the queue."),
+            )
         ),
         Robot.Turnaround.CHARGING: (
             _("Charging"),
@@ -143,7 +149,9 @@ def _away(robot: Robot) -> tuple[str, str] | None:
         ),
         Robot.Turnaround.PAUSED: (
             _("Not ready"),
-            _("The robot couldn't get ready for the next visit. It tries again by itself."),
+            _("The robot couldn't get ready for the next visit. It tries again by itself.")
+            if isinstance(robot.report, dict) and robot.report.get("docked") is True
+            else _("The robot didn't reach its station. It tries again by itself."),
         ),
     }
     return words.get(Robot.Turnaround(robot.turnaround))

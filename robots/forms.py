@@ -1,6 +1,6 @@
 """Parts of the administration's forms: a robot, its adapter, and a floor plan from its files."""
 
-from typing import Any
+from typing import Any, ClassVar
 
 from django import forms
 from django.core.files.uploadedfile import UploadedFile
@@ -28,15 +28,24 @@ class AdapterInput(forms.TextInput):
         return format_html('{}<datalist id="{}">{}</datalist>', field, known, options)
 
 
+DECIMALS = ("turn_minutes", "charge_limit", "max_linear", "max_angular")
+NO_DECIMAL = _("This is not a number. Use a decimal point: write 0.6, not 0,6.")
+
+
 class RobotForm(forms.ModelForm):
     """A robot that never connected cannot be shown to visitors; one that is shown can be hidden."""
 
     class Meta:
         model = Robot
         fields = ("shown_to_visitors",)  # the administration names the others
+        # As people write them: with a comma too, in a language that has decimal commas.
+        localized_fields = DECIMALS
+        error_messages: ClassVar = {name: {"invalid": NO_DECIMAL} for name in DECIMALS}
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
+        for name in {*DECIMALS} & self.fields.keys():
+            self.fields[name].widget.attrs["inputmode"] = "decimal"
         robot, switch = self.instance, self.fields.get("shown_to_visitors")
         if switch is not None and robot.last_seen_at is None and not robot.shown_to_visitors:
             switch.widget.attrs["disabled"] = True  # the page lifts it with the first sign of life

@@ -4,6 +4,7 @@ simulated robots that are there for it (telepresence_site/practice runs them).
 
 import datetime
 from dataclasses import dataclass
+from typing import Any
 
 from django.conf import settings
 from django.contrib.auth.decorators import login_required
@@ -13,6 +14,7 @@ from django.shortcuts import redirect, render
 from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import gettext as _
+from django.utils.translation import ngettext
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_POST, require_safe
 
@@ -76,7 +78,17 @@ def try_robot(request: HttpRequest) -> HttpResponse:
         return _none_offered(request)
     if not request.user.is_authenticated:
         return redirect("home")
-    return render(request, "sessions/try.html")
+    return render(request, "sessions/try.html", {"trial": trial_length(request.user)})
+
+
+def trial_length(user: Any) -> str:
+    """Return in words how long somebody without an account drives; empty for everybody else."""
+    if user.is_authenticated and user.kind != User.Kind.VISITOR:
+        return ""
+    seconds = round(settings.TRIAL_SECONDS)
+    if seconds % 60:
+        return ngettext("%(n)d second", "%(n)d seconds", seconds) % {"n": seconds}
+    return ngettext("%(n)d minute", "%(n)d minutes", seconds // 60) % {"n": seconds // 60}
 
 
 def _none_offered(request: HttpRequest) -> HttpResponse:

@@ -257,12 +257,17 @@ class Refused(Message, frozen=True, kw_only=True):
 
 
 class RoomState(Message, frozen=True, kw_only=True):
-    """`room`: who is here. `driver` is the shown name, None when nobody drives."""
+    """`room`: who is here. `driver` is the shown name, None when nobody drives; `observers` are
+    those who only watch, and not those who watch while they wait.
+
+    `pause` says why a robot that nobody drives is not ready, as the reason of `session/queued`.
+    """
 
     driver: Name | None = None
     driving: bool = False
     observers: Count = 0
     waiting: Count = 0
+    pause: Reason = ""
 
 
 class AudienceQuestion(Message, frozen=True, kw_only=True):
@@ -363,8 +368,9 @@ class Queued(Notice, frozen=True, kw_only=True):
     """You wait; `place` 1 is next, `minutes` the estimate.
 
     `reason` says why a robot that nobody drives is not ready: `returning`, `charging` or `paused`,
-    a colon, and what the robot says; or `start`, a colon, and in one word why it is not as a study
-    wants it: `not_docked`, `elsewhere`, `lost`, `charge`, `silent`.
+    a colon, and what the robot says; `held`, a colon, and why somebody has paused visits; or
+    `start`, a colon, and in one word why it is not as a study wants it: `not_docked`, `elsewhere`,
+    `lost`, `charge`, `silent`.
     """
 
     place: Count

@@ -24,7 +24,7 @@ from accounts.attempts import Attempts
 from accounts.models import User
 from accounts.passwordless import open_to_visitors
 from accounts.rate_limits import limited
-from robots.access import has_a_robot, may_drive, may_observe, robots_visible_to
+from robots.access import has_a_robot, may_drive, may_observe, may_operate, robots_visible_to
 from robots.api.disk_space import DiskSpace
 from robots.api.messages import IceServer
 from robots.bridge import bridge
@@ -53,10 +53,13 @@ def drive(request: HttpRequest, robot: str) -> HttpResponse:
     verdict = may_drive(request.user, found)
     if not verdict and not may_observe(request.user, found):
         raise PermissionDenied(verdict.reason)
+    config = page_config(found, request.user)
+    if not found.practice:
+        config["robots"] = reverse("robots_json")  # for whoever waits while others are free
     return render(
         request,
         "sessions/drive.html",
-        {"robot": found, "picture": picture_of(found), "config": page_config(found, request.user)},
+        {"robot": found, "picture": picture_of(found), "config": config},
     )
 
 
@@ -96,6 +99,7 @@ def page_config(robot: Robot, user: Any) -> dict[str, Any]:
         "factsheet": robot.factsheet,
         "returnsHome": robot.returns_home,
         "suggested": interfaces.suggested_to(user),
+        "operates": bool(may_operate(user, robot)),
     }
 
 

@@ -16,6 +16,7 @@ from robots.admin_pages.access import WithDriver
 from robots.admin_pages.owner_status import OwnerStatus, owner_status
 from robots.api.messages import VERSION
 from robots.cards import picture_of
+from robots.enrol.tokens import open_enrolment
 from robots.forms import offered
 from robots.models import Robot
 
@@ -54,7 +55,17 @@ class OverviewPage(WithDriver):
     def status_view(self, request: HttpRequest, pk: Any) -> JsonResponse:
         """Answer with how a robot is now, for its page."""
         robot: Robot = get_object_or_404(self._rows(request), pk=pk)
-        return JsonResponse(asdict(_status(robot)) | {"agent": _agent_version(robot)})
+        more = {
+            "agent": _agent_version(robot),
+            "enrolment": open_enrolment(robot, timezone.now()),
+            "enrolled": bool(robot.credential_hash),
+            "fields": self.live_fields(robot),
+        }
+        return JsonResponse(asdict(status_of(robot)) | more)
+
+    def live_fields(self, robot: Robot) -> dict[str, str]:
+        """Return the texts of those fields of the page that change by themselves."""
+        raise NotImplementedError
 
     def _rows(self, request: HttpRequest) -> Any:
         rows = self.get_queryset(request).select_related("floor_plan", "lease")
@@ -63,10 +74,11 @@ class OverviewPage(WithDriver):
     def _overview(self, request: HttpRequest, robot: Robot, token: str) -> dict[str, Any]:
         return {
             "robot": robot,
-            "status": _status(robot),
+            "status": status_of(robot),
             "status_url": reverse("admin:robots_robot_status", args=[robot.pk]),
             "server": request.build_absolute_uri("/").rstrip("/"),
             "token": token,
+            "enrolment": open_enrolment(robot, timezone.now()) if token else "",
             "adapters": ", ".join(offered()),
             "may_enrol": self.has_change_permission(request, robot),
             "agent": _agent_version(robot),
@@ -76,7 +88,8 @@ class OverviewPage(WithDriver):
         }
 
 
-def _status(robot: Robot) -> OwnerStatus:
+def status_of(robot: Robot) -> OwnerStatus:
+    """Return how a robot is now: the one state that every part of its page says."""
     lease = getattr(robot, "lease", None)
     driven = lease is not None and lease.session_id is not None
     return owner_status(robot, driven=driven, now=timezone.now())

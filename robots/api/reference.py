@@ -287,7 +287,7 @@ was no connection |
 the network |
 | `page/direct` | program | `direct`: messages of the robot arrive over a data channel, so most \
 need not come here as well |
-| `room` | server | `driver`, `driving`, `observers`, `waiting` |
+| `room` | server | `driver`, `driving`, `observers`, `waiting`, `pause` |
 | `audience/hand`, `audience/ask` | program | of a page that watches: `raised` raises or lowers a \
 hand; a question with `text` |
 | `audience/mark`, `audience/lower` | program | of the driver, or an operator who watches: \

@@ -46,5 +46,14 @@ def redeem(name: str, token: str, now: datetime.datetime) -> Credentials | None:
     return make_credentials(found.robot, now)
 
 
+def open_enrolment(robot: Robot, now: datetime.datetime) -> str:
+    """Return the id of the enrolment whose token still works, empty when none does: credentials
+    that are made delete it.
+    """
+    rows = Enrolment.objects.filter(robot=robot, used_at=None, expires_at__gt=now)
+    found = rows.values_list("pk", flat=True).first()
+    return "" if found is None else str(found)
+
+
 def _hash(token: str) -> str:
     return hashlib.sha256(token.encode()).hexdigest()

@@ -82,7 +82,7 @@ class RobotConsumer(RobotPageConsumer):
         )
         self.sparing = relay.Sparing()
         self.peers = peers_of(self.name)
-        self.peers.waiting = context.waiting
+        self.peers.waiting, self.peers.pause = context.waiting, context.pause
         client = self.scope.get("client") or ("",)
         self.page_session = PageSession(
             robot=context.robot,
@@ -268,6 +268,8 @@ class RobotConsumer(RobotPageConsumer):
                 self.sender.put_picture(inbound.frame)
         else:
             self._relay(inbound)
+        if inbound.suffix == "lease" and self.peers.is_to_be_read(self.known, time.monotonic()):
+            self._launch(self._read_peers(self.page_session))
         if inbound.suffix in {"lease", "state"}:
             self.page_session.peers_changed()
         if unsure:
@@ -321,6 +323,12 @@ class RobotConsumer(RobotPageConsumer):
 
     # --- what time brings -------------------------------------------------------------------------
 
+    async def _read_peers(self, page_session: PageSession) -> None:
+        try:
+            await page_session.read_peers()
+        except (DatabaseError, InterfaceError) as error:
+            log.warning("page_not_checked", robot=self.name, reason=str(error))
+
     async def _keep_time(self, page_session: PageSession) -> None:
         """Say every few seconds that the page is open, and every minute ask whether it may stay."""
         # Pages that came together do not ask together from then on.
@@ -332,6 +340,8 @@ class RobotConsumer(RobotPageConsumer):
             page_session.peers_changed()
             try:
                 await page_session.say_seen()
+                if self.peers.is_to_be_read(self.known, time.monotonic()):
+                    await page_session.read_peers()
                 if time.monotonic() - asked >= WELCOME_EVERY:
                     asked = time.monotonic()
                     async with page_session.turn:

@@ -100,7 +100,7 @@ class PageSession:
                 await self._leave(verb)
             case protocol.Assist():
                 await self._choose_assist(verb)
-        self.peers.waiting = await database_sync_to_async(queries.waiting_at)(self.robot)
+        await self.read_peers()
 
     async def _take(self, ask: protocol.Take) -> None:
         taken = await database_sync_to_async(queries.take)(
@@ -333,6 +333,12 @@ class PageSession:
             self.sender.notify(protocol.Offered(session=session, seconds=standing.seconds))
 
     # --- what time brings -------------------------------------------------------------------------
+
+    async def read_peers(self) -> None:
+        """Read how many wait, and what the robot does when nobody drives it; say so to all."""
+        read = database_sync_to_async(queries.between_visits_at)
+        self.peers.waiting, self.peers.pause = await read(self.robot)
+        self.peers.changed()
 
     async def say_seen(self) -> None:
         """Note in the database that this page is open."""

@@ -7,6 +7,7 @@ from django.conf import settings
 
 from robots.bridge.known import KnownRobot
 from sessions.consumers.authorization import Authorization
+from sessions.leases.policy import PAGE_SEEN_EVERY
 from sessions.protocol import RoomState
 
 
@@ -23,22 +24,39 @@ class Member(Protocol):
 
 
 class Peers:
-    """Everybody here at one robot. `waiting` is the length of its queue when it was last read."""
+    """Everybody here at one robot. `waiting` is the length of its queue when it was last read, and
+    `pause` why it was not ready then (sessions/leases/store.py).
+    """
 
     def __init__(self) -> None:
         self.members: set[Member] = set()
         self.waiting = 0
+        self.pause = ""
+        self._read_at = float("-inf")
+        self._read_after: int | None = None  # the lease whose end it was read after
 
     @property
     def observers(self) -> int:
         """How many of the pages here watch."""
         return sum(member.authorization.watches for member in self.members)
 
+    def is_to_be_read(self, known: KnownRobot, now: float) -> bool:
+        """Tell whether queue and robot are to be read anew, once for all pages here: after a lease
+        has ended, and now and then while nobody drives, when the robot does what it does between
+        two visits. `now` is monotonic seconds.
+        """
+        if known.lease_at(now) is not None or (
+            self._read_after == known.epoch and now - self._read_at < PAGE_SEEN_EVERY
+        ):
+            return False
+        self._read_at, self._read_after = now, known.epoch
+        return True
+
     def describe(self, known: KnownRobot, now: float) -> RoomState:
         """Return who is here; `now` is monotonic seconds.
 
         The robot counts the viewers of every web process, this process those whose picture is still
-        to come.
+        to come. Whoever waits watches meanwhile, and is counted among those who wait.
         """
         lease = known.lease_at(now)
         drives = (
@@ -48,9 +66,18 @@ class Peers:
         return RoomState(
             driver=lease.who if lease is not None else None,
             driving=drives,
-            observers=max(viewers, self.observers),
+            observers=max(0, max(viewers, self.observers) - self._watching_queue(viewers)),
             waiting=self.waiting,
+            pause="" if lease is not None else self.pause,
         )
+
+    def _watching_queue(self, viewers: int) -> int:
+        """Return how many of those who watch wait for the robot: here, and at most elsewhere."""
+        here = [member.authorization for member in self.members]
+        waiting = [page for page in here if page.standing == "waiting"]
+        direct = sum(page.watches and not page.by_sfu for page in here)
+        elsewhere = min(max(0, viewers - direct), max(0, self.waiting - len(waiting)))
+        return sum(page.watches for page in waiting) + elsewhere
 
     def has_place(self, known: KnownRobot) -> bool:
         """Tell whether one more may watch; the robot's last place is kept for its driver."""

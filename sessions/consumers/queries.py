@@ -37,6 +37,7 @@ class ConnectionContext:
     live_elsewhere: bool
     online: bool
     waiting: int
+    pause: str
 
     @property
     def may_enter(self) -> bool:
@@ -83,6 +84,7 @@ def enter(user: User, name: str, now: datetime.datetime) -> ConnectionContext | 
         live_elsewhere=live is not None and live.state != Session.State.WAITING,
         online=robot.is_online(now),
         waiting=waiting_at(robot),
+        pause=turns.pause_of(robot),
     )
 
 
@@ -239,3 +241,8 @@ def is_of(session: str, visitor: User) -> bool:
 def waiting_at(robot: Robot) -> int:
     """Return how many visitors wait for a robot."""
     return Session.objects.filter(robot=robot, state=Session.State.WAITING).count()
+
+
+def between_visits_at(robot: Robot) -> tuple[int, str]:
+    """Return how many visitors wait for a robot, and why it is not ready, empty when it is."""
+    return waiting_at(robot), turns.pause_of(robot)

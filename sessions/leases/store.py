@@ -66,6 +66,8 @@ ATTEMPTS = 200
 # the reason of a session that ended because the visitor began another one, on somebody's terms
 BEGINS_ANEW = "begins_anew"
 CLOSED = 1001  # the code of a page that was closed or left
+REASON_LENGTH = 300  # of robots.api.messages.Reason
+HELD = "held"  # of a robot whose visits somebody has paused
 LEFT_QUEUE = "left_queue"  # the reason of a session that ended before it had the robot
 
 
@@ -638,10 +640,13 @@ def _pause(report: Any, held: str, returns: bool, phase: str, reason: str) -> st
     """Say why nobody gets a robot, that nobody can drive as it is first: who is called to one that
     stands still has waited for nothing.
     """
-    why = standstill_of(report) or held
+    why = standstill_of(report)
     if why:
         return f"{Robot.Turnaround.PAUSED}: {why}"
-    return f"{phase}: {reason}" if returns and phase != Robot.Turnaround.READY else ""
+    if held:
+        return f"{HELD}: {held}"
+    is_away = returns and phase != Robot.Turnaround.READY
+    return f"{phase}: {reason}"[:REASON_LENGTH] if is_away else ""
 
 
 def session_of(session: Session) -> ActiveSession:

@@ -2,6 +2,7 @@
 and refused (`validate`) by its field; which field it gets is said once, in `field_of`.
 """
 
+import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import partial
 from types import MappingProxyType
@@ -23,6 +24,14 @@ from surveys.document_forms.parts import (
 
 NOT_POINTS = "Write one point per line: x and y in metres."
 NONE = gettext_lazy("none")
+# What msgspec says of a number beyond its limits, and what is said instead.
+BEYOND = re.compile(r"Expected `\w+(?: \| null)?` ([<>]=?) (-?[\d.]+)\.$")
+LIMITS = {
+    ">=": gettext_lazy("Write a number of at least %(n)s."),
+    ">": gettext_lazy("Write a number above %(n)s."),
+    "<=": gettext_lazy("Write a number of at most %(n)s."),
+    "<": gettext_lazy("Write a number below %(n)s."),
+}
 # What may be chosen, by field: values, or values with what they are called.
 Offered = Mapping[str, Sequence[str] | Mapping[str, str]]
 NOTHING: Offered = MappingProxyType({})
@@ -109,8 +118,12 @@ class NumberField(ValueField):
     def refusal(self, value: Any) -> str:
         """Return what is said of text, or what the class says."""
         if isinstance(value, str) and value not in literals(self.member.annotation):
+            if isinstance(read_number(value, whole=False), float):
+                return gettext("Write a whole number.")
             return gettext("This is not a number.") if value else gettext("Write a number.")
-        return super().refusal(value)
+        told = super().refusal(value)
+        beyond = BEYOND.search(told)
+        return LIMITS[beyond[1]] % {"n": f"{float(beyond[2]):g}"} if beyond else told
 
 
 class CheckField(ValueField):

@@ -262,10 +262,8 @@ class Demo:
         print(f"\n  Logs: {self.children.log_dir}    Ctrl-C ends everything.\n", flush=True)
 
     def _say_where_to_take_part(self) -> None:
-        print(
-            f"  Take part:         {self.address}/studies/{self.study}/   (the paper's study)",
-            flush=True,
-        )
+        link = f"{self.address}/studies/{self.study}/"
+        print(f"  Take part:         {link}   (the paper's study; without an account)", flush=True)
 
     def watch(self) -> None:
         """Start again what ends, for ever.

@@ -29,6 +29,7 @@ from robots.models import Robot
 from sessions.leases.policy import ActiveSession, Hold, Scene, minutes_until_turn, place_in_queue
 from sessions.leases.store import rules_of, session_of
 from sessions.models import Session
+from sessions.practice import trial_length
 
 # a page asks every few seconds, and a class of visitors has one address
 PER_PAGE = 24
@@ -56,6 +57,7 @@ def home(request: HttpRequest) -> HttpResponse:
         "shown": shown,
         "invitation": _invitation(request.user, cards),
         "can_try": settings.PRACTICE_ROBOTS > 0,
+        "trial": trial_length(request.user),
         "studies": invitations(get_language() or "", timezone.now()),
     }
     return render(request, "site/home.html", context)

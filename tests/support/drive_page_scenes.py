@@ -18,6 +18,7 @@ from tests.support.present_robot_page import PresentRobotPage
 from tests.support.told_task import tell
 
 Scenes = AsyncIterator[str]
+FREE = {"state": "available", "drives": True, "url": PRACTICE}  # as the landing page's list has it
 
 
 async def drives(page: Page, site: PresentRobotPage, address: str) -> Scenes:
@@ -38,6 +39,12 @@ async def drives(page: Page, site: PresentRobotPage, address: str) -> Scenes:
     await under_way(site, m.Goto)
     await page.wait_for_selector("#offer-progress:not([hidden])")
     yield "on its way"
+    await page.click("[data-action=map_large]")
+    yield "on its way, large map"
+    await page.click("#places-toggle")
+    yield "places, large map"
+    await page.click("#places-toggle")
+    await page.click("[data-action=map_large]")
     await chats(page, site)
     yield "on its way, chat"
     answered(site, m.Goto, "FAILED", "no_path")
@@ -121,6 +128,12 @@ async def waits(page: Page, site: PresentRobotPage, address: str) -> Scenes:
     await page.click("#card-main")
     await page.wait_for_selector("#drive-page[data-playing][data-phase=queued]")
     yield "queued"
+    site.others = [{**FREE, "name": name, "action": f"Drive {name}"} for name in ("Rhodon", "Pepe")]
+    site.keep_waiting("paused: something stands before the charging station")
+    await page.wait_for_selector("#card[data-card='queued.paused'] #card-instead > a")
+    yield "queued, others are free"
+    site.others = []
+    await page.wait_for_selector("#card-instead", state="hidden")
     stopped(site)
     site.keep_waiting("paused: estop")
     await page.wait_for_selector("#presence-talk:not([hidden])")

@@ -108,6 +108,9 @@ class FakeRobotPage:
         self.photos: dict[str, bytes] = {}
         # where to practise, as the server says it; PRACTICE is a page for it
         self.practice: dict[str, Any] | None = None
+        # what the landing page's list says of other robots
+        self.others: list[dict[str, Any]] = []
+        self.operates = False  # whether whoever looks operates the robot
         self.still: bytes | None = None  # the JPEG that comes through the server
         self.battery = m.Battery(charge=0.82)
         self.errors: tuple[str, ...] = ()
@@ -227,6 +230,7 @@ class FakeRobotPage:
             "/snapshots": (json.dumps({"snapshots": listed}).encode(), "application/json"),
             **{f"/snapshots/{name}": (jpeg, "image/jpeg") for name, jpeg in self.photos.items()},
             "/practice": (json.dumps(self.practice).encode(), "application/json"),
+            "/robots.json": (json.dumps({"robots": self.others}).encode(), "application/json"),
             PRACTICE: (
                 b'<link rel="icon" href="data:,"><h1>Another robot</h1>',
                 "text/html; charset=utf-8",
@@ -251,8 +255,10 @@ class FakeRobotPage:
             "snapshots": "/snapshots",
             "study": self.study,
             "check": f"/{protocol.CHECK_PATH}",
+            "operates": self.operates,
         }
         config["practice"] = "/practice" if self.practice else None
+        config["robots"] = "/robots.json"
         with translation.override(language):
             return render_to_string(
                 "sessions/drive.html",

@@ -21,7 +21,8 @@ import { reasonFor } from "./reasons.js";
  */
 
 const AROUND_SECONDS = 8; // time to read it, and to look where it is
-const STOP = { action: "stop", word: "do.stop" };
+/** It stops the robot, as the red button does, which alone is called so. */
+const CANCEL = { action: "stop", word: "do.cancel_drive" };
 const AGAIN = { action: "task_again", word: "do.task_again" };
 const SELF = { action: "task_dismiss", word: "do.drive_yourself" };
 
@@ -100,14 +101,14 @@ export const offerFor = (state) => {
   if (task?.status === "FAILED") {
     return {
       word: `task.failed.${known(task)}`,
-      detail: reasonFor(task.reason),
+      detail: refusal(task.reason, state.factsheet?.footprint ?? []),
       tone: "danger",
       main: AGAIN,
       other: SELF,
     };
   }
   if (state.maneuver === "back") {
-    return { word: "task.undock", detail: { word: "task.take_over" }, tone: "calm", main: STOP };
+    return { word: "task.undock", detail: { word: "task.take_over" }, tone: "calm", main: CANCEL };
   }
   if (robot.docked) {
     return inStation(state);
@@ -126,6 +127,7 @@ export const offerFor = (state) => {
   if (offersAround(state)) {
     return {
       word: state.said?.word ?? "",
+      values: state.said?.values,
       tone: "busy",
       main: { action: "go_around", word: "do.go_around" },
     };
@@ -146,6 +148,24 @@ export const offersAround = (state) =>
     maySend(state, "map"),
   );
 
+/**
+ * Why it does not go there. A point too near to a wall, which the robot has moved by half a metre
+ * already if that was enough (robots/agent/navigation/planning), is named by what the robot needs.
+ * @param {string} reason
+ * @param {[number, number][]} footprint
+ * @returns {{word: string, values?: Record<string, string>} | null}
+ */
+const refusal = (reason, footprint) => {
+  const found = reasonFor(reason);
+  return found?.word === "reason.in_wall" && footprint.length
+    ? { word: "reason.too_close", values: { cm: String(halfWidth(footprint)) } }
+    : found;
+};
+
+/** How far a robot reaches aside, in whole cm. @param {[number, number][]} footprint */
+export const halfWidth = (footprint) =>
+  Math.ceil(100 * Math.max(0, ...footprint.map(([, y]) => Math.abs(y))));
+
 /** @param {import("./robot_action.js").RobotAction} task @returns {string} */
 const known = ({ type, title }) =>
   type === "goto" && title
@@ -163,7 +183,7 @@ const underWay = (task) => {
       : { word: moving ? "task.take_over" : "task.drive_a_little" },
     tone: "calm",
     progress: moving ? task.progress : null,
-    main: moving ? STOP : undefined,
+    main: moving ? CANCEL : undefined,
   };
 };
 

@@ -14,8 +14,17 @@ const ANSWER_PATIENCE = 3; // s until a question that the server has not answere
 const newSlice = () => ({
   /** what this page is to the robot: protocol/session.js */
   visit: newVisit(),
-  /** who else is here; `driver` is null when nobody drives */
-  room: { driver: /** @type {string | null} */ (null), driving: false, observers: 0, waiting: 0 },
+  /**
+   * who else is here; `driver` is null when nobody drives, `pause` why the robot is not ready then:
+   * view/hud/pause.js
+   */
+  room: {
+    driver: /** @type {string | null} */ (null),
+    driving: false,
+    observers: 0,
+    waiting: 0,
+    pause: "",
+  },
   /** the robot's last state, null before the first; robots.api.messages.State */
   robot: /** @type {any} */ (null),
   /** when the robot's emergency stop was released, Unix time */

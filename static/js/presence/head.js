@@ -7,6 +7,23 @@ import { backToDriving } from "../lib/dom.js";
 import { freshId } from "../lib/ids.js";
 import { STEP, Tilting } from "./tilt.js";
 
+/**
+ * @param {HTMLInputElement} slider
+ * @param {number} angle rad
+ * @param {import("../lib/words.js").Words} words
+ */
+const showAngle = (slider, angle, words) => {
+  if (Math.abs(Number(slider.value) - angle) > 0.005) {
+    slider.value = String(angle);
+  }
+  const degrees = Math.round((Math.abs(angle) * 180) / Math.PI);
+  const word = degrees === 0 ? "tilt.level" : angle > 0 ? "tilt.down" : "tilt.up";
+  const said = words.say(word, { degrees });
+  if (slider.getAttribute("aria-valuetext") !== said) {
+    slider.setAttribute("aria-valuetext", said);
+  }
+};
+
 /** @param {import("../drive/registry.js").Page} page */
 export const createHead = ({ store, element, driving, words }) => {
   const slider = /** @type {HTMLInputElement} */ (element("tilt-slider"));
@@ -21,8 +38,13 @@ export const createHead = ({ store, element, driving, words }) => {
     }
   };
   slider.addEventListener("input", () => tiltTo(Number(slider.value)));
-  // the arrows are to drive again, and not to nod
-  slider.addEventListener("pointerup", () => backToDriving(element));
+  slider.addEventListener("pointerdown", () => tilting.hold(Number(slider.value)));
+  for (const end of ["pointerup", "pointercancel"]) {
+    slider.addEventListener(end, () => {
+      tilting.letGo();
+      backToDriving(element); // the arrows are to drive again, and not to nod
+    });
+  }
 
   /** @param {number} change rad, positive looks down */
   const step = (change) => ({
@@ -47,25 +69,17 @@ export const createHead = ({ store, element, driving, words }) => {
     render: (state) => {
       const range = isOffered(state, "tilt") && state.playing ? state.factsheet.tilt : null;
       element("tilt").hidden = !range;
-      if (range) {
+      if (!range) {
+        tilting.letGo(); // of a slider that is gone no pointer is lifted
+      } else {
         Object.assign(slider, {
           min: String(range.minimum),
           max: String(range.maximum),
           step: "0.01",
         });
         const shown = tilting.shown(state.robot?.tilt ?? null, unixNow());
-        if (shown !== null && Math.abs(Number(slider.value) - shown) > 0.005) {
-          slider.value = String(shown);
-        }
         if (shown !== null) {
-          const degrees = Math.round((Math.abs(shown) * 180) / Math.PI);
-          const said = words.say(
-            degrees === 0 ? "tilt.level" : shown > 0 ? "tilt.down" : "tilt.up",
-            { degrees },
-          );
-          if (slider.getAttribute("aria-valuetext") !== said) {
-            slider.setAttribute("aria-valuetext", said);
-          }
+          showAngle(slider, shown, words);
         }
       }
     },

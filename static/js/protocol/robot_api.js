@@ -412,6 +412,7 @@ const TO_PAGE = {
       driving: optional(flag, false),
       observers: optional(count, 0),
       waiting: optional(count, 0),
+      pause: optional(reason, ""),
     }),
   ],
   audience: [

@@ -29,6 +29,7 @@ import { roleOf } from "../protocol/session.js";
  * @property {string} place the name of what it speaks of, or nothing
  * @property {Stop[]} stops in the order in which they are passed; the station, 0, is the last
  * @property {number | null} left seconds, null while there is plenty
+ * @property {number | null} driven seconds since the drive began, null before
  */
 
 const PRACTICE_LAST = 60; // s: a practice drive says how long it goes on when it is about to end
@@ -60,6 +61,7 @@ export const guideFor = (state) => {
       place: "",
       stops: [],
       left: leftOf(state) ?? practiceLeft(state),
+      driven: drivenIn(state),
     };
   }
   const number = told?.number ?? null;
@@ -69,12 +71,16 @@ export const guideFor = (state) => {
     place: study.checkpoints.find((/** @type {any} */ stop) => stop.number === number)?.title ?? "",
     stops: stopsOf(study, told),
     left: leftOf(state),
+    driven: drivenIn(state),
   };
 };
 
 /** @param {import("../drive/features.js").State} state */
 const leftOf = ({ told, now }) =>
   told === null || told.endsAt === null || told.outcome ? null : Math.max(0, told.endsAt - now);
+
+/** @param {import("../drive/features.js").State} state */
+const drivenIn = ({ began, now }) => (began === null ? null : Math.max(0, now - began.at));
 
 /**
  * A practice drive is over after its minutes, whether or not somebody says so.

@@ -49,12 +49,10 @@ export const createPanel = (element, words) => {
     panel.dataset.cue = guide.cue;
     write(element("task-cue"), sentence(guide, words));
     write(element("task-place"), guide.place);
-    write(
-      element("task-time"),
-      guide.left === null
-        ? ""
-        : words.say("reading.left", { time: clockTime(Math.ceil(guide.left)) }),
-    );
+    // The study decides from when on it says what is left; until then it is the dials' clock, where
+    // there is no room for dials.
+    element("task-time").toggleAttribute("data-driven", guide.left === null);
+    write(element("task-time"), timeOf(guide, words));
     write(element("task-note"), noteOf(state, words));
     const key = JSON.stringify(guide.stops);
     if (key !== drawn) {
@@ -62,6 +60,14 @@ export const createPanel = (element, words) => {
       list.replaceChildren(...guide.stops.map((stop) => stopItem(stop, words)));
     }
   };
+};
+
+/** @param {import("./guide.js").Guide} guide @param {import("../lib/words.js").Words} words */
+const timeOf = ({ left, driven }, words) => {
+  if (left !== null) {
+    return words.say("reading.left", { time: clockTime(Math.ceil(left)) });
+  }
+  return driven === null ? "" : words.say("reading.driven", { time: clockTime(driven) });
 };
 
 /**

@@ -30,6 +30,8 @@ const newSlice = () => ({
   copied: false,
   /** whether the visitor who waits can still be asked to allow notifications */
   notifiable: false,
+  /** the other robots that the visitor who waits could drive at once: free_robots.js */
+  freeRobots: /** @type {import("../view/hud/card.js").FreeRobot[]} */ ([]),
 });
 
 /** @param {import("../drive/registry.js").Page} page */
@@ -84,11 +86,17 @@ const setUp = (page) => {
           lazyPanels(({ waits }) => waits());
         } else if (before === "queued") {
           lazyPanels(({ practice_over }) => practice_over());
+          store.update({ freeRobots: [] });
         }
       },
       // What kept the page from the server is over.
       socketOpen: () => store.get().finding?.word === UNREACHED && store.update({ finding: null }),
-      second: watchTrouble,
+      second: (/** @type {number} */ now) => {
+        watchTrouble(now);
+        if (store.get().visit.phase === "queued") {
+          lazyPanels(({ look_for_free_robots }) => look_for_free_robots(now));
+        }
+      },
     },
   };
 };

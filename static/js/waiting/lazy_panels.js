@@ -8,6 +8,7 @@ import { examine } from "../pages/check/examine.js";
 import { copy } from "../lib/clipboard.js";
 import { appOf, browserFor } from "../pages/check/in_app.js";
 import { isRobotsFault } from "./fault.js";
+import { createFreeRobots } from "./free_robots.js";
 import { askPermission, call, permission, prepare } from "./notification.js";
 import { createPractice } from "./practice.js";
 import { saveSouvenir } from "./souvenir.js";
@@ -51,6 +52,8 @@ export const createLazyPanels = (page) => {
         visit: { ...visit, phase: "closed", reason },
       });
     },
+    /** @param {number} now */
+    look_for_free_robots: createFreeRobots(page),
     copy_link: async () => store.update({ copied: await copy(location.href) }),
     souvenir: async () => {
       const { trip } = store.get();

@@ -62,7 +62,8 @@ export const createPractice = ({ store, address, element, words, report }) => {
   element("practice-end").addEventListener("click", end);
   store.subscribe(({ practice, visit }) => {
     if (practice === "on") {
-      const word = visit.place > 1 ? "practice.waits" : "practice.next";
+      const next = visit.place > 1 ? "practice.waits" : "practice.next";
+      const word = visit.pause ? "practice.paused" : next;
       write(
         element("practice-words"),
         words.say(word, { place: visit.place, minutes: Math.max(1, Math.ceil(visit.minutes)) }),

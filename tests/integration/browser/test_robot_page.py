@@ -1,10 +1,12 @@
 """An owner's page of a robot in a real Chromium: it waits for the robot, and says when it came."""
 
 import datetime
+import re
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from django.test import Client
+from django.urls import reverse
 from django.utils import timezone
 from playwright.sync_api import expect
 
@@ -44,6 +46,12 @@ def test_an_owner_connects_a_robot_and_shows_it_without_leaving_its_page(opened)
     assert "--enrol " in copied
 
     page.evaluate("window.sameDocument = true")
+    settings = {
+        name: page.locator(f".field-{name} .readonly") for name in ("between", "seen", "key")
+    }
+    expect(settings["between"]).to_have_text("New")
+    enrolling = {"robot": "giraff", "token": copied.rpartition(" ")[2]}
+    assert page.request.post(reverse("agent_enrol"), data=enrolling).status == 200
     Robot.objects.update(
         connection="ONLINE",
         last_seen_at=timezone.now() + datetime.timedelta(hours=1),  # for longer than the test
@@ -54,6 +62,13 @@ def test_an_owner_connects_a_robot_and_shows_it_without_leaving_its_page(opened)
     expect(overview.locator("[data-waiting]")).to_be_hidden()
     expect(overview).to_contain_text("50 %")
     expect(overview).to_contain_text("0.1.0")
+    assert overview.locator("[data-label]").inner_text() == "Hidden"
+    expect(settings["between"]).to_have_text("Hidden")
+    expect(settings["seen"]).not_to_have_text("–")
+    expect(settings["key"]).to_contain_text(re.compile(r"^created .* · Enrol"))
+    expect(page.locator("#command")).to_have_text(copied.partition(" --enrol ")[0])
+    expect(page.get_by_text("This command is shown only once.")).to_have_count(0)
+    expect(page.get_by_text("This command starts the robot's agent")).to_be_visible()
     assert page.evaluate("window.sameDocument")
     switch.check()
     page.get_by_role("button", name="Save and continue editing").first.click()

@@ -169,6 +169,34 @@ def test_a_new_robot_needs_a_proper_name(client, researcher):
     assert Robot.objects.get().name == "giraff-2"
 
 
+@pytest.mark.parametrize("field", ["turn_minutes", "charge_limit", "max_linear", "max_angular"])
+def test_a_decimal_comma_is_taken_in_spanish_and_told_apart_in_english(
+    client, researcher, giraff, field
+):
+    address = f"{LIST}{giraff.pk}/change/"
+    form = {
+        "title": "X",
+        "enabled": "on",
+        "access": "open",
+        "assist": "off",
+        "charge_limit": "0.2",
+        "calls": "accept",
+        "permits-TOTAL_FORMS": 0,
+        "permits-INITIAL_FORMS": 0,
+    }
+    refused = client.post(address, form | {field: "0,6"}).content.decode()
+    assert "write 0.6, not 0,6" in refused
+    for language, text, number in (("es", "0,6", 0.6), ("es", "0.7", 0.7), ("en", "0.8", 0.8)):
+        spoken = {"headers": {"accept-language": language}}
+        assert client.post(address, form | {field: text}, **spoken).status_code == 302
+        assert getattr(Robot.objects.get(), field) == number
+        shown = re.search(rf'<input[^>]*name="{field}"[^>]*>', page(client, address, **spoken))[0]
+        separator = {"es": ",", "en": "."}[language]
+        assert f'value="{str(number).replace(".", separator)}"' in shown
+        assert 'type="text"' in shown
+        assert 'inputmode="decimal"' in shown
+
+
 def test_a_robots_other_languages_are_written_and_emptied_on_its_page(client, researcher):
     form = {
         "name": "giraff-2",
@@ -463,7 +491,7 @@ def test_doors_are_opened_and_closed_on_a_page_of_their_own(client, researcher, 
 def test_a_robot_that_is_stuck_between_two_visits_is_freed(client, researcher, giraff):
     Robot.objects.update(turnaround="paused", turnaround_reason="estop")
     assert (
-        "paused: its emergency stop is on"
+        "Not ready: its emergency stop is on"
         in client.get(f"{LIST}{giraff.pk}/change/").content.decode()
     )
     client.post(LIST, {"action": "free", "_selected_action": [str(giraff.pk)]})

@@ -14,6 +14,7 @@ from robots.models import Robot
 from sessions.leases import terms
 from sessions.models import Session, StateChunk
 from telepresence_site.practice import robots
+from tests.support.people import person
 
 pytestmark = pytest.mark.django_db
 
@@ -50,6 +51,15 @@ def test_the_first_page_offers_it_where_there_are_practice_robots(client, settin
     refused = client.post(reverse("try_now"))
     assert refused.status_code == 404
     assert "This site offers no trial" in refused.content.decode()
+
+
+def test_how_long_a_trial_lasts_is_said_beside_its_button(client, settings):
+    assert "1 minute, without an account" in client.get(reverse("home")).content.decode()
+    settings.TRIAL_SECONDS = 90.0
+    assert "90 seconds, without an account" in client.get(reverse("home")).content.decode()
+    client.force_login(person())
+    assert "without an account" not in client.get(reverse("home")).content.decode()
+    assert "This takes a few seconds.<" in client.get(reverse("try_robot")).content.decode()
 
 
 def test_who_still_waits_when_there_is_no_trial_any_more_reads_so(client, tries, settings):

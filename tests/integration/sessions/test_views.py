@@ -2,6 +2,7 @@
 
 import json
 import re
+from html import unescape
 
 import pytest
 from django.contrib.auth import get_user_model
@@ -86,6 +87,20 @@ def test_the_drive_page_tells_its_modules_where_everything_is(client, robot, ada
     assert config["who"] == "Ada L."
     assert config["factsheet"] == {"name": "giraff"}
     assert "no-store" in response["Cache-Control"]
+
+
+def test_only_who_operates_the_robot_reads_which_part_of_the_server_fails(client, robot, ada):
+    def faults():
+        text = unescape(client.get("/robots/giraff/").content.decode())
+        return " ".join(re.findall(r'data-word="fault\.(?!robot\.)[^"]*">(.*?)</p>', text))
+
+    parts = re.compile("service|database|disk|broker|manager")
+    client.force_login(ada)
+    assert faults().count("The server has a problem.") == 11
+    assert not parts.search(faults())
+    RobotPermit.objects.create(robot=robot, user=ada, kind=RobotPermit.Privilege.OPERATOR)
+    assert "The server's control service isn't responding." in faults()
+    assert "The server has a problem." not in faults()
 
 
 def test_a_robots_title_cannot_break_out_of_the_page(client, robot, ada):

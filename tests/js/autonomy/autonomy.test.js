@@ -168,9 +168,31 @@ describe("what is offered", () => {
     assert.deepEqual(offerFor(docked).main, { action: "back_out", word: "do.undock" });
     assert.deepEqual(offerFor({ ...docked, maneuver: "back" }).main, {
       action: "stop",
-      word: "do.stop",
+      word: "do.cancel_drive",
     });
     assert.deepEqual(menuFor(docked), []);
+  });
+
+  test("only the red button is called stop: the other cancels an automatic drive", () => {
+    const { action, word } = offerFor(driving({ task: going() })).main;
+    assert.deepEqual([action, word], ["stop", "do.cancel_drive"]);
+    assert.ok(KEYS.has(word) && !KEYS.has("do.stop"));
+  });
+
+  test("a point too near to a wall is refused with what the robot needs", () => {
+    const footprint = [
+      [0.3, 0.275],
+      [0.3, -0.275],
+      [-0.3, -0.275],
+      [-0.3, 0.275],
+    ];
+    const refused = driving({
+      task: going({ status: "FAILED", reason: "the goal (1.0, 2.0) lies in a wall or so" }),
+    });
+    assert.equal(offerFor(refused).detail.word, "reason.in_wall");
+    const known = { ...refused, factsheet: { ...refused.factsheet, footprint } };
+    assert.deepEqual(offerFor(known).detail, { word: "reason.too_close", values: { cm: "28" } });
+    assert.ok(KEYS.has("reason.too_close"));
   });
 
   test("nothing is offered to whoever only watches", () => {

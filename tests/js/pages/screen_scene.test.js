@@ -12,6 +12,7 @@ const told = (state, changes = {}) => ({
   state: { viewers: 0, session: null, call: null, safety: { estop: false }, ...state },
   ...changes,
 });
+const STOPPED = { safety: { estop: true, estopSource: "screen:hall" } };
 const watching = (...given) => sceneFor(told(...given), 100).watching;
 
 test("people at the robot are told how many watch, without the one who drives", () => {
@@ -31,4 +32,18 @@ test("who waits at a stopped robot and the people there can write to each other"
   assert.deepEqual([nobody.scene, nobody.canWrite], ["idle", false]);
   const away = sceneFor(told({}, { screen: waits, online: false }), 100);
   assert.deepEqual([away.scene, away.canWrite], ["offline", false]);
+});
+
+test("whoever releases a stop sees that it is on its way, and what to do without an answer", () => {
+  const at = (now, release) => {
+    const { stopped, release: button } = sceneFor(told(STOPPED, { release }), now);
+    return [stopped, button];
+  };
+  const asked = { id: "r", since: 100, refused: false };
+  assert.deepEqual(at(100, null), ["ours", "offered"]);
+  assert.deepEqual(at(102, asked), ["ours", "asked"]);
+  assert.deepEqual(at(105, asked), ["unreleased", "offered"]);
+  assert.deepEqual(at(101, { ...asked, refused: true }), ["unreleased", "offered"]);
+  const other = told({ safety: { estop: true, estopSource: "owner:Ana" } }, { release: asked });
+  assert.equal(sceneFor(other, 101).release, "");
 });

@@ -262,7 +262,31 @@ describe("the head", () => {
     assert.equal(tilting.shown(0.1, 0), 0.5);
     tilting.take(0);
     assert.equal(tilting.shown(0.1, 1), 0.5);
-    assert.equal(tilting.shown(0.45, 3), 0.45);
+    assert.equal(tilting.shown(0.45, 3), 0.5);
+    assert.equal(tilting.shown(0.45, 5), 0.45);
+  });
+
+  test("the slider stays where a hand holds it, whatever the robot says and however long", () => {
+    const tilting = new Tilting();
+    tilting.want(0.5, RANGE);
+    tilting.take(0);
+    tilting.hold(0.1);
+    assert.equal(tilting.shown(0.45, 0.1), 0.1);
+    assert.equal(tilting.shown(0.45, 30), 0.1);
+    tilting.want(0.3, RANGE);
+    tilting.take(31);
+    assert.equal(tilting.shown(0.45, 60), 0.3);
+    tilting.letGo();
+    assert.equal(tilting.shown(0.45, 60), 0.45);
+  });
+
+  test("its value stays until the head is there, and an old state is no proof of that", () => {
+    const tilting = new Tilting();
+    tilting.want(0.3, RANGE);
+    tilting.take(0);
+    assert.equal(tilting.shown(0.31, 0.1), 0.3);
+    assert.equal(tilting.shown(0.31, 1), 0.31);
+    assert.equal(tilting.shown(0.1, 3), 0.3);
   });
 });
 

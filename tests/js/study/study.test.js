@@ -188,6 +188,13 @@ describe("the guide", () => {
     );
   });
 
+  test("says how long one has driven, which a screen without dials shows", () => {
+    const began = { at: 40, distance: 0 };
+    assert.equal(guideFor(state({ began })).driven, 60);
+    assert.equal(guideFor(state()).driven, null);
+    assert.equal(words.say("reading.driven", { time: "1:00" }), "Time 1:00");
+  });
+
   test("shows a practice drive's time in its last minute, even if nobody says so", () => {
     const practice = { ...STUDY, kind: "practice", minutes: 3, checkpoints: [] };
     const at = (now, more = {}) =>

@@ -8,6 +8,7 @@ import { cardFor } from "../../../static/js/view/hud/card.js";
 import { clockTime, contains, roomAt } from "../../../static/js/view/hud/dials.js";
 import { statusFor } from "../../../static/js/view/hud/status.js";
 import { createWords } from "../../../static/js/lib/words.js";
+import { freeRobotsIn } from "../../../static/js/waiting/free_robots.js";
 import { newState } from "../../../static/js/drive/features.js";
 import { createStore } from "../../../static/js/drive/store.js";
 
@@ -76,7 +77,17 @@ const ENDED = [
 ];
 const CLOSED = ["signed_out", "not_allowed", "no_such_robot", "unsupported", "in_app"];
 
-const ROOM = { driving: true, observers: 0, waiting: 1 };
+const ROOM = { driving: true, observers: 0, waiting: 1, pause: "" };
+/** Why nobody gets a robot between two visits, and how it is called then. */
+const BETWEEN = /** @type {[string, string, string][]} */ ([
+  ["returning: dock", "status.returning", "returning"],
+  ["returning: picture", "status.checked", "checked"],
+  ["charging: charging", "status.charging", "charging"],
+  ["paused: could not dock", "status.paused", "paused"],
+  ["held: a new carpet", "status.held", "held"],
+]);
+
+const free = (pause = "") => ({ driver: null, driving: false, observers: 0, waiting: 0, pause });
 
 const everyState = () => [
   ...PHASES.flatMap((phase) =>
@@ -91,9 +102,24 @@ const everyState = () => [
   state({ phase: "lobby", liveElsewhere: true }),
   state({ phase: "lobby", mayDrive: false }),
   state({ phase: "lobby", mayDrive: false, mayObserve: false }),
-  state({ phase: "lobby" }, { room: { driver: "Ana", driving: true, observers: 0, waiting: 0 } }),
-  state({ phase: "lobby" }, { room: { driver: null, driving: true, observers: 0, waiting: 0 } }),
+  state(
+    { phase: "lobby" },
+    { room: { driver: "Ana", driving: true, observers: 0, waiting: 0, pause: "" } },
+  ),
+  state(
+    { phase: "lobby" },
+    { room: { driver: null, driving: true, observers: 0, waiting: 0, pause: "" } },
+  ),
   ...STANDSTILLS.map((robot) => state({ phase: "lobby" }, { robot })),
+  ...BETWEEN.flatMap(([pause]) =>
+    [true, false].flatMap((docked) => [
+      state({ phase: "lobby" }, { room: free(pause), robot: { ...ROBOT, docked } }),
+      state({ phase: "queued", pause }, { robot: { ...ROBOT, docked } }),
+    ]),
+  ),
+  ...ENDED.map((reason) =>
+    state({ phase: "ended", reason }, { returnsHome: true, robot: { ...ROBOT, docked: false } }),
+  ),
   state({ phase: "driving" }, { leaving: true }),
   state({ phase: "driving" }, { leaving: true, returnsHome: true }),
   state(
@@ -150,6 +176,75 @@ describe("cards", () => {
     ]);
     const well = state({ phase: "lobby" }, { robot: { ...ROBOT, errors: ["lens dirty"] } });
     assert.deepEqual([cardFor(well).word, statusFor(well).word], ["lobby", "status.ready"]);
+  });
+
+  test("a robot between two visits is called the same before, after and while one waits", () => {
+    for (const [pause, status, word] of BETWEEN) {
+      const more = { room: free(pause), robot: { ...ROBOT, docked: false } };
+      const [lobby, left] = [state({ phase: "lobby" }, more), state({ phase: "ended" }, more)];
+      assert.deepEqual([statusFor(lobby).word, statusFor(left).word], [status, status]);
+      assert.deepEqual(
+        [cardFor(lobby).word, cardFor(lobby).main.word],
+        [`lobby.${word}`, "do.queue"],
+      );
+      const queued = cardFor(state({ phase: "queued", pause }, more)).word;
+      assert.equal(SENTENCES.get(`${queued}.title`), SENTENCES.get(`lobby.${word}.title`), pause);
+    }
+    // its own state says so, and sooner
+    const released = state({ phase: "lobby" }, { room: free("paused: estop"), robot: ROBOT });
+    assert.equal(statusFor(released).word, "status.ready");
+  });
+
+  test("a robot that is on its way home is not said to have stopped", () => {
+    const ended = (reason, docked) =>
+      cardFor(state({ phase: "ended", reason }, { returnsHome: true, robot: { ...ROBOT, docked } }))
+        .word;
+    assert.deepEqual(
+      [ended("left", false), ended("left", true), ended("robot_fault", false)],
+      ["ended.left_home", "ended.left", "ended.robot_fault"],
+    );
+    assert.equal(cardFor(state({ phase: "ended", reason: "left" })).word, "ended.left");
+  });
+
+  test("who waits for a robot that did not get home reads one thing, and which are free", () => {
+    const freeRobots = [{ action: "Drive Rhodon", url: "/robots/rhodon/?go=1" }];
+    const waits = (reason, docked = false) =>
+      cardFor(
+        state(
+          { phase: "queued", place: 1, pause: `paused: ${reason}` },
+          { freeRobots, robot: { ...ROBOT, docked } },
+        ),
+      );
+    const told = [
+      ["could not dock, after several tries", "queued.paused", "reason.dock_failed"],
+      ["something stands before the charging station", "queued.paused", "because.before_dock"],
+      ["the robot has not found itself", "queued.paused", "because.lost"],
+      ["waits, because no way is free", "queued.paused", "reason.blocked"],
+      ["missed, tries again", "queued.paused", undefined],
+    ];
+    for (const [reason, word, detail] of told) {
+      const card = waits(reason);
+      assert.deepEqual([card.word, card.detail?.word], [word, detail], reason);
+      assert.ok(!detail || SENTENCES.has(detail), detail);
+      assert.ok(!/wait|Drive a little/.test(SENTENCES.get(detail ?? "") ?? ""), detail);
+      assert.deepEqual(card.instead, freeRobots);
+    }
+    assert.equal(waits("the robot has not found itself", true).word, "queued.unfit");
+    const held = cardFor(state({ phase: "queued", place: 1, pause: "held: a new carpet" }));
+    assert.deepEqual(held.detail, { word: "because.held", values: { reason: "a new carpet" } });
+    assert.ok(SENTENCES.has("because.held"));
+  });
+
+  test("only others that are free, and that the visitor may drive, are offered instead", () => {
+    const list = {
+      robots: [
+        { name: "giraff", state: "available", drives: true, action: "Drive Giraff", url: "/g" },
+        { name: "lent", state: "available", drives: false, action: "Open its page", url: "/l" },
+        { name: "taken", state: "busy", drives: true, action: "Join the queue", url: "/t" },
+        { name: "rhodon", state: "available", drives: true, action: "Drive Rhodon", url: "/r" },
+      ],
+    };
+    assert.deepEqual(freeRobotsIn(list, "giraff"), [{ action: "Drive Rhodon", url: "/r" }]);
   });
 
   test("a simulated robot is never called switched off", () => {
@@ -270,7 +365,7 @@ describe("cards", () => {
   test("a robot that somebody drives is in use, and says which place one would have", () => {
     const one = state(
       { phase: "lobby" },
-      { room: { driver: "Ana", driving: true, observers: 0, waiting: 2 } },
+      { room: { driver: "Ana", driving: true, observers: 0, waiting: 2, pause: "" } },
     );
     assert.deepEqual([statusFor(one).word, cardFor(one).values.place], ["status.busy", 3]);
     assert.equal(statusFor(state({ phase: "lobby" })).word, "status.ready");

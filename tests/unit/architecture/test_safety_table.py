@@ -55,3 +55,6 @@ def test_what_a_visitor_is_said_to_read_stands_on_the_page():
     sentences = [sentence for row in ROWS for sentence in re.findall(r'"([^"]+)"', row[4])]
     assert len(sentences) >= 10
     assert [sentence for sentence in sentences if sentence not in words] == []
+    named = re.findall(r'"([^"]+)"', SECTION.partition("A part fails when")[0])
+    assert len(named) == 5
+    assert [sentence for sentence in named if sentence not in words] == []

@@ -153,6 +153,28 @@ def test_a_robot_between_two_visits_says_what_it_does_and_can_be_waited_for(turn
 
 
 @pytest.mark.parametrize(
+    ("turnaround", "reason", "docked", "label", "detail"),
+    [
+        ("returning", "dock", False, "Returning to its station", "It needs to dock first."),
+        ("returning", "picture", True, "Getting ready", "It is running its self-check."),
+        ("paused", "could not dock", False, "Not ready", "The robot didn't reach its station."),
+        ("paused", "no_picture", True, "Not ready", "The robot couldn't get ready"),
+    ],
+)
+def test_a_robot_in_its_station_is_not_said_to_be_on_its_way(
+    turnaround, reason, docked, label, detail
+):
+    it = shown(
+        returns_home=True,
+        turnaround=turnaround,
+        turnaround_reason=reason,
+        report={"docked": docked},
+    )
+    assert it.label == label
+    assert it.detail.startswith(detail)
+
+
+@pytest.mark.parametrize(
     ("waiting", "minutes", "words"),
     [
         (0, 3.2, "Somebody is driving. You would be next, in about 4 min."),

@@ -24,6 +24,7 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec import Struct
 
+from robots.agent.adapters.common.profile_errors import line_of, refused, shown, unreadable
 from robots.agent.ramp import check_times
 from robots.agent.robot_interface import AdapterError, DepthCamera, Sonar
 from robots.api.adapter_names import known_names
@@ -49,7 +50,9 @@ class BatteryRange(Struct, frozen=True):
 
 
 class RobotProfile(Struct, frozen=True):
-    """One robot. `adapters` holds the table of each adapter, unchecked."""
+    """One robot. `adapters` holds the table of each adapter, unchecked; `file` is where it all
+    stands.
+    """
 
     series: Name
     footprint: tuple[Point, ...]
@@ -62,6 +65,7 @@ class RobotProfile(Struct, frozen=True):
     bumper: bool = False
     depth: DepthCamera | None = None
     adapters: dict[str, dict[str, Any]] = {}
+    file: str = ""
 
 
 SECTIONS: dict[str, type[Struct]] = {
@@ -92,8 +96,7 @@ def load_profile(name: str, folder: Path = SHIPPED) -> RobotProfile:
     """
     path = Path(name) if name.endswith(".toml") else folder / f"{name}.toml"
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-        return _checked(content)
+        return _checked(path)
     except FileNotFoundError as error:
         if name.endswith(".toml"):
             raise AdapterError(f"there is no file {name} with a robot profile") from error
@@ -101,13 +104,7 @@ def load_profile(name: str, folder: Path = SHIPPED) -> RobotProfile:
         raise AdapterError(
             f"no robot profile {name!r}: choose one of {known}, or give the path of a .toml file"
         ) from error
-    except (
-        OSError,
-        UnicodeDecodeError,
-        tomllib.TOMLDecodeError,
-        msgspec.ValidationError,
-        ValueError,
-    ) as error:
+    except (OSError, ValueError) as error:
         raise AdapterError(f"the robot profile {path} cannot be used: {error}") from error
 
 
@@ -131,22 +128,35 @@ def settings_of(
             _check_watchdog(adapter, profile, given)
         return msgspec.convert(_switched(kind, {**stated, **given}), kind, strict=False)
     except msgspec.ValidationError as error:
-        reason = _wrong_value(kind, str(error), {**stated, **given}) or str(error)
+        name, reason = _wrong_value(kind, str(error), {**stated, **given})
+        if name in stated and name not in given:
+            raise AdapterError(f"{_stated(profile, adapter, name)}{reason}") from error
         raise AdapterError(
-            f"an option of the adapter {adapter!r} has a wrong value: {reason}"
+            f"an option of the adapter {adapter!r} has a wrong value: {name}{reason}"
         ) from error
     except ValueError as error:
         raise AdapterError(str(error)) from error
 
 
-def _wrong_value(kind: type[Struct], error: str, given: Mapping[str, Any]) -> str:
-    """Return what the option that msgspec complains of must be, "" when it complains of none."""
+def _wrong_value(kind: type[Struct], error: str, given: Mapping[str, Any]) -> tuple[str, str]:
+    """Return the option that msgspec complains of and what it must be; "" and the complaint when
+    it is none of them.
+    """
     named = PLACE.search(error)
     for field in msgspec.structs.fields(kind):
         if named is not None and field.name == named[1] and field.name in given:
             wanted = _in_words(msgspec.inspect.type_info(field.type))
-            return f"{field.name} must be {wanted}, not {given[field.name]!r}"
-    return ""
+            found = given[field.name]  # quotes are no fault in an option: only a comma is
+            advised = shown(found, wanted if "," in str(found) else "")
+            return field.name, f" must be {wanted}, not {advised}"
+    return "", error
+
+
+def _stated(profile: RobotProfile, adapter: str, key: str) -> str:
+    """Return where a profile has a key of an adapter."""
+    text = Path(profile.file).read_text(encoding="utf-8") if profile.file else ""
+    line = line_of(text, (adapter, key))
+    return f"the robot profile {profile.file or profile.series}: {line}[{adapter}] {key}"
 
 
 def _in_words(kind: msgspec.inspect.Type) -> str:
@@ -200,7 +210,10 @@ def _check_watchdog(adapter: str, profile: RobotProfile, options: Mapping[str, A
             f"in its section [{adapter}] how many seconds the base keeps moving "
             "after the last velocity, then check it with `run_robot NAME --check`"
         )
-    check_times(msgspec.convert(stated["watchdog"], float), profile.limits)
+    if type(stated["watchdog"]) not in {int, float}:
+        where = _stated(profile, adapter, "watchdog")
+        raise ValueError(f"{where} must be a number, not {shown(stated['watchdog'], 'a number')}")
+    check_times(stated["watchdog"], profile.limits)
 
 
 def _switched(kind: type[Struct], given: dict[str, Any]) -> dict[str, Any]:
@@ -211,7 +224,12 @@ def _switched(kind: type[Struct], given: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _checked(content: dict[str, Any]) -> RobotProfile:
+def _checked(path: Path) -> RobotProfile:
+    text = path.read_text(encoding="utf-8")
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(unreadable(text, error)) from error
     own = {name: content[name] for name in SHARED & set(content)}
     tables = {name: table for name, table in content.items() if name not in SHARED}
     stray = sorted(name for name, table in tables.items() if not isinstance(table, dict))
@@ -220,10 +238,14 @@ def _checked(content: dict[str, Any]) -> RobotProfile:
     for name, kind in SECTIONS.items():
         if isinstance(own.get(name), dict):
             own[name] = _section(name, kind, own[name])
-    battery = own.get("battery")
-    if isinstance(battery, dict) and not battery.get("empty", 0.0) < battery.get("full", 0.0):
+    document = {**own, "adapters": tables, "file": str(path)}
+    try:
+        profile = msgspec.convert(document, RobotProfile)
+    except msgspec.ValidationError as error:
+        raise ValueError(refused(text, document, error, _snake)) from error
+    battery = profile.battery
+    if battery is not None and not battery.empty < battery.full:
         raise ValueError("in [battery], empty must be fewer volts than full")
-    profile = msgspec.convert({**own, "adapters": tables}, RobotProfile)
     for name, most in FASTEST.items():
         if (speed := getattr(profile.limits, name)) > most:
             raise ValueError(f"[limits] {name} is {speed:g}; it cannot be more than {most:g}")
@@ -236,6 +258,10 @@ def _section(name: str, kind: type[Struct], table: dict[str, Any]) -> dict[str, 
         if key not in kind.__struct_fields__:
             raise ValueError(f"[{name}] has no key {key}; {nearest(key, kind.__struct_fields__)}")
     return {_camel(key): value for key, value in table.items()}
+
+
+def _snake(name: str) -> str:
+    return re.sub("([A-Z])", r"_\1", name).lower()
 
 
 def _camel(name: str) -> str:

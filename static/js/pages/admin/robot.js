@@ -18,8 +18,28 @@ function welcome() {
   part("waiting").hidden = true;
   part("arrived").hidden = false;
   part("wait").dataset.done = "";
+  const screen = part("screen");
+  if (screen) screen.hidden = false;
   const shown = document.querySelector("input[name=shown_to_visitors]");
   if (shown) shown.disabled = false;
+}
+
+/** The one-time command was used or replaced: the one that starts the agent again stays. */
+function spend() {
+  delete section.dataset.enrolment;
+  for (const once of section.querySelectorAll("[data-once]")) once.remove();
+  part("afterwards").hidden = false;
+}
+
+/**
+ * The settings below show the same state; a field that this person may not see is not there.
+ * @param {Record<string, string>} fields
+ */
+function renderFields(fields) {
+  for (const [name, text] of Object.entries(fields)) {
+    const field = document.querySelector(`.field-${name} .readonly`);
+    if (field) write(field.querySelector("[data-state]") ?? field, text);
+  }
 }
 
 /** @param {Record<string, any>} status robots.owner_status.OwnerStatus */
@@ -29,6 +49,9 @@ function render(status) {
   write(part("sentence"), status.sentence);
   write(part("battery"), status.battery || "–");
   write(part("agent"), status.agent || "–");
+  renderFields(status.fields);
+  const made = section.dataset.enrolment;
+  if (made && made !== status.enrolment && status.enrolled) spend();
   if (status.connected && section.dataset.connected === "false") welcome();
 }
 

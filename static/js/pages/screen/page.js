@@ -51,6 +51,7 @@ const told = {
   heardAt: 0,
   online: true,
   stop: null,
+  release: null,
 };
 const pointers = new RemotePointers({
   video,
@@ -166,10 +167,19 @@ const HANDLERS = {
       if (told.stop && message.safety.estop) {
         told.stop = null;
       }
+      if (!message.safety.estop) {
+        told.release = null;
+      }
       show();
     }
   },
-  action: (message) => receipts.answered(message),
+  action: (message) => {
+    receipts.answered(message);
+    if (told.release?.id === message.actionId && message.status === "FAILED") {
+      told.release.refused = true;
+      show();
+    }
+  },
   words: (message) => {
     const known = receipts.known.get(message.actionId);
     if (known) {
@@ -218,7 +228,14 @@ const act = (type, fields = {}, actionId = freshId("screen-")) =>
 
 const stop = () => {
   told.stop = { id: freshId("stop-"), since: unixNow() };
+  told.release = null;
   repeatStop();
+  show();
+};
+
+const release = () => {
+  told.release = { id: freshId("screen-"), since: unixNow(), refused: false };
+  act("clear_estop", {}, told.release.id);
   show();
 };
 
@@ -280,7 +297,7 @@ element("knock-decline").addEventListener("click", () =>
   act("answer_call", { accept: false, knock }),
 );
 element("hang-up").addEventListener("click", () => act("answer_call", { accept: false }));
-element("release").addEventListener("click", () => act("clear_estop"));
+element("release").addEventListener("click", release);
 element("hear").addEventListener("click", () => void hear());
 volume.addEventListener("input", () => show());
 element("quick").addEventListener("click", ({ target }) => {
@@ -310,6 +327,7 @@ const show = () => {
     knock: rings,
     watching,
     stopped,
+    release: releasing,
   } = sceneFor(told, unixNow());
   const shownName = name || words.say("somebody");
   const robot = titleOf(told.screen, document.documentElement.lang) || config.title;
@@ -351,9 +369,17 @@ const show = () => {
   element("hang-up").hidden = !canHangUp;
   element("stopped").hidden = stopped === "";
   write(element("stopped"), stopped && words.say(`stopped.${stopped}`));
-  element("release").hidden = stopped !== "ours";
+  showRelease(releasing);
   announce(scene, shownName);
   showKnock(rings, shownName);
+};
+
+/** @param {import("./scene.js").Display["release"]} releasing */
+const showRelease = (releasing) => {
+  const button = /** @type {HTMLButtonElement} */ (element("release"));
+  button.hidden = releasing === "";
+  button.disabled = releasing === "asked";
+  write(button, words.say(button.disabled ? "release.asked" : "release.offered"));
 };
 
 /**
@@ -392,6 +418,9 @@ const tick = () => {
   link.watch(now);
   repeatStop();
   receipts.tick(now);
+  if (told.release) {
+    show(); // the time for the robot's answer runs
+  }
   if (now - beatAt > BEAT) {
     beatAt = now;
     link.send(encodePacket("command/heartbeat", { n: (beats += 1), stamp: now }));

@@ -8,6 +8,8 @@ export const STALE = 4;
 export const STALE_IDLE = 45;
 /** s after which a stop that the robot has not echoed is worth a word */
 const UNCONFIRMED = 2;
+/** s for which the robot is given time to let a stop go before the button can be pressed again */
+const RELEASE_PATIENCE = 4;
 
 /**
  * @typedef {object} Told
@@ -19,6 +21,8 @@ const UNCONFIRMED = 2;
  * @property {boolean} online what the server says of the robot
  * @property {{id: string, since: number} | null} stop the stop that was pressed here and is not
  *   echoed
+ * @property {{id: string, since: number, refused: boolean} | null} [release] the release of a stop
+ *   that was asked for here and has not come
  */
 
 /**
@@ -34,7 +38,8 @@ const UNCONFIRMED = 2;
  * @property {boolean} canHangUp
  * @property {string} knock
  * @property {number} watching
- * @property {"" | "ours" | "other" | "wait" | "unconfirmed"} stopped
+ * @property {"" | "ours" | "other" | "wait" | "unconfirmed" | "unreleased"} stopped
+ * @property {"" | "offered" | "asked"} release
  */
 
 /** @param {Told} told @param {number} now @returns {Display} */
@@ -45,6 +50,7 @@ export const sceneFor = (told, now) => {
   const name = screen?.visitor ?? screen?.waiting ?? "";
   const visited = screen?.visitor != null;
   const scene = sceneOf(told, call, now);
+  const [stopped, release] = [stoppedBy(told, now), releaseOf(told, now)];
   const shares = Boolean(call?.shares);
   return {
     scene,
@@ -63,7 +69,8 @@ export const sceneFor = (told, now) => {
       scene === "offline" || scene === "no_key"
         ? 0
         : Math.max(0, (state?.viewers ?? 0) - (state?.session ? 1 : 0)),
-    stopped: stoppedBy(told, now),
+    stopped: stopped === "ours" && release === "failed" ? "unreleased" : stopped,
+    release: stopped !== "ours" ? "" : release === "failed" ? "offered" : release,
   };
 };
 
@@ -99,6 +106,14 @@ const sceneOf = ({ keyed, screen, state, heardAt, online }, call, now) => {
     return "visiting";
   }
   return call.video ? "seen" : call.audio ? "speaking" : "visiting";
+};
+
+/** @param {Told} told @param {number} now @returns {"offered" | "asked" | "failed"} */
+const releaseOf = ({ release }, now) => {
+  if (!release) {
+    return "offered";
+  }
+  return release.refused || now - release.since > RELEASE_PATIENCE ? "failed" : "asked";
 };
 
 /** @param {Told} told @param {number} now */

@@ -153,7 +153,7 @@ const helpAlert = (state) => {
     return { word: "alert.released", tone: "calm" };
   }
   if (said && now - said.at < PUSHED_SECONDS && !offersAround(state)) {
-    return { word: said.word, tone: "calm" };
+    return { word: said.word, tone: "calm", values: said.values };
   }
   const word = visit.phase === "driving" ? wordOf(help) : "";
   if (word && (profileOf(state).explains || NEEDED.has(help.why))) {

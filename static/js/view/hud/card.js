@@ -5,10 +5,12 @@
 
 import { roleOf } from "../../protocol/session.js";
 import { studyCard } from "../../study/end_cards.js";
-import { reasonFor } from "../../autonomy/reasons.js";
+import { betweenVisits, pauseOf, reasonForWaiting } from "./pause.js";
 import { standstillOf } from "./standstill.js";
 
 /**
+ * @typedef {{action: string, url: string}} FreeRobot the words of its button, and where it leads
+ *
  * @typedef {object} Card
  * @property {string} word the sentences are `<word>.title` and `<word>.text`
  * @property {Record<string, string | number>} [values] for the sentences
@@ -18,6 +20,7 @@ import { standstillOf } from "./standstill.js";
  * @property {{action: string, word: string}} [main]
  * @property {{action: string, word: string}} [other]
  * @property {{action: string, word: string}} [extra] something that one may do meanwhile
+ * @property {FreeRobot[]} [instead] robots that can be driven at once
  * @property {number} [countdown] seconds
  * @property {boolean} [quiet] no button has the focus: a key that was meant for something else must
  *   not answer
@@ -81,8 +84,9 @@ const CARDS = {
   lobby: (state) => lobby(state),
   taking: ({ visit }) =>
     visit.socket === "open" ? { word: "taking", busy: true } : { word: "connecting", busy: true },
-  queued: ({ visit, room, ...state }) => ({
-    ...queued(visit, room.driver),
+  queued: ({ visit, room, freeRobots, ...state }) => ({
+    instead: freeRobots,
+    ...queued(visit, room.driver, Boolean(state.robot?.docked)),
     values: { place: visit.place, minutes: Math.max(1, Math.ceil(visit.minutes)) },
     ...meanwhile(state),
     other: { action: "leave_now", word: "do.leave_queue" },
@@ -103,8 +107,8 @@ const CARDS = {
         : `refused.${visit.reason}`,
     main: visit.reason === "offline" || visit.reason === "observers_full" ? BACK : HOME,
   }),
-  ended: ({ visit, finding, guest, trip, practising }) => ({
-    ...ended(visit.reason, guest),
+  ended: ({ visit, finding, guest, trip, practising, returnsHome, robot }) => ({
+    ...ended(visit.reason, guest, returnsHome && robot?.docked === false),
     detail: BROKEN.has(visit.reason) ? finding : null,
     extra:
       trip && trip.metres > SHORTEST_TRIP && !practising && visit.reason !== "moved"
@@ -134,6 +138,8 @@ const meanwhile = ({ practice, notifiable }) => {
     : { main: tell };
 };
 
+/** The ends after which a robot that stopped would be no news once it is on its way home. */
+const GOES_HOME = new Set(["completed", "left", "timed_out", "idle"]);
 const BROKEN = new Set(["connection_refused", "connection_lost"]);
 
 /**
@@ -153,8 +159,7 @@ const closed = ({ visit, betterBrowser, copied }) => {
   return { word, main: visit.reason === "signed_out" ? SIGN_IN : HOME };
 };
 
-const PAUSES = new Set(["returning", "charging", "paused"]);
-const CHECKS = new Set(["level", "relocalize", "picture", "network"]);
+const PAUSES = new Set(["returning", "checked", "charging", "paused", "held"]);
 const LACKS = new Set(["not_docked", "elsewhere", "lost", "charge", "silent"]);
 const UNFIT = new Set(["no_picture", "network", "fault", "not_connected"]);
 
@@ -162,10 +167,11 @@ const UNFIT = new Set(["no_picture", "network", "fault", "not_connected"]);
  * Who keeps the queue waiting, or how the robot does when nobody drives it.
  * @param {import("../../protocol/session.js").Visit} visit
  * @param {string | null} driver
+ * @param {boolean} docked
  * @returns {Card}
  */
-const queued = ({ place, pause }, driver) => {
-  const [why, reason] = [pause.split(":")[0], pause.split(":").slice(1).join(":").trim()];
+const queued = ({ place, pause }, driver, docked) => {
+  const { why, reason } = pauseOf(pause);
   if (why === "start") {
     return { word: LACKS.has(reason) ? `queued.start_${reason}` : "queued.start_silent" };
   }
@@ -179,31 +185,30 @@ const queued = ({ place, pause }, driver) => {
     return { word: `queued.${reason}` };
   }
   if (why === "paused") {
-    const detail = reasonFor(reason);
-    return {
-      word:
-        UNFIT.has(reason) || detail?.word === "reason.not_connected"
-          ? "queued.unfit"
-          : "queued.paused",
-      detail,
-    };
+    const detail = reasonForWaiting(reason);
+    const unfit = docked || UNFIT.has(reason) || detail?.word === "reason.not_connected";
+    return { word: unfit ? "queued.unfit" : "queued.paused", detail };
   }
-  return { word: why === "returning" && CHECKS.has(reason) ? "queued.checked" : `queued.${why}` };
+  const detail =
+    why === "held" && reason ? { word: "because.held", values: { reason } } : undefined;
+  return { word: `queued.${why}`, detail };
 };
 
 /**
  * A newer server may know more ends: for those there are general words.
  * @param {string} reason
  * @param {boolean} guest
+ * @param {boolean} goesHome whether the robot drives to its station now
  * @returns {Card}
  */
-const ended = (reason, guest) => {
+const ended = (reason, guest, goesHome) => {
   if (guest) {
     return { word: "ended.guest", main: { action: "sign_up", word: "do.sign_up" }, other: HOME };
   }
   const main = AFTER[reason] ?? HOME;
+  const word = reason in AFTER ? reason : "completed";
   return {
-    word: `ended.${reason in AFTER ? reason : "completed"}`,
+    word: `ended.${word}${goesHome && GOES_HOME.has(word) ? "_home" : ""}`,
     main,
     other: main === HOME ? undefined : HOME,
   };
@@ -240,10 +245,20 @@ const lobby = ({ visit, room, robot, ...state }) => {
       other,
     };
   }
-  const standstill = standstillOf(robot);
-  return standstill
-    ? { word: `lobby.${standstill}`, main: { action: "drive", word: "do.queue" }, other }
-    : { word: "lobby", main: { action: "drive", word: "do.drive" }, other };
+  const [standstill, why] = [standstillOf(robot), betweenVisits(room.pause)];
+  if (standstill) {
+    return { word: `lobby.${standstill}`, main: { action: "drive", word: "do.queue" }, other };
+  }
+  if (why) {
+    const word = why === "paused" && robot?.docked ? "unfit" : why;
+    return {
+      word: `lobby.${word}`,
+      values: { place: room.waiting + 1 },
+      main: { action: "drive", word: "do.queue" },
+      other,
+    };
+  }
+  return { word: "lobby", main: { action: "drive", word: "do.drive" }, other };
 };
 
 /**

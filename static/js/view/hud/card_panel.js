@@ -7,8 +7,8 @@ import { write } from "../../lib/dom.js";
 export class CardPanel {
   /**
    * @param {object} options
-   * @param {HTMLElement} options.element with #card-title, #card-text, #card-main, #card-extra,
-   *   #card-other, #card-count in it
+   * @param {HTMLElement} options.element with #card-title, #card-text, #card-instead, #card-main,
+   *   #card-extra, #card-other, #card-count in it
    * @param {import("../../lib/words.js").Words} options.words
    * @param {(action: string) => void} options.onAction
    */
@@ -23,7 +23,15 @@ export class CardPanel {
     this.main = /** @type {HTMLButtonElement} */ (part("main"));
     this.extra = /** @type {HTMLButtonElement} */ (part("extra"));
     this.other = /** @type {HTMLButtonElement} */ (part("other"));
+    this.instead = part("instead");
+    this.offered = "";
     this.shown = "";
+    this.instead.addEventListener("click", (event) => {
+      const opensHere = !(event.ctrlKey || event.metaKey || event.shiftKey);
+      if (opensHere && event.target instanceof HTMLAnchorElement) {
+        onAction("leave_now"); // whoever drives another robot keeps nobody waiting for this one
+      }
+    });
     for (const button of [this.main, this.extra, this.other]) {
       button.addEventListener("click", () => onAction(button.dataset.action ?? ""));
     }
@@ -44,6 +52,7 @@ export class CardPanel {
       main,
       extra,
       other,
+      instead = [],
       countdown,
       quiet = false,
     } = card;
@@ -57,6 +66,7 @@ export class CardPanel {
     this.#button(this.main, main);
     this.#button(this.extra, extra);
     this.#button(this.other, other);
+    this.#offer(instead);
     if (word !== this.shown) {
       const first = this.shown === "";
       this.shown = word;
@@ -66,6 +76,26 @@ export class CardPanel {
         this.#takeFocus();
       }
     }
+  }
+
+  /** @param {import("./card.js").FreeRobot[]} robots */
+  #offer(robots) {
+    const key = JSON.stringify(robots);
+    if (key === this.offered) {
+      return;
+    }
+    this.offered = key;
+    this.instead.hidden = robots.length === 0;
+    this.instead.replaceChildren(
+      this.words.say("instead"),
+      ...robots.map(({ action, url }) => {
+        const link = document.createElement("a");
+        link.className = "button";
+        link.href = url;
+        link.textContent = action;
+        return link;
+      }),
+    );
   }
 
   /** @param {HTMLButtonElement} button @param {{action: string, word: string} | undefined} what */

@@ -3,6 +3,7 @@
  */
 
 import { roleOf } from "../../protocol/session.js";
+import { betweenVisits } from "./pause.js";
 import { standstillOf } from "./standstill.js";
 
 const PLAYING = /** @type {Record<string, string>} */ ({
@@ -20,7 +21,7 @@ export const statusFor = ({ visit, room, playing, slow, robot }) => {
       return { word: "status.offline", tone: "danger" };
     }
     if (robot?.safety.estop) {
-      return { word: "status.stopped", tone: "danger" };
+      return { word: "status.estop", tone: "danger" };
     }
     if (slow && playing) {
       return { word: "status.slow", tone: "slow" };
@@ -52,7 +53,12 @@ export const statusFor = ({ visit, room, playing, slow, robot }) => {
     return { word: "status.offline", tone: "off" };
   }
   const standstill = standstillOf(robot);
-  return standstill
-    ? { word: standstill.startsWith("estop") ? "status.stopped" : "status.fault", tone: "danger" }
-    : { word: "status.ready", tone: "ok" };
+  if (standstill) {
+    return {
+      word: standstill.startsWith("estop") ? "status.stopped" : "status.fault",
+      tone: "danger",
+    };
+  }
+  const why = betweenVisits(room.pause);
+  return why ? { word: `status.${why}`, tone: "busy" } : { word: "status.ready", tone: "ok" };
 };

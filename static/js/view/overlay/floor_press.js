@@ -8,6 +8,7 @@ import { Pointing } from "../../input/pointing.js";
 import { ABOUT, SIDE_TURN, arcTo, lookingAt, reach } from "../../input/pure_pursuit.js";
 import { unixNow } from "../../lib/clock.js";
 import { roleOf } from "../../protocol/session.js";
+import { halfWidth } from "../../autonomy/offer.js";
 import { boxOf, fromElement, sideOf, toFloor } from "./camera_model.js";
 import { sweep } from "./swept_path.js";
 import { mapFromRobot, robotFromMap } from "./transforms.js";
@@ -59,7 +60,8 @@ export class FloorPress {
    *   straight to
    */
   say(word, refused = null) {
-    this.store.update({ said: { word, at: unixNow(), refused }, now: unixNow() });
+    const values = { cm: String(2 * halfWidth(this.footprint)) };
+    this.store.update({ said: { word, at: unixNow(), refused, values }, now: unixNow() });
   }
 
   get footprint() {

@@ -5,6 +5,11 @@
  *   pressed, and where the robot would touch what is in the way
  */
 
+/**
+ * @typedef {{word: string, at: number, refused?: Refusal | null, values?: Record<string, string>}}
+ *   Said
+ */
+
 export const newSlice = () => ({
   /** when the visitor last pressed forward, Unix seconds */
   pushedAt: -Infinity,
@@ -16,7 +21,7 @@ export const newSlice = () => ({
   /** why it does not move although the visitor presses: view/hud/stuck.js */
   stuck: /** @type {import("../hud/stuck.js").Why | null} */ (null),
   /** an answer to what the visitor has just tried, its word and when */
-  said: /** @type {{word: string, at: number, refused?: Refusal | null} | null} */ (null),
+  said: /** @type {Said | null} */ (null),
   /**
    * what the page drives by itself for who pressed once: to a goal, a turn, or back out of the dock
    */

@@ -11,6 +11,7 @@ from playwright.async_api import Browser, Page
 
 from sessions import protocol
 from tests.support.drive_page import driving, hold, opened, until
+from tests.support.drive_page_scenes import FREE
 from tests.support.fake_robot_page import PRACTICE, FakeRobotPage
 from tests.support.patience import PRESSED, patient
 from tests.support.picture_server import jpeg_of
@@ -35,6 +36,20 @@ async def said_until_shown(page: Page, card: str, say: Callable[[], None]) -> No
 
 def signs(site: FakeRobotPage) -> list[protocol.PageEvent]:
     return [event for event in site.said("page/event") if event.type == protocol.HERE]
+
+
+async def test_who_waits_for_a_robot_that_did_not_get_home_drives_one_that_is_free(browser, site):
+    site.others = [{**FREE, "name": "rhodon", "action": "Drive Rhodon"}]
+    async with opened(browser, site, query="?go=1") as first, opened(browser, site) as second:
+        await driving(first)
+        await second.click("text=Wait for my turn")
+        await said_until_shown(
+            second, "queued.paused", lambda: site.keep_waiting("paused: could not dock")
+        )
+        await second.click("#card-instead > a:has-text('Drive Rhodon')")
+        await second.wait_for_url(f"**{PRACTICE}")
+        assert site.said("session/leave")
+    site.others = []
 
 
 async def test_who_is_asked_for_a_sign_gives_it_by_the_button_or_any_touch_and_is_asked_no_more(

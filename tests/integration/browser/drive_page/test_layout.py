@@ -73,12 +73,14 @@ FAULTS = """([selector, alert, share]) => {
     return { left, top, right, bottom };
   };
   const card = document.querySelector(".card:not([hidden])");
+  // A large map has the picture, and what is said in it, in its corner.
+  const isGround = (one) => one.matches("[data-map=large] .map-panel");
   const isBehindCard = (one, { left, top, right, bottom }) => card
     && !card.contains(one) && one.closest(".stage")
     && card.contains(document.elementFromPoint((left + right) / 2, (top + bottom) / 2));
   const shown = [...document.querySelectorAll(selector)]
     .filter((one) => one.checkVisibility({ opacityProperty: true, visibilityProperty: true })
-      && getComputedStyle(one).clipPath !== "inset(50%)")
+      && getComputedStyle(one).clipPath !== "inset(50%)" && !isGround(one))
     .map((one) => [one, boxOf(one)])
     .filter(([one, box]) => box.right - box.left > 2 && box.bottom - box.top > 2
       && !isBehindCard(one, box));
@@ -101,7 +103,7 @@ FAULTS = """([selector, alert, share]) => {
     }
   }
   if (alert) [line.textContent, line.hidden] = [text, hidden];
-  const stage = document.querySelector("[data-phase=driving] .stage")?.getBoundingClientRect();
+  const stage = document.querySelector("[data-phase=driving]:not([data-map=large]) .stage")?.getBoundingClientRect();
   const video = stage ? (stage.width * stage.height) / (innerWidth * innerHeight) : 1;
   if (innerWidth < innerHeight && innerHeight > 800 && video < 0.5) {
     found.push(`the video has ${video.toFixed(2)} of the screen`);

@@ -13,25 +13,22 @@ async def alert(page, word):
     return await page.inner_text("#alert")
 
 
-@pytest.mark.parametrize(
-    ("part", "name"),
-    [
-        ("broker", "message service"),
-        ("session_manager", "control service"),
-        ("database", "database"),
-    ],
-)
-async def test_a_part_that_fails_is_named_with_what_follows_until_it_is_back(
-    browser, site, part, name
-):
+NAMES = {
+    "broker": "message service",
+    "session_manager": "control service",
+    "database": "database",
+}
+STOPS = "Unless it recovers, the robot stops in "
+
+
+@pytest.mark.parametrize("part", NAMES)
+async def test_a_part_that_fails_is_told_with_what_follows_until_it_is_back(browser, site, part):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
         for _ in range(2):
             site.faults = (protocol.Fault(part=part, then="stops", seconds=9.0),)
             text = await alert(page, f"fault.{part}.stops")
-            assert text.startswith(
-                f"The server's {name} isn't responding. Unless it recovers, the robot stops in "
-            )
+            assert text.startswith(f"The server has a problem. {STOPS}")
             site.faults = (protocol.Fault(part=part, then="stopped"),)
             assert "The robot has stopped" in await alert(page, f"fault.{part}.stopped")
             site.faults = ()
@@ -40,6 +37,16 @@ async def test_a_part_that_fails_is_named_with_what_follows_until_it_is_back(
             )
         count = len(site.applied)
         await hold(page, "ArrowLeft", lambda: len(site.applied) > count + 3)
+
+
+async def test_who_operates_the_robot_reads_which_part_it_is(browser, site):
+    site.operates = True
+    async with opened(browser, site, query="?go=1") as page:
+        await driving(page)
+        for part, name in NAMES.items():
+            site.faults = (protocol.Fault(part=part, then="stops", seconds=9.0),)
+            text = await alert(page, f"fault.{part}.stops")
+            assert text.startswith(f"The server's {name} isn't responding. {STOPS}")
 
 
 async def test_a_full_disk_is_said_and_stops_nobody(browser, site):

@@ -3,6 +3,7 @@ what is written down of it.
 """
 
 import io
+import re
 
 import pytest
 from PIL import Image
@@ -56,6 +57,10 @@ async def test_the_task_is_led_from_cue_to_cue_and_lies_over_neither_stop_nor_th
     async with opened(browser, site, size, query="?go=1") as page:
         await driving(page)
         await until(lambda: written(site, "first_frame"))
+        tell(site, "go_to_checkpoint", number=2, x=8.4, y=1.0, passed=(1,))
+        clock = page.locator("#task-time" if size != WIDE else "#dial-time")
+        await expect(clock).to_contain_text(re.compile(r"\d:\d\d"), timeout=PATIENCE)
+        await expect(clock).to_be_visible()
         tell(site, "go_to_checkpoint", number=2, x=8.4, y=1.0, passed=(1,), remaining=119.0)
         await expect(page.get_by_text("Go to checkpoint 2.", exact=True).first).to_be_visible(
             timeout=PATIENCE

@@ -149,12 +149,30 @@ def test_a_questionnaire_outside_of_any_study_names_no_step(client):
     assert "Step" not in page.all("main")[0].text
 
 
+def assert_codes_are_told_apart(page, walker):
+    """The code for the recruitment site comes first; each has its heading, use and button."""
+    headings = [one.text for one in page.all("h2")]
+    first, last = "Your completion code", "Your participant code, for questions about your data"
+    assert headings[-2:] == [first, last]
+    copying = {one.attributes.get("data-copy"): one.text for one in page.all("button")}
+    copying.pop(None, None)
+    assert copying == {
+        "code": "Copy the completion code",
+        "participant-code": "Copy the participant code",
+    }
+    copied = {one.attributes.get("id"): one.text for one in page.elements}
+    assert copied["code"] == completion.code(walker.study, "done")
+    assert copied["participant-code"] == walker.participant.code
+    assert "don't enter it on a recruitment site" in page.text
+
+
 @pytest.mark.parametrize("name", list(shipped()))
 def test_a_whole_study_and_a_second_visit_without_the_questions_about_the_person(walk, name):
     walker = walk(name)
     bring(walker, progress.way_of(walker.participant)[-1])
     page = walker.look()
     assert completion.code(walker.study, "done") in page.text
+    assert_codes_are_told_apart(page, walker)
     assert walker.participant.status == "finished"
     walker.come()
     assert walker.participant.visit == 2

@@ -167,7 +167,7 @@ def test_a_command_with_a_token_is_shown_once_and_the_page_is_saved_as_ever(clie
     answer = client.post(address(robot, "enrol"))
     text = unescape(answer.content.decode())
     command = re.search(r'<pre id="command"[^>]*>(.*?)</pre>', text, re.DOTALL)[1]
-    token = command.rpartition("--enrol ")[2]
+    token = re.search(r"--enrol ([\w-]+)", command)[1]
     assert "This command is shown only once." in text
     assert f'action="{address(robot)}"' in text
     assert "no-store" in answer["Cache-Control"]
@@ -225,6 +225,62 @@ def test_the_state_changes_with_the_first_sign_of_life(client, robot):
     seen(robot)
     after = client.get(address(robot, "status")).json()
     assert (after["connected"], after["label"]) == (True, "Hidden")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"last_seen_at": None, "connection": "OFFLINE"},
+        {"connection": "OFFLINE"},
+        {"enabled": False},
+        {"shown_to_visitors": True},
+        {"report": {"safety": {"estop": True}}},
+        {"turnaround": "charging", "turnaround_reason": "charging"},
+    ],
+)
+def test_the_top_of_the_page_and_its_settings_say_one_state(client, robot, changes):
+    seen(robot)
+    Robot.objects.update(**changes)
+    status = client.get(address(robot, "status")).json()
+    text = unescape(client.get(address(robot)).content.decode())
+    shown = {
+        name: re.search(rf'field-{name}\b.*?class="readonly">(.*?)</div>', text, re.DOTALL)[1]
+        for name in status["fields"]
+    }
+    assert shown["between"].partition(":")[0] == status["label"]
+    assert f"<strong data-label>{status['label']}</strong>" in text
+    assert shown.pop("key").startswith(f"<span data-state>{status['fields'].pop('key')}</span>")
+    assert shown == status["fields"]
+
+
+def test_the_settings_say_since_when_a_robot_is_not_ready_and_why(client, robot):
+    seen(robot)
+    at = datetime.datetime(2026, 3, 1, 11, 0, tzinfo=datetime.UTC)
+    Robot.objects.update(
+        turnaround="paused", turnaround_reason="not_docked", turnaround_at=at, returns_home=True
+    )
+    between = client.get(address(robot, "status")).json()["fields"]["between"]
+    assert between.startswith("Not ready: it is not docked (since 2026-03-01 ")
+
+
+def test_the_page_learns_that_its_own_token_was_used(client, robot):
+    def made():
+        text = client.post(address(robot, "enrol")).content.decode()
+        token = re.search(r"--enrol ([\w-]+)", text)[1]
+        return token, re.search(r'data-enrolment="([^"]+)"', text)[1]
+
+    def status():
+        answer = client.get(address(robot, "status")).json()
+        return answer["enrolment"], answer["enrolled"]
+
+    token, enrolment = made()
+    assert status() == (enrolment, False)
+    assert redeem("giraff", token, timezone.now()) is not None
+    assert status() == ("", True)
+    assert "data-enrolment" not in overview(client, robot)
+    _again, another = made()
+    assert status() == (another, True)
+    assert enrolment != another
 
 
 def test_the_state_is_read_by_who_may_see_the_robot_alone(client, robot):

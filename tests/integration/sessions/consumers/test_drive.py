@@ -17,6 +17,7 @@ from robots.api.errors import Rejection
 from robots.models import Robot, RobotPermit
 from sessions import protocol
 from sessions.consumers import drive, last_seen
+from sessions.leases import store
 from sessions.models import Lease, Session
 from telepresence_site import asgi
 from tests.support import words
@@ -439,6 +440,41 @@ async def test_everybody_sees_who_drives_and_how_many_watch_and_wait(bridge, rob
         )
         await other.say("session/take", protocol.Take())
         await until_room(driver, lambda authorization: authorization.waiting == 1)
+
+
+def goes_home(robot):
+    robot.returns_home, robot.factsheet = True, {"capabilities": ["dock"]}
+    robot.save()
+
+
+async def test_who_waits_and_watches_meanwhile_is_not_counted_twice(bridge, robot, ada, bob):
+    async with Page("giraff", ada) as driver, Page("giraff", bob) as other:
+        await driver.take()
+        await other.say("session/take", protocol.Take())
+        await other.expect("session/queued")
+        await other.say("session/observe", protocol.Observe())
+        await other.expect("session/observing")
+        await until_room(driver, lambda room: (room.observers, room.waiting) == (0, 1))
+    assert max(room.observers for room in driver.told("room")) == 0
+
+
+@pytest.mark.parametrize("by", ["visitor", "session manager"])
+async def test_every_page_reads_what_a_robot_does_after_a_visit(bridge, robot, ada, bob, by):
+    await sync_to_async(goes_home)(robot)
+    async with Page("giraff", ada) as driver, Page("giraff", bob) as other:
+        granted = await driver.take()
+        if by == "visitor":
+            await driver.say("session/leave", protocol.Leave())
+        else:
+            end = sync_to_async(store.end)
+            await end(granted.session, Session.Outcome.TIMED_OUT, "", timezone.now())
+            bridge.say("giraff", "lease", None)
+        for page in (driver, other):
+            await until_room(
+                page, lambda room: (room.driver, room.pause) == (None, "returning: dock")
+            )
+    async with Page("giraff", bob) as later:
+        await until_room(later, lambda room: room.pause == "returning: dock")
 
 
 async def until_room(page, condition):

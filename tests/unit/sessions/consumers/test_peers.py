@@ -4,9 +4,11 @@ from dataclasses import dataclass
 
 import pytest
 
+from robots.api.messages import Lease
 from robots.bridge.known import KnownRobot
 from sessions.consumers.authorization import Authorization
 from sessions.consumers.peers import Peers
+from sessions.leases.policy import PAGE_SEEN_EVERY
 from tests.support import words
 
 
@@ -30,6 +32,10 @@ def room(*, direct, by_sfu=0):
     return peers
 
 
+def lease(epoch=1):
+    return Lease(session="s", epoch=epoch, peer="p", who="Ada", renewal=1, stamp=1.0)
+
+
 @pytest.fixture
 def known():
     robot = KnownRobot("giraff")
@@ -47,6 +53,43 @@ def test_beside_an_sfu_a_robot_keeps_places_for_its_driver_the_sfu_and_an_operat
 
 def test_whoever_watches_through_the_sfu_takes_no_place(known):
     assert room(direct=0, by_sfu=500).has_place_beside_sfu(known, operates=False)
+
+
+def test_whoever_waits_and_watches_meanwhile_counts_as_waiting_alone(known):
+    peers = room(direct=2)
+    waits = Authorization("peer-waits", "Ben")
+    waits.wait("session")
+    waits.observe()
+    peers.members.add(Member(waits))
+    peers.waiting = 1
+    known.state = words.state(viewers=3)
+    described = peers.describe(known, 0.0)
+    assert (described.observers, described.waiting) == (2, 1)
+    # one more of either kind, at another web process
+    known.state = words.state(viewers=4)
+    assert peers.describe(known, 0.0).observers == 3
+    peers.waiting = 2
+    assert peers.describe(known, 0.0).observers == 2
+
+
+def test_why_a_robot_is_not_ready_is_said_while_nobody_drives(known):
+    peers = room(direct=0)
+    peers.pause = "returning: dock"
+    assert peers.describe(known, 0.0).pause == "returning: dock"
+    known.take_lease(lease(), 0.0)
+    assert peers.describe(known, 0.0).pause == ""
+
+
+def test_a_robot_is_read_anew_after_each_lease_and_now_and_then_once_for_all_pages(known):
+    peers = room(direct=3)
+    assert peers.is_to_be_read(known, 0.0)
+    assert not peers.is_to_be_read(known, 1.0)
+    assert peers.is_to_be_read(known, PAGE_SEEN_EVERY)
+    known.take_lease(lease(), 11.0)
+    assert not peers.is_to_be_read(known, 11.0)
+    known.take_lease(None, 12.0)
+    assert peers.is_to_be_read(known, 12.0)
+    assert not peers.is_to_be_read(known, 12.5)
 
 
 def test_a_site_may_have_fewer_watch_the_robot_itself(known, settings):

@@ -97,6 +97,64 @@ def test_a_profile_that_cannot_be_is_refused_with_the_reason(tmp_path, text, sen
         registry.create("moos", str(file))
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "sentence"),
+    [
+        ("linear = 0.5", "linear = 0,5", "line 4: linear must be a number, not 0,5: write 0.5"),
+        ("linear = 0.5", "linear = .5", "line 4: linear must be a number, not .5: write 0.5"),
+        ("linear = 0.5", "linear = 5 m/s", "line 4, 'linear = 5 m/s': Expected newline"),
+        (
+            "linear = 0.5",
+            'linear = "0.5"',
+            "line 4: [limits] linear must be a number, not '0.5': write 0.5",
+        ),
+        (
+            "linear_braking = 0.8",
+            'linear_braking = "-0,8"',
+            "line 9: [limits] linear_braking must be a number, not '-0,8': write -0.8",
+        ),
+        ("linear = 0.5", "linear = -1", "line 4: [limits] linear must be a number above 0, not -1"),
+        ("linear = 0.5", "linear = true", "line 4: [limits] linear must be a number, not true"),
+        ("linear = 0.5\n", "", "line 3: [limits] has no linear"),
+        ('series = "mine"', "series = 3", "line 1: series must be a text in quotes, not 3"),
+        ('series = "mine"\n', "", "the file has no series"),
+        ("[0.2, -0.2]", "[0,2, -0.2]", "line 2: footprint number 1 must be 2 numbers, not [0, 2, "),
+        ("width = 64", "width = 64.5", "[camera] width must be a whole number, not 64.5"),
+        ("width = 64", 'width = "64"', "[camera] width must be a whole number, not '64': write 64"),
+        ("width = 64", 'width = "6,4"', "[camera] width must be a whole number, not '6,4'"),
+        ("empty = 20", 'empty = "20"', "[battery] empty must be a number, not '20': write 20"),
+        ("y = 1", "y = '1'", "line 27: [[sonars]] number 2, y, must be a number, not '1': write 1"),
+        ("theta = 1\n", "", "line 25: sonars number 2 has no theta"),
+        ("bumper = true", "bumper = 'yes'", "bumper must be true or false, not 'yes'"),
+        (
+            "watchdog = 0.5",
+            'watchdog = "0,5"',
+            "[moos] watchdog must be a number, not '0,5': write",
+        ),
+        ("port = 9000", 'port = "x"', "[moos] port must be a whole number from 1 to 65535, not"),
+    ],
+)
+def test_a_value_of_the_wrong_kind_is_named_with_its_line_and_what_to_write(
+    tmp_path, before, after, sentence
+):
+    text = (
+        f"{MINE}{LIMITS}[camera]\nwidth = 64\nheight = 48\nfps = 5\nhfov = 1.5\nx = 0\nz = 1\n"
+        "[battery]\nempty = 20\nfull = 30\n"
+        "[[sonars]]\nx = 0.2\ny = 0\ntheta = 0\n[[sonars]]\nx = 0.2\ny = 1\ntheta = 1\n"
+        "[moos]\nwatchdog = 0.5\nport = 9000\n"
+    )
+    text = text.replace("[limits]", "bumper = true\n[limits]") if "bumper" in before else text
+    file = tmp_path / "mine.toml"
+    file.write_text(text)
+    registry.create("moos", str(file))
+    assert before in text
+    file.write_text(text.replace(before, after, 1))
+    with pytest.raises(AdapterError, match=re.escape(sentence)) as error:
+        registry.create("moos", str(file))
+    assert str(error.value).startswith(f"the robot profile {file}")
+    assert "\n" not in str(error.value)
+
+
 def test_a_profile_that_is_not_there_is_answered_with_those_that_are():
     with pytest.raises(AdapterError, match="choose one of giraff, rhodon"):
         load_profile("r2d2")
@@ -121,8 +179,9 @@ def test_what_is_not_installed_is_named_with_the_line_that_installs_it(monkeypat
     ("adapter", "option", "value", "sentence"),
     [
         ("moos", "port", "many", "port must be a whole number from 1 to 65535, not 'many'"),
-        ("moos", "port", "99999", "port must be a whole number from 1 to 65535, not '99999'"),
-        ("moos", "tilt_sign", "up", "tilt_sign must be a number, not 'up'"),
+        ("moos", "port", "99999", "port must be a whole number from 1 to 65535, not '99999'$"),
+        ("moos", "tilt_sign", "up", "tilt_sign must be a number, not 'up'$"),
+        ("moos", "tilt_sign", "0,5", "tilt_sign must be a number, not '0,5': write 0.5$"),
         ("openmora_mqtt", "broker", "robot:1883", "the broker's address must be mqtt://"),
         ("openmora_mqtt", "broker", "mqtt://robot:x", "the port must be from 1 to 65535"),
         ("ros1", "localization", "gps", "localization must be one of none, pose, tf, not 'gps'"),
