@@ -377,6 +377,7 @@ def test_a_turn_has_an_end_while_somebody_waits_and_none_when_they_have_left(gir
     assert set(noted.values_list("type", flat=True)) == {"turn_limited", "turn_unlimited"}
 
 
+@pytest.mark.django_db(transaction=True)  # what is refused spoils a transaction
 @pytest.mark.parametrize("full", [True, False])
 def test_on_a_full_disk_leases_are_renewed_with_numbers_that_grow(giraff, ana, full):
     store.take(giraff, ana, "peer-1", now=NOW)

@@ -493,6 +493,7 @@ def test_the_number_of_the_last_state_tells_of_those_that_never_came(session):
     asked = []
     record = RecordBuilder(RecordStore(), lambda *words: asked.append(words))
     record.take(event_item(session, "lease_taken"))
+    record.settle(NOW)  # nothing is asked of a robot that has sent no state
     record.take(state_item(session, 1))
     record.take(event_item(session, "session_closed", seq=2))  # of an agent that does not know it
     record.settle(NOW + 3)
