@@ -158,6 +158,29 @@ async def test_a_page_that_is_loaded_anew_knows_the_steps_that_were_begun(bridge
             assert (await again.expect("wizard/begun")).deviation == "repeated"
 
 
+async def test_a_step_that_did_not_reach_the_robot_is_not_done_and_pressed_again_no_deviation(
+    bridge, ada, operator
+):
+    async with Page("giraff", ada) as page:
+        await page.take()
+        async with Console("giraff", operator) as console:
+            await console.operate()
+            bridge.say("giraff", "connection", words.broken(), stored=True)
+            for key in ("hello", "home"):
+                await console.say("wizard/step", begin(key))
+                assert (await console.expect("wizard/begun")).reason == "robot_unreachable"
+            bridge.say("giraff", "connection", words.online(), stored=True)
+            await console.say("wizard/step", begin("hello", "a2"))
+            begun = await console.expect("wizard/begun")
+            assert (begun.reason, begun.deviation) == ("", "")
+            async with asyncio.timeout(patient(SECONDS)):
+                while len(await events("wizard_step")) < 3:
+                    await asyncio.sleep(0.01)
+        async with Console("giraff", operator) as again:
+            scene, _ = await again.operate()
+            assert scene.done == ("hello",)
+
+
 async def test_the_operator_is_told_of_robot_server_and_the_participants_cue(bridge, ada, operator):
     async with Page("giraff", ada) as page, Console("giraff", operator) as console:
         session = (await page.take()).session
