@@ -180,7 +180,7 @@ def test_of_shared_robots_each_session_manager_tells_what_pages_say_of_its_own(
         ("page/event", session, event),
         ("page/network", session, network),
         ("page/event", unknown, event),
-        ("page/event", "no session at all", event),
+        ("page/event", "no-session-at-all", event),
     ):
         report = protocol.PageReport(
             suffix=suffix, session=name, message=msgspec.Raw(codec.encode(message))
