@@ -6,12 +6,12 @@ from itertools import pairwise
 
 import pytest
 from django.conf import settings
-from django.db import OperationalError, connection
+from django.db import connection
 from django.test.utils import CaptureQueriesContext
 from django.utils import timezone
 
 from accounts.models import User
-from robots.api import codec, topics
+from robots.api import topics
 from robots.models import Robot
 from sessions.leases import store
 from sessions.leases.expiry import tick
@@ -375,34 +375,6 @@ def test_a_turn_has_an_end_while_somebody_waits_and_none_when_they_have_left(gir
     assert turn_ends_at(5) is None
     noted = SessionEvent.objects.filter(session=granted.session, type__startswith="turn_")
     assert set(noted.values_list("type", flat=True)) == {"turn_limited", "turn_unlimited"}
-
-
-@pytest.mark.django_db(transaction=True)  # what is refused spoils a transaction
-@pytest.mark.parametrize("full", [True, False])
-def test_on_a_full_disk_leases_are_renewed_with_numbers_that_grow(giraff, ana, full):
-    store.take(giraff, ana, "peer-1", now=NOW)
-    Session.objects.update(state="driving", driving_at=NOW)
-    keeper = Scheduler()
-
-    def refuse(execute, sql, params, many, context):
-        if sql.startswith("UPDATE") and Lease._meta.db_table in sql:
-            raise OperationalError("database or disk is full" if full else "locked")
-        return execute(sql, params, many, context)
-
-    def renewals():
-        for seconds in (0, 10, 20):
-            assert keeper.renew(after(seconds))
-        leases = [codec.decode("lease", one.payload) for one in reversed(keeper.outbox)]
-        return [lease.renewal for lease in leases]
-
-    with connection.execute_wrapper(refuse):
-        if full:
-            assert renewals() == [1, 2, 3]
-        else:
-            with pytest.raises(OperationalError, match="locked"):
-                renewals()
-    keeper.outbox.clear()
-    assert renewals() == ([4, 5, 6] if full else [1, 2, 3])
 
 
 def test_a_grant_that_begins_while_the_scene_is_read_is_not_taken_for_a_leftover(

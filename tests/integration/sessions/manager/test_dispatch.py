@@ -16,8 +16,6 @@ from sessions.models import Session, SessionEvent
 from sessions.recording.builder import RecordBuilder
 from sessions.recording.items import ActionItem, EventItem, PhotoItem
 from sessions.recording.store import RecordStore
-from sessions.shards.hashing import shard_of
-from sessions.shards.ownership import Ownership
 from tests.support import words
 
 pytestmark = pytest.mark.django_db
@@ -168,32 +166,6 @@ def test_events_and_what_pages_say_reach_the_apps_above_and_nonsense_does_not(
     send_all(intake.fresh(), {"giraff": 0.5})
     assert published == [("", session, event, NOW), ("giraff", session, photo, NOW)]
     assert intake.fresh() == []
-
-
-def test_of_shared_robots_each_session_manager_tells_what_pages_say_of_its_own(
-    intake, session, published
-):
-    event = protocol.PageEvent(stamp=1.0, type="first_frame")
-    network = protocol.PageNetwork(stamp=1.0, way="mqtt")
-    unknown = "7d9f1c52-0000-4000-8000-000000000000"
-    for suffix, name, message in (
-        ("page/event", session, event),
-        ("page/network", session, network),
-        ("page/event", unknown, event),
-        ("page/event", "no-session-at-all", event),
-    ):
-        report = protocol.PageReport(
-            suffix=suffix, session=name, message=msgspec.Raw(codec.encode(message))
-        )
-        hears(intake, protocol.page_reports("s"), report)
-    said, mine, another = intake.fresh(), Ownership(), Ownership()
-    assert len(said) == 4
-    mine.become({shard_of("giraff"): 1})
-    another.become({shard_of("giraff") + 1: 1})
-    send_all(said, {}, another)
-    assert published == []
-    send_all(said, {}, mine)
-    assert published == [("", session, event, NOW)]
 
 
 def test_a_state_that_comes_late_is_told_as_such(intake, session):
