@@ -186,9 +186,12 @@ class WizardConsumer(RobotPageConsumer):
             )
             self.sender.post("wizard/begun", refused)
             return
-        press = progress.press(ask.step, time.time())
+        now = time.time()
+        press = progress.judge(ask.step, now)
         assert press is not None
         reason = self._begin(authorization, press, ask)
+        if not reason:  # what the robot does not do is not done, and may be pressed again
+            progress.press(ask.step, now)
         begun = protocol.StepBegun(
             step=ask.step,
             action_id=ask.action_id,
@@ -262,8 +265,7 @@ class WizardConsumer(RobotPageConsumer):
     def handle_message(self, inbound: ReceivedMessage) -> None:
         """Take a message of the robot, or a notice of the participant's session."""
         authorization = self.authorization
-        if authorization is None:
-            return
+        assert authorization is not None
         if inbound.suffix == NOTICE:
             self._handle_notice(str(inbound.frame))
         elif inbound.suffix == "lease":

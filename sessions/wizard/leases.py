@@ -135,8 +135,14 @@ def note(session: str, kind: str, user: User, now: datetime.datetime, **data: An
 
 
 def steps_done(session: str) -> list[tuple[float, str]]:
-    """Return (Unix seconds, key) of the steps that were begun in a session, in their order."""
+    """Return (Unix seconds, key) of the steps that were begun in a session, in their order, without
+    those that could not be sent.
+    """
     rows = SessionEvent.objects.filter(
         session=session, source=SessionEvent.Source.SERVER, type=STEP
     ).order_by("stamp")
-    return [(stamp, str(data.get("step", ""))) for stamp, data in rows.values_list("stamp", "data")]
+    return [
+        (stamp, str(data.get("step", "")))
+        for stamp, data in rows.values_list("stamp", "data")
+        if not data.get("reason")
+    ]

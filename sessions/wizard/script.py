@@ -116,7 +116,15 @@ class ScriptProgress:
     pressed_at: float | None = None
 
     def press(self, key: str, now: float) -> Press | None:
-        """Take a step that the operator begins; None when the script has none of that key.
+        """Take a step that the operator has begun; None when the script has none of that key."""
+        press = self.judge(key, now)
+        if press is not None:
+            self.done.append(key)
+            self.pressed_at = now
+        return press
+
+    def judge(self, key: str, now: float) -> Press | None:
+        """Return what it would be to begin a step; None when the script has none of that key.
 
         A step counts as passed over when the next one after it in the script is begun before it;
         begun later it is out of order.
@@ -125,10 +133,7 @@ class ScriptProgress:
         index = next((i for i, step in enumerate(steps) if step.key == key), None)
         if index is None:
             return None
-        deviation, skipped = self._deviation(index, now)
-        self.done.append(key)
-        self.pressed_at = now
-        return Press(steps[index], deviation, skipped)
+        return Press(steps[index], *self._deviation(index, now))
 
     def _deviation(self, index: int, now: float) -> tuple[Deviation, int]:
         steps, step = self.script.steps, self.script.steps[index]

@@ -114,9 +114,12 @@ class Page(Expecting):
         ) else await self.socket.send_to(bytes_data=frame)
 
     async def next(self):
-        suffix, message = decode(await self.socket.receive_from(timeout=patient(SECONDS)))
-        self.seen.append((suffix, message))
-        return suffix, message
+        self.seen.append(self.read(await self.socket.receive_from(timeout=patient(SECONDS))))
+        return self.seen[-1]
+
+    def read(self, frame):
+        """Return (suffix, message) of a frame."""
+        return decode(frame)
 
     async def closed(self):
         """Return the code with which the server closes."""
@@ -124,7 +127,7 @@ class Page(Expecting):
             output = await self.socket.receive_output(timeout=patient(SECONDS))
             if output["type"] == "websocket.close":
                 return output["code"]
-            self.seen.append(decode(output.get("text") or output["bytes"]))
+            self.seen.append(self.read(output.get("text") or output["bytes"]))
 
     async def take(self, **message):
         await self.say("session/take", protocol.Take(**message))

@@ -375,3 +375,72 @@ def test_the_session_managers_beat_tells_whether_it_runs(client, researcher):
     assert "icon-yes" in client.get("/admin/telepresence_sessions/managerbeat/").content.decode()
     ManagerBeat.objects.update(beat_at=timezone.now() - timezone.timedelta(seconds=60))
     assert "icon-no" in client.get("/admin/telepresence_sessions/managerbeat/").content.decode()
+
+
+def test_sessions_that_are_over_are_stopped_by_nobody_and_this_is_said(client, researcher, session):
+    answer = client.post(
+        LIST, {"action": "stop_sessions", "_selected_action": [str(session.pk)]}, follow=True
+    )
+    assert "None of these sessions was running." in answer.content.decode()
+    assert Session.objects.get().outcome == "completed"
+    assert not SystemLog.objects.exists()
+
+
+def test_a_session_that_ends_while_it_is_stopped_is_not_counted(
+    client, researcher, giraff, monkeypatch
+):
+    taken = store.take(giraff, User.objects.create(username="ben"), "peer", now=timezone.now())
+    end = store.end
+
+    def too_late(*values):
+        end(taken.session, "completed", "left", timezone.now())
+        return end(*values)
+
+    monkeypatch.setattr(store, "end", too_late)
+    answer = client.post(f"{LIST}{taken.session}/stop/", follow=True)
+    assert "None of these sessions was running." in answer.content.decode()
+    assert Session.objects.get().outcome == "completed"
+    assert not SystemLog.objects.exists()
+
+
+def test_several_sessions_download_as_one_table_and_this_is_noted(client, researcher, session):
+    answer = client.post(LIST, {"action": "download_csv", "_selected_action": [str(session.pk)]})
+    assert len(list(csv.DictReader(io.StringIO(body(answer).decode())))) == 8
+    assert AuditEntry.objects.get(act="sessions_exported").detail == "csv of 1"
+
+
+@pytest.fixture
+def owner(client, giraff):
+    """Somebody who looks after one robot."""
+    user = User.objects.create(username="owner", is_staff=True)
+    Robot.objects.update(owner=user)
+    client.force_login(user)
+    return user
+
+
+def test_an_owner_sees_what_their_robot_did_and_not_who_drove_it(client, owner, session):
+    page = client.get(f"{LIST}{session.pk}/change/").content.decode()
+    assert "12.3" in page
+    for hidden in ("Ana", "Firefox", "Device and network", "Photos"):
+        assert hidden not in page
+    assert client.get(f"{LIST}{session.pk}/states.csv").status_code == 403
+    assert not AuditEntry.objects.exists()
+
+
+def test_a_practice_robot_is_named_without_a_page(client, researcher, giraff, session):
+    Robot.objects.update(practice=True)
+    page = client.get(f"{LIST}{session.pk}/change/").content.decode()
+    assert "Giraff" in page
+    assert f"/admin/robots/robot/{giraff.pk}/change/" not in page
+
+
+def test_a_robot_that_nobody_drives_has_a_lease_of_nobody(client, researcher, giraff):
+    Lease.objects.create(robot=giraff, epoch=3, changed_at=timezone.now())
+    assert "nobody" in client.get("/admin/telepresence_sessions/lease/").content.decode()
+
+
+def test_what_the_system_did_outside_of_sessions_is_listed_without_one(client, researcher, giraff):
+    system_log.log("robot_offline", "warning", robot=giraff)
+    page = client.get("/admin/telepresence_sessions/systemlog/").content.decode()
+    assert "robot_offline" in page
+    assert "telepresence_sessions/session/" not in page.partition('id="result_list"')[2]

@@ -7,8 +7,6 @@ import asyncio
 import msgspec
 import pytest
 from asgiref.sync import sync_to_async
-from channels.testing import WebsocketCommunicator
-from django.conf import settings
 from django.utils import timezone
 
 from experiments.dataset.build import release_of
@@ -28,49 +26,17 @@ from sessions.wizard.leases import note
 from tests.support import participants as p
 from tests.support import words
 from tests.support.memory_bridge import MemoryBridge
-from tests.support.pages import ORIGIN, SECONDS, Page, cookie_of, decode, until
+from tests.support.pages import SECONDS, Page, until
 from tests.support.patience import patient
 from tests.support.people import person
 from tests.support.studies import STUDY
 from tests.support.study_site import ALL, cabin_with_giraff
+from tests.support.wizard_console import Console
 from tests.support.wizard_study import OPERATOR_TEXT, wizard_study
 
 pytestmark = pytest.mark.django_db
 # A socket asks the database in a thread of its own; emptying all tables afterwards takes long.
 sockets = pytest.mark.django_db(transaction=True)
-
-
-class Console(Page):
-    """The page of a hidden operator."""
-
-    async def open(self):
-        from telepresence_site.asgi import application
-
-        cookie = await sync_to_async(cookie_of)(self.user)
-        headers = [
-            (b"host", b"127.0.0.1"),
-            (b"origin", ORIGIN.encode()),
-            (b"cookie", f"{settings.SESSION_COOKIE_NAME}={cookie}".encode()),
-        ]
-        address = f"/ws/robots/{self.robot}/wizard/"
-        self.socket = WebsocketCommunicator(application, address, headers=headers)
-        self.accepted, self.code = await self.socket.connect(timeout=patient(SECONDS))
-        self.frames = []
-        return self.accepted
-
-    async def next(self):
-        frame = await self.socket.receive_from(timeout=patient(SECONDS))
-        self.frames.append(frame)
-        suffix, _, payload = frame.partition("\n")
-        kind = protocol.TO_PAGE.get(suffix)
-        message = msgspec.json.decode(payload, type=kind) if kind else decode(frame)[1]
-        self.seen.append((suffix, message))
-        return suffix, message
-
-    async def operate(self):
-        scene = await self.expect("wizard/session", lambda scene: scene.session)
-        await self.say("wizard/take", protocol.TakeOver(session=scene.session))
-        return scene, await self.expect("wizard/granted")
 
 
 @pytest.fixture

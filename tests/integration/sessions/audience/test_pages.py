@@ -5,11 +5,12 @@ and the robot's screen.
 import pytest
 from asgiref.sync import sync_to_async
 from django.contrib.auth import get_user_model
+from django.db import OperationalError
 from django.utils import timezone
 
 from robots.models import Robot, RobotPermit
 from robots.screens import make_screen_key
-from sessions import protocol
+from sessions import page_channel, protocol
 from sessions.audience import audience as audiences
 from sessions.leases.terms import Terms
 from tests.support.fixed_terms import provided
@@ -127,6 +128,53 @@ async def test_a_hand_goes_down_with_its_page_and_the_question_stays(bridge, rob
             await driver.expect("audience", lambda audience: audience.hands == 1)
             await page.say("session/leave", protocol.Leave())
             await driver.expect("audience", lambda audience: audience.hands == 0)
+
+
+async def test_a_hand_is_lowered_by_whose_it_is(bridge, robot, people):
+    ada, bob, _ = people
+    async with Page("giraff", ada) as driver, Page("giraff", bob) as page:
+        await driver.take()
+        await watch(page)
+        await raise_hand(page)
+        await driver.expect("audience", lambda audience: audience.hands == 1)
+        await raise_hand(page, raised=False)
+        await driver.expect("audience", lambda audience: audience.hands == 0)
+        await page.expect("audience", lambda audience: not audience.raised)
+
+
+async def test_what_a_web_process_of_another_version_says_of_the_board_harms_nothing(
+    bridge, robot, people, caplog
+):
+    ada, bob, _ = people
+    async with Page("giraff", ada) as driver, Page("giraff", bob) as page:
+        await driver.take()
+        await watch(page)
+        event = {"type": audiences.BOARD, "frame": '{"version": "of tomorrow"}'}
+        await page_channel.tell("audience.giraff", event)
+        await until(lambda: "board_rejected" in caplog.text)
+        await raise_hand(page)
+        await driver.expect("audience", lambda audience: audience.hands == 1)
+
+
+async def test_while_the_database_is_away_there_are_no_questions_and_afterwards_there_are(
+    bridge, robot, people, monkeypatch, caplog
+):
+    def away(_session):
+        raise OperationalError("the database is away")
+
+    ada, bob, _ = people
+    monkeypatch.setattr(audiences, "BEAT_SECONDS", 0.01)
+    async with Page("giraff", ada) as driver, Page("giraff", bob) as page:
+        with monkeypatch.context() as patched:
+            patched.setattr(audiences.store, "is_study", away)
+            await driver.take()
+            await observe(page)
+            await until(lambda: "audience_closed" in caplog.text)
+            await ask(page)
+            assert (await page.expect("denied")).reason == "closed"
+        await page.expect("audience", lambda audience: audience.open)
+        await ask(page)
+        await driver.expect("audience", shows(**{"Why?": "waiting"}))
 
 
 async def test_nobody_says_more_than_they_may(bridge, robot, people):

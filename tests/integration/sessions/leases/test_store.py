@@ -17,7 +17,7 @@ from sessions.leases import store
 from sessions.leases.expiry import tick
 from sessions.leases.transitions import IDLE, Free, Move, RobotLink, decide_tick
 from sessions.manager.scheduler import Scheduler
-from sessions.models import Lease, Session
+from sessions.models import Lease, Session, SessionEvent
 from sessions.protocol import Ended, Offered
 
 pytestmark = pytest.mark.django_db
@@ -348,6 +348,35 @@ def test_that_nobody_drives_is_told_before_the_news_of_what_has_ended(giraff, an
     assert topics.session_notices(granted.session) in [letter.topic for letter in others]
 
 
+def test_a_turn_has_an_end_while_somebody_waits_and_none_when_they_have_left(giraff, ana, ben):
+    granted = store.take(giraff, ana, "peer-1", now=NOW)
+    Session.objects.update(state="driving", driving_at=NOW, first_motion_at=NOW)
+    keeper = Scheduler()
+
+    def turn_ends_at(seconds):
+        now = after(seconds).timestamp()
+        link = RobotLink(
+            since=NOW.timestamp(),
+            last_received_at=now,
+            state_at=now,
+            session=granted.session,
+            epoch=granted.epoch,
+            silence=0.1,
+            moved=True,
+            active_at=now,
+        )
+        keeper.tick({"giraff": link}, RobotLink(since=NOW.timestamp()), after(seconds))
+        return Session.objects.get(pk=granted.session).turn_ends_at
+
+    assert turn_ends_at(1) is None
+    waiting = store.take(giraff, ben, "peer-2", now=after(2))
+    assert turn_ends_at(3) == after(900)
+    store.leave(waiting.session, peer="peer-2", now=after(4))
+    assert turn_ends_at(5) is None
+    noted = SessionEvent.objects.filter(session=granted.session, type__startswith="turn_")
+    assert set(noted.values_list("type", flat=True)) == {"turn_limited", "turn_unlimited"}
+
+
 def test_a_grant_that_begins_while_the_scene_is_read_is_not_taken_for_a_leftover(
     giraff, ana, monkeypatch
 ):
@@ -431,3 +460,82 @@ def test_who_operates_a_stopped_robot_may_take_it_to_release_it(giraff, ana, ben
     giraff.refresh_from_db()
     store.take(giraff, ana, "peer-1", now=NOW)
     assert isinstance(store.take(giraff, ben, "peer-2", now=after(1)), store.TakeGranted)
+
+
+# --- somebody else is quicker ---------------------------------------------------------------------
+
+
+def meanwhile(monkeypatch, name, happens):
+    """Have something happen just after a function of the store was called first."""
+    original, pending = getattr(store, name), [happens]
+
+    def call(*values, **words):
+        found = original(*values, **words)
+        if pending:
+            pending.pop()()
+        return found
+
+    monkeypatch.setattr(store, name, call)
+
+
+def test_two_tabs_that_ask_for_a_free_robot_at_once_get_one_session(giraff, ana, monkeypatch):
+    first = []
+    meanwhile(
+        monkeypatch,
+        "load_scene",
+        lambda: first.append(store.take(giraff, ana, "peer-1", now=NOW)),
+    )
+    second = store.take(giraff, ana, "peer-2", now=NOW)
+    assert second == store.TakeRefused("elsewhere", first[0].session)
+    assert Session.objects.count() == 1
+
+
+def test_two_tabs_that_queue_at_once_have_one_place(giraff, ana, ben, monkeypatch):
+    store.take(giraff, ana, "peer-1", now=NOW)
+    first = []
+    meanwhile(
+        monkeypatch, "load_scene", lambda: first.append(store.take(giraff, ben, "peer-2", now=NOW))
+    )
+    second = store.take(giraff, ben, "peer-3", now=NOW)
+    assert (first[0].place, second.place, second.session) == (1, 1, first[0].session)
+    assert Session.objects.filter(visitor=ben).count() == 1
+
+
+def test_of_two_visitors_who_ask_at_once_one_drives_and_one_waits(giraff, ana, ben, monkeypatch):
+    meanwhile(monkeypatch, "load_scene", lambda: store.take(giraff, ana, "peer-1", now=NOW))
+    taken = store.take(giraff, ben, "peer-2", now=NOW)
+    assert isinstance(taken, store.TakeQueued)
+    assert Lease.objects.get().peer == "peer-1"
+
+
+def test_a_visitor_who_leaves_in_one_tab_while_another_is_granted_gets_a_new_session(
+    giraff, ana, monkeypatch
+):
+    left = []
+
+    def leave():
+        left.append(Session.objects.get().pk)
+        Session.objects.update(state="ended", outcome="cancelled", live_key=str(left[0]))
+
+    meanwhile(monkeypatch, "fix_terms", leave)
+    granted = store.take(giraff, ana, "peer-1", now=NOW)
+    assert granted.session != str(left[0])
+    assert str(Lease.objects.get().session_id) == granted.session
+
+
+def test_a_lease_that_changes_under_every_attempt_is_an_error(giraff, ana, monkeypatch):
+    monkeypatch.setattr(store, "ATTEMPTS", 3)
+    monkeypatch.setattr(store, "change_lease", lambda *_, **__: False)
+    with pytest.raises(store.LeaseContention, match="giraff"):
+        store.take(giraff, ana, "peer-1", now=NOW)
+    assert Lease.objects.get().session is None
+
+
+def test_a_page_that_drives_no_more_chooses_no_assistance(giraff, ana):
+    first = store.take(giraff, ana, "peer-1", now=NOW)
+    assert store.set_assist(first.session, "slow", peer="peer-2") is None
+    hold, renewal = store.set_assist(first.session, "slow", peer="peer-1")
+    assert (hold.session, renewal) == (first.session, 1)
+    Session.objects.update(state="ended")
+    assert store.set_assist(first.session, "steer", peer="peer-1") is None
+    assert Session.objects.get().assist == "slow"

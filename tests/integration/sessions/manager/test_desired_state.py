@@ -10,6 +10,8 @@ from robots.models import FloorPlan, Robot
 from sessions.leases import store, terms
 from sessions.manager.desired_state import DesiredState
 from sessions.models import Session
+from sessions.shards.hashing import shard_of
+from sessions.shards.ownership import Ownership
 
 pytestmark = pytest.mark.django_db
 NOW = timezone.now()
@@ -125,3 +127,18 @@ def test_a_session_manager_that_was_away_when_a_visit_ended_undoes_its_doors(gir
         "lounge-door": "open",
         "lab-door": "closed",
     }
+
+
+def test_a_robot_that_is_anothers_is_told_nothing_and_everything_when_it_is_ours_again(giraff):
+    ownership, shard = Ownership(), shard_of("giraff")
+    ownership.become({shard: 1})
+    orders = DesiredState(ownership)
+    first = orders.tick(NOW)
+    assert set(said(first)) == {"config", "floorplan"}
+    ownership.become({})
+    Robot.objects.update(assist="stop")
+    assert orders.tick(NOW) == []
+    Robot.objects.update(assist="slow")
+    ownership.become({shard: 3})
+    assert orders.tick(NOW) == first
+    assert orders.tick(NOW) == []

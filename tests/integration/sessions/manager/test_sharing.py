@@ -16,7 +16,13 @@ from sessions.leases import store
 from sessions.models import ManagerBeat, Session, SessionEvent, Shard, StateChunk
 from sessions.shards.hashing import preferred_slot, shard_of
 from sessions.shards.rows import name_of
-from tests.support.recorder_rig import ManagerProcess, ScriptedRobot, running_mosquitto, wait_for
+from tests.support.recorder_rig import (
+    ManagerProcess,
+    ScriptedRobot,
+    running_manager,
+    running_mosquitto,
+    wait_for,
+)
 
 pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.broker]
 
@@ -136,6 +142,22 @@ async def test_drives_go_on_while_session_managers_join_are_killed_stopped_and_l
                     await drives.go_on("one has left")
                     await drives.end()
                     assert "Traceback" not in third.output + second.output + first.output
+
+
+async def test_a_drive_goes_on_while_its_robot_is_given_away_and_comes_back():
+    for name in NAMES:
+        await Robot.objects.acreate(name=name, title=name)
+    with running_mosquitto() as broker:
+        async with running_manager(broker.url) as first, driven_robots(broker.url) as drives:
+            await drives.begin()
+            async with running_manager(broker.url) as second:
+                await served_by(0, 1)
+                await drives.go_on("another has joined")
+                for manager in (first, second):
+                    assert manager.active.report()["prepared"] == [0, 1]
+            await served_by(0, 0)
+            await drives.go_on("it has left")
+            await drives.end()
 
 
 async def stopped_and_replaced(process: ManagerProcess, drives: Drives) -> None:

@@ -12,12 +12,22 @@ from django.utils import timezone
 from accounts.models import User
 from robots.api import codec, messages
 from robots.models import Robot
+from sessions import protocol
 from sessions.models import Session, SessionEvent, Snapshot, StateChunk, SystemLog
 from sessions.recording import store as record_store
 from sessions.recording.builder import RecordBuilder
-from sessions.recording.items import CloseItem, EventItem, PhotoItem, StateItem
+from sessions.recording.items import (
+    CloseItem,
+    EventItem,
+    PageItem,
+    PhotoItem,
+    ReleaseItem,
+    StateItem,
+)
 from sessions.recording.recorder import Recorder
 from sessions.recording.store import RecordStore, new_key
+from sessions.shards.hashing import shard_of
+from sessions.shards.ownership import Ownership
 from tests.support.patience import patient
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -382,3 +392,112 @@ def test_a_row_that_no_database_takes_is_counted_and_dropped(session, monkeypatc
     record.write()
     assert [event.type for event in SessionEvent.objects.all()] == ["docked"]
     assert "record_row_refused" in caplog.text
+
+
+# --- robots that are shared among session managers ------------------------------------------------
+
+
+def owning(*robots: str) -> Ownership:
+    ownership = Ownership()
+    ownership.become({shard_of(robot): 1 for robot in robots})
+    return ownership
+
+
+def page_item(session, at: float, kind: str = "blur") -> PageItem:
+    message = msgspec.Raw(codec.encode(protocol.PageEvent(stamp=1.0, type=kind)))
+    report = protocol.PageReport(suffix="page/event", session=str(session), message=message)
+    return PageItem(report, at)
+
+
+def kinds(record: RecordBuilder) -> list[str]:
+    return [row.type for row in record.rows if isinstance(row, SessionEvent)]
+
+
+def test_what_a_page_has_just_said_is_recorded_when_its_robot_becomes_ours(session):
+    ownership = owning()
+    record = RecordBuilder(RecordStore(ownership), lambda *_: None)
+    for at, kind in ((NOW, "long_ago"), (NOW + 8, "first"), (NOW + 9, "second")):
+        record.take(page_item(session.pk, at, kind))
+    record.settle(NOW + 10)
+    assert record.rows == []
+    ownership.become({shard_of("giraff"): 1})
+    record.settle(NOW + 10)
+    assert kinds(record) == ["first", "second"]
+    record.settle(NOW + 11)
+    assert len(record.rows) == 2
+
+
+def test_a_robot_that_is_given_away_is_written_down_and_read_anew_when_it_is_back(session):
+    ownership, done = owning("giraff", "rhodon"), []
+    record = RecordBuilder(RecordStore(ownership), lambda *_: None)
+    record.take(state_item(session, 1))
+    record.take(state_item(None, 7, robot="rhodon"))
+    record.take(end(session))
+    record.take(ReleaseItem(frozenset({shard_of("giraff")}), lambda: done.append(True)))
+    assert [row.last_seq for row in record.rows] == [1]
+    ownership.become({shard_of("rhodon"): 1})
+    ownership.leaving = {shard_of("giraff"): 1}
+    record.close_sessions(NOW + 1000)
+    assert Session.objects.get().closed_at is None, "its next session manager does that"
+    assert done == []
+    record.write()
+    record.tell_released()
+    record.tell_released()
+    assert done == [True]
+    other = builder()  # of the process that has it now
+    other.take(state_item(session, 2))
+    other.close_all()
+    other.write()
+    ownership.become({shard_of("rhodon"): 1, shard_of("giraff"): 3})
+    for seq in (1, 2, 3):
+        record.take(state_item(session, seq))
+    assert record.counts["duplicates"] == 2
+    record.close_all()
+    record.write()
+    assert stored(session) == [1, 2, 3]
+
+
+def test_what_pages_say_of_no_session_or_in_no_words_is_counted(session):
+    record = builder()
+    record.take(page_item("7d9f1c52-0000-4000-8000-000000000000", NOW))
+    for junk in (b'{"stamp":1}', b'"\xff"'):
+        report = protocol.PageReport(
+            suffix="page/event", session=str(session.pk), message=msgspec.Raw(junk)
+        )
+        record.take(PageItem(report, NOW))
+    assert (record.counts["unknown_session"], record.counts["malformed_report"]) == (1, 2)
+    assert record.rows == []
+
+
+def test_a_photo_of_another_robots_session_is_not_kept(session):
+    record, jpeg = builder(), b"\xff\xd8"
+    event = event_item(session, "photo", action_id="a", sha256=hashlib.sha256(jpeg).hexdigest())
+    record.take(PhotoItem("rogue", "a", jpeg, NOW))
+    record.take(EventItem("rogue", event.event, NOW))
+    assert record.rows == []
+    assert record.counts["foreign_session"] == 2
+
+
+def test_of_a_robot_that_restarts_again_and_again_the_last_runs_are_followed(session):
+    asked = []
+    record = RecordBuilder(RecordStore(), lambda *words: asked.append(words))
+    for number in range(1, 11):
+        record.take(state_item(session, 0, boot=f"run-{number}"))
+    assert list(record._trackers["giraff"]) == ["run-8", "run-9", "run-10"]
+    record.take(state_item(session, 4, boot="run-10"))
+    record.settle(NOW + 3)
+    assert asked == [("giraff", "run-10", 1, 3)]
+
+
+def test_the_number_of_the_last_state_tells_of_those_that_never_came(session):
+    asked = []
+    record = RecordBuilder(RecordStore(), lambda *words: asked.append(words))
+    record.take(event_item(session, "lease_taken"))
+    record.settle(NOW)  # nothing is asked of a robot that has sent no state
+    record.take(state_item(session, 1))
+    record.take(event_item(session, "session_closed", seq=2))  # of an agent that does not know it
+    record.settle(NOW + 3)
+    assert asked == []
+    record.take(event_item(session, "session_closed", seq=3, last_seq=5))
+    record.settle(NOW + 3)
+    assert asked == [("giraff", "b", 2, 5)]

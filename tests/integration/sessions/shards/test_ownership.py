@@ -16,12 +16,14 @@ from robots.api import codec, messages
 from robots.models import Robot
 from robots.presence import PresenceWriter
 from sessions.leases import store
+from sessions.leases.transitions import RobotLink
 from sessions.manager.scheduler import Scheduler
 from sessions.models import Lease, ManagerBeat, Session, SessionEvent, Shard, StateChunk
 from sessions.recording.builder import RecordBuilder
 from sessions.recording.items import StateItem
 from sessions.recording.store import RecordStore
 from sessions.shards import rows
+from sessions.shards.division import ALL, Holding
 from sessions.shards.hashing import shard_of
 from sessions.shards.ownership import Fenced, Ownership
 from tests.support.examples import repetitions
@@ -84,6 +86,54 @@ def test_a_takeover_counts_up_the_epochs_of_what_it_takes_alone(owner):
     assert after == before | {SHARD: before[SHARD] + 1}
 
 
+def test_shards_that_another_process_has_just_made_are_read_and_not_made_again(owner, monkeypatch):
+    there, read, before_it = rows.holdings(), Shard.objects.values_list, iter([True])
+    monkeypatch.setattr(
+        type(Shard.objects),
+        "values_list",
+        lambda _, *fields: [] if next(before_it, False) else read(*fields),
+    )
+    assert rows.holdings() == there
+    assert next(before_it, "asked") == "asked"
+    assert Shard.objects.count() == len(ALL)
+
+
+def test_a_shard_is_handed_over_by_its_owner_alone(owner):
+    before = rows.holdings()[SHARD]
+    rows.hand_over([SHARD], "second", "third")
+    assert rows.holdings()[SHARD] == before
+    rows.hand_over([SHARD], "first", "third")
+    assert rows.holdings()[SHARD] == Holding(SHARD, "third", before.epoch + 1)
+
+
+def test_of_two_processes_that_take_a_slot_at_once_one_has_it(db):
+    assert rows.occupy(0, None, "first", NOW)
+    assert not rows.occupy(0, None, "second", NOW)
+    (member,) = rows.members()
+    assert rows.beat(0, "first", member.beats + 1, NOW, {})
+    assert not rows.dismiss(member), "it has beaten meanwhile"
+    assert not rows.occupy(0, member, "second", NOW)
+    (member,) = rows.members()
+    assert rows.dismiss(member)
+    (free,) = rows.members()
+    assert rows.occupy(0, free, "second", NOW)
+    assert [one.holder for one in rows.members()] == ["second"]
+
+
+def test_when_a_session_manager_was_last_alive_is_known_also_after_it_left(db):
+    assert rows.last_alive() is None
+    rows.occupy(0, None, "first", at(1))
+    rows.occupy(1, None, "second", at(2))
+    rows.give_back("second")
+    assert rows.last_alive() == at(2)
+    _, second = rows.members()
+    rows.occupy(1, second, "third", at(3))
+    rows.give_back("third")
+    assert rows.last_alive() == at(3)
+    ManagerBeat.objects.filter(name=rows.name_of(1)).update(report={})
+    assert rows.last_alive() == at(1)
+
+
 @pytest.mark.django_db(transaction=True)
 def test_a_write_of_any_app_is_refused_when_the_shard_has_a_newer_epoch(session, owner):
     for expected in (1, 1):
@@ -139,6 +189,20 @@ def test_a_scheduler_that_lost_a_robot_says_nothing_of_its_lease_and_one_that_go
     owner.become(mine)
     assert scheduler.renew(at(3))
     assert [message.payload for message in scheduler.outbox] == [b""]
+
+
+def test_what_waits_to_be_said_of_a_robot_that_is_anothers_by_now_is_said_by_that_one(
+    giraff, session, owner
+):
+    Session.objects.filter(pk=session).update(state="driving")
+    scheduler = Scheduler(owner)
+    assert scheduler.renew(at(0))
+    (lease,) = scheduler.outbox
+    owner.become({n: epoch for n, epoch in owner.epochs.items() if n != SHARD})
+    store.end(session, "completed", "left", at(1))
+    assert scheduler.tick({}, RobotLink(since=NOW.timestamp()), at(2)) == []
+    assert lease not in scheduler.outbox
+    assert not SessionEvent.objects.filter(session=session, type="ended").exists()
 
 
 @pytest.mark.django_db(transaction=True)

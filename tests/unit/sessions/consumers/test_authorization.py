@@ -247,6 +247,14 @@ def test_an_observers_offer_says_observer_whatever_the_page_says():
     )
 
 
+@pytest.mark.parametrize("signal", [m.Candidate(candidate="c", sdp_mid="0"), m.Bye(reason="left")])
+@pytest.mark.parametrize("page", [driver, observer])
+def test_candidates_and_the_end_of_a_connection_go_to_the_pages_own(page, signal):
+    authorization = page()
+    own = f"signal/{authorization.peer}"
+    assert say(authorization, "signal", signal) == (Publish(own, signal),)
+
+
 def test_who_neither_drives_nor_watches_signals_nothing():
     assert say(Authorization("p", "Eve"), "signal", m.SdpOffer(sdp="v=0")) == (
         DenyFrame("signal", "no_role"),

@@ -101,3 +101,8 @@ def test_a_screen_points_as_the_screen_and_twenty_times_a_second(authorization):
 )
 def test_a_screen_neither_drives_nor_visits_nor_reports(authorization, suffix, message):
     assert say(authorization, suffix, message) == DenyFrame(suffix, "not_allowed")
+
+
+@pytest.mark.parametrize("signal", [m.Candidate(candidate="c", sdp_mid="0"), m.Bye(reason="left")])
+def test_candidates_and_the_end_of_a_screens_connection_go_to_its_own(authorization, signal):
+    assert say(authorization, "signal", signal) == Publish("signal/peer-1", signal)

@@ -118,6 +118,36 @@ def test_the_wizards_picture_is_asked_for_without_a_name_and_tells_nobody_of_it(
     assert (offer.message.role, offer.message.who) == ("wizard", "")
 
 
+def test_the_clock_of_the_page_that_drives_reaches_the_robot_and_of_no_other():
+    beat = m.CommandHeartbeat(n=1, stamp=2.0, peer="forged")
+    sent = say(wizard(), "command/heartbeat", beat)
+    assert (sent.message.peer, sent.message.stamp, sent.wanted) == ("wizard", 2.0, False)
+    refused = say(wizard(), "command/heartbeat", beat, NOBODY)
+    assert refused == DenyFrame("command/heartbeat", "observer")
+
+
+def test_the_wizard_cancels_what_the_script_has_begun_while_it_drives():
+    cancel = action(m.Cancel)
+    sent = say(wizard(), "command/action", cancel)
+    assert (sent.message.role, sent.message.epoch) == ("driver", 3)
+    refused = say(wizard(), "command/action", cancel, NOBODY)
+    assert refused == DenyFrame("command/action", "observer")
+
+
+@pytest.mark.parametrize("signal", [m.Candidate(candidate="c", sdp_mid="0"), m.Bye(reason="left")])
+def test_what_the_page_says_of_its_picture_goes_to_its_own_connection(signal):
+    assert say(wizard(), "signal", signal) == Publish("signal/wizard", signal)
+
+
+@pytest.mark.parametrize(
+    ("frame", "reason"),
+    [("wizard/nothing\n{}", "unknown_topic"), ('wizard/step\n{"step":1}', "malformed")],
+)
+def test_frames_that_the_page_does_not_have_are_refused(frame, reason):
+    (refused,) = wizard().receive(frame, LEASE, 0.0)
+    assert refused.reason == reason
+
+
 def test_the_last_stop_of_a_page_that_is_gone_is_sent_only_while_it_drives():
     assert wizard().last_stop("s1", 1.0, LEASE).epoch == 3
     assert wizard().last_stop("s1", 1.0, NOBODY) is None
@@ -154,6 +184,15 @@ def test_nothing_that_a_robot_says_tells_the_condition():
 @pytest.mark.parametrize("suffix", ["event", "scan", "path", "words", "pointer", "factsheet"])
 def test_what_is_not_listed_does_not_pass(suffix):
     assert for_wizard(ReceivedMessage(suffix, STATE, "x"), "wizard") is None
+
+
+def test_how_far_an_action_is_passes_as_it_came_and_answers_to_this_page_alone():
+    status = m.ActionStatus(action_id="a1", status="RUNNING", stamp=1.0, type="dock")
+    assert told(status, "action").frame == codec.encode_frame("action", status)
+    answer = m.SdpAnswer(sdp="v=0")
+    mine = for_wizard(ReceivedMessage("signal/wizard/reply", answer), "wizard")
+    assert mine.frame == codec.encode_frame("signal/reply", answer)
+    assert for_wizard(ReceivedMessage("signal/participant/reply", answer), "wizard") is None
 
 
 def test_a_heartbeat_keeps_the_echo_of_this_page_alone():

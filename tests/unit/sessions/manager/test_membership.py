@@ -4,6 +4,8 @@ memory: nobody acts for a robot of another one.
 
 from pathlib import Path
 
+import pytest
+from django.db import OperationalError
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -218,6 +220,104 @@ def test_a_process_takes_the_lowest_free_slot_and_waits_until_it_knows_the_other
     world.run(6.0)
     assert third.membership.slot == 0
     assert world.divided()
+
+
+# --- the database is away, or somebody else was quicker ---------------------------------------------
+
+
+def away(*_):
+    raise OperationalError("the database is away")
+
+
+def test_one_that_is_alone_goes_on_while_the_database_is_away(monkeypatch):
+    world, first = alone()
+    monkeypatch.setattr(world.rows, "beat", away)
+    for _ in range(30):
+        world.now += 1.0
+        with pytest.raises(OperationalError):
+            first.membership._beat({})
+        assert first.ownership.is_confirmed, "nobody else can have beaten either"
+
+
+def test_one_of_several_stops_acting_when_the_database_refuses_its_beats(monkeypatch):
+    world, first, second = pair()
+    beat = world.rows.beat
+    monkeypatch.setattr(
+        world.rows,
+        "beat",
+        lambda slot, holder, *rest: (away if slot == 0 else beat)(slot, holder, *rest),
+    )
+    with pytest.raises(OperationalError):
+        first.membership._beat({})
+    world.now += 10.0
+    with pytest.raises(OperationalError):
+        first.membership._beat({})
+    assert not first.ownership.is_confirmed, "the second may have taken everything"
+    assert second.membership._beat({})
+
+
+async def test_a_process_whose_database_is_away_neither_joins_nor_gives_up_its_slot(monkeypatch):
+    world = World()
+    membership = world.add().membership
+    with monkeypatch.context() as patched:
+        patched.setattr(world.rows, "members", away)
+        assert not await membership.join()
+    assert await membership.join()
+    with monkeypatch.context() as patched:
+        patched.setattr(world.rows, "beat", away)
+        assert await membership.beat({})
+    world.rows.dismiss(world.rows.members()[0])
+    assert not await membership.beat({})
+    await membership.close()
+
+
+def test_of_two_that_take_a_slot_at_once_one_has_it_and_the_other_the_next(monkeypatch):
+    world = World()
+    first, second = world.add(), world.add()
+    occupy = world.rows.occupy
+    with monkeypatch.context() as patched:
+
+        def late(*asked):
+            patched.setattr(world.rows, "occupy", occupy)
+            first.step()
+            return occupy(*asked)
+
+        patched.setattr(world.rows, "occupy", late)
+        second.step()
+    assert (first.joined, second.joined) == (True, False)
+    world.run(5.0)
+    assert world.divided()
+    assert (first.membership.slot, second.membership.slot) == (0, 1)
+
+
+def test_one_that_beats_again_just_before_it_is_dismissed_keeps_its_slot(monkeypatch, caplog):
+    world, _, second = pair()
+    second.stopped_until = world.now + 60.0
+    monkeypatch.setattr(world.rows, "dismiss", lambda _: False)
+    world.run(10.0)
+    assert second.membership.holder in {one.holder for one in world.rows.members()}
+    assert "session_manager_dismissed" not in caplog.text
+    second.stopped_until = 0.0
+    world.run(1.0)
+    assert world.divided()
+
+
+async def test_shards_that_the_database_did_not_let_go_stay_with_who_gave_them(monkeypatch):
+    world, first, second = pair()
+    membership, before = first.membership, dict(first.ownership.epochs)
+    number = next(iter(before))
+    gift = {second.membership.holder: frozenset({number})}
+    await membership.release(frozenset({number}))
+    assert number not in first.ownership.epochs
+    with monkeypatch.context() as patched:
+        patched.setattr(world.rows, "hand_over", away)
+        await membership.hand_over(gift)
+    world.run(1.0)
+    assert first.ownership.epochs == before
+    await membership.release(frozenset({number}))
+    await membership.hand_over(gift)
+    assert world.rows.shards[number].owner == second.membership.holder
+    await membership.close()
 
 
 EVENTS = st.lists(

@@ -2,13 +2,16 @@
 
 import asyncio
 from collections import deque
+from types import SimpleNamespace
 
 import aiomqtt
 import pytest
 
+from robots.api import codec, topics
 from robots.bridge.broker_address import MAX_INFLIGHT
-from sessions.manager.broker_connection import TOGETHER, publish_all
+from sessions.manager.broker_connection import TOGETHER, BrokerConnection, publish_all
 from sessions.manager.scheduler import ManagerMessage
+from sessions.shards.ownership import EVERYTHING
 
 
 class Broker:
@@ -17,8 +20,9 @@ class Broker:
     def __init__(self, lost: str) -> None:
         self.lost, self.published, self.waiting, self.most = lost, [], 0, 0
 
-    async def publish(self, topic, payload, qos, retain):
+    async def publish(self, topic, payload, qos, retain=False):
         self.published.append(topic)
+        self.last = payload
         self.waiting += 1
         self.most = max(self.most, self.waiting)
         await asyncio.sleep(0)
@@ -47,3 +51,22 @@ async def test_no_more_messages_are_on_their_way_than_a_client_keeps():
     await publish_all(outbox, broker)
     assert broker.published == [f"t/{number}" for number in range(3 * TOGETHER)]
     assert broker.most == TOGETHER <= MAX_INFLIGHT / 2
+
+
+async def test_a_process_whose_slot_is_gone_publishes_nothing_more():
+    broker, outbox = Broker(lost=""), messages(5)
+    await publish_all(outbox, broker, lambda: len(broker.published) < 2)
+    assert broker.published == ["t/0", "t/1"]
+    assert [message.topic for message in outbox] == ["t/2", "t/3", "t/4"]
+
+
+async def test_states_that_cannot_be_asked_for_now_are_asked_for_later_by_others():
+    topic = topics.of("giraff", "command/action")
+    broker = Broker(lost=topic)
+    work = SimpleNamespace(ownership=EVERYTHING)
+    connection = BrokerConnection(broker, work, lambda: 5.0)
+    connection.ask_again("giraff", "b1", 3, 9)
+    (asking,) = connection._asking
+    await asking
+    asked = codec.decode("command/action", broker.last)
+    assert (broker.published, asked.first, asked.last) == ([topic], 3, 9)

@@ -53,6 +53,14 @@ def test_a_step_is_late_when_it_is_begun_too_long_after_the_one_before_or_the_be
     assert progress.press("c", 99.0).deviation == ""
 
 
+def test_a_step_that_is_only_judged_is_neither_done_nor_the_last():
+    progress = ScriptProgress(script(step("a"), step("b", within=2.0)), 0.0)
+    for _ in range(2):
+        assert progress.judge("a", 5.0).deviation == ""
+    assert (progress.done, progress.pressed_at) == ([], None)
+    assert progress.judge("b", 1.0).skipped == 1
+
+
 def test_a_step_that_the_script_does_not_have_is_none():
     progress = ScriptProgress(script(*ABCD), 0.0)
     assert progress.press("x", 1.0) is None

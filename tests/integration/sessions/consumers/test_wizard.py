@@ -1,0 +1,292 @@
+"""A hidden operator's socket when things go wrong, for an app above that knows operators."""
+
+import asyncio
+import time
+
+import pytest
+from asgiref.sync import sync_to_async
+from django.contrib.auth import get_user_model
+from django.db import OperationalError
+from django.utils import timezone
+
+from robots.api import messages as m
+from robots.models import Robot
+from sessions import protocol as pages
+from sessions.consumers import robot_page
+from sessions.leases.terms import Terms
+from sessions.models import Lease, SessionEvent
+from sessions.wizard import leases, operators, protocol
+from sessions.wizard.script import Script, ScriptStage, ScriptStep
+from tests.support import words
+from tests.support.fixed_terms import provided
+from tests.support.pages import SECONDS, Page, until
+from tests.support.patience import patient
+from tests.support.wizard_console import Console
+
+pytestmark = pytest.mark.django_db(transaction=True)
+STEPS = (
+    ScriptStep(key="hello", title="Greet", text="Hello"),
+    ScriptStep(key="home", title="Dock", action="dock"),
+)
+
+
+class Operators:
+    """What an app above answers: everybody in `users` operates every session."""
+
+    def __init__(self):
+        self.users = set()
+        self.script = Script(
+            language="en",
+            stages=(ScriptStage(key="all", title="All", steps=STEPS),),
+            participant_view=True,
+        )
+
+    def may_operate(self, user, _robot):
+        return user.pk in self.users
+
+    def operated(self, user, _session):
+        told = operators.OperatedSession("P1", "", is_blind=True, script=self.script)
+        return told if user.pk in self.users else None
+
+
+@pytest.fixture(autouse=True)
+def robot(db):
+    return Robot.objects.create(
+        name="giraff", title="Giraff", connection="ONLINE", boot="b1", last_seen_at=timezone.now()
+    )
+
+
+@pytest.fixture
+def ada(db):
+    return get_user_model().objects.create_user("ada", password="x")
+
+
+@pytest.fixture
+def provider(monkeypatch):
+    provider = Operators()
+    monkeypatch.setattr(operators, "_providers", [provider])
+    with provided() as terms:
+        terms.terms = Terms(driver="wizard", controllers=())
+        yield provider
+
+
+@pytest.fixture
+def operator(provider):
+    user = get_user_model().objects.create_user("operator", password="x")
+    provider.users.add(user.pk)
+    return user
+
+
+def begin(key, action_id="a1"):
+    return protocol.BeginStep(step=key, action_id=action_id, stamp=1.0)
+
+
+def velocity(seq, linear=0.2):
+    return m.VelocityCommand(
+        session="x", epoch=0, seq=seq, stamp=1.0, linear=linear, angular=0.0, method="keyboard"
+    )
+
+
+@sync_to_async
+def events(kind):
+    return list(SessionEvent.objects.filter(type=kind).values_list("data", flat=True))
+
+
+async def recorded(kind):
+    async with asyncio.timeout(patient(SECONDS)):
+        while not (found := await events(kind)):
+            await asyncio.sleep(0.01)
+    return found
+
+
+async def test_nobody_operates_without_signing_in(bridge):
+    console = Console("giraff")
+    await console.open()
+    assert await console.closed() == pages.SIGNED_OUT
+    assert console.seen == []
+
+
+async def test_an_operator_who_lets_go_drives_no_more_and_may_press_that_twice(
+    bridge, ada, operator
+):
+    async with Page("giraff", ada) as page, Console("giraff", operator) as console:
+        await page.take()
+        await console.operate()
+        for _ in range(2):
+            await console.say("wizard/release", protocol.StopOperating())
+        await console.expect("wizard/session", lambda scene: not scene.operator)
+        assert bridge.leases[-1][1].driver is None
+        await console.say("wizard/step", begin("hello"))
+        assert (await console.expect("wizard/begun")).reason == "not_driver"
+        line = protocol.FreeLine(text="Mm", action_id="a2", stamp=1.0)
+        await console.say("wizard/line", line)
+        assert (await console.expect("wizard/begun")).reason == "observer"
+        await console.say("wizard/reached", protocol.Reached(action_id="a1", latency=0.1))
+        await console.settle(bridge)
+        assert bridge.commands("command/action") == []
+    assert len(await events("wizard_left")) == 1
+    for kind in ("wizard_step", "wizard_line", "wizard_reached", "wizard_lost"):
+        assert await events(kind) == []
+
+
+async def test_a_step_that_the_script_does_not_have_is_refused(bridge, ada, operator):
+    async with Page("giraff", ada) as page, Console("giraff", operator) as console:
+        await page.take()
+        await console.operate()
+        await console.say("wizard/step", begin("nonsense"))
+        assert (await console.expect("wizard/begun")).reason == "unknown"
+
+
+async def test_a_session_that_is_over_cannot_be_taken(bridge, ada, operator):
+    async with Console("giraff", operator) as console:
+        await console.expect("wizard/session", lambda scene: scene.session is None)
+        await console.say("wizard/take", protocol.TakeOver(session="gone"))
+        assert (await console.expect("wizard/lost")).reason == "ended"
+
+
+async def test_a_page_that_is_loaded_anew_knows_the_steps_that_were_begun(bridge, ada, operator):
+    async with Page("giraff", ada) as page:
+        await page.take()
+        async with Console("giraff", operator) as console:
+            await console.operate()
+            await console.say("wizard/step", begin("hello"))
+            await recorded("wizard_step")
+        async with Console("giraff", operator) as again:
+            scene, _ = await again.operate()
+            assert scene.done == ("hello",)
+            await again.say("wizard/step", begin("hello", "a2"))
+            assert (await again.expect("wizard/begun")).deviation == "repeated"
+
+
+async def test_a_step_that_did_not_reach_the_robot_is_not_done_and_pressed_again_no_deviation(
+    bridge, ada, operator
+):
+    async with Page("giraff", ada) as page:
+        await page.take()
+        async with Console("giraff", operator) as console:
+            await console.operate()
+            bridge.say("giraff", "connection", words.broken(), stored=True)
+            for key in ("hello", "home"):
+                await console.say("wizard/step", begin(key))
+                assert (await console.expect("wizard/begun")).reason == "robot_unreachable"
+            bridge.say("giraff", "connection", words.online(), stored=True)
+            await console.say("wizard/step", begin("hello", "a2"))
+            begun = await console.expect("wizard/begun")
+            assert (begun.reason, begun.deviation) == ("", "")
+            async with asyncio.timeout(patient(SECONDS)):
+                while len(await events("wizard_step")) < 3:
+                    await asyncio.sleep(0.01)
+        async with Console("giraff", operator) as again:
+            scene, _ = await again.operate()
+            assert scene.done == ("hello",)
+
+
+async def test_the_operator_is_told_of_robot_server_and_the_participants_cue(bridge, ada, operator):
+    async with Page("giraff", ada) as page, Console("giraff", operator) as console:
+        session = (await page.take()).session
+        await console.operate()
+        bridge.delivery.bring_notice(session, "no notice at all")
+        bridge.notify(pages.OperatorMessage(session=session, text="for the participant alone"))
+        bridge.notify(pages.Task(session=session, stamp=1.0, cue="dock_now"))
+        assert (await console.expect("wizard/participant")).cue == "dock_now"
+        bridge.say("giraff", "connection", words.broken())
+        assert not (await console.expect("robot")).online
+        bridge.delivery.bring_faults(time.monotonic())
+        await console.expect("server/status")
+        assert "for the participant" not in "".join(console.frames)
+
+
+async def test_a_script_that_hides_the_participants_page_shows_no_cue(
+    bridge, ada, operator, provider
+):
+    provider.script = Script(language="en")
+    async with Page("giraff", ada) as page, Console("giraff", operator) as console:
+        session = (await page.take()).session
+        await console.operate()
+        bridge.notify(pages.Task(session=session, stamp=1.0, cue="dock_now"))
+        bridge.say("giraff", "connection", words.broken())
+        await console.expect("robot", lambda robot: not robot.online)
+        assert console.told("wizard/participant") == []
+
+
+async def test_an_older_copy_of_the_lease_takes_the_wheel_from_nobody_and_its_end_does(
+    bridge, ada, operator
+):
+    async with Page("giraff", ada) as page, Console("giraff", operator) as console:
+        await page.take()
+        older = bridge.leases[-1][1]
+        await console.operate()
+        newest = bridge.leases[-1][1]
+        bridge.publish_lease("giraff", older)
+        bridge.publish_lease("giraff", newest)
+        await console.say("wizard/step", begin("hello"))
+        assert (await console.expect("wizard/begun")).reason == ""
+        assert console.told("wizard/lost") == []
+        bridge.publish_lease("giraff", None)
+        assert (await console.expect("wizard/lost")).reason == "ended"
+
+
+async def test_a_database_that_is_away_costs_the_note_and_not_the_step(
+    bridge, ada, operator, monkeypatch, caplog
+):
+    def away(*_, **__):
+        raise OperationalError("the database is away")
+
+    async with Page("giraff", ada) as page, Console("giraff", operator) as console:
+        await page.take()
+        await console.operate()
+        await recorded("wizard_took")
+        with monkeypatch.context() as patched:
+            patched.setattr(leases, "note", away)
+            await console.say("wizard/step", begin("hello"))
+            assert (await console.expect("wizard/begun")).reason == ""
+            await until(lambda: "wizard_not_recorded" in caplog.text)
+        (said,) = bridge.commands("command/action")
+        assert said.text == "Hello"
+        await console.say("wizard/step", begin("home", "a2"))
+        assert (await recorded("wizard_step"))[0]["step"] == "home"
+
+
+async def test_driving_by_hand_is_noted_once_for_each_time_and_stopping_is_no_driving(
+    bridge, ada, operator
+):
+    async with Page("giraff", ada) as page, Console("giraff", operator) as console:
+        await page.take()
+        await console.operate()
+        await console.say("command/velocity", velocity(1, linear=0.0))
+        await console.settle(bridge)
+        assert await events("wizard_by_hand") == []
+        for seq in (2, 3, 4):
+            await console.say("command/velocity", velocity(seq))
+        await until(lambda: len(bridge.commands()) == 4)
+        await recorded("wizard_by_hand")
+    assert len(await events("wizard_by_hand")) == 1
+
+
+async def test_an_operator_who_is_none_any_more_is_sent_away_within_a_minute(
+    bridge, ada, operator, provider, monkeypatch
+):
+    monkeypatch.setattr(robot_page, "WELCOME_EVERY", 0.0)
+    async with Page("giraff", ada) as page, Console("giraff", operator) as console:
+        await page.take()
+        await console.operate()
+        signal = f"signal/{console.told('wizard/hello')[0].peer}"
+        await until(lambda: m.Stay() in bridge.commands(signal))
+        provider.users.clear()
+        bridge.publish_lease("giraff", bridge.leases[-1][1])  # anything that has it look again
+        assert await console.closed() == pages.NOT_ALLOWED
+
+
+async def test_a_page_that_closes_after_another_took_over_leaves_that_one_the_wheel(
+    bridge, ada, operator
+):
+    async with Page("giraff", ada) as page:
+        await page.take()
+        async with Console("giraff", operator) as console:
+            await console.operate()
+            # of another web process, whose lease is still on its way to this one
+            await sync_to_async(Lease.objects.update)(wizard_peer="another-page")
+            told = len(bridge.leases)
+        assert len(bridge.leases) == told
+        assert (await sync_to_async(Lease.objects.get)()).wizard_peer == "another-page"
+    assert await events("wizard_lost") == []

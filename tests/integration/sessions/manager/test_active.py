@@ -1,0 +1,91 @@
+"""A session manager whose slot, recorder or database is gone, with a real broker."""
+
+import asyncio
+import random
+import threading
+
+import pytest
+from asgiref.sync import sync_to_async
+from django.db import OperationalError
+from django.utils import timezone
+
+from accounts.models import User
+from robots.cancellation import cancel
+from robots.models import Robot
+from sessions.leases import store
+from sessions.manager.active import RecorderDied
+from sessions.manager.scheduler import Scheduler
+from sessions.manager.service import SessionManager
+from sessions.models import ManagerBeat
+from sessions.recording.builder import RecordBuilder
+from sessions.shards import rows
+from tests.support.patience import patient
+from tests.support.recorder_rig import ScriptedRobot, running_manager, running_mosquitto, wait_for
+
+pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.broker]
+
+
+@pytest.fixture
+def broker():
+    with running_mosquitto() as broker:
+        yield broker
+
+
+@pytest.fixture(autouse=True)
+def giraff():
+    return Robot.objects.create(name="giraff", title="Giraff")
+
+
+@sync_to_async
+def take() -> str:
+    robot, ana = Robot.objects.get(), User.objects.create(username="ana")
+    return store.take(robot, ana, "peer", now=timezone.now()).session
+
+
+async def test_one_whose_slot_was_taken_ends_its_work_and_joins_again(broker, caplog):
+    async with running_manager(broker.url) as manager, ScriptedRobot("giraff", broker.url) as robot:
+        await wait_for(
+            lambda: Robot.objects.get().is_online(timezone.now()), what="the robot's presence"
+        )
+        session = await take()
+        await wait_for(lambda: robot.session == session, what="the lease")
+        before = manager.active
+        await sync_to_async(lambda: rows.dismiss(rows.members()[0]))()
+        await wait_for(lambda: manager.active not in {None, before}, 20, "another work")
+        assert "session_manager_replaced" in caplog.text
+        count = len(robot.leases)
+        await wait_for(lambda: len(robot.leases) > count + 1, 20, "renewals")
+        assert {lease.session for lease in robot.leases if lease} == {session}
+        assert None not in robot.leases[1:]
+    assert await sync_to_async(lambda: ManagerBeat.objects.get().holder)() == ""
+
+
+async def test_one_whose_recorder_has_died_ends_with_an_error(broker, monkeypatch):
+    monkeypatch.setattr(threading, "excepthook", lambda _: None)
+    manager = SessionManager(broker.url, ("session-manager", "unused"), random.Random(1))
+    running = asyncio.create_task(manager.run())
+    try:
+        await asyncio.wait_for(manager.connected.wait(), patient(15))
+        monkeypatch.setattr(RecordBuilder, "take", lambda *_: 1 / 0)
+        async with ScriptedRobot("giraff", broker.url):
+            with pytest.raises(RecorderDied):
+                await asyncio.wait_for(running, patient(30))
+    finally:
+        await cancel(running)
+    assert await sync_to_async(lambda: ManagerBeat.objects.get().holder)() == "", "others may serve"
+
+
+async def test_a_database_that_is_away_when_the_broker_is_there_is_waited_for(
+    broker, monkeypatch, caplog
+):
+    begin, refusals = Scheduler.begin, iter([True])
+
+    def away_at_first(scheduler):
+        if next(refusals, False):
+            raise OperationalError("the database is away")
+        begin(scheduler)
+
+    monkeypatch.setattr(Scheduler, "begin", away_at_first)
+    async with running_manager(broker.url), ScriptedRobot("giraff", broker.url):
+        assert "session_manager_without_database" in caplog.text
+        await wait_for(lambda: Robot.objects.get().connection == "ONLINE", what="presence")

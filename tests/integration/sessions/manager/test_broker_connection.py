@@ -1,0 +1,120 @@
+"""One look of the scheduler at what robots have said of themselves, in a real database."""
+
+import asyncio
+
+import pytest
+from aiomqtt import Message, Topic
+from django.db import OperationalError
+
+from robots.api import codec, topics
+from robots.models import Robot
+from robots.presence import PresenceWriter
+from sessions.manager.broker_connection import BrokerConnection, Work
+from sessions.manager.health import ManagerHealth
+from sessions.manager.ingest import Intake
+from sessions.manager.return_to_dock import ReturnToDock
+from sessions.manager.scheduler import Scheduler
+from sessions.shards import rows
+from sessions.shards.hashing import shard_of
+from sessions.shards.ownership import CONFIRMED_ALONE_SECONDS, Ownership
+from tests.support import words
+
+pytestmark = pytest.mark.django_db
+GIRAFF = shard_of("giraff")
+
+
+class Look:
+    """A connection without its client, whose clock stands still."""
+
+    def __init__(self):
+        self.now, self.ownership = 1000.0, Ownership(lambda: self.now)
+        rows.take_over([one.number for one in rows.holdings()], [""], "first")
+        self.epochs = {one.number: one.epoch for one in rows.holdings()}
+        self.ownership.become(self.epochs)
+        self.ownership.wanted = frozenset(self.epochs)
+        self.ownership.confirm(self.now)
+        self.intake = Intake(
+            None,
+            lambda: self.now,
+            wake_signals=lambda: None,
+            wake_scheduler=lambda: None,
+            ownership=self.ownership,
+        )
+        work = Work(
+            ownership=self.ownership,
+            recorder=None,
+            ingest=self.intake,
+            scheduler=Scheduler(self.ownership),
+            return_to_dock=ReturnToDock(self.ownership),
+            presence=PresenceWriter(only_if=self.ownership.condition),
+            thread=None,
+            health=ManagerHealth(),
+            disk=None,
+            due=asyncio.Event(),
+            received=asyncio.Event(),
+        )
+        self.connection = BrokerConnection(None, work, lambda: self.now)
+
+    def hear(self, message, suffix="connection"):
+        topic, payload = Topic(topics.of("giraff", suffix)), codec.encode(message)
+        self.intake.receive(Message(topic, payload, 1, retain=False, mid=1, properties=None))
+
+    def tick(self):
+        self.intake.follow_ownership()
+        return self.connection._tick()
+
+
+@pytest.fixture
+def giraff():
+    return Robot.objects.create(name="giraff", title="Giraff")
+
+
+@pytest.fixture
+def look(giraff):
+    return Look()
+
+
+def connection_of_giraff():
+    return Robot.objects.get().connection
+
+
+def test_a_process_that_has_just_gone_on_after_a_stop_writes_nothing_until_it_has_beaten(look):
+    look.hear(words.online())
+    look.now += CONFIRMED_ALONE_SECONDS + 1.0
+    assert look.tick() == []
+    assert connection_of_giraff() != "ONLINE"
+    look.ownership.confirm(look.now)
+    look.tick()
+    assert connection_of_giraff() == "ONLINE"
+
+
+def test_presence_that_the_database_refused_is_stored_by_the_next_look(look, monkeypatch):
+    look.hear(words.online())
+    look.hear(words.factsheet(), "factsheet")
+    take = PresenceWriter.take
+
+    def away(writer, robot, message, now, **how):
+        take(writer, robot, message, now, **how)
+        raise OperationalError("the database is away")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(PresenceWriter, "take", away)
+        with pytest.raises(OperationalError):
+            look.tick()
+    assert connection_of_giraff() != "ONLINE"
+    look.tick()
+    assert connection_of_giraff() == "ONLINE"
+    assert Robot.objects.get().factsheet
+
+
+def test_the_presence_of_a_robot_that_is_anothers_by_now_is_left_to_its_owner(look):
+    look.tick()
+    look.hear(words.online())
+    look.ownership.become({n: epoch for n, epoch in look.epochs.items() if n != GIRAFF})
+    look.tick()
+    assert connection_of_giraff() != "ONLINE"
+    Robot.objects.update(connection="ONLINE", boot="b1")  # by its owner meanwhile
+    look.ownership.become(look.epochs)
+    look.hear(words.broken())
+    look.tick()
+    assert connection_of_giraff() == "CONNECTIONBROKEN", "the row was read anew"

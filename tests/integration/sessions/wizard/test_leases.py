@@ -1,0 +1,89 @@
+"""Who operates a session, in the database."""
+
+import pytest
+from django.utils import timezone
+
+from accounts.models import User
+from robots.models import Robot
+from sessions.leases import store
+from sessions.leases.terms import Terms
+from sessions.models import Lease, Session
+from sessions.wizard import leases
+from tests.support.fixed_terms import provided
+
+pytestmark = pytest.mark.django_db
+NOW = timezone.now()
+
+
+@pytest.fixture
+def giraff():
+    return Robot.objects.create(
+        name="giraff", title="Giraff", connection="ONLINE", last_seen_at=timezone.now()
+    )
+
+
+@pytest.fixture
+def terms():
+    with provided() as double:
+        double.terms = Terms(driver="wizard")
+        yield double
+
+
+@pytest.fixture
+def session(giraff, terms):
+    ada = User.objects.create(username="ada", display_name="Ada")
+    return store.take(giraff, ada, "peer", now=NOW).session
+
+
+@pytest.fixture
+def eve():
+    return User.objects.create(username="eve")
+
+
+def test_of_one_user_the_newest_page_operates_under_a_new_epoch(session, eve):
+    first = leases.take(session, eve, "one", NOW)
+    second = leases.take(session, eve, "two", NOW)
+    assert (first.lease.driver, second.lease.driver) == ("one", "two")
+    assert second.epoch == first.epoch + 1
+    assert leases.release(session, "one", NOW) is None
+    released = leases.release(session, "two", NOW)
+    assert released.driver is None
+    assert released.wizard_epoch == second.epoch + 1
+    assert leases.release(session, "two", NOW) is None
+
+
+def test_a_session_in_which_the_visitor_drives_is_operated_by_nobody(giraff, eve, terms):
+    terms.terms = None
+    ada = User.objects.create(username="ada")
+    session = store.take(giraff, ada, "peer", now=NOW).session
+    assert leases.session_at(giraff) is None
+    assert leases.take(session, eve, "one", NOW) == "refused"
+
+
+def test_a_session_that_is_over_is_operated_by_nobody(giraff, session, eve):
+    assert str(leases.session_at(giraff).pk) == session
+    store.end(session, Session.Outcome.COMPLETED, "left", NOW)
+    assert leases.session_at(giraff) is None
+    assert leases.take(session, eve, "one", NOW) == "ended"
+
+
+def test_of_two_pages_that_take_it_at_once_the_later_asks_again(session, eve, monkeypatch):
+    adam, read, pending = User.objects.create(username="adam"), leases._lease_of, [True]
+
+    def slowly(key):
+        found = read(key)
+        if pending:
+            pending.clear()
+            leases.take(session, adam, "quicker", NOW)
+        return found
+
+    monkeypatch.setattr(leases, "_lease_of", slowly)
+    assert leases.take(session, eve, "one", NOW) == "occupied"
+    assert Lease.objects.get().wizard_peer == "quicker"
+
+
+def test_a_lease_that_changes_under_every_attempt_is_given_to_nobody(session, eve, monkeypatch):
+    monkeypatch.setattr(leases, "ATTEMPTS", 3)
+    monkeypatch.setattr(leases, "_change", lambda *_: False)
+    assert leases.take(session, eve, "one", NOW) == "ended"
+    assert Lease.objects.get().wizard_peer == ""
