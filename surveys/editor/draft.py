@@ -192,13 +192,8 @@ def new_entry(cls: type[Any], name: str, part: Document, whole: Document) -> lis
 
 
 def _blank(field: Any) -> Any:
-    """Return a value of a field's type that says nothing."""
-    shape = inspect.type_info(field.type)
-    if isinstance(shape, inspect.DictType):
-        return {}
-    if isinstance(shape, inspect.VarTupleType):
-        return []
-    return 0 if isinstance(shape, inspect.IntType | inspect.FloatType) else ""
+    """Return a text without words, or an empty list."""
+    return {} if isinstance(inspect.type_info(field.type), inspect.DictType) else []
 
 
 def copied(original: Document, whole: Document) -> Document:

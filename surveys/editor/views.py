@@ -235,8 +235,8 @@ def _read(
         answers_typed(part["show_if"], former.get("show_if"), questions)
     verb, name, n = pressed(request.POST)
     anchor = name
-    if verb == "add":
-        part[name] = [*part.get(name, ()), *new_entry(cls, name, part, whole)]
+    if verb == "add" and (made := new_entry(cls, name, part, whole)):
+        part[name] = [*part.get(name, ()), *made]
         anchor = f"{name}.{len(part[name]) - 1}"
     elif isinstance(part.get(name), list):
         part[name] = change(part[name], verb, number(n))

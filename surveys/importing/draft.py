@@ -123,9 +123,13 @@ class Draft:
             note.changed(
                 _("The text inserts an earlier answer or value, which is not filled in here.")
             )
-        if any(len(text) > limit for text in full.values()):
+        return self.shortened(full, note, limit=limit)
+
+    def shortened(self, text: Text, note: Note, *, limit: int = MAX_TEXT) -> Text:
+        """Return a text that is not too long."""
+        if any(len(one) > limit for one in text.values()):
             note.changed(_("A text is shortened to %(n)d characters.") % {"n": limit})
-        return {language: text[:limit] for language, text in full.items()}
+        return {language: one[:limit] for language, one in text.items()}
 
     def same(self, text: str) -> Text:
         """Return a text that is the same in every language."""
@@ -196,21 +200,13 @@ class Draft:
         """
         if not text:
             raise NotImportedError(_("It has no text."))
-        page = self._here()
+        page = self._pages[-1]
         if page.items:
             note.changed(_("It becomes the introduction of a new page."))
             self.page({}, {}, page.show_if, is_shuffled=page.is_shuffled)
-            page = self._here()
-        page.intro = self.joined(page.intro, text, by="\n\n")
-        if any(len(intro) > MAX_TEXT for intro in page.intro.values()):
-            note.changed(_("A text is shortened to %(n)d characters.") % {"n": MAX_TEXT})
-            page.intro = {language: text[:MAX_TEXT] for language, text in page.intro.items()}
+            page = self._pages[-1]
+        page.intro = self.shortened(self.joined(page.intro, text, by="\n\n"), note)
         page.said.append(note)
-
-    def _here(self) -> _Page:
-        if not self._pages:
-            self.page()
-        return self._pages[-1]
 
     # questions
 
@@ -227,7 +223,7 @@ class Draft:
             )
         self._check(items)
         self._asked += asked
-        self._here().items.extend(items)
+        self._pages[-1].items.extend(items)
         note.keys = [key for item in items for key in _keys_of(item)]
 
     def _check(self, items: Sequence[Item]) -> None:

@@ -94,6 +94,11 @@ class _LssConversion:
             for code in list(texts):
                 if code in names and names[code] not in {"", code}:
                     texts[names[code]] = texts.pop(code)
+        for question in (one for group in survey.groups for one in group.questions):
+            question.attributes = {
+                (name, names.get(code) or code): value
+                for (name, code), value in question.attributes.items()
+            }
         self.into = Draft("limesurvey", Lss.label, languages)
 
     def draft(self) -> Draft:
@@ -102,11 +107,12 @@ class _LssConversion:
         into = self.into
         into.title = into.text(self._survey_text("surveyls_title"), about, limit=200)
         heading = self.into.note(_("Welcome text"), "")
-        into.intro = into.joined(
+        intro = into.joined(
             into.text(self._survey_text("surveyls_description"), heading),
             into.text(self._survey_text("surveyls_welcometext"), heading),
             by="\n\n",
         )
+        into.intro = into.shortened(intro, heading)
         if not into.intro:
             into.report.notes.remove(heading)
         into.source = f"LimeSurvey, {self.survey.settings.get('sid', '')}".rstrip(", ")

@@ -7,6 +7,7 @@ over the API are understood, too, as in IUREDCap/redcap-etl.
 """
 
 import csv
+import io
 import re
 from collections.abc import Iterator
 from itertools import groupby
@@ -92,12 +93,12 @@ def rows_of(document: bytes) -> Iterator[Row]:
         text = document.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = document.decode("cp1252", errors="replace")
-    lines = text.replace("\x00", "").splitlines(keepends=True)
-    head = lines[0] if lines else ""
+    text = text.replace("\x00", "")
+    head = re.split(r"[\r\n]", text, maxsplit=1)[0]
     delimiter = max(",;\t", key=head.count)
     csv.field_size_limit(MAX_CELL)
     try:
-        table = list(csv.reader(lines, delimiter=delimiter))
+        table = list(csv.reader(io.StringIO(text, newline=""), delimiter=delimiter))
     except csv.Error as error:
         raise BadDefinitionError(
             [_("This is not a valid CSV file: %(problem)s.") % {"problem": error}]

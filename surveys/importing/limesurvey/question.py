@@ -1,5 +1,6 @@
 """A question of a LimeSurvey file on its way into a draft, and what its kinds share."""
 
+import math
 from collections.abc import Callable
 
 from django.utils.translation import gettext as _
@@ -69,17 +70,20 @@ class LimeSurveyConversion:
         return ""
 
     def number(self, name: str) -> float | None:
-        """Return an attribute that is a number; an expression is noted."""
+        """Return an attribute that is a finite number; anything else is noted."""
         value = self.question.attribute(name).strip()
         if not value:
             return None
         try:
-            return float(value)
+            number = float(value)
         except ValueError:
-            self.note.changed(
-                _("Its rule %(rule)s is not checked.") % {"rule": f"{name} = {value[:60]}"}
-            )
-            return None
+            number = math.nan
+        if math.isfinite(number):
+            return number
+        self.note.changed(
+            _("Its rule %(rule)s is not checked.") % {"rule": f"{name} = {value[:60]}"}
+        )
+        return None
 
 
 def key_for(asked: LimeSurveyConversion, part: LimeSurveyQuestion | None = None) -> str:

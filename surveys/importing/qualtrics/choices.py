@@ -1,5 +1,6 @@
 """Multiple choice and rank order of a Qualtrics file."""
 
+import re
 from collections.abc import Mapping
 
 from django.utils.translation import gettext as _
@@ -68,7 +69,7 @@ def _bounds(asked: QualtricsConversion) -> dict[str, int]:
 
 
 def _nps(asked: QualtricsConversion) -> list[Item]:
-    numbers = [int(one) for one in asked.labels() if one.isascii() and one.isdigit()]
+    numbers = [int(one) for one in asked.labels() if re.fullmatch(r"[0-9]{1,9}", one)]
     named = [label for label in asked.labels("ColumnLabels", "").values() if label]
     first, last = (named[0], named[-1]) if len(named) > 1 else ({}, {})
     ends = (

@@ -114,11 +114,11 @@ def _bounds(field: RedcapField) -> Item:
     bounds: Item = {}
     for name, column in (("minimum", "min"), ("maximum", "max")):
         value = field.row[column].strip().replace(",", ".")
-        if re.fullmatch(r"-?\d+(\.\d+)?", value):
+        if re.fullmatch(r"-?\d{1,15}(\.\d+)?", value):
             bounds[name] = float(value)
         elif value:
             field.note.changed(
-                _("Its rule %(rule)s is not checked.") % {"rule": f"{column} {value}"}
+                _("Its rule %(rule)s is not checked.") % {"rule": f"{column} {value[:60]}"}
             )
     return bounds
 

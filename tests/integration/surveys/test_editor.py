@@ -1,6 +1,7 @@
 """The editor: a questionnaire made page by page, without JSON and without JavaScript."""
 
 import pytest
+from django.contrib.auth.models import Permission
 from django.urls import reverse
 
 from experiments import publishing
@@ -245,6 +246,34 @@ def test_pages_of_nothing_are_not_there(client, row, place):
 )
 def test_buttons_that_are_none_change_nothing(client, row, do):
     assert press(client, row, do).status_code == 302
+    assert Questionnaire.objects.get().sha256 == row.sha256
+
+
+@pytest.mark.parametrize(
+    "do", ["add:nonsense", "add:text", "add:required", "add:key", "up:text:0", "remove:nonsense:0"]
+)
+def test_buttons_that_no_form_has_save_the_form_and_nothing_else(client, row, do):
+    page = at(row, "questions", "q1")
+    assert send(client, page, do, **texts("text", "Why?"), required="on").status_code == 302
+    (question,) = stored().questions()
+    assert question.text == {"en": "Why? (en)", "es": "Why? (es)"}
+    assert (question.key, question.item.required) == ("q1", True)
+
+
+def test_saving_a_part_may_lead_back_to_the_overview(client, row):
+    answer = send(client, at(row, "questions", "q1"), "done", **texts("text", "Why?"))
+    assert answer.headers["Location"] == f"{at(row)}#at-q1"
+    assert stored().question("q1").text["en"] == "Why? (en)"
+
+
+def test_who_may_only_look_at_questionnaires_changes_none(client, row):
+    user = person("reader", is_staff=True)
+    user.user_permissions.set(Permission.objects.filter(codename="view_questionnaire"))
+    client.force_login(user)
+    page = at(row, "questions", "q1")
+    assert client.get(page).status_code == 200
+    assert client.post(page, {"do": "save", "sha256": row.sha256}).status_code == 403
+    assert press(client, row, "remove:questions:q1").status_code == 403
     assert Questionnaire.objects.get().sha256 == row.sha256
 
 

@@ -143,6 +143,7 @@ def test_the_same_file_becomes_the_same_questionnaire():
         ("<ul><li>One</li><li>Two</li></ul>", "- One\n- Two"),
         ("1 &lt; 2 &amp; 3&nbsp;4", "1 < 2 & 3 4"),
         ('<a href="https://x.org/a">there</a>', "there (https://x.org/a)"),
+        ('<a href="https://x.org/a">https://x.org/a</a>', "https://x.org/a"),
         ('<a href="javascript:x()">there</a>', "there"),
         ("<style>p { }</style>a<script>b()</script>", "a"),
         ("<table><tr><td>a</td><td>b</td></tr></table>", "a b"),

@@ -244,3 +244,67 @@ def test_a_cell_without_an_end_is_refused():
     document = redcap(field("a", "text")) + b'"' + b"x" * 200_000
     with pytest.raises(BadDefinitionError, match="not a valid CSV"):
         read(document)
+
+
+# --- what is said, and odd files ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("row", "told"),
+    [
+        (field("a", "text", rule="number", least="[b] + 1"), "min [b] + 1"),
+        (field("a", "text", rule="number", most="9" * 400), "max 9999"),
+        (field("a", "text", rule="date_ymd", most="[b]"), "max [b]"),
+    ],
+)
+def test_a_bound_that_cannot_be_checked_is_reported_and_the_field_is_asked_without_it(row, told):
+    document = redcap(row)
+    (item,) = items(document)
+    assert not item.keys() & {"minimum", "maximum", "earliest", "latest"}
+    assert told in remarks(document, "a")
+
+
+def test_a_matrix_of_several_fields_that_is_refused_is_left_out_as_a_whole():
+    same = {"choices": "1, Yes | 1, Yes indeed", "matrix": "m"}
+    document = redcap(field("a", "radio", **same), field("b", "radio", **same), field("c", "text"))
+    assert outcomes(document) == {
+        **dict.fromkeys(("record_id", "a", "b"), ImportOutcome.LEFT_OUT),
+        "c": ImportOutcome.IMPORTED,
+    }
+    assert remarks(document, "a") == remarks(document, "b")
+
+
+def test_a_matrix_with_some_required_rows_or_a_ranking_says_what_is_different():
+    common = {"choices": YES_NO_MAYBE, "matrix": "m"}
+    document = redcap(
+        field("a", "radio", required="y", ranking="y", header="Rank", **common),
+        field("b", "radio", **common),
+    )
+    (grid,) = items(document)
+    assert "required" not in grid
+    said = remarks(document, "a")
+    assert "all rows are optional" in said
+    assert "a column in several rows" in said
+
+
+def test_a_picture_that_a_section_loses_is_reported():
+    document = redcap(field("a", "text", header='About you <img src="x.png">'))
+    assert read(document).definition("test", 1).pages[0].title == {"en": "About you"}
+    assert "img" in remarks(document, "Section: a")
+
+
+def test_a_descriptive_text_with_a_condition_is_shown_to_everybody_and_that_is_said():
+    document = redcap(
+        field("a", "radio", choices=YES_NO_MAYBE),
+        field("b", "descriptive", branching="[a] = '1'"),
+        field("c", "text"),
+    )
+    assert "shown to everybody" in remarks(document, "b")
+
+
+@pytest.mark.parametrize("sign", ["\u2028", "\x0c", "\x85", "\x1c"])
+def test_a_sign_that_ends_lines_elsewhere_does_not_cut_a_row(sign):
+    document = redcap(field("a", "radio", label=f"One{sign}Two", choices="1, Yes | 2, No"))
+    (item,) = items(document)
+    assert len(item["options"]) == 2
+    assert "Two" in item["text"]["en"]

@@ -1,0 +1,130 @@
+"""Two people at once: both write, import, save or answer, and neither loses anything unseen."""
+
+import itertools
+
+import msgspec
+import pytest
+from django.urls import reverse
+from django.utils import timezone
+
+from surveys.documents import BadDefinitionError, ChangedMeanwhileError
+from surveys.importing.report import ImportReport
+from surveys.models import Questionnaire, Response
+from surveys.questionnaires import begin_empty, freeze, save_draft, store, store_next
+from tests.support.database_race import just_before
+from tests.support.html_page import read
+from tests.support.people import person
+from tests.support.questionnaires import NOW, defined, item
+from tests.support.study_pages import form_of
+
+pytestmark = pytest.mark.django_db
+# Rows are written inside of a savepoint of their own, which a rival's row must not be part of.
+WRITE = "SAVEPOINT"
+REPORT = ImportReport("Qualtrics (.qsf)")
+
+
+def also_imported():
+    """Return a change that stores another next version of the questionnaire each time."""
+    numbers = itertools.count(1)
+
+    def change() -> None:
+        mine = defined([item("text", f"theirs_{next(numbers)}")])
+        newest = Questionnaire.objects.filter(slug=mine.slug).order_by("-version").first()
+        store(msgspec.structs.replace(mine, version=newest.version + 1 if newest else 1), NOW)
+
+    return change
+
+
+def test_of_two_imports_under_one_name_both_are_stored():
+    with just_before(WRITE, also_imported()):
+        row, is_new = store_next(defined([item("text", "mine")]), REPORT, NOW)
+    assert (row.version, is_new) == (2, True)
+    rows = Questionnaire.objects.order_by("version")
+    keys = [one.key for row in rows for one in row.as_definition().questions()]
+    assert keys == ["theirs_1", "mine"]
+
+
+def test_an_import_that_others_always_overtake_asks_to_try_again():
+    with (
+        just_before(WRITE, also_imported(), times=5),
+        pytest.raises(BadDefinitionError, match="Someone else is changing test"),
+    ):
+        store_next(defined([item("text", "mine")]), REPORT, NOW)
+
+
+def test_an_import_that_is_wrong_is_refused():
+    empty = msgspec.structs.replace(defined([item("text", "a")]), pages=())
+    with pytest.raises(BadDefinitionError, match="no page"):
+        store_next(empty, REPORT, NOW)
+    assert not Questionnaire.objects.exists()
+
+
+def test_of_two_who_begin_a_questionnaire_of_one_name_the_second_is_told():
+    def begin() -> Questionnaire:
+        return begin_empty("doors", "The doors", ["en"], NOW)
+
+    with (
+        just_before(WRITE, begin),
+        pytest.raises(BadDefinitionError, match="already a questionnaire"),
+    ):
+        begin()
+    assert Questionnaire.objects.count() == 1
+
+
+@pytest.mark.parametrize("use", [True, False])
+def test_a_draft_that_was_changed_or_put_to_use_since_it_was_read_is_not_saved(use):
+    row = store(defined([item("text", "a")]), NOW)
+    if use:
+        freeze(row, NOW)
+    else:
+        save_draft(row, defined([item("text", "theirs")]))
+    with pytest.raises(ChangedMeanwhileError):
+        save_draft(row, defined([item("text", "mine")]))
+    (question,) = Questionnaire.objects.get().as_definition().questions()
+    assert question.key == ("a" if use else "theirs")
+
+
+def test_of_two_editors_who_save_at_the_same_moment_the_second_keeps_what_was_typed(client):
+    client.force_login(person("boss", is_staff=True, is_superuser=True))
+    row = store(defined([item("text", "a")]), NOW)
+    page = reverse("admin:surveys_questionnaire_part", args=[row.pk, "questions", "a"])
+    sent = dict(form_of(client.get(page)).lists()) | {"text.en": "Mine", "do": "save"}
+    theirs = defined([item("text", "a", text={"en": "Theirs"})])
+    with just_before('UPDATE "surveys_questionnaire"', lambda: save_draft(row, theirs)):
+        answer = client.post(page, sent)
+    assert answer.status_code == 422
+    assert "someone else changed this draft" in read(answer).text
+    assert "Mine" in answer.content.decode()
+    (question,) = Questionnaire.objects.get().as_definition().questions()
+    assert question.text == {"en": "Theirs"}
+
+
+# --- one respondent in two tabs -------------------------------------------------------------------
+
+
+def finish_elsewhere() -> None:
+    Response.objects.update(finished_at=timezone.now())
+
+
+def test_an_answer_to_a_response_that_is_finished_is_refused(take):
+    ada = take([item("text", "a")])
+    finish_elsewhere()
+    answer = ada.save("a", "Late")
+    assert answer.status_code == 409
+    assert "already closed" in answer.json()["error"]
+    assert ada.stored() == {}
+
+
+def test_a_response_that_is_finished_leads_away_from_its_pages(take):
+    ada = take([item("text", "a")])
+    finish_elsewhere()
+    assert ada.get().headers["Location"] == "/about/"
+    assert ada.send(1, "a", a="Late").headers["Location"] == "/about/"
+    assert ada.stored() == {}
+
+
+def test_what_was_chosen_is_chosen_when_the_page_is_shown_again(take):
+    ada = take([item("multiple", "a"), item("text", "b")])
+    ada.save("a", ["b", "d"])
+    boxes = [one for one in read(ada.get(1)).all("input") if one.attributes.get("name") == "a"]
+    assert [one.attributes["value"] for one in boxes if "checked" in one.attributes] == ["b", "d"]
