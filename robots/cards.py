@@ -110,9 +110,11 @@ def _stopped(robot: Robot) -> tuple[str, str]:
     words = {
         "estop": (
             _("Stopped"),
-            _("Stopped by someone next to it. Someone there must release it.")
+            _("Stopped by someone next to it. They or its operators can release it.")
             if is_stopped_there(robot.report)
-            else _("The emergency stop is on. Somebody at the robot must release it."),
+            else _(
+                "The emergency stop is on. Somebody at the robot, or an operator, must release it."
+            ),
         ),
         "not_connected": (
             _("Not available"),

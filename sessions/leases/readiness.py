@@ -16,7 +16,8 @@ now and what to tell it next.
 - Last of all it is asked for a picture, which nobody keeps: a camera runs only while somebody
   looks, so nothing else tells whether it works. A robot that answers later than its driver could
   steer it waits for a better network, and pauses the queue when that takes long.
-- An emergency stop pauses at once. Nothing is ordered of a robot that is not heard of.
+- An emergency stop pauses at once; whoever releases it has seen to the robot, so all attempts begin
+  anew. Nothing is ordered of a robot that is not heard of.
 
 Times are Unix seconds.
 """
@@ -101,7 +102,7 @@ def decide(
     if not condition.heard:
         return replace(turnaround, reason="offline"), None
     if condition.estop:
-        return replace(turnaround, phase="paused", reason="estop", order=None), None
+        return Readiness("paused", "estop"), None
     turnaround = _looked_at(turnaround)
     if (
         turnaround.order is not None

@@ -30,6 +30,8 @@ test("who waits at a stopped robot and the people there can write to each other"
   assert.deepEqual([scene.canHangUp, scene.sound], [false, 0]);
   const nobody = sceneFor(told({}, { screen: { ...waits, waiting: null } }), 100);
   assert.deepEqual([nobody.scene, nobody.canWrite], ["idle", false]);
+  const alone = sceneFor(told({ mode: "docking" }, { screen: { ...waits, waiting: null } }), 100);
+  assert.equal(alone.scene, "returning");
   const away = sceneFor(told({}, { screen: waits, online: false }), 100);
   assert.deepEqual([away.scene, away.canWrite], ["offline", false]);
 });

@@ -192,9 +192,18 @@ describe("cards", () => {
       const queued = cardFor(state({ phase: "queued", pause }, more)).word;
       assert.equal(SENTENCES.get(`${queued}.title`), SENTENCES.get(`lobby.${word}.title`), pause);
     }
-    // its own state says so, and sooner
+    // It is the server that gives the robot to somebody, and it may not know of the release yet.
     const released = state({ phase: "lobby" }, { room: free("paused: estop"), robot: ROBOT });
-    assert.equal(statusFor(released).word, "status.ready");
+    assert.equal(statusFor(released).word, "status.paused");
+    assert.equal(cardFor(released).main.word, "do.queue");
+  });
+
+  test("who comes while others wait for a robot that nobody drives is told their place", () => {
+    const card = cardFor(state({ phase: "lobby" }, { room: { ...free(""), waiting: 2 } }));
+    assert.deepEqual(
+      [card.word, card.values.place, card.main.word],
+      ["lobby.waiting", 3, "do.queue"],
+    );
   });
 
   test("a robot that is on its way home is not said to have stopped", () => {

@@ -10,6 +10,8 @@ export const STALE = 4;
 export const STALE_IDLE = 45;
 /** s after which a stop that the robot has not echoed is worth a word */
 const UNCONFIRMED = 2;
+/** what a robot without a visitor does by itself: the server has sent it to its station */
+const ALONE = new Set(["goto", "docking"]);
 
 /**
  * @typedef {object} Told
@@ -27,8 +29,8 @@ const UNCONFIRMED = 2;
 
 /**
  * @typedef {object} Display
- * @property {"starting" | "no_key" | "offline" | "idle" | "waiting" | "ringing" | "seen"
- *   | "speaking" | "visiting"} scene
+ * @property {"starting" | "no_key" | "offline" | "idle" | "returning" | "waiting" | "ringing"
+ *   | "seen" | "speaking" | "visiting"} scene
  * @property {string} name
  * @property {boolean} study
  * @property {number} sound
@@ -97,7 +99,8 @@ const sceneOf = ({ keyed, screen, state, heardAt, online }, call, now) => {
     return "offline";
   }
   if (screen.visitor === null) {
-    return screen.waiting === null || screen.waiting === undefined ? "idle" : "waiting";
+    const isWaitedFor = screen.waiting !== null && screen.waiting !== undefined;
+    return isWaitedFor ? "waiting" : ALONE.has(state?.mode) ? "returning" : "idle";
   }
   if (call?.status === "ringing" || call?.status === "unanswered") {
     return "ringing";

@@ -79,7 +79,8 @@ const usualCard = (state) => {
 };
 
 /**
- * The card of who waits for a robot whose emergency stop they may release.
+ * The card of who waits for a robot whose emergency stop they may release. Its button is not where
+ * the one to drive was a moment ago: nobody is to release a stop by a press meant for that.
  * @param {Card} card
  * @param {import("../../drive/features.js").State} state
  * @returns {Card}
@@ -269,6 +270,10 @@ const lobby = ({ visit, room, robot, ...state }) => {
       main: { action: "drive", word: "do.queue" },
       other,
     };
+  }
+  if (room.waiting > 0) {
+    const values = { place: room.waiting + 1 };
+    return { word: "lobby.waiting", values, main: { action: "drive", word: "do.queue" }, other };
   }
   return { word: "lobby", main: { action: "drive", word: "do.drive" }, other };
 };

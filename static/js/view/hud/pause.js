@@ -8,8 +8,6 @@ import { reasonFor } from "../../autonomy/reasons.js";
 
 /** The robot is in its station, and not ready yet. */
 const CHECKS = new Set(["level", "relocalize", "picture", "network"]);
-/** What a robot that is at a standstill waits for, which its own state says as well. */
-const STANDSTILL = new Set(["estop", "not_connected", "fault"]);
 
 /** @typedef {"" | "returning" | "checked" | "charging" | "paused" | "held" | "start"} Why */
 
@@ -28,11 +26,11 @@ export const pauseOf = (told) => {
 /**
  * What the robot does between two visits, as who is not in its queue is told it.
  * @param {string} told
- * @returns {Why} empty when it is ready, or its own state says why it is not
+ * @returns {Why} empty when it is ready
  */
 export const betweenVisits = (told) => {
-  const { why, reason } = pauseOf(told);
-  return why === "start" || (why === "paused" && STANDSTILL.has(reason)) ? "" : why;
+  const { why } = pauseOf(told);
+  return why === "start" ? "" : why;
 };
 
 /**

@@ -14,6 +14,7 @@ from robots.access import may_drive, robots_visible_to
 from robots.enrol.credentials import make_credentials
 from robots.enrol.tokens import redeem
 from robots.models import Robot
+from robots.screens import make_screen_key
 from tests.support import replays
 from tests.support.people import person
 
@@ -136,6 +137,13 @@ def test_its_owner_drives_a_hidden_robot(robot, owner):
 
 
 # --- what is there --------------------------------------------------------------------------------
+
+
+def test_a_robot_that_has_its_screen_is_not_asked_whether_it_has_a_display(client, robot):
+    seen(robot)
+    assert "Does the robot have a display?" in overview(client, robot)
+    make_screen_key(robot, timezone.now())
+    assert "Does the robot have a display?" not in overview(client, robot)
 
 
 def test_the_page_tells_an_owner_what_they_want_to_know_in_this_order(client, robot, owner):

@@ -102,6 +102,13 @@ def test_an_emergency_stop_pauses_at_once_and_lets_go_of_the_order():
     assert decide(turnaround, AWAY, 2.0)[1] == "dock"
 
 
+def test_a_released_stop_is_the_begin_of_new_attempts_whatever_was_tried_before():
+    spent = Readiness("paused", "the wheels do not turn", None, ATTEMPTS, 10.0)
+    stopped, _ = decide(spent, replace(AWAY, estop=True), 11.0)
+    released, kind = decide(stopped, AWAY, 12.0)
+    assert (released.phase, released.reason, kind) == ("returning", "dock", "dock")
+
+
 def test_nothing_is_ordered_of_a_robot_that_is_not_heard():
     turnaround, kind = decide(Readiness(), replace(AWAY, heard=False), 0.0)
     assert (turnaround.phase, turnaround.reason, kind) == ("returning", "offline", None)
