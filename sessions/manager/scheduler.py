@@ -320,7 +320,8 @@ class Scheduler:
         for name in self._leases.keys() - held.keys():
             del self._leases[name]
             self._counted.pop(name, None)
-            self._publish_lease(name, b"")
+            if self._ownership.owns(name):  # who got it meanwhile says who drives it
+                self._publish_lease(name, b"")
         due = {}
         for name, (key, epoch, state) in held.items():
             if state == Session.State.WAITING:

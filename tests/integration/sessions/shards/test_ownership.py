@@ -191,6 +191,26 @@ def test_a_scheduler_that_lost_a_robot_says_nothing_of_its_lease_and_one_that_go
     assert [message.payload for message in scheduler.outbox] == [b""]
 
 
+def test_a_robot_that_is_lost_while_leases_are_read_does_not_hear_that_nobody_drives_it(
+    giraff, session, owner
+):
+    Session.objects.filter(pk=session).update(state="driving")
+    scheduler = Scheduler(owner)
+    assert scheduler.renew(at(0))
+    scheduler.outbox.clear()
+
+    def lose(execute, sql, parameters, many, context):
+        found = execute(sql, parameters, many, context)
+        if "telepresence_sessions_lease" in sql:  # by another thread, between reading and telling
+            take_away()
+            owner.become({n: epoch for n, epoch in owner.epochs.items() if n != SHARD})
+        return found
+
+    with connection.execute_wrapper(lose):
+        scheduler.renew(at(10))
+    assert list(scheduler.outbox) == []
+
+
 def test_what_waits_to_be_said_of_a_robot_that_is_anothers_by_now_is_said_by_that_one(
     giraff, session, owner
 ):
