@@ -5,6 +5,7 @@ What the files are, each format says (experiments/export/formats/). At last come
 files: an export without sums was broken off.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from hashlib import sha256
 
@@ -24,8 +25,10 @@ Records of the study {slug}, version {version}. `dataset_description.json` expla
 column of each file. Times are seconds since the robot was granted, by the clock that the column
 names. An empty cell or `nan` is a missing value.
 {missing}
-The dataset contains all sessions, including failed, empty, practice and excluded ones, and those of
-pilots and bots: the columns `kind`, `practice`, `outcome` and `excluded` distinguish them.
+The dataset is of {people}. It contains all sessions, including failed, empty, practice and excluded
+ones, and those of pilots and of bots (programs that took part in the place of people): the columns
+`kind`, `practice`, `outcome` and `excluded` distinguish them. `questionnaires/` has the wording of
+each questionnaire, its scales and how it is scored; `study.json` has the study.
 
 `sha256sum -c SHA256SUMS` checks that every file is unchanged.
 
@@ -34,11 +37,11 @@ wrote it, and run in the source's folder, with Python 3.11 or newer,
 
     python3 -m venv .venv
     .venv/bin/pip install -r requirements.lock
-    .venv/bin/python manage.py analyse_study --dataset THIS_FOLDER --out report
+    .venv/bin/python manage.py analyse_study --dataset THIS_FOLDER{kind} --out report
 
-The report is on the participants; `--kind pilot` or `--kind bot` makes one on those. It has the
-same bytes again with the same versions of Python, NumPy, SciPy and Matplotlib, which its table
-`software` names.
+A report is on participants unless `--kind` says otherwise, once for each kind: `pilot`, `bot`. It
+has the same bytes again with the same source and the same versions of Python, NumPy, SciPy and
+Matplotlib, which its table `software` names.
 """
 
 
@@ -55,7 +58,12 @@ def export_files(study: Study, choice: Selection) -> Iterator[File]:
 def read_me(dataset: Dataset) -> str:
     """Return what an export says to whoever unpacks it."""
     definition, missing = dataset.study, ", ".join(dataset.publication.missing)
+    kinds = Counter(one.kind for one in dataset.participants)
+    others = "" if kinds["participant"] else "".join(f" --kind {kind}" for kind in sorted(kinds))
     return READ_ME.format(
+        people=", ".join(f"{n} {kind}{'' if n == 1 else 's'}" for kind, n in sorted(kinds.items()))
+        or "nobody yet",
+        kind=others,
         title=definition.title.get("en") or definition.slug,
         slug=definition.slug,
         version=definition.version,

@@ -28,7 +28,7 @@ DRIVING = (
         "the path",
     ),
     amount_of("odometer", "m", "distance driven by the wheels, including gaps and slipping"),
-    share("seen", "share of the time that has states; path, speed and times cover only this time"),
+    share("seen", "share of the time that has states; path and speeds cover only this time"),
     amount_of(
         "shortest",
         "m",
@@ -46,7 +46,12 @@ DRIVING = (
         "segments whose shortest path was longer than the path driven, which is measurement "
         "noise; their efficiency counts as 1",
     ),
-    amount_of("speed", "m/s", "mean speed over all the time that has states"),
+    amount_of(
+        "speed",
+        "m/s",
+        "mean speed over the time that has states, between first_frame and the end of the task; "
+        "the time of a state is its stamp less the median clock_offset of the session",
+    ),
     Column("moving_speed", "m/s", "mean speed while the robot moved"),
     amount_of("rotation", "rad", "how far the robot turned, left and right added"),
     amount_of(

@@ -3,13 +3,14 @@ exported dataset alone.
 """
 
 from argparse import ArgumentParser
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from django.core.management import BaseCommand, CommandError
 
 from experiments.analysis.dataset.folder import DatasetError, read
-from experiments.analysis.dataset.records import Dataset
+from experiments.analysis.dataset.records import Dataset, Kind
 from experiments.analysis.page import write_page
 from experiments.analysis.report import analyse
 from experiments.dataset.build import dataset_of
@@ -51,13 +52,12 @@ class Command(BaseCommand):
     def handle(self, *_args: Any, **options: Any) -> None:
         if bool(options["study"]) == bool(options["dataset"]):
             raise CommandError("Give either the name of a study or --dataset.")
+        kinds: Sequence[Kind] = options["kind"] or ("participant",)
         try:
-            files = analyse(
-                self._dataset(options),
-                options["out"],
-                options["kind"] or ("participant",),
-                write_page if options["page"] else None,
-            )
+            dataset = self._dataset(options)
+            if options["dataset"]:
+                _check_kinds(dataset, kinds)
+            files = analyse(dataset, options["out"], kinds, write_page if options["page"] else None)
         except DatasetError as error:
             raise CommandError(str(error)) from error
         self.stdout.write(f"{options['out']}: {len(files)} files")
@@ -67,4 +67,14 @@ class Command(BaseCommand):
             read(options["dataset"])
             if options["dataset"]
             else dataset_of(study_named(options["study"]))
+        )
+
+
+def _check_kinds(dataset: Dataset, kinds: Sequence[Kind]) -> None:
+    """Refuse a report on nobody where there is somebody of another kind."""
+    there = sorted({one.kind for one in dataset.participants})
+    if there and not set(there) & set(kinds):
+        raise CommandError(
+            f"The dataset has nobody of the kind {', '.join(kinds)}. Choose"
+            f" {' or '.join(f'--kind {kind}' for kind in there)}."
         )

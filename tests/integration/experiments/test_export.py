@@ -20,13 +20,13 @@ from django.db import connection
 from mcap.reader import make_reader
 
 from experiments.analysis.dataset.columns import STATES
-from experiments.analysis.dataset.folder import read
+from experiments.analysis.dataset.folder import read, write
 from experiments.analysis.dataset.records import Dataset
 from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.dataset.selection import Selection
 from experiments.definition.shipped import shipped
 from experiments.export.archive import unpacked, zipped
-from experiments.export.files import SUMS, export_files
+from experiments.export.files import SUMS, export_files, read_me
 from experiments.export.formats import FORMATS, ON_REQUEST, UnknownFormatError
 from experiments.models import Participant
 from sessions.models import SessionEvent, Snapshot, StateChunk
@@ -346,6 +346,24 @@ def test_a_study_without_participants_is_exported_and_analysed(tmp_path):
         "analyse_study", dataset=tmp_path / "dataset", out=tmp_path / "report", stdout=io.StringIO()
     )
     assert read(tmp_path / "dataset").sessions == ()
+    assert (tmp_path / "report" / SUMS).exists()
+
+
+def test_a_dataset_of_bots_alone_says_so_and_how_its_report_is_made(tmp_path):
+    made = made_up(np.random.default_rng(7), 2)
+    bots = [replace(one, kind="bot") for one in made.participants]
+    sessions = [replace(one, kind="bot") for one in made.sessions]
+    folder = tmp_path / "dataset"
+    write(replace(made, participants=tuple(bots), sessions=tuple(sessions)), folder)
+    said = read_me(replace(made, participants=tuple(bots)))
+    assert "The dataset is of 2 bots." in said
+    assert "--dataset THIS_FOLDER --kind bot --out report" in said
+    assert "--dataset THIS_FOLDER --out report" in read_me(made)
+    words = ("analyse_study", "--dataset", str(folder), "--out", str(tmp_path / "report"))
+    with pytest.raises(CommandError, match="nobody of the kind participant"):
+        call_command(*words)
+    assert not (tmp_path / "report").exists()
+    call_command(*words, "--kind", "bot", stdout=io.StringIO())
     assert (tmp_path / "report" / SUMS).exists()
 
 
