@@ -53,8 +53,8 @@ def _server_users() -> list[BrokerUser]:
 
 
 class _RobotUsers:
-    """The users of robots. Who has changed is asked every two seconds, so a row that says what it
-    said the last time gives the users that were made of it then.
+    """The users of robots. They are read every two seconds, so users made from a row are kept
+    until the row changes.
     """
 
     def __init__(self) -> None:

@@ -56,7 +56,7 @@ class Peers:
         """Return who is here; `now` is monotonic seconds.
 
         The robot counts the viewers of every web process, this process those whose picture is still
-        to come. Whoever waits watches meanwhile, and is counted among those who wait.
+        to come. Those who watch while they wait count as waiting.
         """
         lease = known.lease_at(now)
         drives = (

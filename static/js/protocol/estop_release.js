@@ -1,6 +1,6 @@
 /**
  * Asking a robot to release its emergency stop: on its own display, and on the drive page of
- * somebody who operates it. Pure.
+ * somebody who operates it.
  */
 
 import { unixNow } from "../lib/clock.js";

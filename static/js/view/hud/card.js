@@ -259,23 +259,18 @@ const lobby = ({ visit, room, robot, ...state }) => {
     };
   }
   const [standstill, why] = [standstillOf(robot), betweenVisits(room.pause)];
-  if (standstill) {
-    return { word: `lobby.${standstill}`, main: { action: "drive", word: "do.queue" }, other };
-  }
-  if (why) {
-    const word = why === "paused" && robot?.docked ? "unfit" : why;
-    return {
-      word: `lobby.${word}`,
-      values: { place: room.waiting + 1 },
-      main: { action: "drive", word: "do.queue" },
-      other,
-    };
-  }
-  if (room.waiting > 0) {
-    const values = { place: room.waiting + 1 };
-    return { word: "lobby.waiting", values, main: { action: "drive", word: "do.queue" }, other };
-  }
-  return { word: "lobby", main: { action: "drive", word: "do.drive" }, other };
+  const word =
+    standstill ||
+    (why === "paused" && robot?.docked ? "unfit" : why) ||
+    (room.waiting > 0 ? "waiting" : "");
+  return word
+    ? {
+        word: `lobby.${word}`,
+        values: { place: room.waiting + 1 },
+        main: { action: "drive", word: "do.queue" },
+        other,
+      }
+    : { word: "lobby", main: { action: "drive", word: "do.drive" }, other };
 };
 
 /**
