@@ -29,8 +29,7 @@ def answer_fits(condition: ItemCondition, value: Any) -> bool:
     if condition.one_of:
         chosen = value if isinstance(value, list) else [value]
         return any(one in condition.one_of for one in chosen)
-    if not isinstance(value, int | float):
-        return False
+    # bounds are asked of numbers alone (surveys/problems.py)
     above = condition.at_least is None or value >= condition.at_least
     return above and (condition.at_most is None or value <= condition.at_most)
 

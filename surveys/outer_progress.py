@@ -26,10 +26,9 @@ _tellers: list[Teller] = []
 
 def register_outer_progress(tell: Teller) -> None:
     """Have an app say what a response, in a language ("es"), belongs to; None when it is none of
-    its own. Registering twice does nothing.
+    its own.
     """
-    if tell not in _tellers:
-        _tellers.append(tell)
+    _tellers.append(tell)
 
 
 def outer_progress_of(response: Response, language: str) -> OuterProgress | None:

@@ -12,8 +12,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from django.db import IntegrityError, transaction
-
 from surveys.answers import AnswerValue, check_complete, read_answer
 from surveys.conditions import shown_keys
 from surveys.definition import Definition, language_for
@@ -132,11 +130,8 @@ def begin(
         "started_at": now,
         "seen_at": now,
     }
-    try:
-        with transaction.atomic():
-            return Response.objects.create(slot=slot, **fields)
-    except IntegrityError:
-        return Response.objects.select_related("questionnaire").get(slot=slot)
+    rows = Response.objects.select_related("questionnaire")
+    return rows.get_or_create(slot=slot, defaults=fields)[0]
 
 
 def save_one(
@@ -333,14 +328,10 @@ def _write(
 
 
 def _write_row(response: Response, key: str, fields: dict[str, Any], saving: Saving) -> None:
-    rows = Answer.objects.filter(response=response, item=key)
-    newer = (
-        rows.exclude(writer=saving.writer, writing__gte=saving.writing) if saving.writer else rows
-    )
-    if newer.update(**fields) or rows.exists():
-        return
-    try:
-        with transaction.atomic():
-            Answer.objects.create(response=response, item=key, first_at=saving.now, **fields)
-    except IntegrityError:
-        newer.update(**fields)
+    first = {"first_at": saving.now, **fields}
+    row, is_new = Answer.objects.get_or_create(response=response, item=key, defaults=first)
+    if not is_new:
+        older = Answer.objects.filter(pk=row.pk)
+        if saving.writer:
+            older = older.exclude(writer=saving.writer, writing__gte=saving.writing)
+        older.update(**fields)

@@ -84,8 +84,6 @@ def _take(
             offered=request.POST.getlist("shown"),
             saving=saving,
         )
-    except ClosedError:
-        return _away(row)
     except NotAskedError:
         return render(request, "surveys/refused.html", {"response": row}, status=REFUSED)
     if request.POST.get("go") == "back":

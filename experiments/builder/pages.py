@@ -18,7 +18,7 @@ from experiments.definition.steps import KINDS
 from experiments.definition.wizard import WizardStage
 from robots.api.floorplan import FloorPlan
 from robots.api.messages import Point
-from surveys.document_forms.parts import Document, in_languages
+from surveys.document_forms.parts import Document, in_languages, read_points
 
 # What of the study itself is on which page, and the classes of what stands in lists.
 PAGES: Mapping[str, Collection[str]] = {
@@ -275,6 +275,14 @@ def new_part(key: str, n: int, at: Point) -> Document | None:
         },
     }
     return parts.get(key)
+
+
+def clicked_point(at: str, default: Point) -> Point:
+    """Return the point "x y" that a click on the map stands for; `default` when there was none."""
+    points = read_points(at)
+    return (
+        (points[0][0], points[0][1]) if isinstance(points, list) and len(points) == 1 else default
+    )
 
 
 def middle_of(plan: FloorPlan | None) -> Point:

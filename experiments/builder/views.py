@@ -38,6 +38,7 @@ from experiments.builder.pages import (
     PLAN,
     BuilderPlace,
     by_factors,
+    clicked_point,
     copied,
     middle_of,
     new_analysis,
@@ -60,7 +61,7 @@ from experiments.definition.steps import KINDS
 from experiments.models import Study as Row
 from experiments.participation.steps import page_type
 from experiments.research.study_access import study_for
-from surveys.document_forms.parts import Document, change, new_point
+from surveys.document_forms.parts import Document, change
 from surveys.document_forms.problem_text import by_place, text_name
 from surveys.document_forms.submitted import MEANWHILE, SubmittedPart, number, pressed
 from surveys.documents import ChangedMeanwhileError, Problem
@@ -386,7 +387,8 @@ def _press(part: Document, sent: Any) -> str:
         part[key] = [*values, step] if step else values
         return f"{key}.{len(values)}"
     if verb == "add" and key in GUIDE.items:
-        at = new_point(sent.get("at", ""), middle_of(publishing.sites().get(part.get("site", ""))))
+        middle = middle_of(publishing.sites().get(part.get("site", "")))
+        at = clicked_point(sent.get("at", ""), middle)
         part[key] = [*values, new_part(key, len(values), at)]
         return "course" if sent.get("at") else f"{key}.{len(values)}"
     if isinstance(part.get(key), list):

@@ -10,7 +10,6 @@ from typing import Any, get_args, get_origin
 import msgspec
 from msgspec import inspect
 
-from robots.api.messages import Point
 from surveys.document_forms.guide import FormGuide
 from surveys.documents import Text
 
@@ -173,11 +172,3 @@ def _in_languages(one: Any, value: Any, languages: Collection[str]) -> Any:
 
 def _class_of(classes: Sequence[inspect.StructType], part: Document) -> type[Any]:
     return next((kind.cls for kind in classes if kind.tag == part.get("kind")), classes[0].cls)
-
-
-def new_point(at: str, default: Point) -> Point:
-    """Return the point "x y" that a click on the map stands for; `default` when there was none."""
-    points = read_points(at)
-    return (
-        (points[0][0], points[0][1]) if isinstance(points, list) and len(points) == 1 else default
-    )

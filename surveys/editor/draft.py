@@ -59,8 +59,7 @@ class EditorPlace:
         if self.section == "scales":
             points = whole["scales"].get(self.key)
             return None if points is None else {"points": points}
-        found = located(whole, self)
-        return None if found is None else found[0][found[1]]
+        return next((parts[n] for parts, n in located(whole, self)), None)
 
     def put(self, whole: Document, part: Document) -> Document:
         """Return the questionnaire with this part of it replaced."""
@@ -69,8 +68,7 @@ class EditorPlace:
             return _in_languages({**kept, **part}, part["languages"])
         if self.section == "scales":
             whole["scales"][self.key] = part["points"]
-        elif (found := located(whole, self)) is not None:
-            parts, n = found
+        for parts, n in located(whole, self):
             kept = {key: parts[n][key] for key in ("kind", "items") if key in parts[n]}
             parts[n] = {**kept, **part}
         return whole
@@ -84,12 +82,16 @@ def _in_languages(whole: Document, languages: Sequence[str]) -> Document:
     return {**in_languages(Definition, whole, languages), "scales": scales}
 
 
-def located(whole: Document, place: EditorPlace) -> tuple[list[Document], int] | None:
-    """Return the list that a page or question is in, and its number there."""
-    pages = whole["pages"]
-    lists = [pages] if place.section == "pages" else [page["items"] for page in pages]
-    numbered = ((parts, n) for parts in lists for n in range(len(parts)))
-    return next((one for one in numbered if one[0][one[1]]["key"] == place.key), None)
+def located(whole: Document, place: EditorPlace) -> list[tuple[list[Document], int]]:
+    """Return the list that a page or question is in, and its number there; nothing for others."""
+    pages, key = whole["pages"], place.key
+    lists = {"pages": [pages], "questions": [page["items"] for page in pages]}
+    return [
+        (parts, n)
+        for parts in lists.get(place.section, ())
+        for n, part in enumerate(parts)
+        if part["key"] == key
+    ]
 
 
 # --- keys -----------------------------------------------------------------------------------------
@@ -213,24 +215,21 @@ def arrange(whole: Document, verb: str, place: EditorPlace) -> None:
     """Move a page or question up or down, copy or remove it. At the end of its page, a question
     moves on to the next one; the last page stays.
     """
-    found = located(whole, place)
+    pages = whole["pages"]
     if place.section == "scales" and verb == "remove":
         whole["scales"].pop(place.key, None)
-    if found is None:
+    if place.section == "pages" and verb == "remove" and len(pages) == 1:
         return
-    parts, n = found
-    pages = whole["pages"]
-    if verb == "remove" and parts is pages and len(pages) == 1:
-        return
-    here = next((m for m, page in enumerate(pages) if page["items"] is parts), None)
-    if here is not None and verb == "up" and n == 0 and here > 0:
-        pages[here - 1]["items"].append(parts.pop(n))
-    elif here is not None and verb == "down" and n == len(parts) - 1 and here < len(pages) - 1:
-        pages[here + 1]["items"].insert(0, parts.pop(n))
-    else:
-        parts[:] = change(parts, verb, n)
-        if verb == "copy":
-            parts[n + 1] = copied(parts[n], whole)
+    for parts, n in located(whole, place):
+        here = next((m for m, page in enumerate(pages) if page["items"] is parts), None)
+        if here is not None and verb == "up" and n == 0 and here > 0:
+            pages[here - 1]["items"].append(parts.pop(n))
+        elif here is not None and verb == "down" and n == len(parts) - 1 and here < len(pages) - 1:
+            pages[here + 1]["items"].insert(0, parts.pop(n))
+        else:
+            parts[:] = change(parts, verb, n)
+            if verb == "copy":
+                parts[n + 1] = copied(parts[n], whole)
 
 
 def answers_typed(

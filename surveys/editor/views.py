@@ -38,7 +38,6 @@ from surveys.editor.draft import (
     complete,
     earlier,
     keys_in,
-    located,
     new_entry,
     new_question,
     numbered,
@@ -174,8 +173,6 @@ def keep(request: HttpRequest, row: Questionnaire, whole: Document) -> str:
         whole["scales"][name] = ready_points(name, whole["languages"], points)
     try:
         save_draft(row, msgspec.convert(whole, Definition))
-    except msgspec.ValidationError as error:
-        return f"{error}."
     except ChangedMeanwhileError:
         return str(MEANWHILE)
     return ""
@@ -211,10 +208,10 @@ def _added(whole: Document, place: EditorPlace, kind: str) -> EditorPlace | None
         points = ready_points(name, whole["languages"]) if kind in READY else blank
         whole["scales"].setdefault(name, points)
         return EditorPlace("scales", name)
-    page = located(whole, EditorPlace("pages", place.key))
+    page = EditorPlace("pages", place.key).part(whole)
     if page is None or kind not in TYPES:
         return None
-    items = page[0][page[1]]["items"]
+    items = page["items"]
     items.append(new_question(kind, next(iter((*whole["scales"], *READY))), whole))
     return EditorPlace("questions", items[-1]["key"])
 

@@ -91,6 +91,13 @@ def test_what_is_wrong_is_told_and_nothing_comes_in(client, researcher, content,
     assert not Questionnaire.objects.exists()
 
 
+def test_a_file_without_content_is_told_at_its_field_and_nothing_comes_in(client, researcher):
+    answer = client.post(reverse(ADD), upload(b""))
+    assert "The submitted file is empty." in read(answer).text
+    assert "Choose a file or paste its text." not in read(answer).text
+    assert not Questionnaire.objects.exists()
+
+
 def test_every_problem_is_told_in_a_line_of_its_own_and_escaped(client, researcher):
     broken = document([item("likert", "a", scale="b"), item("likert", "c", scale="<script>")])
     page = read(client.post(reverse(ADD), {"document": json.dumps(broken)}))

@@ -176,6 +176,37 @@ def test_pages_questions_and_scales_are_added_moved_and_removed(client, row):
     assert list(stored().scales) == ["agreement_7"]
 
 
+def test_a_scale_is_removed_alone_though_a_question_has_its_name(client, row):
+    press(client, row, "add:scales")
+    send(client, at(row, "questions", "q1"), key="scale_1")
+    press(client, row, "remove:scales:scale_1")
+    assert stored().scales == {}
+    assert [question.key for question in stored().questions()] == ["scale_1"]
+
+
+def test_options_are_moved_and_removed_on_the_page_of_their_question(client, row):
+    press(client, row, "add:questions:page_1:ranking")
+    page = at(row, "questions", "q2")
+    labels = {"options__0__label__en": "Hear", "options__1__label__en": "See"}
+    send(client, page, "add:options", **labels, options__2__label__en="Drive")
+    for do, left in (
+        ("up:options:1", ["see", "hear", "option_1"]),
+        ("remove:options:9", ["see", "hear", "option_1"]),
+        ("burn:options:0", ["see", "hear", "option_1"]),
+        ("remove:options:2", ["see", "hear"]),
+    ):
+        assert send(client, page, do).status_code == 302
+        assert [option.value for option in stored().question("q2").item.options] == left
+
+
+def test_a_title_that_a_page_has_in_one_language_alone_is_told_at_the_page(client, row):
+    page = at(row, "pages", "page_1")
+    send(client, page, title__en="The doors")
+    told = [e.text for e in read(client.get(page)).all("li")]
+    assert "Title (Spanish) is missing." in told
+    assert not is_usable(Questionnaire.objects.get())
+
+
 def test_what_cannot_be_kept_is_told_beside_its_field(client, row):
     press(client, row, "add:questions:page_1:number")
     page = at(row, "questions", "q2")
@@ -185,6 +216,23 @@ def test_what_cannot_be_kept_is_told_beside_its_field(client, row):
     assert "This is not a number." in told
     assert [e for e in read(answer).all("details") if "open" in e.attributes]
     assert stored().question("q2").item.minimum is None
+
+
+@pytest.mark.parametrize(
+    ("place", "sent", "told"),
+    [
+        (("questions", "q2"), {"step": "2.5"}, "Write a whole number."),
+        (("questions", "q2"), {"step": "0"}, "Write a number of at least 1."),
+        (("about",), {"languages": []}, "Choose at least one language."),
+    ],
+)
+def test_a_value_that_cannot_be_kept_says_what_to_write_instead(client, row, place, sent, told):
+    press(client, row, "add:questions:page_1:slider")
+    before = stored()
+    answer = send(client, at(row, *place), **sent)
+    assert answer.status_code == 422
+    assert told in [e.text for e in read(answer).all("li")]
+    assert stored() == before
 
 
 def test_the_questionnaire_itself_has_a_form(client, row):

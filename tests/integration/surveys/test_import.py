@@ -166,6 +166,13 @@ def test_a_form_of_a_redcap_file_in_another_language(client, researcher):
     assert [question.key for question in definition.questions()] == ["b"]
 
 
+def test_a_language_that_the_site_has_no_name_for_is_called_by_its_code(client, researcher):
+    answer = choose(client, redcap(field("a", "text")), language="tlh")
+    assert "tlh" in read(answer).text
+    save(client, answer, name="klingon")
+    assert Questionnaire.objects.get().as_definition().languages == ("tlh",)
+
+
 def test_people_who_may_not_add_questionnaires_may_not_import(client):
     user = person("assistant", is_staff=True)
     user.user_permissions.set(Permission.objects.filter(codename="view_questionnaire"))
@@ -202,6 +209,15 @@ def test_the_command_reports_and_stores_only_when_asked_to(survey):
     assert "Stored as version 1 of survey-in-en." in run(survey, "--save")
     assert "Already stored as version 1 of survey-in-en." in run(survey, "--save")
     assert "Stored as version 1 of mine." in run(survey, "--save", "--name", "mine")
+
+
+def test_the_command_names_the_forms_that_were_not_chosen(tmp_path):
+    path = tmp_path / "dictionary.csv"
+    path.write_bytes(redcap(field("a", "text"), field("b", "text", form="second")))
+    lines = run(path, "--form", "second").splitlines()
+    assert lines[lines.index("imported: b → b") + 1] == "    “Text of b”"
+    other = lines.index("not imported: form_one")
+    assert lines[other + 1] == "    It belongs to a form that you did not choose."
 
 
 @pytest.mark.parametrize(

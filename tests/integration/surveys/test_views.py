@@ -7,8 +7,12 @@ import uuid
 import pytest
 from django.urls import reverse
 
+from experiments.bots.answers import fill
+from experiments.bots.page import read as read_as_bot
+from experiments.bots.persona import Persona
 from surveys.models import Response
 from surveys.questionnaires import current, store
+from surveys.questions import TYPES
 from surveys.responses import Context, Respondent, begin
 from tests.support.html_page import faults, read
 from tests.support.people import person
@@ -35,6 +39,24 @@ def test_a_whole_questionnaire_is_answered_page_by_page_and_leads_on(take):
     assert ada.send(1, "a", a="c").url == ada.url(2)
     assert ada.send(2, "b", b="well").url == "/about/"
     assert ada.stored() == {"a": "c", "b": "well"}
+    assert ada.row().finished_at is not None
+
+
+def test_a_question_about_another_robot_is_not_on_the_page(take):
+    rhodon = item("text", "b", show_if={"robot": ["rhodon"]})
+    ada = take([item("text", "a"), rhodon, item("text", "c", show_if={"robot": ["giraff"]})])
+    shown = [e.attributes.get("data-question") for e in read(ada.get(1)).all("fieldset")]
+    assert list(filter(None, shown)) == ["a", "c"]
+
+
+@pytest.mark.parametrize("kind", TYPES)
+def test_a_bot_answers_a_question_of_every_type_from_its_page_alone(take, kind):
+    more = {"rows": rows("q1", "q2")} if kind == "grid" else {}
+    ada = take([item(kind, "q", required=True, **more)])
+    form = read_as_bot(ada.get(1).content.decode()).form("survey")
+    sent = [*form.hidden, *fill(form, Persona(1, 3), {}, NOW)]
+    fields = {name: [value for other, value in sent if other == name] for name, _value in sent}
+    assert ada.client.post(ada.url(1), fields).url == "/about/"
     assert ada.row().finished_at is not None
 
 

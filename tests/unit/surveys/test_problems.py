@@ -125,6 +125,10 @@ def test_a_wrong_whole_is_told_with_its_place(change, said):
     ("items", "said"),
     [
         ([], "page page1: This page has no questions."),
+        (
+            [item("grid", f"g{n}", rows=rows(*(f"r{n}_{m}" for m in range(7)))) for n in range(43)],
+            "There are 301 questions; at most 300 are allowed.",
+        ),
         ([likert(), likert()], "Name in the data “q1” appears 2 times"),
         (
             [{**likert(), "kind": "essay"}],

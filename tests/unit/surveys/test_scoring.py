@@ -95,6 +95,7 @@ def test_topics_that_are_scales_of_their_own_have_no_score_of_the_whole():
     assert measured_scale(shipped()["ict"], "overall") is None
 
 
-def test_the_tlx_has_six_parts_and_the_sus_goes_to_100():
+def test_the_tlx_alone_has_six_parts_and_the_sus_goes_to_100():
     assert [scale.key for scale in parts_of(shipped()["tlx"])][3] == "performance"
+    assert parts_of(shipped()["sus"]) == ()
     assert scales_of(shipped()["sus"])[0].bounds == (0.0, 100.0)

@@ -5,7 +5,7 @@ import pytest
 from django.http import QueryDict
 
 from experiments.builder.labels import GUIDE
-from experiments.builder.pages import renumber
+from experiments.builder.pages import clicked_point, renumber
 from experiments.builder.study_form import StudyPartForm
 from experiments.definition.coding import Code
 from experiments.definition.schema import Condition, Course, StudyCheckpoint, StudyDefinition
@@ -13,7 +13,7 @@ from experiments.definition.shipped import shipped
 from experiments.definition.steps.instructions import Instructions
 from experiments.definition.steps.task import TaskStep
 from experiments.definition.wizard import Wizard, WizardStage
-from surveys.document_forms import fields, part_form, parts
+from surveys.document_forms import fields, parts
 from surveys.document_forms.part_form import Group
 from tests.support.wizard_study import WIZARD
 
@@ -160,34 +160,10 @@ def test_an_optional_part_is_switched_on_and_off():
     assert "video" not in on["network"]
 
 
-@pytest.mark.parametrize("path", ["1", "1 2 3", "1 2\nx y", "[[1,2]]"])
-def test_points_that_are_none_are_told_and_kept(path):
-    document = StudyPartForm.read(
-        Course,
-        sent(
-            StudyPartForm(Course, {"robot": "giraff", "site": "office", "checkpoints": []}),
-            path=path,
-        ),
-    )
-    assert document["path"] == path
-    assert errors(Course, document) == {"path": "Write one point per line: x and y in metres."}
-
-
 def test_errors_inside_lists_say_which_part():
     leaves = [{"text": {"en": "Read"}}, {"text": {"en": "On"}, "picture": "No Picture!"}]
     told = errors(Instructions, {"key": "how", "title": {}, "leaves": leaves})
     assert list(told) == ["leaves.1.picture"]
-
-
-def test_parts_of_a_list_are_moved_copied_and_removed():
-    assert parts.change(["a", "b", "c"], "up", 2) == ["a", "c", "b"]
-    assert parts.change(["a", "b", "c"], "down", 0) == ["b", "a", "c"]
-    assert parts.change(["a", "b"], "up", 0) == ["a", "b"]
-    assert parts.change(["a", "b"], "down", 1) == ["a", "b"]
-    assert parts.change(["a", "b"], "copy", 0) == ["a", "a", "b"]
-    assert parts.change(["a", "b"], "remove", 1) == ["a"]
-    for verb, n in (("remove", 2), ("remove", -1), ("burn", 0)):
-        assert parts.change(["a", "b"], verb, n) == ["a", "b"]
 
 
 def test_the_photo_stays_with_its_checkpoint_when_checkpoints_move():
@@ -223,14 +199,9 @@ def test_leaving_a_language_takes_its_texts_everywhere():
 
 
 def test_a_click_on_the_map_is_a_point_and_anything_else_is_not():
-    assert parts.new_point("1.5 2", (0.0, 0.0)) == (1.5, 2.0)
+    assert clicked_point("1.5 2", (0.0, 0.0)) == (1.5, 2.0)
     for at in ("", "x", "1 2 3", "1 2\n3 4"):
-        assert parts.new_point(at, (4.0, 5.0)) == (4.0, 5.0)
-
-
-def test_a_forged_list_does_not_run_away():
-    data = QueryDict("&".join(f"leaves.{n}=" for n in range(900)))
-    assert len(StudyPartForm.read(Instructions, data)["leaves"]) == part_form.MOST_LISTED
+        assert clicked_point(at, (4.0, 5.0)) == (4.0, 5.0)
 
 
 def test_an_optional_part_that_is_off_lacks_nothing():
@@ -283,11 +254,6 @@ def kinds_of(form: StudyPartForm) -> QueryDict:
         if group.kind:
             data[f"{group.name}.kind"] = group.kind
     return data
-
-
-def test_a_move_of_a_kind_that_is_none_is_no_move():
-    data = QueryDict("key=a&steps.0=&steps.0.key=b&steps.0.move.kind=fly")
-    assert "move" not in StudyPartForm.read(WizardStage, data)["steps"][0]
 
 
 def test_what_has_pages_of_its_own_is_not_asked_for():

@@ -349,6 +349,14 @@ def test_translations_are_kept_and_one_that_is_missing_is_reported():
     assert "de, pt-br" in remarks(document, "Q2")
 
 
+def test_what_several_texts_of_a_question_lack_is_reported_once():
+    translated = {"DE": {"QuestionText": "Warum?"}}
+    document = qsf(
+        payload("Q1", "MC", "SAVR", Choices=FRUIT), payload("Q2", "TE", "SL", Language=translated)
+    )
+    assert remarks(document, "Q1").count("A text is missing in de") == 1
+
+
 def test_a_language_that_is_offered_without_a_translation_is_listed():
     options = {"Element": "SO", "Payload": {"AvailableLanguages": {"EN": [], "FR": []}}}
     assert outcomes(qsf(*texts("Q1"), extra=[options]))["fr"] is ImportOutcome.LEFT_OUT

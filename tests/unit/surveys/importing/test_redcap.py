@@ -226,6 +226,21 @@ def test_files_with_other_delimiters_a_byte_order_mark_or_old_letters_are_read(d
         assert items(one)[0]["text"]["en"] == "Größe, in cm"
 
 
+def test_lines_without_a_name_are_passed_over():
+    document = redcap(field("a", "text"), field("", "", label=""), field("b", "text")) + b"\r\n\r\n"
+    assert [item["key"] for item in items(document)] == ["a", "b"]
+    assert list(outcomes(document)) == ["record_id", "a", "b"]
+
+
+def test_sections_that_together_are_longer_than_a_text_may_be_are_refused_with_their_page():
+    document = redcap(
+        field("a", "file", header="x" * 3000),
+        field("b", "text", header="y" * 3000),
+    )
+    with pytest.raises(BadDefinitionError, match=r"page_1.*longer than 4000 characters"):
+        items(document)
+
+
 def test_the_columns_of_an_export_over_the_api_are_understood():
     document = (
         b"field_name,form_name,section_header,field_type,field_label,select_choices_or_calculations\n"
