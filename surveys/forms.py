@@ -1,6 +1,6 @@
-"""The form with which a questionnaire comes into the database: a JSON file, or the same text."""
+"""The forms with which definitions come into the database: a JSON file, or the same text."""
 
-from typing import Any
+from typing import Any, ClassVar
 
 from django import forms
 from django.urls import reverse
@@ -11,7 +11,7 @@ from django.utils.safestring import SafeString
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
-from surveys.definition import Definition, to_json
+from surveys.definition import to_json
 from surveys.document_forms.problem_text import sentences
 from surveys.documents import BadDefinitionError
 from surveys.models import Questionnaire
@@ -31,23 +31,60 @@ def _format_reference(page: str) -> SafeString:
 format_reference = lazy(_format_reference, SafeString)
 
 
-class QuestionnaireForm(forms.ModelForm):
-    """A definition; every problem of it is told at once."""
+class DocumentForm(forms.ModelForm):
+    """A definition as a JSON file, or as its text: of a questionnaire or of a study. `reference` is
+    the page of its format, `limit` its greatest size in bytes.
+    """
 
-    file = forms.FileField(
-        label=_("JSON file"),
-        required=False,
-        help_text=format_reference("questionnaires"),
-    )
+    reference: ClassVar[str]
+    limit: ClassVar[int]
+
+    file = forms.FileField(label=_("JSON file"), required=False)
     document = forms.CharField(
         label=_("or paste its text"),
         required=False,
         strip=False,
-        max_length=MAX_BYTES,
         widget=forms.Textarea(
             attrs={"rows": 30, "cols": 100, "spellcheck": "false", "class": "vLargeTextField"}
         ),
     )
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.fields["file"].help_text = format_reference(self.reference)
+        self.stored: Any = None
+        self.is_new = self.instance._state.adding
+
+    def sent(self) -> bytes:
+        """Return the document that was sent; empty when there was none."""
+        upload, text = self.cleaned_data.get("file"), self.cleaned_data.get("document", "")
+        document: bytes = text.encode() if upload is None else upload.read(self.limit + 1)
+        return document if document.strip() else b""
+
+    def check_version(self, slug: str, version: int) -> None:
+        """Keep an import from replacing what is there unseen, and a change from becoming something
+        else.
+
+        Raises:
+            BadDefinitionError: the version is there already, or is another than the one changed.
+        """
+        own = self.instance.slug, self.instance.version
+        if not self.is_new and own != (slug, version):
+            told = gettext("This is version %(n)d of %(slug)s. Its name and version can't change.")
+            raise BadDefinitionError([told % {"n": own[1], "slug": own[0]}])
+        rows = type(self.instance).objects.filter(slug=slug, version=version)
+        if self.is_new and rows.exists():
+            told = gettext(
+                "Version %(n)d of %(slug)s already exists. Edit that one, or give yours another "
+                "version number."
+            )
+            raise BadDefinitionError([told % {"n": version, "slug": slug}])
+
+
+class QuestionnaireForm(DocumentForm):
+    """A questionnaire; every problem of it is told at once."""
+
+    reference, limit = "questionnaires", MAX_BYTES
 
     class Meta:
         model = Questionnaire
@@ -55,9 +92,8 @@ class QuestionnaireForm(forms.ModelForm):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        if not self.instance._state.adding:
+        if not self.is_new:
             self.fields["document"].initial = to_json(self.instance.as_definition()).decode()
-        self.stored: Questionnaire | None = None
 
     def clean(self) -> dict[str, Any]:
         """Store the definition. Here and not later, so that a version that was frozen a moment ago
@@ -66,39 +102,13 @@ class QuestionnaireForm(forms.ModelForm):
         cleaned = super().clean() or self.cleaned_data
         if self.errors:
             return cleaned
-        upload = cleaned.get("file")
-        document = (
-            upload.read(MAX_BYTES + 1)
-            if upload is not None
-            else cleaned.get("document", "").encode()
-        )
-        if not document.strip():
+        document = self.sent()
+        if not document:
             raise forms.ValidationError(_("Choose a file or paste its text."))
         try:
             definition = parse(document)
-            self._check_name(definition)
+            self.check_version(definition.slug, definition.version)
             self.stored = store(definition, timezone.now())
         except BadDefinitionError as error:
             raise forms.ValidationError(sentences(error.problems)) from error
         return cleaned
-
-    def _check_name(self, definition: Definition) -> None:
-        """Keep an import from replacing what is there unseen, and a change from becoming another
-        questionnaire.
-        """
-        name, own = (
-            (definition.slug, definition.version),
-            (self.instance.slug, self.instance.version),
-        )
-        if not self.instance._state.adding:
-            if name != own:
-                told = _("This is version %(n)d of %(slug)s. Its name and version can't change.")
-                raise BadDefinitionError([told % {"n": own[1], "slug": own[0]}])
-        elif Questionnaire.objects.filter(
-            slug=definition.slug, version=definition.version
-        ).exists():
-            told = _(
-                "Version %(n)d of %(slug)s already exists. Edit that one, or give yours another "
-                "version number."
-            )
-            raise BadDefinitionError([told % {"n": name[1], "slug": name[0]}])

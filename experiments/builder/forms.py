@@ -21,29 +21,17 @@ from experiments.models import Study, StudyMember
 from surveys.document_forms.fields import language_name
 from surveys.document_forms.problem_text import sentences
 from surveys.documents import BadDefinitionError, ChangedMeanwhileError
-from surveys.forms import format_reference
+from surveys.forms import DocumentForm
 
 MOST_LINKS = 500
 MOST_DAYS = 366
 
 
-class StudyForm(forms.ModelForm):
+class StudyForm(DocumentForm):
     """A study: how people come in, and, while it is a draft, its whole definition as JSON."""
 
-    file = forms.FileField(
-        label=_("JSON file"),
-        required=False,
-        help_text=format_reference("studies"),
-    )
-    document = forms.CharField(
-        label=_("or paste its text"),
-        required=False,
-        strip=False,
-        max_length=MAX_BYTES,
-        widget=forms.Textarea(
-            attrs={"rows": 20, "cols": 100, "spellcheck": "false", "class": "vLargeTextField"}
-        ),
-    )
+    reference, limit = "studies", MAX_BYTES
+
     name = forms.SlugField(
         label=_("Name"),
         required=False,
@@ -65,26 +53,18 @@ class StudyForm(forms.ModelForm):
 
     user: Any = None  # who sends it; set by the administration on a class of its own
 
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs)
-        self.stored: Study | None = None
-        self.is_new = self.instance._state.adding
-
     def clean(self) -> dict[str, Any]:
         """Store the definition, so that what was published a moment ago is told like any other
         problem.
         """
         cleaned = super().clean() or self.cleaned_data
-        upload = cleaned.get("file")
-        document = (
-            upload.read(MAX_BYTES + 1)
-            if upload is not None
-            else cleaned.get("document", "").encode()
-        )
-        if self.errors or (not document.strip() and not self.is_new):
+        if self.errors:
+            return cleaned
+        document = self.sent()
+        if not document and not self.is_new:
             return cleaned
         try:
-            self.stored = self._take(parse(document)) if document.strip() else self._begin(cleaned)
+            self.stored = self._take(parse(document)) if document else self._begin(cleaned)
         except BadDefinitionError as error:
             raise forms.ValidationError(sentences(error.problems)) from error
         except ChangedMeanwhileError as error:
@@ -107,41 +87,14 @@ class StudyForm(forms.ModelForm):
         )
 
     def _take(self, definition: StudyDefinition) -> Study:
-        """Keep an import from replacing what is there unseen, and a change from becoming another
-        study.
-        """
-        name, own = (
-            (definition.slug, definition.version),
-            (self.instance.slug, self.instance.version),
-        )
+        """Store a definition, in place of the draft that is changed."""
+        is_taken = self.is_new and Study.objects.filter(slug=definition.slug).exists()
+        if is_taken and not may(self.user, definition.slug, "owner"):
+            told = gettext("The name %(slug)s is taken. Choose another one.")
+            raise BadDefinitionError([told % {"slug": definition.slug}])
+        self.check_version(definition.slug, definition.version)
         if not self.is_new:
-            if name != own:
-                raise BadDefinitionError(
-                    [
-                        gettext(
-                            "This is version %(n)d of %(slug)s. Its name and version can't change."
-                        )
-                        % {
-                            "n": own[1],
-                            "slug": own[0],
-                        }
-                    ]
-                )
             return publishing.save_draft(Study.objects.get(pk=self.instance.pk), definition)
-        versions = Study.objects.filter(slug=definition.slug)
-        if versions.exists() and not may(self.user, definition.slug, "owner"):
-            raise BadDefinitionError(
-                [
-                    gettext("The name %(slug)s is taken. Choose another one.")
-                    % {"slug": definition.slug}
-                ]
-            )
-        if versions.filter(version=definition.version).exists():
-            text = gettext(
-                "Version %(n)d of %(slug)s already exists. Edit that one, or give "
-                "yours another version number."
-            )
-            raise BadDefinitionError([text % {"n": name[1], "slug": name[0]}])
         return publishing.store(definition, timezone.now())
 
     @staticmethod
