@@ -7,13 +7,17 @@ TonisOrmisson/limesurvey-structure-imex (version 630).
 """
 
 import re
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 from django.utils.translation import gettext as _
 
 from surveys.documents import BadDefinitionError
 from surveys.importing import safe_xml
-from surveys.importing.draft import Draft, language_of
+from surveys.importing.draft import Draft, Item, language_of
+from surveys.importing.limesurvey.arrays import array, cells, two_scales
+from surveys.importing.limesurvey.choices import five_points, fixed, multiple, ranking, single
+from surveys.importing.limesurvey.entries import day, free_text, number, numbers, texts
 from surveys.importing.limesurvey.question import LimeSurveyConversion
 from surveys.importing.limesurvey.tables import (
     LimeSurveyGroup,
@@ -22,11 +26,27 @@ from surveys.importing.limesurvey.tables import (
     has_scores,
     survey_of,
 )
-from surveys.importing.limesurvey.types import items_of
 from surveys.importing.parts import note_reversal
 from surveys.importing.report import Note, NotImportedError
 from surveys.importing.survey_format import SurveyFormat, Wishes
 
+# By LimeSurvey's letters (its `Question` model); a letter without an entry has no counterpart.
+_TYPES: dict[str, Callable[[LimeSurveyConversion], list[Item]]] = {
+    **dict.fromkeys("L!O", single),
+    **dict.fromkeys("YG", fixed),
+    **dict.fromkeys("MP", multiple),
+    **dict.fromkeys("ABCEFH", array),
+    **dict.fromkeys(":;", cells),
+    **dict.fromkeys("STU", free_text),
+    "1": two_scales,
+    "5": five_points,
+    "D": day,
+    "K": numbers,
+    "N": number,
+    "Q": texts,
+    "R": ranking,
+}
+_NAMES = {"|": "file upload", "*": "equation", "I": "language switch"}
 # One comparison of an expression: Q1.NAOK == "A1", Q2_SQ001 == 'Y', that.Q1 == 5.
 _COMPARED = re.compile(
     r"""^\(*\s*(?:that\.)?(?P<name>[A-Za-z][A-Za-z0-9_]*)(?:\.(?:NAOK|value|code|valueNAOK))?
@@ -90,10 +110,10 @@ class _LssConversion:
         self.survey = survey
         names = {code: language_of(code) for code in survey.languages}
         languages = list(dict.fromkeys(name for name in names.values() if name)) or ["en"]
-        for texts in _all_texts(survey):
-            for code in list(texts):
+        for one in _all_texts(survey):
+            for code in list(one):
                 if code in names and names[code] not in {"", code}:
-                    texts[names[code]] = texts.pop(code)
+                    one[names[code]] = one.pop(code)
         for question in (one for group in survey.groups for one in group.questions):
             question.attributes = {
                 (name, names.get(code) or code): value
@@ -168,7 +188,7 @@ class _LssConversion:
 
     def _take_question(self, note: Note, question: LimeSurveyQuestion) -> None:
         condition = self._condition(note, question.row.get("relevance", ""))
-        items = items_of(LimeSurveyConversion(self.into, note, question))
+        items = _items_of(LimeSurveyConversion(self.into, note, question))
         if condition is not None:
             items = [{"show_if": condition} | item for item in items]
         self.into.ask(note, items)
@@ -233,3 +253,18 @@ def _all_texts(survey: Survey) -> list[dict[str, Any]]:
         *(one.texts for one in every),
         *(answer.texts for one in every for answer in one.answers),
     ]
+
+
+def _items_of(asked: LimeSurveyConversion) -> list[Item]:
+    """Return what a question becomes.
+
+    Raises:
+        NotImportedError: it has no counterpart here.
+    """
+    converter = _TYPES.get(asked.question.type)
+    if converter is None:
+        kind = _NAMES.get(asked.question.type, asked.question.type)
+        raise NotImportedError(
+            _("Questions of the type %(kind)s are not supported.") % {"kind": kind}
+        )
+    return converter(asked)

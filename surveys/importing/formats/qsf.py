@@ -9,19 +9,21 @@ SQ a question, SO the options of the survey.
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, ClassVar
 
 import msgspec
 from django.utils.translation import gettext as _
 
 from surveys.documents import BadDefinitionError
-from surveys.importing.draft import Draft, language_of
+from surveys.importing.draft import Draft, Item, language_of
 from surveys.importing.parts import note_reversal
 from surveys.importing.plain_text import plain
-from surveys.importing.qualtrics.question import QualtricsConversion, by_id
-from surveys.importing.qualtrics.types import items_of
-from surveys.importing.report import Note
+from surveys.importing.qualtrics.choices import choice, ranking
+from surveys.importing.qualtrics.entries import slider, text_entry
+from surveys.importing.qualtrics.matrices import matrix
+from surveys.importing.qualtrics.question import QualtricsConversion, by_id, mapping, no_counterpart
+from surveys.importing.report import Note, NotImportedError
 from surveys.importing.survey_format import SurveyFormat, Wishes
 
 _CHOICE = re.compile(r"^q://(?P<question>[^/]+)/Selectable(?:Choice|Answer)/(?P<choice>[^/]+)$")
@@ -66,12 +68,12 @@ class _QsfConversion:
         elements = survey.get("SurveyElements") if isinstance(survey, dict) else None
         if not isinstance(elements, list) or not all(isinstance(one, dict) for one in elements):
             raise BadDefinitionError([_("The file has no list of SurveyElements.")])
-        self.entry = _object(survey.get("SurveyEntry"))
+        self.entry = mapping(survey.get("SurveyEntry"))
         self.elements = elements
         self.questions = {
             str(payload.get("QuestionID") or element.get("PrimaryAttribute")): payload
             for element in elements
-            if element.get("Element") == "SQ" and (payload := _object(element.get("Payload")))
+            if element.get("Element") == "SQ" and (payload := mapping(element.get("Payload")))
         }
         self.blocks = {
             str(block.get("ID") or n): block
@@ -94,7 +96,7 @@ class _QsfConversion:
                     question, _("It is not part of the survey: it is in the trash or unused.")
                 )
         for element in self.elements:
-            if element.get("Element") == "SQ" and not _object(element.get("Payload")):
+            if element.get("Element") == "SQ" and not mapping(element.get("Payload")):
                 name = str(element.get("PrimaryAttribute") or "SQ")
                 self.into.leave_out(name, _("The file has no question with this name."))
         self._rest()
@@ -111,15 +113,15 @@ class _QsfConversion:
         found = dict.fromkeys(
             language_of(code)
             for payload in self.questions.values()
-            for code, texts in _object(payload.get("Language")).items()
-            if _object(texts).get("QuestionText")
+            for code, texts in mapping(payload.get("Language")).items()
+            if mapping(texts).get("QuestionText")
         )
         return [first, *(lang for lang in found if lang and lang != first)]
 
     # the order of the blocks
 
     def _blocks_in_order(self) -> Iterator[dict[str, Any]]:
-        flow = _object(self._payload("FL")).get("Flow")
+        flow = mapping(self._payload("FL")).get("Flow")
         order = list(self._flow(flow)) if isinstance(flow, list) else list(self.blocks)
         for one in dict.fromkeys(order):
             block = self.blocks.get(one)
@@ -130,7 +132,7 @@ class _QsfConversion:
         """Yield the ids of the blocks in the order of the flow, and report what else it has."""
         if depth > 30:
             return
-        for part in (_object(one) for one in flow):
+        for part in (mapping(one) for one in flow):
             kind = str(part.get("Type"))
             if kind in _IN_ORDER:
                 yield str(part.get("ID"))
@@ -154,7 +156,7 @@ class _QsfConversion:
     # questions
 
     def _take(self, block: dict[str, Any]) -> Iterator[str]:
-        options = _object(block.get("Options"))
+        options = mapping(block.get("Options"))
         shuffled = str(options.get("RandomizeQuestions", "false")) not in {"false", "", "None"}
         self.into.page(is_shuffled=shuffled)
         if str(options.get("Looping", "None")) not in {"None", "", "false"}:
@@ -163,7 +165,7 @@ class _QsfConversion:
                 _("Loops are not imported: the questions are asked once."),
             )
         for element in by_id(block.get("BlockElements")).values():
-            one = _object(element)
+            one = mapping(element)
             if one.get("Type") == "Page Break":
                 self.into.page(is_shuffled=shuffled)
             elif one.get("Type") == "Question" and str(one.get("QuestionID")) in self.questions:
@@ -186,7 +188,7 @@ class _QsfConversion:
                 note.changed(_("Its display logic is not imported: it is shown to everybody."))
             return
         condition = self._condition(note, payload.get("DisplayLogic"))
-        items = items_of(asked)
+        items = _items_of(asked)
         if condition is not None:
             items = [{"show_if": condition} | item for item in items]
         self.into.ask(note, items)
@@ -208,7 +210,7 @@ class _QsfConversion:
         """Return `show_if` for "one of these choices was selected"; anything else is noted."""
         if not logic:
             return None
-        chosen = list(_selected(_object(logic)))
+        chosen = list(_selected(mapping(logic)))
         condition = None
         if chosen and None not in chosen:
             condition = self.into.condition([one for one in chosen if one is not None])
@@ -227,21 +229,17 @@ class _QsfConversion:
                     f"{element.get('Element')}: {element.get('PrimaryAttribute')}",
                     _("This site has no equivalent."),
                 )
-        options = _object(self._payload("SO"))
+        options = mapping(self._payload("SO"))
         for name in ("Header", "Footer", "EOSMessage"):
             if options.get(name):
                 self.into.leave_out(name, _("This site has no equivalent."), str(options[name]))
-        if _object(self._payload("SCO")).get("ScoringCategories"):
+        if mapping(self._payload("SCO")).get("ScoringCategories"):
             self.into.leave_out(
                 _("Scoring"), _("Choose the scoring yourself, in the questionnaire.")
             )
-        translated = {language_of(code) for code in _object(options.get("AvailableLanguages"))}
+        translated = {language_of(code) for code in mapping(options.get("AvailableLanguages"))}
         for lang in sorted(translated - set(self.into.languages) - {""}):
             self.into.leave_out(lang, _("The file has no translated question in this language."))
-
-
-def _object(value: Any) -> dict[str, Any]:
-    return value if isinstance(value, dict) else {}
 
 
 def _name(payload: dict[str, Any]) -> str:
@@ -249,7 +247,7 @@ def _name(payload: dict[str, Any]) -> str:
 
 
 def _custom(payload: dict[str, Any]) -> bool:
-    settings = _object(_object(payload.get("Validation")).get("Settings"))
+    settings = mapping(mapping(payload.get("Validation")).get("Settings"))
     return bool(settings.get("CustomValidation")) or settings.get("Type") == "CustomValidation"
 
 
@@ -259,13 +257,56 @@ def _selected(logic: dict[str, Any]) -> Iterator[tuple[str, str] | None]:
     """
     groups = [group for name, group in logic.items() if name.isdigit()]
     for group in groups:
-        for name, part in _object(group).items():
+        for name, part in mapping(group).items():
             if not name.isdigit():
                 continue
-            one = _object(part)
+            one = mapping(part)
             found = _CHOICE.match(str(one.get("LeftOperand") or one.get("ChoiceLocator") or ""))
             joined = str(one.get("Conjuction") or "Or").lower() == "or"
             if found and joined and one.get("Operator") == "Selected" and len(groups) == 1:
                 yield found["question"], found["choice"]
             else:
                 yield None
+
+
+def _columns_of(asked: QualtricsConversion) -> list[Item]:
+    """SBS: several matrices with the same rows, one a column."""
+    asked.note.changed(_("Each column becomes a separate question."))
+    columns = by_id(asked.payload.get("AdditionalQuestions"))
+    rows = {name: asked.payload.get(name) for name in ("Choices", "ChoiceOrder")}
+    items: list[Item] = []
+    for one, column in columns.items():
+        inner = QualtricsConversion(asked.draft, asked.note, {**mapping(column), **rows})
+        inner.name = f"{asked.name}_{one}"
+        converter = _TYPES.get(inner.kind)
+        if converter is None or converter is _columns_of:
+            raise NotImportedError(no_counterpart(inner))
+        made = converter(inner)
+        text = asked.text()
+        items += [
+            {**item, "text": asked.draft.joined(text, item["text"], by=" – ")} for item in made
+        ]
+    return items
+
+
+# By type and selector; a type without an entry has no counterpart.
+_TYPES: dict[str, Callable[[QualtricsConversion], list[Item]]] = {
+    "MC": choice,
+    "Matrix": matrix,
+    "TE": text_entry,
+    "Slider": slider,
+    "RO": ranking,
+    "SBS": _columns_of,
+}
+
+
+def _items_of(asked: QualtricsConversion) -> list[Item]:
+    """Return what a question becomes.
+
+    Raises:
+        NotImportedError: it has no counterpart here.
+    """
+    converter = _TYPES.get(asked.kind)
+    if converter is None:
+        raise NotImportedError(no_counterpart(asked))
+    return converter(asked)
