@@ -66,7 +66,8 @@ class FinishingPage:
             store_site(propose(grid, row.name, row.title), grid)
         except FloorPlanRefusedError as error:
             return self._shown(request, row, {}, error.problems)
-        self.log_change(request, row, _("Plan proposed from the map."))  # type: ignore[attr-defined]
+        done = _("Plan proposed from the map.")
+        self.log_change(request, row, done)  # type: ignore[attr-defined]
         audit.note("plan_proposed", actor=request.user, thing=row.name)
         return HttpResponseRedirect(request.path)
 

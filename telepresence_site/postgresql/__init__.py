@@ -12,7 +12,8 @@ PORT = "5432"
 # s for which a server may say nothing to a new connection
 CONNECT_SECONDS = 3
 _URL = re.compile(
-    r"(?P<before>(?:postgres|postgresql|pgsql)://(?:[^/?#]*@)?)(?P<hosts>[^/?#@]*,[^/?#@]*)(?P<after>.*)"
+    r"(?P<before>(?:postgres|postgresql|pgsql)://(?:[^/?#]*@)?)"
+    r"(?P<hosts>[^/?#@]*,[^/?#@]*)(?P<after>.*)"
 )
 _HOST = re.compile(r"\[?(?P<host>[^\[\]:]+|(?<=\[)[0-9A-Fa-f:.]+(?=\]))\]?(?::(?P<port>[0-9]+))?")
 

@@ -1,8 +1,8 @@
 """What every adapter must do. A test module of an adapter subclasses `AdapterConformance` and says
 how to make one.
 
-Written against robot_interface.Adapter alone: the same sentences hold for a simulator, for ROS and for
-MOOS.
+Written against robot_interface.Adapter alone: the same sentences hold for a simulator, for ROS and
+for MOOS.
 """
 
 import asyncio

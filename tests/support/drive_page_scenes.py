@@ -160,7 +160,8 @@ async def is_a_screen(page: Page, site: PresentRobotPage, address: str) -> Scene
     yield "visited"
     asked = protocol.AudienceQuestion(
         id="q1",
-        text="How old is the painting at the end of the corridor? We see only half of it from here.",
+        text="How old is the painting at the end of the corridor? "
+        "We see only half of it from here.",
         state="answering",
     )
     site.tell_screens("audience", protocol.AudienceState(open=True, questions=(asked,)))

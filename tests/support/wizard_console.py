@@ -1,4 +1,4 @@
-"""The page of a hidden operator as the server sees it: a WebSocket through the whole application."""
+"""The page of a hidden operator as the server sees it: a WebSocket through the application."""
 
 import msgspec
 from asgiref.sync import sync_to_async

@@ -1,4 +1,4 @@
-"""A plan is finished on the map, in a real browser: with the mouse, with a finger, and with keys."""
+"""A plan is finished on the map, in a real browser: with the mouse, a finger, and keys."""
 
 import json
 

@@ -86,7 +86,9 @@ def assert_is_where_it_was(page, t: float, within: float = 0.05) -> None:
 
 
 def assert_is_where_it_says(page) -> None:
-    """The cabin is fitted into the canvas as view/map/transform.js does; the robot drives a circle."""
+    """The cabin is fitted into the canvas as view/map/transform.js does it; the robot drives a
+    circle.
+    """
     x, y, at = marker(page)
     box = page.evaluate(
         "(({clientWidth, clientHeight}) => [clientWidth,"

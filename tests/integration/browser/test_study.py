@@ -79,9 +79,10 @@ def publish(site: Site, condition: str, *, short: bool) -> str:
     changes = {"slug": slug, "conditions": conditions, "courses": [course], "analyses": []}
     document = json.dumps(study | changes)
     site.django(
-        "from django.utils import timezone; from experiments import publishing; from experiments.definition import problems;"
-        f"row = publishing.store(problems.parse({document!r}.encode()), timezone.now());"
-        "row.status == 'draft' and publishing.publish(row, None, 'a test drives it', timezone.now())"
+        "from django.utils import timezone; from experiments import publishing;"
+        "from experiments.definition import problems; now = timezone.now();"
+        f"row = publishing.store(problems.parse({document!r}.encode()), now);"
+        "row.status == 'draft' and publishing.publish(row, None, 'a test drives it', now)"
     )
     return slug
 

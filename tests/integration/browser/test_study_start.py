@@ -27,9 +27,9 @@ def hands(site):
 def join(site: Site, name: str) -> None:
     """Put a visitor on the task of the study that is there."""
     site.django(
-        "from django.utils import timezone; from accounts.models import User; from experiments.participation"
-        " import progress; from experiments.models import Study;user, _ ="
-        f" User.objects.get_or_create(username={name!r});"
+        "from django.utils import timezone; from accounts.models import User;"
+        "from experiments.participation import progress; from experiments.models import Study;"
+        f"user, _ = User.objects.get_or_create(username={name!r});"
         "progress.enter(Study.objects.get(slug='short'),"
         " user, access='open', recruitment={}, now=timezone.now())"
     )

@@ -1,5 +1,5 @@
-"""A hidden operator in a real browser drives and speaks for a simulated robot, while another browser
-takes part: every part is real.
+"""A hidden operator in a real browser drives and speaks for a simulated robot, while another
+browser takes part: every part is real.
 """
 
 import json

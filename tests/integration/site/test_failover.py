@@ -59,8 +59,8 @@ async def reached(condition, within, what, state=str):
 
 @contextlib.asynccontextmanager
 async def drive(site, broker, servers):
-    """A robot that is driven, and has recorded something; when it is over, the last server has every
-    state of it, once.
+    """A robot that is driven, and has recorded something; when it is over, the last server has
+    every state of it, once.
     """
     primary, standby = servers
     cookie = await asyncio.to_thread(site.sign_in, "anna")

@@ -1,7 +1,8 @@
-"""What each broker fails of the behaviour tests, measured; docs/explanation/brokers.md is the table.
+"""What each broker fails of the behaviour tests, measured: the table of
+docs/explanation/brokers.md.
 
-Keys are the names of tests in tests/integration/robots/broker/test_behaviour.py. `SOME` are tests of
-several inputs of which the broker fails only some.
+Keys are the names of tests in tests/integration/robots/broker/test_behaviour.py. `SOME` are tests
+of several inputs of which the broker fails only some.
 """
 
 NATS = {

@@ -17,7 +17,8 @@ pytestmark = pytest.mark.browser
 NEAREST = """async (servers) => {
   const { createRelayRegions } = await import("/protocol/relay_regions.js");
   const nearest = createRelayRegions().nearest;
-  return [await nearest(servers), await nearest(servers)].map((list) => list.map(({ urls }) => urls));
+  const found = [await nearest(servers), await nearest(servers)];
+  return found.map((list) => list.map(({ urls }) => urls));
 }"""
 
 

@@ -127,7 +127,7 @@ def declared_in(body: list[ast.stmt]) -> set[str]:
 
 
 def in_javascript(name: str, source: str) -> bool:
-    """Tell whether a script declares a class, a function or a value, or a method as `Class.name`."""
+    """Tell whether a script declares a class, a function or a value, or a method `Class.name`."""
     owner, _, member = name.rpartition(".")
     if owner:
         inside = re.search(rf"^export class {owner}\b.*?^}}", source, re.MULTILINE | re.DOTALL)

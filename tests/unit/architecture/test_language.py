@@ -1,5 +1,5 @@
-"""Pages, messages and documents are in plain English: constructions that read like a translation are
-found, with what to say instead.
+"""Pages, messages and documents are in plain English: constructions that read like a translation
+are found, with what to say instead.
 """
 
 import ast

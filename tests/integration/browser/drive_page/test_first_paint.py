@@ -18,8 +18,8 @@ from tests.support.patience import patient
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 MODULES = re.compile(r"/static/js/(?!drive/load_retry)")
 LATER = re.compile(r"/static/js/(view/(map|overlay|display)|autonomy|study|presence)/feature\.")
-# A server that has not answered yet: the page stays at its first card. After six seconds by the page's
-# clock it would say more there, and a slow computer takes longer: its clock stands still.
+# A server that has not answered yet: the page stays at its first card. After six seconds by the
+# page's clock it would say more there, and a slow computer takes longer: its clock stands still.
 NO_ANSWER = """window.WebSocket = class extends EventTarget { readyState = 0; close() {} };
 const began = performance.now();
 performance.now = () => began;"""

@@ -103,7 +103,9 @@ FAULTS = """([selector, alert, share]) => {
     }
   }
   if (alert) [line.textContent, line.hidden] = [text, hidden];
-  const stage = document.querySelector("[data-phase=driving]:not([data-map=large]) .stage")?.getBoundingClientRect();
+  const stage = document
+    .querySelector("[data-phase=driving]:not([data-map=large]) .stage")
+    ?.getBoundingClientRect();
   const video = stage ? (stage.width * stage.height) / (innerWidth * innerHeight) : 1;
   if (innerWidth < innerHeight && innerHeight > 800 && video < 0.5) {
     found.push(`the video has ${video.toFixed(2)} of the screen`);

@@ -1,4 +1,4 @@
-"""What somebody who withdraws is told: what was deleted, what stays, and what was given out before."""
+"""What somebody who withdraws is told: what was deleted, what stays, and what was given out."""
 
 import re
 

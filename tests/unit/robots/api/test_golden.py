@@ -1,5 +1,5 @@
-"""The golden messages: what Python writes, JavaScript reads (tests/js/protocol/robot_api.test.js), and the
-other way round.
+"""The golden messages: what Python writes, JavaScript reads (tests/js/protocol/robot_api.test.js),
+and the other way round.
 """
 
 import inspect

@@ -1,4 +1,4 @@
-"""What a session manager takes of what arrives: its own robots', and others' that become its own."""
+"""What a session manager takes of what arrives: its own robots', and others that become its own."""
 
 import msgspec
 import pytest

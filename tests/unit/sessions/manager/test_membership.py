@@ -222,7 +222,7 @@ def test_a_process_takes_the_lowest_free_slot_and_waits_until_it_knows_the_other
     assert world.divided()
 
 
-# --- the database is away, or somebody else was quicker ---------------------------------------------
+# --- the database is away, or somebody else was quicker -------------------------------------------
 
 
 def away(*_):

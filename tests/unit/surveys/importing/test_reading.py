@@ -1,4 +1,4 @@
-"""Files of any kind: which format they are, what is refused, and that no file breaks the reading."""
+"""Files of any kind: which format they are, what is refused; no file breaks the reading."""
 
 import copy
 import json

@@ -243,7 +243,8 @@ def test_sections_that_together_are_longer_than_a_text_may_be_are_refused_with_t
 
 def test_the_columns_of_an_export_over_the_api_are_understood():
     document = (
-        b"field_name,form_name,section_header,field_type,field_label,select_choices_or_calculations\n"
+        b"field_name,form_name,section_header,field_type,field_label,"
+        b"select_choices_or_calculations\n"
         b"record_id,f,,text,Record,\n"
         b'a,f,,radio,How?,"1, Well | 2, Badly"\n'
     )

@@ -87,7 +87,8 @@ def test_installed_it_is_driven_by_the_agent_as_ours_are(environment, tmp_path):
 
 
 def test_the_package_carries_its_profile(environment):
-    text = "import telepresence_acme.adapter as a; print(a.__file__, a.create('acme', {}).profile.series)"
+    text = "import telepresence_acme.adapter as a; robot = a.create('acme', {});"
+    text += "print(a.__file__, robot.profile.series)"
     place, series = run(environment, "-c", text).split()
     assert series == "acme"
     assert str(ROOT) not in place, "it is the installed one"

@@ -12,16 +12,14 @@ from experiments.analysis.tables import comparisons as rows
 from experiments.analysis.tables.comparisons import TESTED, compared, head_of
 from experiments.analysis.tables.table import Table, words
 
-FOUND = Found(
-    "paired t", 24, 2.41, (23.0,), 0.0243, IntervalEstimate(), "d_z", IntervalEstimate(0.49, 0.06, 0.914)
-)  # fmt: skip
+EFFECT = IntervalEstimate(0.49, 0.06, 0.914)
+FOUND = Found("paired t", 24, 2.41, (23.0,), 0.0243, IntervalEstimate(), "d_z", EFFECT)
 GROUPS = [({"a": 1.0, "b": 3.0}, ()), ({"a": 0.5, "b": 1.5}, ())]
 
 
 def said(test, corrected=0.0486, groups=GROUPS):
-    table = Table(
-        "conditions", "T.", ("Metric", *head_of(("slow", "fast"))), (compared("path", groups, test, corrected),)
-    )  # fmt: skip
+    body = (compared("path", groups, test, corrected),)
+    table = Table("conditions", "T.", ("Metric", *head_of(("slow", "fast"))), body)
     (sentence,) = sentences_of(table)
     return sentence
 

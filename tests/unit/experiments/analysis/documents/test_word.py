@@ -10,9 +10,8 @@ from experiments.analysis.tables.table import Table, number, words
 
 W = "{http://schemas.openxmlformats.org/wordprocessingml/2006/main}"
 NASTY = 'a < b & "c" \x00 – ñ ]]>'
-TABLE = Table(
-    "t", NASTY, ("", "slow: mean"), ((words(NASTY), number(1.5)), (words("=1"), number(None))), ("N.",)
-)  # fmt: skip
+ROWS = ((words(NASTY), number(1.5)), (words("=1"), number(None)))
+TABLE = Table("t", NASTY, ("", "slow: mean"), ROWS, ("N.",))
 
 
 def document(content: bytes) -> ET.Element:

@@ -1,4 +1,4 @@
-"""How far robots drove whose true ways are known, by states with noise, gaps and slipping wheels."""
+"""How far robots drove whose true ways are known, by states with noise, gaps, slipping wheels."""
 
 import math
 

@@ -64,7 +64,7 @@ def test_estimates_and_standard_errors_are_those_of_lme4(name):
     fixed, spreads = expected[:-2], expected[-2:]
     found = fitted(name)
     assert len(fixed) == len(found.coefficients)
-    # a coefficient that is 0 but for rounding has no relative error: its standard error is the scale
+    # a coefficient that is 0 but for rounding has no relative error: its standard error scales it
     for ours, theirs in zip(found.coefficients, fixed, strict=True):
         error = float(theirs["error"])
         assert ours.estimate.value == pytest.approx(

@@ -286,8 +286,8 @@ def test_scores_of_different_items_are_not_compared():
     assert animacy[remark].text == ""
     told = " ".join(tables["scores-impression"].notes)
     assert (
-        "Likeability is not of the same items in all rows: nice only in Without assistance (giraff)."
-        in told
+        "Likeability is not of the same items in all rows: "
+        "nice only in Without assistance (giraff)." in told
     )
     found = row(tables["reliability"], Scale="Likeability", Condition="assisted")
     assert found["Items"].value == 2
