@@ -48,18 +48,11 @@ class QuestionnaireAdmin(ShownFilters):
     )
     list_per_page = 50
     search_fields = ("title", "slug")
-    readonly_fields = (
-        "title",
-        "slug",
-        "version",
-        "state",
-        "frozen_at",
-        "source",
-        "response_count",
-        "preview",
-        "imported",
-        "shown",
+    about = (
+        *("title", "slug", "version", "state"),
+        *("frozen_at", "source", "response_count", "preview"),
     )
+    readonly_fields = (*about, "imported", "shown")
     change_list_template = "admin/surveys/questionnaire/change_list.html"
 
     def get_queryset(self, request: HttpRequest) -> QuerySet[Questionnaire]:
@@ -72,20 +65,10 @@ class QuestionnaireAdmin(ShownFilters):
         """A new one is a file; one that is in use can only be looked at."""
         if obj is None:
             return [(None, {"fields": ("file", "document")})]
-        about = (
-            "title",
-            "slug",
-            "version",
-            "state",
-            "frozen_at",
-            "source",
-            "response_count",
-            "preview",
-        )
         fields = ("file", "document") if obj.frozen_at is None else ("shown",)
         imported = [(_("Import"), {"fields": ("imported",), "classes": ["collapse"]})]
         return [
-            (None, {"fields": about}),
+            (None, {"fields": self.about}),
             *(imported if obj.import_report else []),
             (_("Definition (JSON)"), {"fields": fields, "classes": ["collapse"]}),
         ]

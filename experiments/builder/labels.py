@@ -11,6 +11,7 @@ from experiments.definition.schema import StudyCheckpoint
 from experiments.definition.step import AskingStep
 from experiments.definition.wizard import Wizard, WizardStep
 from surveys.document_forms.guide import FormGuide
+from surveys.editor.labels import CHOICES as SURVEY_CHOICES
 
 Words = str | Promise
 
@@ -357,15 +358,7 @@ CHOICES: dict[str, dict[str, Words]] = {
     },
     "counts": {"first": _("the first"), "last": _("the last"), "all": _("all")},
     "interval": {"normal": _("normal distribution"), "t": _("Student's t")},
-    "outcomes": {
-        "completed": _("completed"),
-        "timed_out": _("timed out"),
-        "connection_refused": _("connection refused"),
-        "cancelled": _("cancelled"),
-        "stopped_by_operator": _("stopped by operator"),
-        "robot_fault": _("robot fault"),
-        "connection_lost": _("connection lost"),
-    },
+    "outcomes": SURVEY_CHOICES["outcome"],
 }
 
 ITEMS: dict[str, Words] = {

@@ -77,6 +77,13 @@ AuthorForms = forms.formset_factory(
 )
 
 
+def _line(name: str, most: int, hint: Any) -> forms.CharField:
+    wide = forms.TextInput(attrs=WIDE)
+    return forms.CharField(
+        label=LABELS[name], required=False, max_length=most, widget=wide, help_text=hint
+    )
+
+
 class PublicationForm(forms.Form):
     """What a dataset says about itself beside its authors."""
 
@@ -86,41 +93,13 @@ class PublicationForm(forms.Form):
         choices=[("", "–"), *((name, name) for name in LICENCES)],
         help_text=_("The licence under which others may use the data, as an SPDX identifier."),
     )
-    funder = forms.CharField(
-        label=LABELS["funder"],
-        required=False,
-        max_length=300,
-        widget=forms.TextInput(attrs=WIDE),
-        help_text=_("The organisation that funded the study, with the grant number."),
+    funder = _line(
+        "funder", 300, _("The organisation that funded the study, with the grant number.")
     )
-    preregistration = forms.CharField(
-        label=LABELS["preregistration"],
-        required=False,
-        max_length=500,
-        widget=forms.TextInput(attrs=WIDE),
-        help_text=_("Its address, such as https://osf.io/abcde."),
-    )
-    doi = forms.CharField(
-        label=LABELS["doi"],
-        required=False,
-        max_length=200,
-        widget=forms.TextInput(attrs=WIDE),
-        help_text=_("The DOI of the dataset, once a repository has reserved one."),
-    )
-    keywords = forms.CharField(
-        label=LABELS["keywords"],
-        required=False,
-        max_length=500,
-        widget=forms.TextInput(attrs=WIDE),
-        help_text=_("Separated by commas."),
-    )
-    ethics = forms.CharField(
-        label=LABELS["ethics"],
-        required=False,
-        max_length=500,
-        widget=forms.TextInput(attrs=WIDE),
-        help_text=_("The committee that approved the study, with its reference."),
-    )
+    preregistration = _line("preregistration", 500, _("Its address, such as https://osf.io/abcde."))
+    doi = _line("doi", 200, _("The DOI of the dataset, once a repository has reserved one."))
+    keywords = _line("keywords", 500, _("Separated by commas."))
+    ethics = _line("ethics", 500, _("The committee that approved the study, with its reference."))
 
     def clean_preregistration(self) -> str:
         """Ask for an address."""
