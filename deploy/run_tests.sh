@@ -1,10 +1,11 @@
 #!/bin/sh
-# What is checked before a change lands: run_tests.sh format|lint|check|integration|test|soak. BIN names the virtual environment's bin folder.
+# What is checked before a change lands: run_tests.sh format|lint|check|integration|test|nightly|soak. BIN names the virtual environment's bin folder.
 #   format        write Python and JavaScript as lint wants them
 #   lint          style, types, and the direction of imports
 #   check         lint and the unit lane, for every change: without slow tests, and with fewer examples
 #   integration   the integration lane and the timing lane: what make test runs after check
 #   test          everything that proves function
+#   nightly       whole stories, and the same faults at every part and architecture
 #   soak          the unit lane with many more examples, and everything that proves endurance, before a release
 set -eu
 started=${RUN_STARTED:-$(date +%s)}
@@ -112,9 +113,9 @@ together() {
 }
 
 integration() {
-    together "integration" servers_and_studies "not soak" browsers "not soak"
+    together "integration" servers_and_studies "$1" browsers "$1"
     step "timing: beside no other lane"
-    timing "not soak"
+    timing "$1"
 }
 
 case "${1:-test}" in
@@ -131,9 +132,10 @@ case "${1:-test}" in
         step "node --test"
         node --test --test-reporter=dot tests/js/
         together "style, types and the unit lane" lint "" unit ""
-        integration
+        integration "not nightly and not soak"
         ;;
-    integration) integration ;;
+    integration) integration "not nightly and not soak" ;;
+    nightly) integration "nightly and not soak" ;;
     soak)
         step "soak: this takes hours, and prints what each part took"
         limit=$((36 * 60))

@@ -29,6 +29,7 @@ def diaries(site):
     return json.loads(report.read_text())
 
 
+@pytest.mark.nightly
 def test_a_bot_completes_the_study_and_gets_its_code(diaries):
     first = diaries[0]
     assert first["code"], first

@@ -73,6 +73,7 @@ def processes(site, part):
     return [parent, *parent.children(recursive=True)]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("number", [KILLED, STOPPED], ids=["killed", "stopped"])
 @pytest.mark.parametrize("part", ["session-manager", "broker"])
 async def test_who_drives_is_told_which_part_fails_and_how_long_the_robot_goes_on(
@@ -96,6 +97,7 @@ async def test_who_drives_is_told_which_part_fails_and_how_long_the_robot_goes_o
         await client.turns(patient(RECOVERS), at)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("number", [KILLED, STOPPED], ids=["killed", "stopped"])
 async def test_who_drives_is_told_that_the_robots_computer_is_silent(site, number):
     async with driving(site) as client:
@@ -114,6 +116,7 @@ async def test_who_drives_is_told_that_the_robots_computer_is_silent(site, numbe
         await client.turns(patient(RECOVERS), at)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("number", [KILLED, STOPPED], ids=["killed", "stopped"])
 async def test_a_web_process_that_fails_is_silence_and_who_comes_back_drives_on_in_the_same_visit(
     site, number
@@ -152,6 +155,7 @@ Robot.objects.create(name="giraff", title="Giraff")
 """
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("fails", "comes_back"), [("stop", "start"), ("hold", "go_on")], ids=["killed", "stopped"]
 )
