@@ -84,6 +84,7 @@ def test_a_robot_leaves_its_dock_by_the_button_and_pressing_forward_there_explai
     assert not giraff.truth().docked
 
 
+@pytest.mark.nightly
 def test_it_goes_where_the_map_was_tapped_and_says_when_it_is_there(site, visitor, giraff):
     ben = visitor("ben").drive()
     goal = (2.6, 4.2)

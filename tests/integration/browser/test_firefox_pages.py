@@ -15,7 +15,7 @@ from tests.support.site import wait_for
 from tests.support.study_walk import Walker
 from tests.support.words import factsheet
 
-pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]
+pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True), pytest.mark.nightly]
 SIZES = [(1366, 768), (390, 844)]
 TOO_WIDE = """document.documentElement.scrollWidth > innerWidth
     ? [document.documentElement.scrollWidth, innerWidth] : null"""
@@ -66,7 +66,6 @@ def look(browser: Firefox, site: str, *addresses: str) -> list[str]:
     return found
 
 
-@pytest.mark.nightly
 def test_a_strangers_pages(browser, live_server):
     p.site()
     p.published(p.of("exploration"))
@@ -74,7 +73,6 @@ def test_a_strangers_pages(browser, live_server):
     assert not look(browser, live_server.url, *pages)
 
 
-@pytest.mark.nightly
 def test_the_check_of_browser_and_network_comes_to_its_end(browser, site):
     browser.goto(f"{site.url}/check/")
     done = "!!document.querySelector('#check:not([data-state=busy]) .check__line')"
@@ -97,7 +95,6 @@ def test_every_step_of_a_study(browser, live_server):
     assert not found, "\n".join(found)
 
 
-@pytest.mark.nightly
 def test_a_researchers_pages_and_what_they_draw(browser, live_server):
     visit = made()
     p.site()  # the course is drawn on its floor plan

@@ -7,7 +7,7 @@ import pytest
 from tests.support.short_study import bots_command, store_in
 from tests.support.site import running_site
 
-pytestmark = [pytest.mark.broker, pytest.mark.long]
+pytestmark = [pytest.mark.broker, pytest.mark.long, pytest.mark.nightly]
 ENDINGS = "completes,leaves_at_the_dock,refuses_consent"
 
 
@@ -29,7 +29,6 @@ def diaries(site):
     return json.loads(report.read_text())
 
 
-@pytest.mark.nightly
 def test_a_bot_completes_the_study_and_gets_its_code(diaries):
     first = diaries[0]
     assert first["code"], first

@@ -19,7 +19,7 @@ from tests.support.patience import patient
 from tests.support.postgres import running_postgres
 from tests.support.site import DATABASE, Site, running_site, wait_for
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.nightly]
 
 KILLED, STOPPED = signal.SIGKILL, signal.SIGSTOP
 WORDS = {"broker": "broker", "session-manager": "session_manager", "giraff": "robot"}
@@ -73,7 +73,6 @@ def processes(site, part):
     return [parent, *parent.children(recursive=True)]
 
 
-@pytest.mark.nightly
 @pytest.mark.parametrize("number", [KILLED, STOPPED], ids=["killed", "stopped"])
 @pytest.mark.parametrize("part", ["session-manager", "broker"])
 async def test_who_drives_is_told_which_part_fails_and_how_long_the_robot_goes_on(
@@ -97,7 +96,6 @@ async def test_who_drives_is_told_which_part_fails_and_how_long_the_robot_goes_o
         await client.turns(patient(RECOVERS), at)
 
 
-@pytest.mark.nightly
 @pytest.mark.parametrize("number", [KILLED, STOPPED], ids=["killed", "stopped"])
 async def test_who_drives_is_told_that_the_robots_computer_is_silent(site, number):
     async with driving(site) as client:
@@ -116,7 +114,6 @@ async def test_who_drives_is_told_that_the_robots_computer_is_silent(site, numbe
         await client.turns(patient(RECOVERS), at)
 
 
-@pytest.mark.nightly
 @pytest.mark.parametrize("number", [KILLED, STOPPED], ids=["killed", "stopped"])
 async def test_a_web_process_that_fails_is_silence_and_who_comes_back_drives_on_in_the_same_visit(
     site, number
@@ -155,7 +152,6 @@ Robot.objects.create(name="giraff", title="Giraff")
 """
 
 
-@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("fails", "comes_back"), [("stop", "start"), ("hold", "go_on")], ids=["killed", "stopped"]
 )

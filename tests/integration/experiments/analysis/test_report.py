@@ -77,6 +77,7 @@ def test_an_exported_dataset_alone_gives_the_same_bytes_in_another_process(writt
     assert [name for name in first if first[name] != second[name]] == []
 
 
+@pytest.mark.nightly
 def test_the_sums_are_those_of_every_file(written):
     _, folder = written
     lines = (folder / "report" / "SHA256SUMS").read_text().splitlines()

@@ -26,6 +26,7 @@ RIGS = {
     "rosbridge to ROS 1": lambda base: RosbridgeRig("rhodon", 1, base=base),
     "rosbridge to ROS 2": lambda base: RosbridgeRig("giraff", 2, base=base),
 }
+NAMES = ["ros1", *(pytest.param(name, marks=pytest.mark.nightly) for name in list(RIGS)[1:])]
 
 
 @pytest.fixture(autouse=True)
@@ -49,7 +50,7 @@ async def complaint(adapter, *words):
     raise AssertionError
 
 
-@pytest.mark.parametrize("name", RIGS)
+@pytest.mark.parametrize("name", NAMES)
 async def test_a_base_on_another_topic_is_named_with_the_option_and_nothing_counts_as_applied(name):
     with RIGS[name](("/base/cmd_vel", TWIST)) as rig:
         async with connected(rig.adapter()) as adapter:
@@ -63,7 +64,7 @@ async def test_a_base_on_another_topic_is_named_with_the_option_and_nothing_coun
             await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.1 and s.errors == ())
 
 
-@pytest.mark.parametrize("name", RIGS)
+@pytest.mark.parametrize("name", NAMES)
 async def test_a_base_that_wants_stamped_velocities_gets_them(name):
     with RIGS[name](("/cmd_vel", STAMPED)) as rig:
         for _ in range(2):
@@ -73,7 +74,7 @@ async def test_a_base_that_wants_stamped_velocities_gets_them(name):
             assert abs(rig.robot.stamps[-1] - time.time()) < 5.0
 
 
-@pytest.mark.parametrize("name", RIGS)
+@pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(
     ("there", "told", "way_out"), [(STAMPED, "false", "true"), (TWIST, "true", "false")]
 )
