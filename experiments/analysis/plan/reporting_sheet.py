@@ -7,7 +7,12 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from experiments.analysis.dataset.records import COMPLETED, Dataset, RobotRecord
+from experiments.analysis.dataset.records import (
+    COMPLETED,
+    Dataset,
+    ParticipantRecord,
+    RobotRecord,
+)
 from experiments.analysis.metrics.definitions import VERSION
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.plan.exclusions import (
@@ -18,6 +23,7 @@ from experiments.analysis.plan.exclusions import (
 )
 from experiments.analysis.plan.preregistration import before_data
 from experiments.analysis.statistics.descriptive import spread
+from experiments.analysis.tables.participant_kinds import counted
 from experiments.analysis.tables.people import NOT_REPORTED, table_2
 from experiments.analysis.tables.table import NOTHING, Table, amount, words
 from experiments.definition.plan import hypotheses_of
@@ -53,12 +59,17 @@ Line = tuple[str, str, str]  # section, item, value
 
 
 def reporting_sheet(
-    dataset: Dataset, measured: Sequence[Measured], found: Sequence[PlanExclusion]
+    dataset: Dataset,
+    measured: Sequence[Measured],
+    found: Sequence[PlanExclusion],
+    everybody: Sequence[ParticipantRecord],
 ) -> Table:
     """Return the sheet of a dataset of those who count (`Dataset.chosen`), its sessions measured
-    and its exclusions found.
+    and its exclusions found; `everybody` are the participants, pilots and bots of the whole one.
     """
     lines = (
+        ("Participants", "in the dataset", counted(everybody, "participant")),
+        ("Participants", "in this sheet", counted(dataset.participants) or "nobody"),
         *_participants(dataset),
         *_robots(dataset, measured),
         *_autonomy(dataset),

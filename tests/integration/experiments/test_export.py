@@ -367,6 +367,23 @@ def test_a_dataset_of_bots_alone_says_so_and_how_its_report_is_made(tmp_path):
     assert (tmp_path / "report" / SUMS).exists()
 
 
+@pytest.mark.parametrize("bots", [1, 2])
+def test_the_reporting_sheets_of_participants_and_of_bots_are_in_an_export(bots, tmp_path):
+    made = made_up(np.random.default_rng(7), 2)
+    people = [
+        replace(one, kind="bot" if n < bots else "participant")
+        for n, one in enumerate(made.participants)
+    ]
+    stored = put(replace(made, participants=tuple(people)))
+    said = exported(stored.study, tmp_path)["reporting-sheet.md"].decode()
+    sheets = said.split("# Simulated participants (bots): Reporting sheet\n")
+    assert len(sheets) == 2
+    assert f"- in the dataset: {2 - bots} participant" in sheets[1]
+    assert f"- in this sheet: {bots} bot" in sheets[1]
+    assert "- drives: 0\n" not in sheets[1]
+    assert sheets[0].startswith("# Reporting sheet\n") == (bots == 1)
+
+
 def test_a_command_that_cannot_be_obeyed_says_why(stored, tmp_path):
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "mine.txt").write_text("mine")

@@ -82,7 +82,7 @@ def test_shipped_studies_have_a_text(study):
 
 def sheet(plan=PLAN, **more):
     dataset, measured = planned_data(plan, TIMES, **more)
-    table = reporting_sheet(dataset, measured, exclusions(dataset))
+    table = reporting_sheet(dataset, measured, exclusions(dataset), dataset.participants)
     topics, found = "", {}
     for topic, item, value in table.rows:
         topics = topic.text or topics
@@ -128,7 +128,7 @@ def test_a_sheet_measures_latency():
         replace(one, values={**one.values, "command_age_median": 0.05, "command_age_p95": 0.12})
         for one in measured
     ]
-    table = reporting_sheet(replace(dataset, robots=(robot,)), aged, ())
+    table = reporting_sheet(replace(dataset, robots=(robot,)), aged, (), ())
     values = [row[2].text for row in table.rows]
     assert "median 50 ms, 95th percentile 120 ms (medians over 6 drives)" in values
 
