@@ -19,7 +19,7 @@ from surveys.answers import Missing
 from surveys.definition import Definition
 from surveys.documents import spoken
 from surveys.item import Question
-from surveys.scoring import scales_of
+from surveys.scoring import ScoredScale, scales_of
 
 REASONS = {**dict.fromkeys((reason.value for reason in Missing), ""), WITHHELD: ""}
 
@@ -84,9 +84,42 @@ def _wide(versions: Sequence[Definition], language: str) -> Iterator[Column]:
         for question in one.questions():
             known |= {column.name: column for column in _asked(one, question, language)}
         for scale in scales_of(one):
-            known[scale.name] = Column(scale.name, "", "score").within(*scale.bounds)
+            meaning = _scored(one, scale, language)
+            known[scale.name] = Column(scale.name, "", meaning).within(*scale.bounds)
     for name in wide_head(versions)[len(WIDE) :]:
         yield known.get(name, Column(name, "", "score"))
+
+
+def _scored(definition: Definition, scale: ScoredScale, language: str) -> str:
+    """Return what a score is: of what, by which formula, from where to where, and which way up."""
+    about = spoken(scale.label, language) or spoken(definition.title, language)
+    low, high = scale.bounds
+    turned: dict[float, list[str]] = {}
+    ends: dict[str, list[str]] = {}
+    for key in scale.items:
+        question = definition.question(key)
+        if question is None or not question.score_values:
+            continue
+        if key in definition.reversed:
+            turned.setdefault(question.from_other_end(0), []).append(key)
+        end = spoken(question.ends[0 if key in definition.reversed else 1], language)
+        ends.setdefault(end, []).append(key)
+    return "; ".join(
+        (
+            f"score of: {about} – {scale.formula}",
+            *(f"{', '.join(keys)} counted as {total:g} − answer" for total, keys in turned.items()),
+            f"from {low:g} to {high:g}",
+            _upwards(ends),
+        )
+    )
+
+
+def _upwards(ends: Mapping[str, Sequence[str]]) -> str:
+    """Return to which ends of its items a higher score is nearer."""
+    if len(ends) == 1:
+        return f"higher is nearer to “{next(iter(ends))}”"
+    named = "; ".join(f"to “{end}” in {', '.join(keys)}" for end, keys in ends.items())
+    return f"higher is nearer {named}"
 
 
 def _asked(definition: Definition, question: Question, language: str) -> Iterator[Column]:
@@ -109,4 +142,8 @@ def _bounded(column: Column, question: Question, language: str) -> Column:
     levels = {str(value): spoken(label, language) for value, label in labelled}
     values = question.score_values
     bounds = (values[0], values[-1]) if values else (None, None)
-    return replace(column, levels=levels, least=bounds[0], greatest=bounds[1])
+    meaning = column.meaning
+    low, high = (spoken(end, language) for end in question.ends)
+    if low and not levels:
+        meaning += f" ({bounds[0]}: {low}; {bounds[1]}: {high})"
+    return replace(column, meaning=meaning, levels=levels, least=bounds[0], greatest=bounds[1])
