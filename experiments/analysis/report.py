@@ -18,7 +18,8 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from experiments.analysis.dataset.records import EVERY, WITHOUT, Dataset, Kind
+from experiments.analysis.dataset.levels import Kind
+from experiments.analysis.dataset.records import EVERY, WITHOUT, Dataset
 from experiments.analysis.documents.latex import as_latex, latex, runs_as_latex
 from experiments.analysis.documents.runs import Run
 from experiments.analysis.documents.sentences import sentences_of

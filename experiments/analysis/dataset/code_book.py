@@ -12,16 +12,16 @@ from typing import Any
 
 from experiments.analysis.dataset import columns
 from experiments.analysis.dataset.columns import Column
-from experiments.analysis.dataset.records import WITHHELD, Dataset
+from experiments.analysis.dataset.levels import MISSING, Levels
+from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.dataset.wide import WIDE, wide_head
 from experiments.definition.publication import json_ld
-from surveys.answers import Missing
 from surveys.definition import Definition
 from surveys.documents import spoken
 from surveys.item import Question
 from surveys.scoring import ScoredScale, scales_of
 
-REASONS = {**dict.fromkeys((reason.value for reason in Missing), ""), WITHHELD: ""}
+NUMBERS = {"states": columns.STATES, "network": columns.NETWORK}
 
 
 def description(
@@ -68,13 +68,27 @@ def _level(value: str, meaning: str) -> dict[str, str]:
 def layouts(
     dataset: Dataset, more: Mapping[str, tuple[Column, ...]]
 ) -> Iterator[tuple[str, Sequence[Column]]]:
-    """Yield every table by name, with its columns."""
-    yield from columns.TABLES.items()
-    yield from (("states", columns.STATES), ("network", columns.NETWORK))
-    yield from more.items()
+    """Yield every table by name, with its columns; `more` may tell more of those of a dataset."""
+    named = _named(dataset)
+    for name, layout in {**columns.TABLES, **NUMBERS, **more}.items():
+        yield name, [column.one_of(named.get(column.name, column.levels)) for column in layout]
     for slug in sorted({one.slug for one in dataset.questionnaires}):
         versions = [one for one in dataset.questionnaires if one.slug == slug]
         yield slug, list(_wide(versions, dataset.language))
+
+
+def _named(dataset: Dataset) -> Mapping[str, Levels]:
+    """Return the columns whose words are the study's own, with what these are called there."""
+    study, say = dataset.study, dataset.say
+    steps = {one.key: f"{one.kind}: {say(one.title)}" for one in study.steps}
+    return {
+        "condition": {one.key: say(one.title) for one in study.conditions},
+        "step": steps,
+        "reached": steps,
+        "site": dict.fromkeys([*dataset.plans, *(one.site for one in study.courses)], ""),
+        "robot": {one.name: one.title for one in dataset.robots},
+        "questionnaire": {one.slug: say(one.title) for one in dataset.questionnaires},
+    }
 
 
 def _wide(versions: Sequence[Definition], language: str) -> Iterator[Column]:
@@ -133,7 +147,7 @@ def _asked(definition: Definition, question: Question, language: str) -> Iterato
         column = Column(name, "", f"{text} – {about}" if about else text)
         yield _bounded(column, question, language) if len(names) == 1 else column
     why = f"why there is no answer to: {text}"
-    yield replace(Column(f"{question.key}_missing", "", why), levels=REASONS)
+    yield replace(Column(f"{question.key}_missing", "", why), levels=MISSING)
 
 
 def _bounded(column: Column, question: Question, language: str) -> Column:

@@ -9,9 +9,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-MODES = ("manual", "assisted", "goto", "docking", "stopped")
-METHODS = ("keyboard", "mouse", "touch", "stick", "gamepad", "map", "script")
-WAYS = ("datachannel", "mqtt")
+from experiments.analysis.dataset import levels
+from experiments.analysis.dataset.levels import METHODS, MODES, WAYS
+
 # The three series of a command, and what their columns say.
 SERIES = {
     "asked": "since the previous state, as the driver requested",
@@ -42,9 +42,9 @@ class Column:
         """Return it with the range of its values, in its unit."""
         return replace(self, least=least, greatest=greatest)
 
-    def one_of(self, *levels: str, **meanings: str) -> "Column":
+    def one_of(self, known: Mapping[str, str]) -> "Column":
         """Return it with all that its cells may say, and what each means."""
-        return replace(self, levels={**dict.fromkeys(levels, ""), **meanings})
+        return replace(self, levels=known)
 
 
 def flag(name: str, meaning: str, *, late: bool = False) -> Column:
@@ -81,8 +81,8 @@ STATES = (
     flag("charging", "1 while charging"),
     flag("docked", "1 while docked"),
     Column("tilt", "rad", "tilt of the head, positive looks down"),
-    Column("mode", "", "0 manual, 1 assisted, 2 goto, 3 docking, 4 stopped").one_of(
-        **{str(number): name for number, name in enumerate(MODES)}
+    Column("mode", "", "what moves the robot, by number").one_of(
+        {str(number): name for number, name in enumerate(MODES)}
     ),
     amount_of("clearance", "m", "smallest distance to anything since the previous state"),
     amount_of("contacts", "", "collisions that began since the previous state"),
@@ -139,7 +139,7 @@ NETWORK = (
 
 PARTICIPANTS = (
     Column("id", "", "code of the participant"),
-    Column("kind", "", "participant, pilot or bot").one_of("participant", "pilot", "bot"),
+    Column("kind", "", "who took part").one_of(levels.KINDS),
     amount_of("age", "years", "age, as told on the consent page"),
     Column("cell", "", "assigned condition, or conditions in order, divided by -"),
     Column("reached", "", "last step of the study that was begun"),
@@ -147,7 +147,7 @@ PARTICIPANTS = (
         "left",
         "",
         "why the participant left there; empty if they finished or are still taking part",
-    ),
+    ).one_of(levels.LEFT),
     flag("finished", "1 when the last step was finished"),
     flag("withdrawn", "1 when the participant withdrew: step and day remain"),
 )
@@ -155,7 +155,7 @@ PARTICIPANTS = (
 SESSIONS = (
     Column("id", "", "code of the session"),
     Column("participant", "", "whose it is"),
-    Column("kind", "", "participant, pilot or bot").one_of("participant", "pilot", "bot"),
+    Column("kind", "", "who took part").one_of(levels.KINDS),
     amount_of(
         "number", "", "first, second … session of the participant in this study; 0 for practice"
     ),
@@ -164,8 +164,10 @@ SESSIONS = (
     Column("site", "", "name of the floor plan"),
     Column("condition", "", "assigned condition"),
     Column("mismatch", "", "what was not applied as assigned; empty when everything was"),
-    Column("control_way", "", "assigned control channel of the commands"),
-    Column("assist", "", "assigned assistance"),
+    Column("control_way", "", "assigned control channel of the commands").one_of(
+        levels.CONTROL_WAYS
+    ),
+    Column("assist", "", "assigned assistance").one_of(levels.ASSISTANCE),
     Column("doors_closed", "", "doors that were closed, divided by |"),
     Column(
         "control_network",
@@ -180,10 +182,16 @@ SESSIONS = (
         "control_applied", "", "the impairment towards the robot that it last reported as applied"
     ),
     Column("video_applied", "", "the impairment back from its camera, likewise"),
-    Column("outcome", "", "how the session ended"),
-    Column("reason", "", "why, in words"),
-    Column("os", "", "operating system of the visitor's device"),
-    Column("browser", "", "browser of the visitor's device"),
+    Column("outcome", "", "how the session ended").one_of(levels.OUTCOMES),
+    Column(
+        "reason", "", "why; with free text also what an operator wrote; empty: the outcome says it"
+    ).one_of(levels.END_REASONS),
+    Column(
+        "os", "", "operating system of the visitor's device; empty when unknown or withheld"
+    ).one_of(levels.SYSTEM_NAMES),
+    Column("browser", "", "browser of the visitor's device; empty when unknown or withheld").one_of(
+        levels.BROWSER_NAMES
+    ),
     Column("network", "", "hash of the visitor's network, for counting them"),
     Column("first_frame", "s", "when the first video frame was shown"),
     Column("first_motion", "s", "when the first command moved the robot"),
@@ -205,9 +213,8 @@ SESSIONS = (
             ),
             Column(f"{name}_y", "m", "likewise", late=True),
             Column(f"{name}_theta", "rad", "heading, likewise", late=True),
-            Column(
+            flag(
                 f"{name}_docked",
-                "",
                 f"1 when the robot was docked in the {word} state, 0 when not, empty when there is"
                 " none",
                 late=True,
@@ -240,26 +247,20 @@ SESSIONS = (
     Column(
         "fault_side",
         "",
-        "whose fault the end was: visitor, network, platform, robot or operator; empty when"
-        " nobody's. A session that the platform ended counts nowhere",
+        "whose fault the end was; empty when nobody's",
         late=True,
-    ).one_of("visitor", "network", "platform", "robot", "operator"),
-    Column(
-        "fault_part",
-        "",
-        "part of the platform that was unavailable then: web_process or session_manager",
-        late=True,
-    ).one_of("web_process", "session_manager"),
+    ).one_of(levels.SIDES),
+    Column("fault_part", "", "part of the platform that was unavailable then", late=True).one_of(
+        levels.PARTS
+    ),
 )
 
 EVENTS = (
     Column("session", "", "code of the session"),
     Column("stamp", "s", "when it happened, by the server's clock"),
-    Column("source", "", "robot, page, server, task or lab (streams of a laboratory)").one_of(
-        "robot", "page", "server", "task", "lab"
-    ),
+    Column("source", "", "who told of it").one_of(levels.SOURCES),
     Column("type", "", "what happened"),
-    Column("data", "", "JSON: the rest"),
+    Column("data", "", "JSON: the rest; the levels of `type` name the fields of each"),
 )
 
 PAGES = (
@@ -282,10 +283,8 @@ ANSWERS = (
     Column(
         "missing",
         "",
-        "why there is no value: skipped, preferred_not, not_applicable (“Does not apply” was"
-        " chosen), not_asked or not_reached; withheld where a value exists but would reveal too "
-        "much",
-    ).one_of("skipped", "preferred_not", "not_applicable", "not_asked", "not_reached", "withheld"),
+        "why there is no value",
+    ).one_of(levels.MISSING),
     amount_of("seconds", "s", "how long it took"),
 )
 

@@ -3,7 +3,8 @@
 VERSION changes with any definition, so that numbers of two releases are not mixed.
 """
 
-from experiments.analysis.dataset.columns import METHODS, WAYS, Column, amount_of, flag, share
+from experiments.analysis.dataset.columns import Column, amount_of, flag, share
+from experiments.analysis.dataset.levels import METHODS, WAYS
 
 VERSION = 3
 
@@ -142,7 +143,7 @@ METRICS = (
         "times the robot came within 0.8 m of its station after the last checkpoint",
     ),
     Column("passed", "", "checkpoints that were passed"),
-    Column("photo", "", "1 when a photo was kept"),
+    flag("photo", "1 when a photo was kept"),
     *DRIVING,
     *COMMANDS,
     *LINK,

@@ -7,6 +7,7 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
+from experiments.analysis.dataset.levels import ASSISTANCE
 from experiments.analysis.dataset.records import (
     COMPLETED,
     Dataset,
@@ -49,11 +50,6 @@ ACTIONS = {
     "follow": "follows routes by itself",
     "dock": "docks by itself",
     "undock": "undocks by itself",
-}
-ASSISTANCE = {
-    "off": "none: the participant drives",
-    "slow": "slows down and stops at obstacles",
-    "steer": "steers around obstacles and through doors",
 }
 Line = tuple[str, str, str]  # section, item, value
 

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import get_args
 
-from experiments.analysis.dataset.records import Kind, ParticipantRecord
+from experiments.analysis.dataset.levels import Kind
+from experiments.analysis.dataset.records import ParticipantRecord
 from experiments.analysis.tables.table import Table, amount
 
 KINDS: tuple[Kind, ...] = get_args(Kind)

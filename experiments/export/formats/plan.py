@@ -5,11 +5,11 @@ which rule, and the reporting sheet.
 from collections.abc import Iterator
 from dataclasses import replace
 
-from experiments.analysis.dataset.columns import Column
+from experiments.analysis.dataset.columns import Column, flag
 from experiments.analysis.dataset.files import table
 from experiments.analysis.dataset.records import Dataset, SessionRecord
 from experiments.analysis.metrics.sessions import Measured, measure
-from experiments.analysis.plan.exclusions import exclusions
+from experiments.analysis.plan.exclusions import RULES, exclusions
 from experiments.analysis.plan.preregistration import preregistration
 from experiments.analysis.plan.reporting_sheet import as_markdown, reporting_sheet
 from experiments.analysis.tables.participant_kinds import KINDS, of_whom
@@ -23,9 +23,9 @@ from experiments.models import Drive
 EXCLUSIONS = (
     Column("participant", "", "who is excluded"),
     Column("session", "", "session that is excluded; empty: the participant with all sessions"),
-    Column("rule", "", "rule by which"),
+    Column("rule", "", "rule by which").one_of(RULES),
     Column("value", "", "what was found"),
-    Column("planned", "", "1 when the plan of the study has the rule"),
+    flag("planned", "1 when the plan of the study has the rule"),
 )
 
 

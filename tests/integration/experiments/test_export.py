@@ -2,9 +2,12 @@
 them as from the database.
 """
 
+import csv
 import hashlib
 import io
+import json
 import os
+import re
 import subprocess
 import sys
 import threading
@@ -270,6 +273,27 @@ def test_bots_and_pilots_are_exported_as_what_they_are(stored, tmp_path):
     found = read(tmp_path)
     assert {one.participant for one in found.sessions if one.kind == "bot"} == {"P000"}
     assert "P000" not in {one.participant for one in found.chosen().sessions}
+
+
+def test_every_word_of_a_coded_column_is_in_the_code_book(stored, tmp_path):
+    files = exported(stored.study, tmp_path)
+    book = json.loads(files["dataset_description.json"])
+    known = {
+        (one["description"].split(":")[0], one["name"]): {
+            level["value"] for level in one["valueReference"]
+        }
+        for one in book["variableMeasured"]
+        if "valueReference" in one
+    }
+    checked = 0
+    for name, content in files.items():
+        table = re.search(r"(?:description|questionnaire)-(\w+)_data\.csv$", name)
+        for row in csv.DictReader(io.StringIO(content.decode())) if table else ():
+            for column, cell in row.items():
+                words = known.get((table[1], column))
+                assert words is None or cell in {"", *words}, (name, column, cell)
+                checked += words is not None
+    assert checked > 500
 
 
 def test_a_format_that_is_not_there_is_an_error(stored, tmp_path):

@@ -2,11 +2,19 @@
 the code, times by clock, event and unit.
 """
 
+from typing import get_args
+
 import pytest
 
 from experiments.analysis.dataset.code_book import description
+from experiments.analysis.dataset.levels import END_REASONS, WITHHELD, Kind, explained
 from experiments.analysis.dataset.records import Dataset
+from experiments.definition.schema import ControlWay, Outcome
 from experiments.definition.shipped import shipped
+from robots.api import messages
+from sessions.devices import SYSTEMS
+from sessions.leases.fault_side import Side
+from surveys.answers import Missing
 from surveys.scoring import scales_of, sus
 from tests.support.study_dataset import questionnaires
 
@@ -60,3 +68,57 @@ def test_every_score_of_every_shipped_scale_says_how_it_is_made(book):
             assert scale.formula in told
             assert f"from {scale.bounds[0]:g} to {scale.bounds[1]:g}; higher is nearer to" in told
     assert "likeability" in book["godspeed", "score_likeability"]["description"].lower()
+
+
+# --- words ----------------------------------------------------------------------------------------
+
+
+def levels(entry):
+    return {one["value"]: one.get("description", "") for one in entry["valueReference"]}
+
+
+@pytest.mark.parametrize(
+    ("table", "name", "words"),
+    [
+        ("participants", "kind", get_args(Kind)),
+        ("sessions", "kind", get_args(Kind)),
+        ("sessions", "outcome", get_args(Outcome)),
+        ("sessions", "assist", get_args(messages.AssistLevel)),
+        ("sessions", "control_way", get_args(ControlWay)),
+        ("sessions", "fault_side", [word for word in get_args(Side) if word]),
+        ("sessions", "began_docked", ("0", "1")),
+        ("answers", "missing", (*Missing, WITHHELD)),
+        ("states", "mode", ("0", "1", "2", "3", "4")),
+        ("ict", "gender_missing", (*Missing, WITHHELD)),
+    ],
+)
+def test_a_coded_column_lists_the_words_of_its_enumeration_with_what_each_means(
+    book, table, name, words
+):
+    told = levels(book[table, name])
+    assert list(told) == list(words)
+    assert all(told.values())
+
+
+def test_the_numbers_of_modes_are_those_of_the_robot_api(book):
+    assert tuple(levels(book["states", "mode"]).values()) == get_args(messages.Mode)
+
+
+def test_every_reason_is_explained_and_the_devices_are_those_that_are_told_apart(book):
+    assert levels(book["sessions", "reason"]) == END_REASONS
+    assert all(END_REASONS.values())
+    assert set(levels(book["sessions", "os"])) == {*SYSTEMS, "other"}
+    assert "other" in levels(book["sessions", "browser"])
+
+
+def test_what_the_study_names_is_listed_with_its_titles(book):
+    study = shipped()["exploration"]
+    conditions = levels(book["sessions", "condition"])
+    assert conditions == {one.key: one.title["en"] for one in study.conditions}
+    assert list(levels(book["pages", "step"])) == [one.key for one in study.steps]
+    assert levels(book["answers", "questionnaire"])["sus"] == "Using the system"
+
+
+def test_a_word_without_a_meaning_is_an_error():
+    with pytest.raises(KeyError, match="robot"):
+        explained(("", "visitor", "robot"), {"visitor": "left"})
