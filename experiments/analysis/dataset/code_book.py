@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 from experiments.analysis.dataset import columns
-from experiments.analysis.dataset.columns import Column
+from experiments.analysis.dataset.columns import TIMES, Column
 from experiments.analysis.dataset.levels import MISSING, Levels
 from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.dataset.wide import WIDE, wide_head
@@ -33,7 +33,7 @@ def description(
         "@context": "https://schema.org/",
         "@type": "Dataset",
         "name": study.title.get("en") or next(iter(study.title.values()), study.slug),
-        "description": f"Records of the study {study.slug}, version {study.version}.",
+        "description": f"Records of the study {study.slug}, version {study.version}. {TIMES}",
         "version": str(study.version),
         "schemaVersion": "Psych-DS 0.4.0",
         **json_ld(dataset.publication),

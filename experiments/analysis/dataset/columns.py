@@ -1,8 +1,6 @@
 """What stands in the columns of a dataset's files: the code book, and the order in which numbers
 are kept.
 
-A time is in seconds since the session's robot was granted, by the clock that is named; an empty
-cell or `nan` is a missing value.
 """
 
 import math
@@ -11,7 +9,17 @@ from dataclasses import dataclass, field, replace
 
 from experiments.analysis.dataset import levels
 from experiments.analysis.dataset.levels import METHODS, MODES, WAYS
+from robots.api import docked
 
+TIMES = (
+    "Times are in seconds. Those of a session count from the moment in which the server granted the"
+    " robot to the participant, by the clock that their column names; times before it are below 0."
+    " An empty cell or nan is a missing value."
+)
+DOCKED = (
+    "charger contact, standstill and no velocity from the driver for"
+    f" {docked.DOCKED.seconds:g} s, by the robot's word; a robot without contacts says it by itself"
+)
 # The three series of a command, and what their columns say.
 SERIES = {
     "asked": "since the previous state, as the driver requested",
@@ -63,9 +71,19 @@ def amount_of(name: str, unit: str, meaning: str, *, late: bool = False) -> Colu
 
 
 STATES = (
-    Column("stamp", "s", "time of the state by the robot's clock"),
-    Column("received", "s", "time at which the server had it, by the server's clock"),
-    Column("clock_offset", "s", "robot's clock minus the server's, as estimated then"),
+    Column(
+        "stamp",
+        "s",
+        "when the robot took the state, since the grant, by the robot's clock; less clock_offset it"
+        " is by the server's",
+    ),
+    Column(
+        "received",
+        "s",
+        "when the server had the states of about a second with this one, since the grant, by the"
+        " server's clock",
+    ),
+    Column("clock_offset", "s", "robot's clock minus the server's, as the server estimated then"),
     amount_of("boot", "", "run of the robot's agent: 0 for the session's first"),
     amount_of("seq", "", "number of the state within the run, from the session's first"),
     Column("x", "m", "position on the map"),
@@ -79,7 +97,7 @@ STATES = (
     Column("angular", "rad/s", "measured turn rate, counter-clockwise positive"),
     share("charge", "share of the battery's charge"),
     flag("charging", "1 while charging"),
-    flag("docked", "1 while docked"),
+    flag("docked", f"1 while docked: {DOCKED}"),
     Column("tilt", "rad", "tilt of the head, positive looks down"),
     Column("mode", "", "what moves the robot, by number").one_of(
         {str(number): name for number, name in enumerate(MODES)}
@@ -87,7 +105,7 @@ STATES = (
     amount_of("clearance", "m", "smallest distance to anything since the previous state"),
     amount_of("contacts", "", "collisions that began since the previous state"),
     amount_of("distance", "m", "odometer since the run began"),
-    amount_of("silence", "s", "time since the driver's last sign of life"),
+    amount_of("silence", "s", "time since the driver's last sign of life, by the robot's clock"),
     amount_of("commands", "", "commands applied since the previous state"),
     amount_of("refused", "", "commands refused since the previous state"),
     Column("age_sum", "s", "sum of the ages of the commands applied since the previous state"),
@@ -126,7 +144,12 @@ STATES = (
 )
 
 NETWORK = (
-    Column("stamp", "s", "time of the sample by the page's clock, corrected to the server's"),
+    Column(
+        "stamp",
+        "s",
+        "when the page took the sample, since the grant, by the page's clock corrected to the"
+        " server's: by the least delay of anything that it sent",
+    ),
     amount_of("round_trip", "s", "round trip on the path of the commands"),
     share("loss", "share of the video packets that were lost in this second"),
     amount_of("fps", "1/s", "video frames shown in this second"),
@@ -193,13 +216,23 @@ SESSIONS = (
         levels.BROWSER_NAMES
     ),
     Column("network", "", "hash of the visitor's network, for counting them"),
-    Column("first_frame", "s", "when the first video frame was shown"),
-    Column("first_motion", "s", "when the first command moved the robot"),
+    Column(
+        "first_frame",
+        "s",
+        "when the server heard from the page that it showed the first video frame, since the grant,"
+        " by the server's clock; the task's time begins here",
+    ),
+    Column(
+        "first_motion",
+        "s",
+        "when the server first had a state with a velocity of the driver that was applied and not"
+        " 0, since the grant, by the server's clock; empty when the driver never moved the robot",
+    ),
     Column(
         "ended",
         "s",
-        "when the session ended; a lost connection or silent robot ends it when it was lost, not"
-        " when waiting for it was over",
+        "when the session ended, since the grant, by the server's clock; a lost connection or"
+        " silent robot ends it when it was lost, not when waiting for it was over",
     ),
     *(
         column
@@ -215,8 +248,8 @@ SESSIONS = (
             Column(f"{name}_theta", "rad", "heading, likewise", late=True),
             flag(
                 f"{name}_docked",
-                f"1 when the robot was docked in the {word} state, 0 when not, empty when there is"
-                " none",
+                f"1 when the robot was docked in the {word} state of the session, as in the column"
+                " `docked` of the states; empty when there is none",
                 late=True,
             ),
             Column(
@@ -257,7 +290,14 @@ SESSIONS = (
 
 EVENTS = (
     Column("session", "", "code of the session"),
-    Column("stamp", "s", "when it happened, by the server's clock"),
+    Column(
+        "stamp",
+        "s",
+        "when it happened, since the grant, by the server's clock: of robot and page by their own,"
+        " corrected by its median difference to the server's (when the server heard of it, where"
+        " that is a day or more); of the task when the state that it follows from was taken, or"
+        " when the server heard from the page",
+    ),
     Column("source", "", "who told of it").one_of(levels.SOURCES),
     Column("type", "", "what happened"),
     Column("data", "", "JSON: the rest; the levels of `type` name the fields of each"),
@@ -267,7 +307,12 @@ PAGES = (
     Column("participant", "", "who saw the page"),
     Column("session", "", "session that it belongs to, if any"),
     Column("step", "", "step of the study"),
-    amount_of("seconds", "s", "how long it was open; empty when it was not finished"),
+    amount_of(
+        "seconds",
+        "s",
+        "from its first display to the participant's going on, by the server's clock; empty when it"
+        " was not finished",
+    ),
     flag("finished", "1 when the participant continued from it"),
 )
 
@@ -285,7 +330,12 @@ ANSWERS = (
         "",
         "why there is no value",
     ).one_of(levels.MISSING),
-    amount_of("seconds", "s", "how long it took"),
+    amount_of(
+        "seconds",
+        "s",
+        "how long the question was answered, by the page's clock; not longer than since the"
+        " questionnaire was opened, by the server's",
+    ),
 )
 
 # Those that are written as tables, by the names of their files.

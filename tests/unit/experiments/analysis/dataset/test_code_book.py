@@ -9,9 +9,11 @@ import pytest
 from experiments.analysis.dataset.code_book import description
 from experiments.analysis.dataset.levels import END_REASONS, WITHHELD, Kind, explained
 from experiments.analysis.dataset.records import Dataset
+from experiments.analysis.metrics.definitions import METRICS
+from experiments.analysis.metrics.milestones import ENDED, STARTED
 from experiments.definition.schema import ControlWay, Outcome
 from experiments.definition.shipped import shipped
-from robots.api import messages
+from robots.api import docked, messages
 from sessions.devices import SYSTEMS
 from sessions.leases.fault_side import Side
 from surveys.answers import Missing
@@ -122,3 +124,38 @@ def test_what_the_study_names_is_listed_with_its_titles(book):
 def test_a_word_without_a_meaning_is_an_error():
     with pytest.raises(KeyError, match="robot"):
         explained(("", "visitor", "robot"), {"visitor": "left"})
+
+
+# --- times ----------------------------------------------------------------------------------------
+
+CLOCKS = ("server's", "robot's clock", "page's clock")
+# Times of a session that are an instant, or a duration between two that are named.
+INSTANTS = [
+    *(("sessions", name) for name in ("first_frame", "first_motion", "ended")),
+    *(("states", name) for name in ("stamp", "received")),
+    ("events", "stamp"),
+    ("network", "stamp"),
+]
+
+
+def test_every_instant_names_its_clock_its_unit_and_where_it_counts_from(book):
+    for place in INSTANTS:
+        told = book[place]
+        assert told["unitText"] == "s"
+        assert "since the grant" in told["description"], place
+        assert any(clock in told["description"] for clock in CLOCKS), place
+
+
+def test_the_description_says_where_times_begin_and_the_metrics_between_which_events_they_are():
+    about = description(Dataset(shipped()["exploration"]), {"metrics": METRICS})
+    assert "count from the moment in which the server granted the robot" in about["description"]
+    told = {one["name"]: one["description"] for one in about["variableMeasured"]}
+    for name in ("total_time", "time_to_motion", "task_time", "docking_time"):
+        assert told[name].endswith("by the server's clock")
+    assert "task's event docked" in told["task_time"]
+    assert STARTED in told["total_time"]
+    assert ENDED in told["total_time"]
+
+
+def test_docked_is_told_with_the_seconds_of_its_rule(book):
+    assert f"for {docked.DOCKED.seconds:g} s" in book["states", "docked"]["description"]
