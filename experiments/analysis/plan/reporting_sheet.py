@@ -236,8 +236,9 @@ def _versions(dataset: Dataset) -> Iterator[Line]:
     section, freeze, study = "Versions", dataset.freeze, dataset.study
     yield section, "study", f"{study.slug} {study.version}"
     yield section, "SHA-256 of the definition", UNKNOWN if freeze is None else freeze.sha256
+    draft = UNKNOWN if freeze is None else "no: a draft, which may still change"
     frozen = freeze.frozen_at if freeze is not None else ""
-    yield section, "definition frozen", frozen or UNKNOWN
+    yield section, "definition frozen", frozen or draft
     asked = (f"{one.slug} {one.version}" for one in dataset.questionnaires)
     yield section, "questionnaires", ", ".join(asked) or UNKNOWN
     software = freeze.software if freeze is not None else ""
