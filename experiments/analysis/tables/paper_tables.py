@@ -165,7 +165,7 @@ def table_5(dataset: Dataset, condition: str | None = None) -> Table:
     rows = tuple(_summary_row(line, responses, scale) for line in lines)
     below = (
         note(dataset, responses),
-        *_counted_in(responses),
+        *counted_in(responses),
         INTERVALS[dataset.study.analysis.interval],
         ROUNDED,
         *([REVERSED] if any(line.is_reversed for line in lines) else ()),
@@ -178,7 +178,7 @@ def table_5(dataset: Dataset, condition: str | None = None) -> Table:
     return Table(f"table-5{suffix}", title, head, rows, below)
 
 
-def _counted_in(responses: Sequence[ResponseRecord]) -> Iterator[str]:
+def counted_in(responses: Sequence[ResponseRecord]) -> Iterator[str]:
     """Say what n and the numbers beside it are made of: responses, which are no participants where
     one participant gave several.
     """
