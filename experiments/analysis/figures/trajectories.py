@@ -122,11 +122,10 @@ def figure_7(dataset: Dataset, measured: Sequence[Measured]) -> Drawing:
     }
     behind: dict[str, tuple[str, ...]] = {}
     with house_style():
-        figure, axes = _grid([views.get(panel.site) for panel in panels])
+        figure, axes, columns = _grid([views.get(panel.site) for panel in panels])
         for panel, place in zip(panels, axes, strict=False):
             behind |= _draw_panel(place, dataset, panel, ways, views.get(panel.site))
-            title_of_panel = _panel_title(dataset, panel, axes[0].get_gridspec().ncols)
-            place.set_title(title_of_panel, loc="left", fontsize=8)
+            place.set_title(_panel_title(dataset, panel, columns), loc="left", fontsize=8)
     rows = tuple(
         (
             words(one.session.id, (one.session.id,)),
@@ -187,9 +186,9 @@ def _shown(
     return [*(ways[one.session.id] for panel in here for one in panel.own), *stops]
 
 
-def _grid(views: Sequence[Floats | None]) -> tuple[Figure, list[Axes]]:
-    """Return a figure with a panel for each view, in as few columns as fit on a page; a square of
-    panels is made to fit.
+def _grid(views: Sequence[Floats | None]) -> tuple[Figure, list[Axes], int]:
+    """Return a figure with a panel for each view, in as few columns as fit on a page, and these; a
+    square of panels is made to fit.
     """
     sizes = [np.ptp(view, axis=0) for view in views if view is not None]
     ratio = max((float(size[1] / size[0]) + BELOW for size in sizes), default=BARE)
@@ -203,7 +202,7 @@ def _grid(views: Sequence[Floats | None]) -> tuple[Figure, list[Axes]]:
     axes = figure.subplots(lines, columns, squeeze=False).ravel().tolist()
     for empty in axes[len(views) :]:
         empty.set_axis_off()
-    return figure, axes
+    return figure, axes, columns
 
 
 def _panel_title(dataset: Dataset, panel: TrajectoryPanel, columns: int) -> str:

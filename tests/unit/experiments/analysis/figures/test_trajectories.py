@@ -49,7 +49,7 @@ def test_the_panels_of_a_site_show_the_same_part_of_its_plan(dataset, measured):
 def test_lines_are_thin_and_fainter_where_they_are_many(dataset, measured):
     first = next(one for one in measured if len(one.way))
     alone = figure_7(dataset, [first]).figure.axes[0]
-    many = max(figure_7(dataset, measured).figure.axes, key=lambda axes: len(lines_of(axes)))
+    many = figure_7(dataset, [first] * 16).figure.axes[0]
     one, several = (
         next(line for line in axes.lines if line.get_gid() in lines_of(axes))
         for axes in (alone, many)
