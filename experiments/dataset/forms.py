@@ -88,7 +88,7 @@ def text(value: Any, release: Release, _origin: Origin) -> Any:
 
 
 @dataclass(frozen=True)
-class Words:
+class WordForm:
     """Words of a list; anything else is free text. With `several`, some of them with spaces between
     them; else one.
     """
@@ -103,14 +103,14 @@ class Words:
         return value if is_known else text(value, release, origin)
 
 
-def words(*known: str) -> Words:
+def words(*known: str) -> WordForm:
     """One of these words."""
-    return Words(known)
+    return WordForm(known)
 
 
-def several(*known: str) -> Words:
+def several(*known: str) -> WordForm:
     """Some of these words with spaces between them."""
-    return Words(known, several=True)
+    return WordForm(known, several=True)
 
 
 def door(value: Any, release: Release, _origin: Origin) -> Any:
@@ -153,7 +153,7 @@ def _page_words() -> frozenset[str]:
 
 
 @dataclass(frozen=True)
-class Parts:
+class ObjectForm:
     """An object of which the listed fields leave."""
 
     listed: Mapping[str, Form]
@@ -163,9 +163,9 @@ class Parts:
         return kept(self.listed, value, release, origin) if isinstance(value, Mapping) else NOTHING
 
 
-def fields(listed: Mapping[str, Form]) -> Parts:
+def fields(listed: Mapping[str, Form]) -> ObjectForm:
     """An object of which the listed fields leave."""
-    return Parts(listed)
+    return ObjectForm(listed)
 
 
 def kept(
@@ -188,9 +188,9 @@ def in_words(listed: Mapping[str, Form]) -> str:
 
 
 def _told(form: Form) -> str:
-    if isinstance(form, Parts):
+    if isinstance(form, ObjectForm):
         return f" ({in_words(form.listed)})"
-    if isinstance(form, Words):
+    if isinstance(form, WordForm):
         known = " | ".join(word for word in form.known if word)
         return f" (some of {known})" if form.several else f" ({known})" if known else ""
     return f" ({TOLD[form]})" if form in TOLD else ""

@@ -39,8 +39,8 @@ from experiments.definition.schema import Course
 
 MOST_COLUMNS, TALLEST = 4, 8.0  # of panels, and inches
 BARE = 0.45  # height of a panel without a plan, by its width
-ABOVE_PANEL = 0.42  # inches: of its title
-TITLE = 84  # characters of a line over the whole width
+ABOVE_PANEL = 0.55  # inches: of its title
+TITLE = 100  # characters of a line over the whole width
 
 
 def figure_6(dataset: Dataset, site: str) -> Drawing:
@@ -125,7 +125,7 @@ def figure_7(dataset: Dataset, measured: Sequence[Measured]) -> Drawing:
         figure, axes, columns = _grid([views.get(panel.site) for panel in panels])
         for panel, place in zip(panels, axes, strict=False):
             behind |= _draw_panel(place, dataset, panel, ways, views.get(panel.site))
-            place.set_title(_panel_title(dataset, panel, columns), loc="left", fontsize=8)
+            place.set_title(_panel_title(dataset, panel, columns), loc="left", fontsize=7.5)
     rows = tuple(
         (
             words(one.session.id, (one.session.id,)),
