@@ -1,6 +1,7 @@
 # make demo    drive a simulated robot from a web page, on this machine    [PORT=8000] [LAN=1] [RESET=1]
 # make check   style, types and the unit tests: a minute, for every change
 # make test    set up what the tests need, and run everything that proves function
+# make nightly whole stories, and every fault at every part: half an hour, each night
 # make soak    what proves endurance: hours, before a release
 # make lint    style, types, and the direction of imports
 # make format  write Python and JavaScript in the style that make lint checks
@@ -15,7 +16,7 @@ BIN := $(VENV)/bin
 PHOTOGRAPHED := $(addprefix tests/integration/browser/test_,accessibility.py autonomy.py slow_picture.py replay.py) tests/integration/browser/drive_page/test_presence.py
 export PORT LAN RESET
 
-.PHONY: demo check test soak lint format bench docs messages lock setup setup-dev test-packages screenshots
+.PHONY: demo check test nightly soak lint format bench docs messages lock setup setup-dev test-packages screenshots
 .DEFAULT_GOAL := demo
 
 demo: setup
@@ -41,6 +42,9 @@ test: setup-dev test-packages node_modules/installed
 
 check: setup-dev node_modules/installed
 	@BIN="$(BIN)" sh deploy/run_tests.sh check
+
+nightly: setup-dev test-packages node_modules/installed
+	@BIN="$(BIN)" sh deploy/run_tests.sh nightly
 
 soak: setup-dev test-packages node_modules/installed
 	@BIN="$(BIN)" sh deploy/run_tests.sh soak

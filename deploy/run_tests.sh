@@ -1,10 +1,11 @@
 #!/bin/sh
-# What is checked before a change lands: run_tests.sh format|lint|check|integration|test|soak. BIN names the virtual environment's bin folder.
+# What is checked before a change lands: run_tests.sh format|lint|check|integration|test|nightly|soak. BIN names the virtual environment's bin folder.
 #   format        write Python and JavaScript as lint wants them
 #   lint          style, types, and the direction of imports
 #   check         lint and the unit lane, for every change: without slow tests, and with fewer examples
 #   integration   the integration lane and the timing lane: what make test runs after check
 #   test          everything that proves function
+#   nightly       whole stories, and the same faults at every part and architecture
 #   soak          the unit lane with many more examples, and everything that proves endurance, before a release
 set -eu
 started=${RUN_STARTED:-$(date +%s)}
@@ -46,18 +47,18 @@ unit() {
     if [ "$1" = quick ]; then set -- -m "not slow" --hypothesis-profile=quick; else set --; fi
     side_by_side logical "$@" tests/unit
 }
-# Two workers need as long for these as a browser needs for its tests.
-servers_and_studies() {
-    went=0
+servers() {
     side_by_side "$cores" -m "$1" tests/integration --ignore tests/integration/browser --ignore tests/integration/accounts \
-        --ignore tests/integration/experiments --ignore tests/integration/surveys || went=1
+        --ignore tests/integration/experiments --ignore tests/integration/surveys
+}
+# A browser that shows live video and the robot that sends it take a core of their own, and keep files of their own. Studies
+# follow: the servers' tests need as long as both.
+browsers_and_studies() {
+    went=0
+    export VAR_DIR="$logs/var"
+    side_by_side "$((cores / 2 > 1 ? cores / 2 : 1))" -m "$1" tests/integration/browser || went=1
     side_by_side "$cores" -m "$1" tests/integration/accounts tests/integration/experiments tests/integration/surveys || went=1
     return "$went"
-}
-# A browser that shows live video and the robot that sends it take a core of their own, and keep files of their own.
-browsers() {
-    export VAR_DIR="$logs/var"
-    side_by_side "$((cores / 2 > 1 ? cores / 2 : 1))" -m "$1" tests/integration/browser
 }
 # Of these, what waits for other programs has room for another beside it, and a browser has not.
 timing() {
@@ -112,9 +113,9 @@ together() {
 }
 
 integration() {
-    together "integration" servers_and_studies "not soak" browsers "not soak"
+    together "integration" servers "$1" browsers_and_studies "$1"
     step "timing: beside no other lane"
-    timing "not soak"
+    timing "$1"
 }
 
 case "${1:-test}" in
@@ -131,16 +132,17 @@ case "${1:-test}" in
         step "node --test"
         node --test --test-reporter=dot tests/js/
         together "style, types and the unit lane" lint "" unit ""
-        integration
+        integration "not nightly and not soak"
         ;;
-    integration) integration ;;
+    integration) integration "not nightly and not soak" ;;
+    nightly) integration "nightly and not soak" ;;
     soak)
         step "soak: this takes hours, and prints what each part took"
         limit=$((36 * 60))
         export PYTEST_ARGS="--timeout 0 ${PYTEST_ARGS:-}"
         side_by_side logical --hypothesis-profile=search tests/unit
-        servers_and_studies soak
-        browsers soak
+        servers soak
+        browsers_and_studies soak
         timing soak
         ;;
 esac

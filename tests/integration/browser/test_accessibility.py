@@ -140,6 +140,7 @@ def test_a_visitors_pages(opened):
     )
 
 
+@pytest.mark.nightly
 def test_every_step_of_a_study(opened):
     walker = Walker(p.published(p.of("exploration")), person(), p.site())
     walker.come()
@@ -157,6 +158,7 @@ def test_every_step_of_a_study(opened):
     assert not found, "\n".join(found)
 
 
+@pytest.mark.nightly
 def test_a_researchers_pages(opened):
     visit = made()
     p.site()  # the course is drawn on its floor plan
@@ -196,6 +198,7 @@ def test_leaving_a_study_and_the_receipt_of_it(opened):
     assert not found, "\n".join(found)
 
 
+@pytest.mark.nightly
 def test_an_analysis(opened, settings, tmp_path, monkeypatch):
     settings.VAR_DIR = tmp_path
     # takes most of the time, and no page shows it
@@ -223,6 +226,7 @@ def driving(page: Page) -> None:
     page.wait_for_selector("#drive-page[data-playing][data-link=live]", timeout=PATIENCE)
 
 
+@pytest.mark.nightly
 def test_the_drive_page_before_while_and_after_driving(browser):
     with PresentRobotPage() as site:
         page = browser.new_context(**STILL).new_page()

@@ -55,6 +55,7 @@ def make_long(world) -> None:
     )
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("language", ["en", "es"])
 def test_no_list_is_cut_off_on_a_laptop_with_the_menu_open(opened, world, live_server, language):
     make_long(world)

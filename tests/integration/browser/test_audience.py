@@ -10,7 +10,7 @@ from playwright.sync_api import expect
 from tests.support.patience import patient
 from tests.support.site import wait_for
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 KEY = """
 from django.utils import timezone
 from robots.models import Robot

@@ -68,6 +68,7 @@ def newest_state(site):
     return (site.states(site.sessions()[-1][0]) or [{}])[-1]
 
 
+@pytest.mark.nightly
 def test_a_robot_leaves_its_dock_by_the_button_and_pressing_forward_there_explains_itself(
     visitor, giraff
 ):
@@ -83,6 +84,7 @@ def test_a_robot_leaves_its_dock_by_the_button_and_pressing_forward_there_explai
     assert not giraff.truth().docked
 
 
+@pytest.mark.nightly
 def test_it_goes_where_the_map_was_tapped_and_says_when_it_is_there(site, visitor, giraff):
     ben = visitor("ben").drive()
     goal = (2.6, 4.2)
@@ -105,6 +107,7 @@ def test_it_goes_where_the_map_was_tapped_and_says_when_it_is_there(site, visito
     )
 
 
+@pytest.mark.nightly
 def test_a_key_takes_over_at_once_and_a_place_of_the_menu_is_a_goal_too(visitor, giraff):
     cora = visitor("cora").drive()
     press(cora, "Go to…")
@@ -126,6 +129,7 @@ def test_a_key_takes_over_at_once_and_a_place_of_the_menu_is_a_goal_too(visitor,
     cora.page.keyboard.up("ArrowLeft")
 
 
+@pytest.mark.nightly
 def test_a_robot_that_cannot_get_there_says_why_and_offers_a_way_on(visitor, giraff):
     dan = visitor("dan").drive()
     tap(dan, 6.0, -1.0)  # below the southernmost wall
@@ -140,6 +144,7 @@ def test_a_robot_that_cannot_get_there_says_why_and_offers_a_way_on(visitor, gir
     assert dan.page.evaluate("document.activeElement.id") == "viewport"
 
 
+@pytest.mark.nightly
 def test_the_help_that_is_chosen_is_in_force_and_says_why_it_holds_back(site, visitor, giraff):
     eva = visitor("eva").drive()
     press(eva, "Steers around them")
@@ -159,6 +164,7 @@ def test_the_help_that_is_chosen_is_in_force_and_says_why_it_holds_back(site, vi
     assert giraff.truth().contacts == contacts
 
 
+@pytest.mark.nightly
 def test_a_lost_robot_is_shown_its_place_on_the_map(visitor, giraff, operator):
     fay = visitor("fay").drive()
     assert operator.wish(CarryTo(8.6, 4.4, 1.57)) == ""
@@ -174,6 +180,7 @@ def test_a_lost_robot_is_shown_its_place_on_the_map(visitor, giraff, operator):
     expect(fay.page.locator("#alert")).to_be_hidden()
 
 
+@pytest.mark.nightly
 def test_a_robot_goes_home_after_a_visit_and_whoever_waits_is_told_so_and_then_gets_it(
     site, visitor, giraff, operator
 ):

@@ -10,7 +10,7 @@ from tests.support.photographs import keep_at_all_sizes
 from tests.support.rtsp_server import RtspServer
 from tests.support.site import wait_for
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 
 KEY_INTERVAL = 3.0  # s, more than the limit between two pictures
 LATER = patient(40.0) * 1000  # ms

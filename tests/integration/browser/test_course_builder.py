@@ -67,6 +67,7 @@ def middle(page, n: int) -> tuple[float, float]:
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
 
+@pytest.mark.nightly
 def test_the_mouse_and_the_keys_move_a_checkpoint_and_the_server_says_what_is_not_reached(course):
     page = course("mina")
     assert place(page, 3) == (9.6, 4.4)

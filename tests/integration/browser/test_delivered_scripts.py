@@ -73,6 +73,7 @@ class Complaints(list[str]):
         assert not missing
 
 
+@pytest.mark.nightly
 def test_every_module_that_no_page_names_can_be_loaded_by_itself(opened):
     page = opened()
     page.goto("/about/")

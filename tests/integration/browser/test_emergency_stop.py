@@ -8,7 +8,7 @@ from playwright.sync_api import expect
 from tests.support.patience import patient
 from tests.support.photographs import keep_at_all_sizes
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 SET_UP = """
 from django.utils import timezone
 from accounts.models import User

@@ -6,7 +6,7 @@ from tests.support.firefox import firefox
 from tests.support.site import LOOPBACK, wait_for
 from tests.support.visitor import SPREAD
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 ARROW_UP = "\ue013"
 # Firefox leaves getVideoPlaybackQuality() at 0 for streams, so frames are counted as they are
 # presented.

@@ -15,7 +15,7 @@ from tests.support.site import wait_for
 from tests.support.study_walk import Walker
 from tests.support.words import factsheet
 
-pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]
+pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True), pytest.mark.nightly]
 SIZES = [(1366, 768), (390, 844)]
 TOO_WIDE = """document.documentElement.scrollWidth > innerWidth
     ? [document.documentElement.scrollWidth, innerWidth] : null"""

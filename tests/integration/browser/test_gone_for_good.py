@@ -9,7 +9,7 @@ from tests.support.namespace import HERE, namespace
 from tests.support.site import wait_for
 from tests.support.visitor import Visitor, chromium
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 
 
 @pytest.fixture

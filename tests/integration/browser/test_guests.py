@@ -101,6 +101,7 @@ def test_a_participant_takes_part_with_a_code_and_continues_on_another_device(st
     assert Participant.objects.count() == 1
 
 
+@pytest.mark.nightly
 def test_a_personal_link_opens_the_study_on_every_device(study, device):
     _row, token = links.make(study, now=timezone.now())
     phone, laptop = device(), device()
@@ -117,6 +118,7 @@ def test_a_personal_link_opens_the_study_on_every_device(study, device):
     assert Participant.objects.count() == 1
 
 
+@pytest.mark.nightly
 def test_a_researcher_walks_through_every_step_in_a_frame_as_wide_as_a_phone(study, device, client):
     page = device(person("boss", is_staff=True, is_superuser=True), client)
     page.goto(reverse("admin:experiments_study_walk_through", args=[study.pk]))

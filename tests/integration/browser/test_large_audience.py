@@ -6,7 +6,7 @@ from tests.support.janus import SECRET, Janus
 from tests.support.site import running_site, wait_for
 from tests.support.visitor import Visitor
 
-pytestmark = [pytest.mark.browser, pytest.mark.timeout(400)]
+pytestmark = [pytest.mark.browser, pytest.mark.timeout(400), pytest.mark.nightly]
 
 
 @pytest.fixture

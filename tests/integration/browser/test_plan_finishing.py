@@ -78,6 +78,7 @@ def middle(page, label: str) -> tuple[float, float]:
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
 
+@pytest.mark.nightly
 def test_the_mouse_and_the_keys_finish_a_plan(plan, site):
     page = plan("pia", viewport={"width": 1366, "height": 768})
     page.locator('[name="rooms.0.title"]').fill("Laboratory")

@@ -13,7 +13,7 @@ from experiments.models import Study
 from tests.support.people import person
 from tests.support.photographs import keep
 
-pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]
+pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True), pytest.mark.nightly]
 SIZES = [(1366, 768), (820, 1180), (390, 844), (844, 390)]
 
 

@@ -12,7 +12,7 @@ from tests.support.patience import patient
 from tests.support.short_study import store_in
 from tests.support.site import Site, wait_for
 
-pytestmark = [pytest.mark.browser, pytest.mark.broker]
+pytestmark = [pytest.mark.browser, pytest.mark.broker, pytest.mark.nightly]
 BOSS = "from accounts.models import User; User.objects.update(is_staff=True, is_superuser=True)"
 STUDY = "SELECT id FROM experiments_study WHERE slug = 'short'"
 

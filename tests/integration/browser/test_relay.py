@@ -14,7 +14,7 @@ from tests.support.loopback_only import SECOND, loopback_only
 from tests.support.site import running_site, wait_for
 from tests.support.visitor import Visitor, chromium
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 USER = "turnserver"
 
 

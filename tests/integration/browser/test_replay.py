@@ -103,6 +103,7 @@ def shot(page, name: str) -> None:
     keep(page, f"{name}-{page.size}", whole=True)
 
 
+@pytest.mark.nightly
 def test_the_robot_is_shown_where_the_states_say_however_one_gets_there(page):
     visit = made()
     page.goto(reverse("replay", args=[visit.pk]) + "?t=12.5")
@@ -184,6 +185,7 @@ def test_a_session_without_states_says_so_and_one_that_cannot_be_loaded_too(page
     expect(page.get_by_text("The session data didn't load.")).to_be_visible()
 
 
+@pytest.mark.nightly
 def test_the_live_view_follows_the_robot_and_says_when_it_has_no_news(page):
     report = {
         "stamp": 5.0,

@@ -15,7 +15,7 @@ from tests.integration.browser.test_accessibility import opened
 from tests.support import replays
 from tests.support.people import person
 
-pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]
+pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True), pytest.mark.nightly]
 __all__ = ["opened"]
 
 

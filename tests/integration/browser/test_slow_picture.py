@@ -19,7 +19,7 @@ from tests.support.photographs import keep
 from tests.support.site import LOOPBACK, running_site, wait_for
 from tests.support.visitor import Visitor, chromium
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 ARROW_LEFT = "\ue012"
 # How many pictures the canvas has shown, by its pixels: each one that differs from the one before.
 COUNT = """() => {

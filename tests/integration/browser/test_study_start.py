@@ -12,7 +12,7 @@ from tests.support.site import Site, wait_for
 from tests.support.task_study import begin_short_study
 from tests.support.truth import SimulatorOperator
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 TITLE = "The robot is not in its charging station"
 DOCK, CORRIDOR = CarryTo(0.5, 6.3, 3.14159), CarryTo(8.6, 4.4, 1.57)
 

@@ -10,7 +10,7 @@ from playwright.sync_api import expect
 from tests.support.site import wait_for
 from tests.support.task_study import begin_short_study
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 
 
 @pytest.fixture(scope="module")

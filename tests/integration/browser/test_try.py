@@ -12,7 +12,7 @@ from tests.support.running_demo import demo
 from tests.support.site import Site, free_port
 from tests.support.visitor import Visitor
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 STARTED = 60_000  # ms until a practice robot is there on a busy computer
 TURN = 15.0  # s; the default is a minute
 

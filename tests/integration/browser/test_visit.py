@@ -116,6 +116,7 @@ def test_a_newcomer_signs_up_sees_the_picture_drives_through_a_door_and_leaves(
     assert ways.count("datachannel") > len(ways) / 2
 
 
+@pytest.mark.nightly
 def test_the_marker_stays_on_the_robot_while_it_turns_and_drives_back(visitor, giraff):
     ben = visitor("ben").drive()
     for key in ("ArrowLeft", "ArrowUp", "ArrowRight", "ArrowDown"):
@@ -128,6 +129,7 @@ def test_the_marker_stays_on_the_robot_while_it_turns_and_drives_back(visitor, g
     ben.leave()
 
 
+@pytest.mark.nightly
 def test_a_second_visitor_waits_with_place_and_minutes_and_then_gets_the_robot(
     site, visitor, giraff
 ):
@@ -149,6 +151,7 @@ def test_a_second_visitor_waits_with_place_and_minutes_and_then_gets_the_robot(
     dora.leave()
 
 
+@pytest.mark.nightly
 def test_whoever_presses_just_after_another_has_left_gets_the_robot_by_that_press(visitor, giraff):
     carl = visitor("carl").drive()
     eve = visitor("eve").open()
@@ -159,6 +162,7 @@ def test_whoever_presses_just_after_another_has_left_gets_the_robot_by_that_pres
     eve.leave()
 
 
+@pytest.mark.nightly
 def test_an_observer_sees_the_picture_and_what_it_forges_is_refused_at_the_server_and_at_the_robot(
     site, visitor, giraff
 ):

@@ -11,7 +11,7 @@ from tests.support.photographs import keep
 from tests.support.site import wait_for
 from tests.support.wizard_task import SLUG, begin_wizard_study
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 
 
 @pytest.fixture(scope="module")

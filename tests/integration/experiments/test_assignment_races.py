@@ -17,7 +17,7 @@ from tests.support.paths import ROOT
 from tests.support.postgres import running_postgres
 from tests.support.site import DATABASE, empty_database
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.nightly]
 
 ROUNDS = [10, pytest.param(1000, marks=pytest.mark.soak)]
 PREPARE = """

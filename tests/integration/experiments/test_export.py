@@ -327,6 +327,7 @@ def test_a_session_is_a_recording_that_an_mcap_reader_reads_back(stored, tmp_pat
     assert max(message.log_time for _, _, message in messages) < 3600 * 10**9
 
 
+@pytest.mark.nightly
 @pytest.mark.django_db(transaction=True)
 def test_reports_of_the_database_and_of_its_export_made_by_three_processes_are_the_same_bytes(
     stored, tmp_path

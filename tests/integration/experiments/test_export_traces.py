@@ -215,6 +215,7 @@ def exported(study, folder: Path, **choice) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
 
 
+@pytest.mark.nightly
 def test_nothing_that_the_database_holds_of_people_and_things_stands_in_any_file(stored, tmp_path):
     everything = known()
     files = exported(stored.study, tmp_path / "folder", formats=EVERY_FORMAT)
@@ -224,6 +225,7 @@ def test_nothing_that_the_database_holds_of_people_and_things_stands_in_any_file
     assert traces({**files, "archive.zip": archive}, everything) == []
 
 
+@pytest.mark.nightly
 def test_the_search_finds_what_an_identified_export_has_in_every_format(stored, tmp_path):
     everything = known()
     files = exported(stored.study, tmp_path, identified=True, formats=EVERY_FORMAT)

@@ -199,6 +199,7 @@ def comes_out_right(
     return was_cut
 
 
+@pytest.mark.nightly
 def test_every_step_that_is_cut_off_anywhere_and_asked_for_again_comes_out_as_if_nothing_had_been(
     walker,
 ):

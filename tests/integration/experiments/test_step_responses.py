@@ -50,6 +50,7 @@ def test_a_response_stands_at_its_place_once(study, participant):
     assert (first.visit, first.round, first.step) == (2, 0, "experience")
 
 
+@pytest.mark.nightly
 @pytest.mark.django_db(transaction=True)
 def test_places_come_from_older_databases_and_nothing_is_lost_on_the_way_back(study, participant):
     asked(study, participant, 1, "experience")

@@ -32,7 +32,7 @@ from tests.support.studies import small_study
 from tests.support.task_drives import BACK, HOME, THERE
 from tests.support.task_session import cabin_robot, small_conditions
 
-pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.broker]
+pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.broker, pytest.mark.nightly]
 STRIDE = 0.25  # metres from state to state
 
 

@@ -13,7 +13,7 @@ from robots.world.sites import load_site
 from tests.support.mapped_building import building, mapped
 from tests.support.page_sites import site_by_page
 
-pytestmark = [pytest.mark.django_db, pytest.mark.long]
+pytestmark = [pytest.mark.django_db, pytest.mark.long, pytest.mark.nightly]
 
 
 def test_a_map_that_is_saved_as_proposed_is_driven_in(client, settings, tmp_path):

@@ -16,7 +16,7 @@ from tests.support.paths import ROOT
 from tests.support.postgres import running_postgres
 from tests.support.site import DATABASE, empty_database
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.nightly]
 
 ROUNDS = [10, pytest.param(10_000, marks=pytest.mark.soak)]
 RUNNER = """

@@ -13,6 +13,7 @@ from tests.support.postgres import running_postgres
 pytestmark = pytest.mark.postgres
 
 
+@pytest.mark.nightly
 def test_a_crash_of_the_database_and_text_that_it_cannot_hold_cost_no_other_state(tmp_path):
     with running_postgres() as server:
         environment = {**os.environ, "VAR_DIR": str(tmp_path), "DATABASE_URL": server.url}

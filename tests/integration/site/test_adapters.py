@@ -22,7 +22,7 @@ from tests.support.site import LOOPBACK, running_site, wait_for
 from tests.support.site_robots import ARCHITECTURES, robot_behind
 from tests.support.visitor import Visitor, chromium
 
-pytestmark = [pytest.mark.broker, pytest.mark.long]
+pytestmark = [pytest.mark.broker, pytest.mark.long, pytest.mark.nightly]
 AHEAD = SpeedSetting(0.3, 0.0)
 LOST = "adapter_lost: "
 FAULT = "The robot reports a fault and has stopped."

@@ -36,6 +36,7 @@ def loaded(then: str) -> set[str]:
     return set(done.stdout.split())
 
 
+@pytest.mark.nightly
 def test_broker_and_session_manager_start_without_the_administration():
     there = loaded(
         "import robots.management.commands.run_broker,"
@@ -44,6 +45,7 @@ def test_broker_and_session_manager_start_without_the_administration():
     assert not there & (PARTS | {"scipy"})
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "then",
     [

@@ -102,6 +102,7 @@ def sites(tmp_path, databases):
         each.django_shell.close()
 
 
+@pytest.mark.nightly
 def test_what_was_backed_up_comes_back_and_nothing_is_ever_overwritten(tmp_path, sites):
     first, second = sites
     file = str(tmp_path / "backup.tar.gz")

@@ -7,7 +7,7 @@ import pytest
 from tests.support.short_study import bots_command, store_in
 from tests.support.site import running_site
 
-pytestmark = [pytest.mark.broker, pytest.mark.long]
+pytestmark = [pytest.mark.broker, pytest.mark.long, pytest.mark.nightly]
 ENDINGS = "completes,leaves_at_the_dock,refuses_consent"
 
 

@@ -59,12 +59,14 @@ def check_deploy(tmp_path, *, folder=0o700, **changed):
     )
 
 
+@pytest.mark.nightly
 def test_a_sensible_server_passes_the_deployment_check_without_a_word(tmp_path):
     result = check_deploy(tmp_path)
     assert result.returncode == 0, result.stderr
     assert "no issues" in result.stdout
 
 
+@pytest.mark.nightly
 def test_a_careless_server_is_told_everything_that_is_wrong(tmp_path):
     result = check_deploy(
         tmp_path,

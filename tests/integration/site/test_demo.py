@@ -29,6 +29,7 @@ def sessions_of(var: Path) -> list[tuple[str, str]]:
         ).fetchall()
 
 
+@pytest.mark.nightly
 def test_a_busy_port_is_named_in_one_sentence(tmp_path):
     with socket.socket() as taken:
         taken.bind((LOOPBACK, 0))
@@ -87,6 +88,7 @@ def test_the_link_opens_the_robot_the_end_leaves_no_process_and_a_second_start_k
         assert sessions_of(tmp_path) == people
 
 
+@pytest.mark.nightly
 def test_a_demo_that_is_killed_takes_its_children_with_it(tmp_path):
     with demo(tmp_path, "--port", str(free_port())) as running:
         running.link()
@@ -96,6 +98,7 @@ def test_a_demo_that_is_killed_takes_its_children_with_it(tmp_path):
         assert alive == []
 
 
+@pytest.mark.nightly
 def test_starting_over_forgets_what_earlier_runs_stored(tmp_path):
     port = str(free_port())
     with demo(tmp_path, "--port", port) as running:

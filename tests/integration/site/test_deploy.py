@@ -56,6 +56,7 @@ def told_in_kubernetes(folder):
     return dict(line.split("=", 1) for one in made for line in one.get("literals", ()))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "told",
     [
@@ -390,6 +391,7 @@ def test_the_web_unit_starts_daphne_as_the_demo_does():
     assert f"ExecStart={PYTHON} {' '.join(DAPHNE)} -b 127.0.0.1 -p %i {APPLICATION}\n" in text
 
 
+@pytest.mark.nightly
 def test_units_call_commands_that_exist_with_options_that_they_have():
     for unit in UNITS:
         for command, arguments in re.findall(

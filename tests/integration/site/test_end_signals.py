@@ -14,7 +14,7 @@ import pytest
 from tests.support.patience import patient
 from tests.support.site import LOOPBACK, Site, free_port, wait_for
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.nightly]
 
 DRAFT = (
     "from django.utils import timezone; from experiments import publishing; from"

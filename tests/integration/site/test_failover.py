@@ -17,7 +17,7 @@ from tests.support.postgres import running_pair
 from tests.support.recorder_rig import ScriptedRobot, running_mosquitto
 from tests.support.site import Site, wait_for
 
-pytestmark = [pytest.mark.postgres, pytest.mark.broker, pytest.mark.long]
+pytestmark = [pytest.mark.postgres, pytest.mark.broker, pytest.mark.long, pytest.mark.nightly]
 
 MAKE = """
 from robots.models import Robot

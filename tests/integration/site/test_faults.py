@@ -19,7 +19,7 @@ from tests.support.patience import patient
 from tests.support.postgres import running_postgres
 from tests.support.site import DATABASE, Site, running_site, wait_for
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.nightly]
 
 KILLED, STOPPED = signal.SIGKILL, signal.SIGSTOP
 WORDS = {"broker": "broker", "session-manager": "session_manager", "giraff": "robot"}

@@ -20,6 +20,8 @@ from tests.support.document_client import DocumentClient
 from tests.support.patience import patient
 from tests.support.site import Site, wait_for
 
+pytestmark = pytest.mark.nightly
+
 MB = 1024 * 1024
 SIZE, LOW = 24, 8  # MB
 LEASE = 10.0  # s

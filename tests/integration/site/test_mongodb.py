@@ -106,10 +106,12 @@ def test_an_address_of_mongodb_is_recognized():
     assert mongodb.database("mongodb://db.example.org")["NAME"] == "telepresence"
 
 
+@pytest.mark.nightly
 def test_the_backends_own_checks_find_nothing_wrong_with_any_model():
     assert "no issues" in run("manage.py", "check")
 
 
+@pytest.mark.nightly
 def test_its_migrations_are_complete_and_make_no_key_that_mongodb_does_not_make():
     found = json.loads(run("-m", "tests.support.mongodb_migrations"))
     assert found["vendor"] == "mongodb"

@@ -111,6 +111,7 @@ async def online(robot, server):
     )
 
 
+@pytest.mark.nightly
 async def test_hands_and_questions_reach_the_driver_on_the_other_process(server):
     async with ScriptedRobot(
         "giraff", server.site.mqtt_url, login=("giraff", server.token), period=0.1
@@ -180,6 +181,7 @@ async def test_a_hand_is_up_as_long_as_its_page_though_a_web_process_dies(server
             await ada.expect("session/ended")
 
 
+@pytest.mark.nightly
 async def test_two_visitors_on_two_processes_share_one_robot(server):
     async with ScriptedRobot(
         "giraff", server.site.mqtt_url, login=("giraff", server.token), period=0.1
@@ -296,6 +298,7 @@ def test_the_proxy_speaks_tls_and_keeps_the_figures_to_the_house(server):
     assert "Secure" in headers["set-cookie"]
 
 
+@pytest.mark.nightly
 def test_every_line_of_its_processes_is_json_and_names_its_request(server):
     server.get(f"{server.url}/about/")
 

@@ -63,6 +63,7 @@ def test_a_missing_venv_module_is_named_with_its_package(set_up, monkeypatch, ca
     assert "sudo apt install python3-venv" in capsys.readouterr().err
 
 
+@pytest.mark.nightly
 def test_a_package_that_cannot_be_installed_ends_in_one_sentence_and_is_not_marked_as_installed(
     tmp_path,
 ):

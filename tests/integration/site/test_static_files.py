@@ -51,6 +51,7 @@ def collected(tmp_path_factory) -> Path:
     return var / "static"
 
 
+@pytest.mark.nightly
 def test_the_proxy_which_is_another_user_may_read_what_was_collected_by_one_who_shares_nothing(
     collected,
 ):

@@ -63,6 +63,7 @@ def answers(client, found):
     return {address: client.get(address).status_code for address in found}
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("who", ["stranger", "visitor", "superuser"])
 def test_no_strange_address_of_the_site_is_a_fault_of_the_server(who):
     client = Client(raise_request_exception=False)

@@ -7,9 +7,12 @@ import sqlite3
 import threading
 
 import psutil
+import pytest
 
 from tests.support.patience import patient
 from tests.support.site import DATABASE, DEMO_TOKEN, LOOPBACK, Site, wait_for
+
+pytestmark = pytest.mark.nightly
 
 ASKING = 6  # requests at once
 

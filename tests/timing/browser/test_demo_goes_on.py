@@ -8,7 +8,7 @@ import pytest
 
 from tests.support.demo_visitors import demo_with_people
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 
 
 def test_whoever_drives_goes_on_while_another_practises_twice_and_all_servers_are_killed(

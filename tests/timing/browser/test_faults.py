@@ -204,6 +204,7 @@ def keeps_moving(giraff: Onlooker, since: float, until: float = float("inf")) ->
 # --- the visitor's side ---------------------------------------------------------------------------
 
 
+@pytest.mark.nightly
 def test_a_page_that_dies_stops_the_robot_and_its_visitor_may_come_back(
     site, visitor, giraff, driver
 ):
@@ -249,6 +250,7 @@ def test_commands_that_no_longer_leave_the_page_stop_the_robot_though_the_pictur
     check_stop(site, giraff)
 
 
+@pytest.mark.nightly
 def test_a_cable_that_is_pulled_stops_the_robot_and_the_visit_goes_on_when_it_is_back(
     tmp_path_factory, playwright, giraff, site
 ):
@@ -275,6 +277,7 @@ def test_a_cable_that_is_pulled_stops_the_robot_and_the_visit_goes_on_when_it_is
 # --- the robot's side -----------------------------------------------------------------------------
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "stopped"])
 def test_an_agent_that_is_dead_or_stuck_leaves_the_stopping_to_the_base(
     site, giraff, driver, number
@@ -309,6 +312,7 @@ def test_an_agent_that_is_dead_or_stuck_leaves_the_stopping_to_the_base(
 # --- the servers ----------------------------------------------------------------------------------
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("part", ["session-manager", "broker", "web"])
 def test_a_server_process_that_is_killed_and_started_again_does_not_interrupt_the_drive(
     site, visitor, giraff, part

@@ -12,7 +12,7 @@ import pytest
 
 from tests.support.site import DATABASE, wait_for
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 SOON = 2.0  # s
 TOLD = {
     "web": ("alert.server_only",),

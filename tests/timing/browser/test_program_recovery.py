@@ -10,7 +10,8 @@ import pytest
 from tests.support.document_client import DocumentClient
 from tests.support.site import wait_for
 
-pytestmark = pytest.mark.browser  # in the lane that runs alone; it needs none itself
+# In the lane that runs alone; it needs no browser itself.
+pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 RESTART = 1.0  # s, as RestartSec of the units in deploy/systemd
 SOON = 4.0  # s from when the part is there again; our own page needs as long
 

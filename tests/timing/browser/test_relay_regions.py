@@ -13,7 +13,7 @@ from tests.support.loopback_only import FIRST, SECOND, loopback_only
 from tests.support.paths import ROOT
 from tests.support.visitor import chromium
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 NEAREST = """async (servers) => {
   const { createRelayRegions } = await import("/protocol/relay_regions.js");
   const nearest = createRelayRegions().nearest;

@@ -293,6 +293,7 @@ class RosAdapter(RemoteAdapter):
         self._graph: Graph | None = None
         self._silent: set[str] = set()  # topics of which nothing has come yet
         self._heard_by: int | None = None
+        self._early_fix: dict[str, Any] | None = None
         self._advertised = False
         self._next_reading: asyncio.Future[None] | None = None
 
@@ -303,7 +304,7 @@ class RosAdapter(RemoteAdapter):
         bus, options = self._bus, self._options
         self._silent = {need.topic for need in self._needs()}
         self._graph = await bus.graph(options.cmd_vel, ())
-        self._heard_by = None
+        self._heard_by = self._early_fix = None
         self._advertised = False
         self._advertise_velocities()
         for topic, kind in self._said():
@@ -532,6 +533,9 @@ class RosAdapter(RemoteAdapter):
         self.readings.moved(
             here, velocity, stamp_of(messages.stamp_in(message, arrived), arrived), time.monotonic()
         )
+        if self._early_fix is not None:
+            early, self._early_fix = self._early_fix, None
+            self._fix(early)
         if self._next_reading is not None and not self._next_reading.done():
             self._next_reading.set_result(None)
         self._heard()
@@ -540,19 +544,11 @@ class RosAdapter(RemoteAdapter):
         pose, arrived = messages.fix_in(message), time.time()
         # a latched fix of long ago, before any odometry: once that is there, they are put together
         if self.readings.odometry is None:
-            self._later(lambda: self._fix(message))
+            self._early_fix = message
         else:
             self.readings.located(
                 pose, stamp_of(messages.stamp_in(message, arrived), arrived), time.monotonic()
             )
-
-    def _later(self, again: Callable[[], None]) -> None:
-        async def wait() -> None:
-            while self.readings.odometry is None:
-                await self._something_new()
-            again()
-
-        self._run(wait())
 
     def _transforms(self, message: dict[str, Any]) -> None:
         found = messages.transform_in(message, self._options.map_frame, self._options.odom_frame)

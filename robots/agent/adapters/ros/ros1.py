@@ -32,6 +32,9 @@ START_TIME = 10.0
 ANSWER_TIME = 10.0
 END_TIME = 2.0
 BACKLOG = 256 << 10
+UNCONNECTED = (
+    10.0  # seconds after which a node that listens for velocities is taken to have given up
+)
 LONGEST_LINE = 8 << 20
 NODE = Path(__file__).with_name("ros1_node.py")
 
@@ -77,6 +80,7 @@ class NodeBus:
         self._environment.pop("PYTHONHOME", None)  # that of the agent's Python
         if options.ip:
             self._environment["ROS_IP"] = options.ip
+        self._lost: Callable[[str], None] = lambda _reason: None
         self._child: subprocess.Popen[bytes] | None = None
         self._writer: asyncio.StreamWriter | None = None
         self._reading: asyncio.Task[None] | None = None
@@ -88,6 +92,8 @@ class NodeBus:
         self.known: dict[str, str] = {}
         self._old: dict[str, str] = {}
         self._numbers = itertools.count(1)
+        self._unconnected_since: float | None = None
+        self._begun_anew = False
 
     async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
         """Start a node and wait until the master knows it.
@@ -96,6 +102,8 @@ class NodeBus:
             AdapterError: there is no master, or no rospy.
         """
         del goals  # ROS 1 has its actions on topics
+        self._lost = lost
+        self._unconnected_since = None
         self._handlers.clear()
         self._listeners.clear()
         self._old |= self.known
@@ -248,10 +256,30 @@ class NodeBus:
         if "nodes" in answer:
             self.known = answer["nodes"]
             self._old = {name: self._old[name] for name in answer["forgotten"]}
-        return {
+        found = {
             str(topic): TopicPeers(frozenset(kinds), listeners, speakers)
             for topic, (kinds, listeners, speakers) in answer.get("topics", {}).items()
         }
+        self._reach_again(driving, found.get(driving, TopicPeers()), time.monotonic())
+        return found
+
+    def _reach_again(self, driving: str, peers: TopicPeers, now: float) -> None:
+        """Begin anew as another publisher, once, for who listens, was not refused and does not
+        connect.
+
+        rospy gives up on a publisher that was away when it tried again, and takes no later news of
+        the same one (rospy/impl/tcpros_pubsub.py, robust_connect_subscriber). Once, because the
+        master also keeps who has crashed.
+        """
+        connected = self._listeners.get(driving)
+        if connected or not peers.listeners or peers.kinds:
+            self._unconnected_since = None
+            self._begun_anew = self._begun_anew and not connected
+        elif self._unconnected_since is None:
+            self._unconnected_since = now
+        elif now - self._unconnected_since > UNCONNECTED and not self._begun_anew:
+            self._begun_anew = True
+            self._lost(f"a node listens on {driving} and does not connect: connecting again")
 
     @property
     def forgotten(self) -> tuple[str, ...]:

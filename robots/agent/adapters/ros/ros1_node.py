@@ -206,16 +206,16 @@ class Node:
         nodes: Any = {}
         try:
             master, own = self.new_master(), self.rospy.get_name()
-            kinds = dict(master.getTopicTypes())
             speaking, listening, serving = master.getSystemState()
+            kinds = dict(master.getTopicTypes())  # after it: whoever has just come has a type
             for which, topics in ((2, speaking), (1, listening)):
                 for topic, nodes in topics:
                     entry = found.setdefault(
                         topic, [[kinds[topic]] if topic in kinds else [], 0, 0]
                     )
                     entry[which] += len([node for node in nodes if node != own])
-            wanted = sorted(set(self.refused.get(driving, {}).values()) - {""})
-            if wanted:  # the master knows a topic by the type of who publishes it, which is ours
+            if self.driving:  # the master knows a topic by the type of who published last: ours
+                wanted = sorted(set(self.refused.get(driving, {}).values()) - {""})
                 found.setdefault(driving, [[], 0, 0])[0] = wanted
             names = {
                 node for each in (speaking, listening, serving) for _, at in each for node in at

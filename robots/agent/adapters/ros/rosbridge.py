@@ -298,19 +298,22 @@ class RosbridgeBus:
     async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
         """Ask rosapi."""
         try:
+            listening = await self._values("/rosapi/subscribers", {"topic": driving}, ROSAPI_TIME)
+            speaking = {
+                topic: await self._values("/rosapi/publishers", {"topic": topic}, ROSAPI_TIME)
+                for topic in heard
+            }
+            # last: whoever has just come has a type
             values = await self._values("/rosapi/topics", {}, ROSAPI_TIME)
-            kinds = {
-                str(topic): _short(kind)
+            found = {
+                str(topic): TopicPeers(frozenset({_short(kind)}))
                 for topic, kind in zip(values["topics"], values["types"], strict=False)
             }
-            found = {topic: TopicPeers(frozenset({kind})) for topic, kind in kinds.items()}
-            listening = await self._values("/rosapi/subscribers", {"topic": driving}, ROSAPI_TIME)
-            kind = frozenset({kinds[driving]} if driving in kinds else ())
-            found[driving] = TopicPeers(kind, listeners=len(listening["subscribers"]))
-            for topic in heard:
-                speaking = await self._values("/rosapi/publishers", {"topic": topic}, ROSAPI_TIME)
-                kind = frozenset({kinds[topic]} if topic in kinds else ())
-                found[topic] = TopicPeers(kind, speakers=len(speaking["publishers"]))
+            for topic, answer in speaking.items():
+                kinds = found.get(topic, TopicPeers()).kinds
+                found[topic] = TopicPeers(kinds, speakers=len(answer["publishers"]))
+            kinds = found.get(driving, TopicPeers()).kinds
+            found[driving] = TopicPeers(kinds, listeners=len(listening["subscribers"]))
         except (AdapterError, KeyError, TypeError):
             found = {}
         if driving in self._refused:  # the only way to hear of it without rosapi

@@ -43,6 +43,7 @@ async def test_one_click_shows_the_robots_view_and_a_held_key_drives_it_over_the
         )
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "missing", ["**/js/protocol/peer.*.js", "**/js/drive/page.*.js", "**/css/drive.*.css"]
 )
@@ -54,6 +55,7 @@ async def test_a_page_of_which_a_part_did_not_arrive_loads_itself_again(browser,
     await driving(page)
 
 
+@pytest.mark.nightly
 async def test_a_page_that_cannot_be_loaded_says_so_and_offers_to_try_again(browser, site):
     page = await (await browser.new_context()).new_page()
     await page.route("**/js/protocol/peer.*.js", lambda route: route.abort("connectionreset"))
@@ -66,6 +68,7 @@ async def test_a_page_that_cannot_be_loaded_says_so_and_offers_to_try_again(brow
     await driving(page)
 
 
+@pytest.mark.nightly
 async def test_a_command_says_which_picture_the_visitor_saw(browser, site):
     def with_picture() -> list[VelocityCommand]:
         return [command for _, command in list(site.applied) if command.frame is not None]
@@ -86,6 +89,7 @@ async def test_a_command_says_which_picture_the_visitor_saw(browser, site):
         assert all(command.frame < command.stamp for command in with_picture())
 
 
+@pytest.mark.nightly
 async def test_the_marker_on_the_map_stands_where_the_robot_is(browser, site):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
@@ -170,6 +174,7 @@ COLOURS = """() => {
 }"""
 
 
+@pytest.mark.nightly
 async def test_a_silent_link_is_replaced_and_the_old_picture_is_marked_meanwhile(browser, site):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
@@ -206,6 +211,7 @@ async def test_commands_change_their_way_when_the_data_channel_is_not_heard_and_
         assert numbers == sorted(set(numbers))
 
 
+@pytest.mark.nightly
 async def test_a_reloaded_page_returns_to_its_session(browser, site):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
@@ -264,6 +270,7 @@ async def test_leaving_asks_first_and_ends_the_visit(browser, site):
         await until(lambda: site.said("session/leave"))
 
 
+@pytest.mark.nightly
 async def test_an_offline_robot_is_announced_and_the_page_goes_on_when_it_is_back(browser, site):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)

@@ -7,7 +7,7 @@ from tests.support.firefox import firefox
 from tests.support.present_robot_page import CAPABILITIES, PresentRobotPage
 from tests.support.site import wait_for
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 TEXT = "Hello, is anybody there?"
 
 

@@ -38,6 +38,7 @@ def signs(site: FakeRobotPage) -> list[protocol.PageEvent]:
     return [event for event in site.said("page/event") if event.type == protocol.HERE]
 
 
+@pytest.mark.nightly
 async def test_who_waits_for_a_robot_that_did_not_get_home_drives_one_that_is_free(browser, site):
     site.others = [{**FREE, "name": "rhodon", "action": "Drive Rhodon"}]
     async with opened(browser, site, query="?go=1") as first, opened(browser, site) as second:
@@ -89,6 +90,7 @@ async def test_who_gave_no_sign_reads_why_the_visit_is_over(browser, site):
         await said_until_shown(page, "ended.idle", lambda: site.tell("session/ended", over))
 
 
+@pytest.mark.nightly
 async def test_a_turn_calls_by_the_title_counts_down_and_passes_when_it_is_not_taken(browser, site):
     async with (
         opened(browser, site, query="?go=1") as first,
@@ -105,6 +107,7 @@ async def test_a_turn_calls_by_the_title_counts_down_and_passes_when_it_is_not_t
         await second.wait_for_selector("#card[data-card='ended.turn_missed']")
 
 
+@pytest.mark.nightly
 async def test_who_waits_practises_until_the_turn_comes_and_then_has_the_real_robot_before_them(
     browser, site
 ):
@@ -167,6 +170,7 @@ async def test_a_browser_inside_an_app_says_which_browser_to_take_and_gives_the_
     await page.wait_for_selector("#card-main:text('Copied: paste it there')")
 
 
+@pytest.mark.nightly
 async def test_a_connection_that_does_not_come_about_is_explained_after_some_seconds(browser, site):
     site.answers.clear()  # the robot's answer never comes
     page = await (await browser.new_context()).new_page()

@@ -91,6 +91,7 @@ async def without(
         await context.close()
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("size", [WIDE, UPRIGHT, LOW])
 async def test_the_page_is_painted_before_its_script_is_there_which_then_moves_nothing(
     browser, site, size

@@ -15,7 +15,7 @@ from tests.support.patience import patient
 from tests.support.present_robot_page import CAPABILITIES, PresentRobotPage
 from tests.support.told_task import guide
 
-pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
+pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module"), pytest.mark.nightly]
 ABLE = (*CAPABILITIES, "goto", "dock", "undock", "relocalize", "scan", "assist")
 SIZES = {
     "phone": (390, 844),

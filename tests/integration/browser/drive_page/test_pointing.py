@@ -144,6 +144,7 @@ async def test_a_finger_that_is_held_on_the_picture_drives_and_lifting_it_stops(
             await until(lambda: stands(site))
 
 
+@pytest.mark.nightly
 async def test_at_the_dock_the_large_button_drives_out_and_a_robot_that_does_not_move_says_why(
     browser,
 ):
@@ -175,6 +176,7 @@ async def test_at_the_dock_the_large_button_drives_out_and_a_robot_that_does_not
             await page.keyboard.up("ArrowRight")
 
 
+@pytest.mark.nightly
 async def test_the_map_is_looked_around_on_swapped_and_made_large_and_the_keys_still_drive(browser):
     with site_at("lounge-centre") as site:
         async with opened(browser, site, WIDE, query="?go=1") as page:
@@ -208,6 +210,7 @@ async def test_the_map_is_looked_around_on_swapped_and_made_large_and_the_keys_s
             await page.keyboard.up("ArrowLeft")
 
 
+@pytest.mark.nightly
 async def test_turn_around_by_button_and_by_key_ends_nearly_opposite_and_a_key_ends_it(browser):
     with site_at("corridor-centre") as site:
         async with opened(browser, site, WIDE, query="?go=1") as page:
@@ -230,6 +233,7 @@ async def test_turn_around_by_button_and_by_key_ends_nearly_opposite_and_a_key_e
             await until(lambda: stands(site))
 
 
+@pytest.mark.nightly
 async def test_what_blocks_a_pressed_point_is_shown_and_the_robot_offers_to_drive_around_it(
     browser,
 ):

@@ -119,6 +119,7 @@ def is_green(colour) -> bool:
     return green > 60 and green > red + 30 and green > blue + 30
 
 
+@pytest.mark.nightly
 async def test_voice_and_face_reach_the_robots_loudspeaker_and_its_screen_and_words_go_both_ways(
     browser, site
 ) -> None:
@@ -217,6 +218,7 @@ async def write(page: Page, text: str, *, aloud: bool = False):
     return page.locator("#talk-list .line--own", has_text=text)
 
 
+@pytest.mark.nightly
 async def test_a_message_says_honestly_how_far_it_has_come(browser, site) -> None:
     complaints: list[str] = []
     page = await drives(browser, site, complaints)
@@ -257,6 +259,7 @@ KNOCKS = """() => {
 }"""
 
 
+@pytest.mark.nightly
 async def test_a_knock_rings_at_the_screen_until_somebody_answers(browser, site) -> None:
     complaints: list[str] = []
     page = await drives(browser, site, complaints)
@@ -445,6 +448,7 @@ async def shown(
     return page, screen
 
 
+@pytest.mark.nightly
 async def test_what_either_side_points_at_is_seen_at_the_same_place_at_both_ends_and_goes_away(
     browser, site
 ) -> None:
@@ -499,6 +503,7 @@ async def test_what_either_side_points_at_is_seen_at_the_same_place_at_both_ends
     assert complaints == []
 
 
+@pytest.mark.nightly
 async def test_bars_are_no_picture_keys_drive_on_and_dots_find_another_way_until_nothing_is_shown(
     browser, site
 ) -> None:
@@ -563,6 +568,7 @@ async def test_what_they_see_lies_neither_over_the_way_ahead_nor_over_anything_t
     assert complaints == []
 
 
+@pytest.mark.nightly
 async def test_without_camera_or_microphone_there_is_a_next_step_and_driving_goes_on(
     browser, site
 ) -> None:

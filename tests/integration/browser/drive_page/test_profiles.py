@@ -12,7 +12,7 @@ from sessions import protocol
 from tests.support.drive_page import driving, hold, moves, stands, stops, until
 from tests.support.fake_robot_page import FakeRobotPage
 
-pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
+pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module"), pytest.mark.nightly]
 KNOWN = (
     "fps",
     "glass",

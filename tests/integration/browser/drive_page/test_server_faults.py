@@ -21,6 +21,7 @@ NAMES = {
 STOPS = "Unless it recovers, the robot stops in "
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("part", NAMES)
 async def test_a_part_that_fails_is_told_with_what_follows_until_it_is_back(browser, site, part):
     async with opened(browser, site, query="?go=1") as page:
@@ -39,6 +40,7 @@ async def test_a_part_that_fails_is_told_with_what_follows_until_it_is_back(brow
         await hold(page, "ArrowLeft", lambda: len(site.applied) > count + 3)
 
 
+@pytest.mark.nightly
 async def test_who_operates_the_robot_reads_which_part_it_is(browser, site):
     site.operates = True
     async with opened(browser, site, query="?go=1") as page:
@@ -58,6 +60,7 @@ async def test_a_full_disk_is_said_and_stops_nobody(browser, site):
         await hold(page, "ArrowLeft", lambda: len(site.applied) > count + 3)
 
 
+@pytest.mark.nightly
 async def test_a_server_that_keeps_its_socket_and_says_nothing_is_out_of_reach_and_asked_anew(
     browser, site
 ):

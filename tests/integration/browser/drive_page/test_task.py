@@ -50,6 +50,7 @@ async def box(page: Page, selector: str) -> dict[str, float]:
     return found
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("size", [WIDE, UPRIGHT, LOW], ids=["wide", "upright", "low"])
 async def test_the_task_is_led_from_cue_to_cue_and_lies_over_neither_stop_nor_the_way_ahead(
     browser, site, size
@@ -131,6 +132,7 @@ async def test_the_task_is_led_from_cue_to_cue_and_lies_over_neither_stop_nor_th
         assert [data["number"] for data in shown] == [2]
 
 
+@pytest.mark.nightly
 async def test_the_photo_is_taken_judged_and_taken_again_while_the_keys_still_drive(browser, site):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
@@ -210,6 +212,7 @@ async def test_leaving_asks_first_and_the_end_leads_on_with_one_button(browser, 
         )
 
 
+@pytest.mark.nightly
 async def test_after_ten_seconds_the_study_goes_on_by_itself(browser, site):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
@@ -272,6 +275,7 @@ async def test_the_record_has_the_layout_the_map_the_controller_and_a_hidden_tab
         await until(lambda: [data["open"] for data in written(site, "map")] == [True, False])
 
 
+@pytest.mark.nightly
 async def test_the_first_picture_is_told_until_the_task_has_begun(browser, site):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)

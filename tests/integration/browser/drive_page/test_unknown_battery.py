@@ -8,7 +8,7 @@ from playwright.async_api import expect
 from robots.api.messages import Battery
 from tests.support.drive_page import driving, opened
 
-pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
+pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module"), pytest.mark.nightly]
 
 
 async def test_it_says_unknown_until_the_robot_knows_and_again_when_it_no_longer_does(

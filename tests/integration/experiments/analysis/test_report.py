@@ -53,6 +53,7 @@ def contents(folder):
     }
 
 
+@pytest.mark.nightly
 def test_an_exported_dataset_alone_gives_the_same_bytes_in_another_process(written, tmp_path):
     _, folder = written
     settings = tmp_path / "settings"
@@ -75,6 +76,7 @@ def test_an_exported_dataset_alone_gives_the_same_bytes_in_another_process(writt
     assert [name for name in first if first[name] != second[name]] == []
 
 
+@pytest.mark.nightly
 def test_the_sums_are_those_of_every_file(written):
     _, folder = written
     lines = (folder / "report" / "SHA256SUMS").read_text().splitlines()
@@ -116,6 +118,7 @@ def test_nothing_in_a_figure_says_when_or_where_it_was_made(written):
         assert str(ROOT).encode() not in content
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("participants", [0, 1])
 def test_reports_on_nobody_and_on_one_are_written(participants, tmp_path):
     files = analyse(made_up(np.random.default_rng(52), participants), tmp_path)

@@ -234,6 +234,7 @@ def add_to(client, row: Study, name: str) -> None:
     client.post(section(row, name), {"do": "add:", "sha256": Study.objects.get().sha256})
 
 
+@pytest.mark.nightly
 def test_a_script_is_written_without_json(client, study):
     send(client, section(study, "wizard"), wizard__on="on", wizard__conditions=["shut"])
     assert stored().wizard.conditions == ("shut",)
@@ -294,6 +295,7 @@ def test_a_text_of_a_script_that_is_missing_leads_to_its_stage(client, study):
     assert "Greet · Line (Spanish) is missing." in shown
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("slug", ["exploration", "assistance"])
 def test_saving_every_page_as_it_is_changes_nothing(client, boss, slug):
     row = publishing.store(shipped()[slug], NOW)

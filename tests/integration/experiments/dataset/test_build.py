@@ -69,6 +69,7 @@ def test_states_and_network_come_out_as_they_were_put_in_whatever_the_clocks_sai
         np.testing.assert_allclose(network.values, made.network(before.id).values, atol=2e-6)
 
 
+@pytest.mark.nightly
 def test_people_pages_answers_and_events_come_out_as_they_were_put_in(both):
     made, _, found = both
     assert [replace(one, left="", age=0.0) for one in found.participants] == [
@@ -92,6 +93,7 @@ def test_people_pages_answers_and_events_come_out_as_they_were_put_in(both):
     assert found.plans == made.plans
 
 
+@pytest.mark.nightly
 def test_the_tables_are_those_of_the_dataset_that_was_put_in(both):
     made, _, found = both
     (before,), (after,) = reports(made), reports(found)

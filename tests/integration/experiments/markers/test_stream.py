@@ -154,6 +154,7 @@ class Lab:
         wait_for(is_so, 30, what)
 
 
+@pytest.mark.nightly
 def test_markers_go_both_ways_and_a_lost_stream_is_found_again(drive, monkeypatch):
     lab = Lab(monkeypatch)
     lab.until(

@@ -78,6 +78,7 @@ def test_for_whoever_is_no_member_nothing_is_there(stored, client, address):
     assert client.get(EXPORT).status_code == 404
 
 
+@pytest.mark.nightly
 def test_every_table_and_figure_is_on_the_page_of_one_topic_unless_it_is_empty(
     stored, member, client
 ):
@@ -108,6 +109,7 @@ def test_a_topic_is_marked_and_those_with_nothing_to_show_are_not_offered(stored
     assert "nothing to show on this topic yet" in pages(client)["network"]
 
 
+@pytest.mark.nightly
 def test_conditions_are_called_by_their_titles(stored, member, client):
     report = computed(stored.study)
     titles = {
@@ -183,6 +185,7 @@ def test_pilots_and_bots_are_clearly_marked(stored, member, client):
     assert 'class="tag analysis__kind">bot' in html
 
 
+@pytest.mark.nightly
 def test_excluded_sessions_can_be_left_out(stored, member, client):
     drive = next(iter(stored.drives.values()))
     Drive.objects.filter(pk=drive.pk).update(excluded_reason="a test drive")
@@ -229,6 +232,7 @@ def test_files_are_those_of_the_report_and_nothing_else_can_be_fetched(stored, m
     assert client.get(f"{PAGE}files/tables/table-5.csv", {"report": "../../etc"}).status_code == 404
 
 
+@pytest.mark.nightly
 def test_a_long_table_comes_some_rows_at_a_time(stored, member, client, monkeypatch):
     monkeypatch.setattr("experiments.research.analysis_views.ROWS_A_PAGE", 3)
     monkeypatch.setattr("experiments.research.analysis_views.SHORT", 3)
@@ -266,6 +270,7 @@ def test_a_viewer_gets_neither_words_nor_photos_nor_names(stored, member, client
     assert not SystemLog.objects.filter(event="study_exported").exists()
 
 
+@pytest.mark.nightly
 @pytest.mark.django_db(transaction=True)
 def test_what_is_not_computed_yet_is_computed_by_a_process_of_its_own_once(stored, member, client):
     html = client.get(f"{PAGE}questionnaires/").content.decode()
@@ -286,6 +291,7 @@ def test_a_computation_that_fails_says_why(stored, member, client, monkeypatch):
     assert list(analysis_cache.home(stored.study).iterdir()) == []
 
 
+@pytest.mark.nightly
 @pytest.mark.django_db(transaction=True)
 async def test_the_dataset_is_sent_as_it_is_made_and_it_is_written_down_who_took_it(stored, member):
     client = AsyncClient()

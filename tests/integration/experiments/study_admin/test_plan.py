@@ -90,6 +90,7 @@ def test_numbers_of_participants_are_checked(client, study):
         assert client.post(page(study, "power"), {"participants": numbers}).status_code == 422
 
 
+@pytest.mark.nightly
 @pytest.mark.django_db(transaction=True)
 def test_the_power_is_simulated_on_the_page(client, study, monkeypatch):
     monkeypatch.setattr("experiments.study_admin.plan.STUDIES", 40)

@@ -70,6 +70,7 @@ def seen(robot):
     Robot.objects.filter(pk=robot.pk).update(connection="ONLINE", last_seen_at=timezone.now())
 
 
+@pytest.mark.nightly
 def test_the_top_of_its_page_leads_to_what_one_does_with_a_robot(client, robot):
     text = client.get(address(robot)).content.decode()
     tools = re.search(r'<ul class="object-tools">.*?</ul>', text, re.DOTALL)[0]

@@ -208,6 +208,7 @@ def drive_forwards(ear, *, command_age=None, until=None):
     raise AssertionError(f"it does not move: {ear.all('state')[-1]}")
 
 
+@pytest.mark.nightly
 @pytest.mark.broker
 def test_a_worse_network_makes_commands_older_by_about_its_delay(broker, tmp_path):
     ages = {}

@@ -39,6 +39,7 @@ def keep_beating(rig, until, within=60.0):
         time.sleep(0.2)
 
 
+@pytest.mark.nightly
 def test_a_goto_keeps_to_the_leases_speed_tells_its_way_and_is_over_at_its_goal(rig):
     onlooker = truth_of(rig)
     rig.grant(limits=m.LeaseLimits(linear=0.25, angular=0.4), ttl=60.0)
@@ -62,6 +63,7 @@ def test_a_goto_keeps_to_the_leases_speed_tells_its_way_and_is_over_at_its_goal(
     onlooker.close()
 
 
+@pytest.mark.nightly
 def test_a_goto_ends_two_seconds_after_the_driver_was_last_heard_and_the_robot_stands(rig):
     onlooker = truth_of(rig)
     rig.grant(ttl=60.0)
@@ -71,6 +73,7 @@ def test_a_goto_ends_two_seconds_after_the_driver_was_last_heard_and_the_robot_s
     onlooker.close()
 
 
+@pytest.mark.nightly
 def test_the_server_sends_it_home_without_anybody_driving_and_an_estop_stops_it_on_the_way(rig):
     onlooker = truth_of(rig)
     rig.act(m.Dock(action_id="d", stamp=time.time(), role="server"))
@@ -118,6 +121,7 @@ def blind(tmp_path):
         yield rig
 
 
+@pytest.mark.nightly
 def test_sonars_stop_a_driver_before_a_wall_and_a_bumper_says_which_side_was_touched(blind):
     rig, onlooker = blind, Onlooker(int(blind.robot.address.rpartition(":")[2]))
     assert "scan" not in rig.robot.profile.capabilities

@@ -54,6 +54,7 @@ async def test_a_web_process_goes_on_to_the_next_node_and_back_when_that_one_is_
     await until(lambda: port_of(bridge) == first.port)
 
 
+@pytest.mark.nightly
 async def test_a_node_that_stands_still_is_left_within_seconds(nodes, bridge):
     first, second = nodes
     first.freeze(on=True)

@@ -346,6 +346,7 @@ async def test_the_will_of_a_robot_that_vanishes_is_published_and_kept(rig):
         assert (await later.payload(of("giraff", "connection"), b"broken")).retain
 
 
+@pytest.mark.nightly
 async def test_the_will_of_a_robot_that_falls_silent_is_published_after_its_keep_alive(rig):
     await rig.robot("giraff")
     async with rig.client("web") as web, ReceivedPacket(web) as heard:
@@ -587,6 +588,7 @@ async def test_random_bytes_of_strangers_and_users_do_not_harm_the_broker(rig):
     assert await rig.is_let_in("web")
 
 
+@pytest.mark.nightly
 async def test_two_hundred_messages_a_second_lose_nothing_while_clients_come_and_go(rig):
     await rig.robot("giraff")
     count = 400

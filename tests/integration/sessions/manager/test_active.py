@@ -42,6 +42,7 @@ def take() -> str:
     return store.take(robot, ana, "peer", now=timezone.now()).session
 
 
+@pytest.mark.nightly
 async def test_one_whose_slot_was_taken_ends_its_work_and_joins_again(broker, caplog):
     async with running_manager(broker.url) as manager, ScriptedRobot("giraff", broker.url) as robot:
         await wait_for(

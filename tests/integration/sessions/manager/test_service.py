@@ -116,6 +116,7 @@ def set_rules(**fields) -> None:
 # --- a drive --------------------------------------------------------------------------------------
 
 
+@pytest.mark.nightly
 async def test_a_drive_is_recorded_whole_from_the_first_state_to_the_last(broker, giraff, visitors):
     async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
         robot.drives = True
@@ -143,6 +144,7 @@ async def test_a_drive_is_recorded_whole_from_the_first_state_to_the_last(broker
         assert robot.asked == []
 
 
+@pytest.mark.nightly
 async def test_the_lease_is_renewed_with_a_growing_number_and_empty_when_nobody_drives(
     broker, giraff, visitors
 ):
@@ -273,6 +275,7 @@ async def test_a_receiver_that_raises_stops_neither_the_others_nor_the_record(
         signals.state_received.disconnect(dispatch_uid="test")
 
 
+@pytest.mark.nightly
 async def test_a_disk_that_answers_nobody_holds_up_neither_leases_nor_the_heartbeat(
     broker, giraff, visitors, monkeypatch
 ):
@@ -318,6 +321,7 @@ async def test_a_disk_that_answers_nobody_holds_up_neither_leases_nor_the_heartb
 # --- nothing is missing ---------------------------------------------------------------------------
 
 
+@pytest.mark.nightly
 async def test_states_that_the_broker_never_had_are_asked_for_again(broker, giraff, visitors):
     async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
         robot.loses = lambda seq: seq % 10 in {3, 4}
@@ -329,6 +333,7 @@ async def test_states_that_the_broker_never_had_are_asked_for_again(broker, gira
         assert robot.asked
 
 
+@pytest.mark.nightly
 async def test_the_tail_is_asked_for_when_the_last_states_are_missing(broker, giraff, visitors):
     async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
         session = await drive(visitors["ana"], robot)
@@ -342,6 +347,7 @@ async def test_the_tail_is_asked_for_when_the_last_states_are_missing(broker, gi
         await complete(session, robot)
 
 
+@pytest.mark.nightly
 async def test_states_that_are_delivered_twice_are_stored_once(broker, giraff, visitors):
     async with running_manager(broker.url) as manager, ScriptedRobot("giraff", broker.url) as robot:
         session = await drive(visitors["ana"], robot)
@@ -355,6 +361,7 @@ async def test_states_that_are_delivered_twice_are_stored_once(broker, giraff, v
         await complete(session, robot)
 
 
+@pytest.mark.nightly
 async def test_what_an_agent_cannot_send_again_is_counted_as_missing(broker, giraff, visitors):
     async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
         session = await drive(visitors["ana"], robot)
@@ -378,6 +385,7 @@ async def test_what_an_agent_cannot_send_again_is_counted_as_missing(broker, gir
         assert closed.summary["missing"] == 4
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("how", ["kill", "stop"])
 async def test_a_session_manager_that_ends_in_mid_drive_leaves_no_hole_and_the_drive_goes_on(
     broker, giraff, visitors, how
@@ -468,6 +476,7 @@ async def test_a_visitor_who_never_connects_is_refused_by_the_connection(
         await wait_for(lambda: robot.session is None)
 
 
+@pytest.mark.nightly
 async def test_a_lost_visitor_has_the_grace_period_and_then_connection_lost(
     broker, giraff, visitors, settings
 ):
@@ -488,6 +497,7 @@ async def test_a_lost_visitor_has_the_grace_period_and_then_connection_lost(
         assert types == ["driving", "reconnecting", "driving", "reconnecting", "ended"]
 
 
+@pytest.mark.nightly
 async def test_a_robot_that_stays_away_is_a_robot_fault(broker, giraff, visitors, monkeypatch):
     monkeypatch.setattr("sessions.leases.transitions.ROBOT_SILENCE", 2.0)
     async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
@@ -540,6 +550,7 @@ class Notices:
         return found
 
 
+@pytest.mark.nightly
 async def test_when_others_wait_the_turn_ends_and_the_next_in_the_queue_is_asked(
     broker, giraff, visitors, settings
 ):
@@ -567,6 +578,7 @@ async def test_when_others_wait_the_turn_ends_and_the_next_in_the_queue_is_asked
         await notices.of(cem.session, protocol.Queued, lambda published: published.place == 1)
 
 
+@pytest.mark.nightly
 async def test_a_driver_who_gives_no_sign_is_asked_and_makes_room_for_the_next(
     broker, giraff, visitors, settings, monkeypatch
 ):
@@ -691,6 +703,7 @@ async def test_a_robot_cannot_write_into_the_record_of_another_robots_session(
         assert not await sync_to_async(SessionEvent.objects.filter(type="collision").exists)()
 
 
+@pytest.mark.nightly
 async def test_bytes_that_are_no_message_are_counted_and_harm_nothing(broker, giraff, visitors):
     junk = [
         b"",
@@ -720,6 +733,7 @@ async def test_bytes_that_are_no_message_are_counted_and_harm_nothing(broker, gi
         await complete(session, robot)
 
 
+@pytest.mark.nightly
 async def test_a_session_that_ended_while_no_session_manager_ran_is_told_and_closed_by_the_next(
     broker, giraff, visitors
 ):

@@ -24,7 +24,7 @@ from tests.support.recorder_rig import (
     wait_for,
 )
 
-pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.broker]
+pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.broker, pytest.mark.nightly]
 
 # two robots, of which each of two session managers serves one
 NAMES = tuple(

@@ -28,6 +28,7 @@ async def rig(janus, monkeypatch) -> AsyncIterator[SfuRig]:
         yield made
 
 
+@pytest.mark.nightly
 async def test_the_robot_sends_once_however_many_watch(rig):
     broadcast = rig.broadcast()
     pages = [rig.page(broadcast) for _ in range(30)]
@@ -73,6 +74,7 @@ async def test_pages_hear_why_when_janus_dies_and_get_it_back(rig, janus):
     assert rig.connections() == 1
 
 
+@pytest.mark.nightly
 async def test_a_janus_that_is_silent_is_as_good_as_dead(rig, janus):
     page = rig.page(rig.broadcast())
     await page.watch()

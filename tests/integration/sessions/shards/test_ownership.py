@@ -256,6 +256,7 @@ def test_of_racing_owners_no_write_is_accepted_after_one_of_a_later_owner():
     assert min(races.accepted, races.refused, races.taken) > 10, races
 
 
+@pytest.mark.nightly
 @pytest.mark.postgres
 def test_on_postgresql_too_and_a_stopped_process_holds_nothing_up(tmp_path):
     with running_postgres() as server:

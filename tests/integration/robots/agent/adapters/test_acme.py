@@ -69,6 +69,7 @@ def run(python, *command, within=60.0):
     return ran.stdout
 
 
+@pytest.mark.nightly
 def test_installed_it_is_driven_by_the_agent_as_ours_are(environment, tmp_path):
     found = json.loads(
         run(environment, "-m", "tests.support.acme_drive", tmp_path).splitlines()[-1]

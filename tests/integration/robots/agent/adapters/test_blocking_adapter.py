@@ -29,6 +29,7 @@ class Slow(ScriptedRobot):
         return super().apply(velocity)
 
 
+@pytest.mark.nightly
 def test_a_call_that_does_not_come_back_is_named_within_thirty_seconds():
     began = time.monotonic()
     with guarded(), pytest.raises(pytest.fail.Exception) as caught:

@@ -8,6 +8,7 @@ import time
 import pytest
 
 from robots.agent.ramp import ZERO
+from robots.agent.robot_interface import AdapterError
 from robots.api.messages import Velocity
 from tests.integration.robots.agent.adapters.test_whole_agent import agent
 from tests.support.adapter_conformance import drive, wait_for
@@ -25,6 +26,7 @@ RIGS = {
     "rosbridge to ROS 1": lambda base: RosbridgeRig("rhodon", 1, base=base),
     "rosbridge to ROS 2": lambda base: RosbridgeRig("giraff", 2, base=base),
 }
+NAMES = ["ros1", *(pytest.param(name, marks=pytest.mark.nightly) for name in list(RIGS)[1:])]
 
 
 @pytest.fixture(autouse=True)
@@ -48,7 +50,7 @@ async def complaint(adapter, *words):
     raise AssertionError
 
 
-@pytest.mark.parametrize("name", RIGS)
+@pytest.mark.parametrize("name", NAMES)
 async def test_a_base_on_another_topic_is_named_with_the_option_and_nothing_counts_as_applied(name):
     with RIGS[name](("/base/cmd_vel", TWIST)) as rig:
         async with connected(rig.adapter()) as adapter:
@@ -62,7 +64,7 @@ async def test_a_base_on_another_topic_is_named_with_the_option_and_nothing_coun
             await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.1 and s.errors == ())
 
 
-@pytest.mark.parametrize("name", RIGS)
+@pytest.mark.parametrize("name", NAMES)
 async def test_a_base_that_wants_stamped_velocities_gets_them(name):
     with RIGS[name](("/cmd_vel", STAMPED)) as rig:
         for _ in range(2):
@@ -72,7 +74,7 @@ async def test_a_base_that_wants_stamped_velocities_gets_them(name):
             assert abs(rig.robot.stamps[-1] - time.time()) < 5.0
 
 
-@pytest.mark.parametrize("name", RIGS)
+@pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(
     ("there", "told", "way_out"), [(STAMPED, "false", "true"), (TWIST, "true", "false")]
 )
@@ -116,6 +118,30 @@ async def test_a_base_that_comes_later_is_told_to_stand_and_is_driven():
             assert driven(rig) == []
             assert rig.world.commands[0][1:] == (0.0, 0.0)
             await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.1)
+
+
+@pytest.mark.nightly
+async def test_a_base_that_rospy_keeps_from_connecting_again_is_reached_and_driven():
+    """rospy gives up when the publisher is away at its second attempt."""
+    with Ros1Rig("rhodon", ("/cmd_vel", TWIST)) as rig:
+        adapter = rig.adapter()
+        async with connected(adapter):
+            await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.1)
+            await drive(adapter, ZERO, lambda s: s.velocity.linear == 0.0)
+            advertise = adapter._bus.advertise
+
+            def late(*args, **options):
+                asyncio.get_running_loop().call_later(3.0, lambda: advertise(*args, **options))
+
+            adapter._bus.advertise = late
+            rig.robot.base = ("/cmd_vel", STAMPED)
+            rig.robot.hears = dict([rig.robot.base]) | rig.robot.COMMANDS
+            rig.call(rig.restart_robot())
+            with pytest.raises(AdapterError, match="does not connect: connecting again"):
+                await wait_for(adapter, lambda _: False, 30.0)
+            adapter._bus.advertise = advertise
+        async with connected(adapter):
+            await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.1 and s.errors == ())
 
 
 async def test_topics_that_nobody_publishes_are_named_with_their_options():

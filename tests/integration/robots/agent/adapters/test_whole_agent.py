@@ -36,6 +36,7 @@ def agent(rca, directory):
         rig.__exit__()
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", RIGS)
 def test_a_drive_whose_architecture_is_killed_ends_standing_is_said_and_goes_on_when_it_is_back(
     name, tmp_path, monkeypatch, patient_adapters

@@ -183,6 +183,7 @@ def test_a_broker_whose_certificate_nobody_vouches_for_is_not_talked_to(tmp_path
         assert not agent.link.connected
 
 
+@pytest.mark.nightly
 def test_an_agent_whose_password_the_broker_does_not_know_says_what_to_do(tmp_path, caplog):
     with (
         Mosquitto(tmp_path, anonymous=False) as broker,
@@ -265,6 +266,7 @@ def test_after_a_broker_restart_everything_retained_is_said_again_and_no_state_i
         assert ear.all("pose") == [], "a pose of the past is of no use to anybody"
 
 
+@pytest.mark.nightly
 def test_what_the_broker_had_not_acknowledged_is_sent_again(broker, ear):
     with LinkThread(broker.url) as agent:
         ear.wait("connection")

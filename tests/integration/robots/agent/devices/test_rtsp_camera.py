@@ -63,6 +63,7 @@ def reason_for(said: str) -> str:
         return feed.state.reason
 
 
+@pytest.mark.nightly
 def test_a_camera_with_four_seconds_between_whole_pictures_is_shown_at_the_next_one_twice_in_a_row(
     server,
 ):
@@ -77,6 +78,7 @@ def test_a_camera_with_four_seconds_between_whole_pictures_is_shown_at_the_next_
         assert time.monotonic() - began < 15.0
 
 
+@pytest.mark.nightly
 def test_the_second_who_watches_waits_for_nothing(server):
     with feed_of(server.url) as (feed, pictures, states):
         assert eventually(lambda: len(pictures) > 2, 30.0)
@@ -87,6 +89,7 @@ def test_the_second_who_watches_waits_for_nothing(server):
         assert [state.status for state in states].count("starting") == 1
 
 
+@pytest.mark.nightly
 def test_a_photo_waits_for_a_camera_that_starts(server):
     feed = CameraFeed(
         DeviceCamera(words.read(server.url, "camera")), RtpClock(0), lambda _picture: None
@@ -129,6 +132,7 @@ def test_what_is_not_there_is_said(server):
     )
 
 
+@pytest.mark.nightly
 def test_a_camera_that_says_nothing_and_one_without_whole_pictures_are_told_apart(server):
     limits = ReaderLimits(opening=1.5)
     with socket.create_server(("127.0.0.1", 0)) as silent:
@@ -163,6 +167,7 @@ def opening_fails(url: str, limits: ReaderLimits) -> str:
         reader.stop()
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("way", ["pulled", "frozen"])
 def test_a_camera_that_goes_is_said_and_shown_again_when_it_is_back(way):
     with rtsp_server(key_interval=1.0) as server, feed_of(server.url) as (feed, pictures, _states):

@@ -81,6 +81,7 @@ class Talker:
             number += 1
 
 
+@pytest.mark.nightly
 def test_a_tone_comes_through_the_microphone_twice_in_a_row(server, tmp_path):
     source = equipment(tmp_path, microphone="alsa:default").audio
     for _ in range(2):
@@ -90,6 +91,7 @@ def test_a_tone_comes_through_the_microphone_twice_in_a_row(server, tmp_path):
             source.stop()
 
 
+@pytest.mark.nightly
 def test_a_tone_goes_through_the_loudspeaker_twice_in_a_row(server, tmp_path):
     speaker, _display = equipment(tmp_path, loudspeaker="alsa:default").outputs
     for _ in range(2):
@@ -112,6 +114,7 @@ def test_a_device_of_the_server_is_found_by_its_name_and_heard_through_conversio
         source.stop()
 
 
+@pytest.mark.nightly
 def test_a_card_that_is_pulled_out_is_said_and_heard_again_when_it_is_back(pulseaudio, tmp_path):
     heard: list[bytes] = []
     feed = MicrophoneFeed(
@@ -136,6 +139,7 @@ def test_a_card_that_is_pulled_out_is_said_and_heard_again_when_it_is_back(pulse
         feed.close()
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("way", ["killed", "frozen"])
 def test_a_loudspeaker_whose_server_goes_is_said_and_plays_again_when_it_is_back(
     pulseaudio, tmp_path, way
@@ -155,6 +159,7 @@ def test_a_loudspeaker_whose_server_goes_is_said_and_plays_again_when_it_is_back
     feed.close()
 
 
+@pytest.mark.nightly
 def test_a_microphone_whose_server_freezes_is_said_and_heard_again(pulseaudio, tmp_path):
     feed = MicrophoneFeed(
         equipment(tmp_path, microphone="alsa:default").audio, lambda _payload, _ticks: None

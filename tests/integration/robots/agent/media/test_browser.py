@@ -11,6 +11,7 @@ from tests.support.loopback_peer import until
 pytestmark = pytest.mark.browser
 
 
+@pytest.mark.nightly
 async def test_chromium_shows_the_picture_and_knows_when_it_was_captured(media, exchange) -> None:
     async with chromium() as (browser, address):
         page = await BrowserPage.open(browser, address, media, exchange, "p1")
@@ -58,6 +59,7 @@ async def test_the_data_channel_works_both_ways_in_chromium(media, exchange) -> 
         assert ["heartbeat", {"n": 7, "stamp": 1.5}] in report["messages"]
 
 
+@pytest.mark.nightly
 async def test_two_chromium_viewers_see_the_same_camera(media, exchange) -> None:
     async with chromium() as (browser, address):
         pages = [

@@ -63,6 +63,7 @@ async def test_the_page_learns_when_each_picture_was_captured(new_page) -> None:
     assert min(apart(seen, stamp) for stamp in stamps) <= 0.002 * TICKS_PER_SECOND
 
 
+@pytest.mark.nightly
 async def test_the_clock_is_told_again_every_second(new_page) -> None:
     page = new_page("p1", decode=False)
     await page.connect()
@@ -102,6 +103,7 @@ async def test_a_late_viewer_begins_with_a_key_frame_and_the_others_see_no_gap(
     assert media._pages._viewers["p1"]._pictures.queue.restarts == 0
 
 
+@pytest.mark.nightly
 async def test_a_viewer_on_a_narrow_network_gets_smaller_pictures_and_nobody_else_does(
     media, new_page
 ) -> None:
@@ -294,6 +296,7 @@ async def test_a_driver_whose_lease_ended_speaks_as_observer_from_the_next_frame
     )
 
 
+@pytest.mark.nightly
 async def test_who_watches_is_sent_away_when_the_server_speaks_for_them_no_more(
     media, exchange, new_page, monkeypatch
 ) -> None:
@@ -351,6 +354,7 @@ async def test_oversized_and_too_many_frames_are_dropped_and_counted(
     assert len(exchange.heard) <= sent + 1 - 100
 
 
+@pytest.mark.nightly
 async def test_a_page_that_floods_is_sent_away_and_may_come_again_after_a_while(
     media, exchange, new_page
 ) -> None:
@@ -569,6 +573,7 @@ async def test_an_offer_that_cannot_be_used_is_refused_and_hurts_nobody(
     await until(lambda: len(watcher.pictures) > seen + 10, what="pictures for the others")
 
 
+@pytest.mark.nightly
 async def test_every_offer_is_answered_or_refused_however_it_is_mangled(
     media, exchange, new_page, caplog
 ) -> None:

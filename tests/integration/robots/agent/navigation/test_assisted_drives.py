@@ -40,6 +40,7 @@ def test_a_careless_driver_hits_things_without_assistance():
     assert careless_drive(OFFICE, GIRAFF, "off", 3, 1.0).collisions > 0
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("level", ["slow", "steer"])
 @pytest.mark.parametrize("series", sorted(MODELS))
 def test_a_careless_driver_hits_nothing_with_it_and_still_gets_about(series, level):
@@ -48,6 +49,7 @@ def test_a_careless_driver_hits_nothing_with_it_and_still_gets_about(series, lev
     assert robot.world.distance > 0.5
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("level", ["slow", "steer"])
 @pytest.mark.parametrize("series", sorted(MODELS))
 def test_with_sonars_a_bumper_and_no_laser_a_careless_driver_touches_nothing_faster_than_a_creep(
@@ -58,6 +60,7 @@ def test_with_sonars_a_bumper_and_no_laser_a_careless_driver_touches_nothing_fas
     assert robot.world.distance > 0.5
 
 
+@pytest.mark.nightly
 def test_the_same_driver_hits_hard_without_help():
     assert careless_drive(OFFICE, GIRAFF, "off", 3, 1.0, sensors=BLIND).hardest > MONITOR.creep
 

@@ -70,6 +70,7 @@ def test_a_docked_robot_backs_out_before_it_goes_anywhere() -> None:
     assert (done.status, made.sim.docked, made.sim.contacts) == ("FINISHED", False, 0)
 
 
+@pytest.mark.nightly
 def test_a_drawn_line_is_followed_and_where_it_crosses_a_desk_gone_round() -> None:
     made = rig("lab-centre")
     made.navigator.follow([(3.2, 4.6), (4.6, 4.9), (5.0, 3.6), (3.4, 3.3), (1.6, 4.0), (2.2, 5.4)])
@@ -84,6 +85,7 @@ def test_a_drawn_line_is_followed_and_where_it_crosses_a_desk_gone_round() -> No
     assert through.sim.contacts == 0
 
 
+@pytest.mark.nightly
 def test_a_door_that_closes_on_the_way_is_gone_round() -> None:
     made = rig("lab-before-door")
     made.navigator.goto(2.0, 1.0)
@@ -107,6 +109,7 @@ def test_where_no_way_is_left_the_robot_waits_and_then_names_the_door() -> None:
     assert made.sim.motion == STILL
 
 
+@pytest.mark.nightly
 def test_a_door_that_opens_again_while_the_robot_waits_lets_it_go_on() -> None:
     made = rig("10.0,1.0,1.57")
     made.sim.set_doors({"lab-door": "closed", "lounge-door": "closed"})
@@ -223,6 +226,7 @@ def test_wheels_that_do_not_turn_are_noticed() -> None:
     assert (done.status, done.reason) == ("FAILED", "the wheels do not turn")
 
 
+@pytest.mark.nightly
 def test_people_who_walk_are_not_run_into() -> None:
     made = Rig(
         Simulation(GIRAFF, SITE.plan, seed=1, start="corridor-centre", people=3), SITE.grid, 1

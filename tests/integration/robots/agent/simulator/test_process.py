@@ -78,6 +78,7 @@ def test_when_the_agent_is_killed_or_stopped_the_base_brakes_by_itself(
             agent.send_signal(signal.SIGCONT)
 
 
+@pytest.mark.nightly
 def test_an_agent_that_lives_again_drives_on() -> None:
     with simulator(*QUIET, "--linger", "10") as robot, driving_agent(robot.address) as agent:
         onlooker = robot.onlooker()
@@ -88,6 +89,7 @@ def test_an_agent_that_lives_again_drives_on() -> None:
         onlooker.close()
 
 
+@pytest.mark.nightly
 def test_a_new_agent_takes_over_from_one_that_hangs() -> None:
     with simulator(*QUIET, "--linger", "10") as robot, driving_agent(robot.address) as hanging:
         hanging.send_signal(signal.SIGSTOP)
@@ -117,6 +119,7 @@ def test_after_its_driver_is_gone_for_good_the_process_ends_but_not_before_it_st
         assert ended >= seen[-1].stamp + still_braked - ONE_STATE
 
 
+@pytest.mark.nightly
 def test_a_child_of_a_killed_agent_ends_by_itself_and_leaves_no_memory() -> None:
     with driving_agent("child", media=True) as agent:
         address = agent.stdout.readline().strip()
@@ -149,6 +152,7 @@ def test_however_the_simulator_ends_its_memory_is_gone(fault: signal.Signals) ->
         line.close()
 
 
+@pytest.mark.nightly
 def test_pictures_come_while_somebody_looks_and_rest_when_nobody_does() -> None:
     with simulator("--linger", "30") as robot:
         line = MediaSocket(("127.0.0.1", robot.port), "camera")
@@ -193,6 +197,7 @@ def test_nonsense_closes_its_own_connection_and_nothing_else() -> None:
         onlooker.close()
 
 
+@pytest.mark.nightly
 def test_an_operator_carries_the_robot_away_breaks_it_and_moves_doors() -> None:
     with simulator(*QUIET, "--seed", "3") as robot:
         fault, onlooker = SimulatorOperator(robot.port), robot.onlooker()
@@ -211,6 +216,7 @@ def test_an_operator_carries_the_robot_away_breaks_it_and_moves_doors() -> None:
         onlooker.close()
 
 
+@pytest.mark.nightly
 def test_people_walk_about_and_an_observer_is_told_where() -> None:
     with simulator(*QUIET, "--people", "2") as robot:
         onlooker = robot.onlooker()

@@ -28,6 +28,7 @@ class TestGiraff(RcaConformance):
     def make_rig(self, directory):
         return MoosRig("giraff", REAL)
 
+    @pytest.mark.nightly
     async def test_an_end_of_navigation_from_before_is_not_that_of_this_journey(self, adapter):
         # the second time, the end of the first is the variable's last value
         for number in range(2):
@@ -38,6 +39,7 @@ class TestGiraff(RcaConformance):
             await adapter.close()
             await adapter.connect()
 
+    @pytest.mark.nightly
     async def test_a_place_by_name_is_reached_at_the_end_of_its_plan_and_not_at_the_first_node(
         self, adapter
     ):
@@ -74,6 +76,7 @@ class TestGiraff(RcaConformance):
 # --- the client -----------------------------------------------------------------------------------
 
 
+@pytest.mark.nightly
 async def test_a_client_that_says_nothing_is_kept_for_it_speaks_of_the_time(monkeypatch):
     # longer than a busy machine holds up one process
     monkeypatch.setattr("tests.support.moosdb.SILENCE", 2.0)

@@ -23,6 +23,7 @@ class TestGiraff(RcaConformance):
     def make_rig(self, directory):
         return OpenMoraRig(directory)
 
+    @pytest.mark.nightly
     async def test_a_place_of_its_topology_is_reached_by_name(self, adapter):
         await wait_for(adapter, lambda _: adapter._nodes)
         await adapter.start(Goto(action_id="g", stamp=0.0, place="CorridorMiddle"))

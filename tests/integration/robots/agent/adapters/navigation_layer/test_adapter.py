@@ -138,6 +138,7 @@ async def test_an_order_waits_for_a_mind_about_to_think_and_is_refused_where_not
         assert (await drive.ended("t")).status == "FINISHED", "what the RCA does is the RCA's"
 
 
+@pytest.mark.nightly
 async def test_it_is_shown_where_it_stands_and_says_when_it_has_found_that_true():
     async with driving(made()) as drive:
         await drive.known()
@@ -150,6 +151,7 @@ async def test_it_is_shown_where_it_stands_and_says_when_it_has_found_that_true(
         assert ended.result["score"] >= 0.5
 
 
+@pytest.mark.nightly
 async def test_cancelling_stops_the_robot():
     async with driving(made()) as drive:
         await drive.known()
@@ -164,6 +166,7 @@ async def test_cancelling_stops_the_robot():
 # --- what breaks ----------------------------------------------------------------------------------
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("faults", "words"),
     [
@@ -186,6 +189,7 @@ async def test_a_robot_that_breaks_on_its_way_stands_and_says_what_is_broken(fau
         operator.close()
 
 
+@pytest.mark.nightly
 async def test_a_killed_mind_ends_the_action_with_a_reason_and_the_next_knows_where_the_robot_is():
     async with driving(made(start=NEAR)) as drive:
         await drive.known()
@@ -205,6 +209,7 @@ async def test_a_killed_mind_ends_the_action_with_a_reason_and_the_next_knows_wh
         assert (await drive.ended("g2")).status == "FINISHED"
 
 
+@pytest.mark.nightly
 async def test_a_mind_that_is_stuck_makes_the_robot_stand_and_is_replaced():
     async with driving(made()) as drive:
         await drive.known()
@@ -221,6 +226,7 @@ async def test_a_mind_that_is_stuck_makes_the_robot_stand_and_is_replaced():
         await drive.known()
 
 
+@pytest.mark.nightly
 async def test_a_robot_whose_simulator_dies_on_the_way_fails_its_action():
     adapter = made()
     async with driving(adapter) as drive:
@@ -258,6 +264,7 @@ def office() -> FloorPlanUpdate:
     return update_of(load_site("office"))
 
 
+@pytest.mark.nightly
 async def test_a_robot_that_has_only_the_server_thinks_as_soon_as_that_has_told_it_the_map():
     adapter = without_site()
     async with driving(adapter) as drive:

@@ -27,6 +27,7 @@ class TestRhodon(RcaConformance):
     async def test_pictures_of_a_topic_are_its_camera(self):
         await sees_grey(self.rig.adapter(image="/camera/compressed"))
 
+    @pytest.mark.nightly
     async def test_a_master_that_is_started_anew_is_noticed_and_joined(self, adapter):
         await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)
         restarting = asyncio.get_running_loop().run_in_executor(
@@ -44,6 +45,7 @@ class TestRhodon(RcaConformance):
         self.rig.master.start()
         await self.rig.restart_robot()
 
+    @pytest.mark.nightly
     async def test_nodes_that_a_restarted_master_has_forgotten_are_named_until_they_are_restarted(
         self, adapter, monkeypatch
     ):
@@ -70,6 +72,7 @@ class TestRhodon(RcaConformance):
         await again(adapter)
         await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2 and s.errors == ())
 
+    @pytest.mark.nightly
     async def test_a_forgotten_node_beside_a_base_that_is_known_again_is_the_first_error(
         self, adapter
     ):
@@ -93,6 +96,7 @@ class TestRhodon(RcaConformance):
         self.rig.master.kill()
         self.rig.master.start()
 
+    @pytest.mark.nightly
     async def test_a_node_that_is_killed_stops_the_robot_by_its_watchdog_and_is_replaced(
         self, adapter
     ):
@@ -103,6 +107,7 @@ class TestRhodon(RcaConformance):
         await again(adapter)
         assert await some(adapter.states(), 2)
 
+    @pytest.mark.nightly
     async def test_a_node_whose_agent_is_stuck_says_stand(self, adapter):
         await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)
         self.rig.world.commands.clear()

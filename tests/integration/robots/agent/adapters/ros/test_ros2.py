@@ -97,6 +97,7 @@ def test_a_malformed_domain_of_the_environment_is_named(text, monkeypatch):
     assert registry.create("ros2", "giraff", {"domain": "5"}).place == "ROS 2 in domain 5"
 
 
+@pytest.mark.nightly
 async def test_two_robots_in_one_domain_are_told_apart_by_their_namespaces(patient_adapters):
     rigs = {name: Ros2Rig("giraff", words=("reliable", name)) for name in ("/robot1", "/robot2")}
     with rigs["/robot1"], rigs["/robot2"]:
@@ -114,6 +115,7 @@ async def test_two_robots_in_one_domain_are_told_apart_by_their_namespaces(patie
             assert other.goals == (name == "/robot2")
 
 
+@pytest.mark.nightly
 async def test_velocities_have_the_type_of_who_listens_whatever_a_planner_publishes_there(
     patient_adapters,
 ):

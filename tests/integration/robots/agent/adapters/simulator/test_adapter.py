@@ -83,6 +83,7 @@ async def test_a_simulator_that_is_killed_is_noticed_and_replaced() -> None:
     await adapter.close()
 
 
+@pytest.mark.nightly
 async def test_a_simulator_that_hangs_is_called_silent() -> None:
     adapter = made()
     await adapter.connect()
@@ -249,6 +250,7 @@ async def test_a_command_is_with_the_wheels_in_milliseconds() -> None:
     await adapter.close()
 
 
+@pytest.mark.nightly
 async def test_pictures_come_again_from_a_simulator_that_was_replaced() -> None:
     adapter = create("simulator", "giraff", {"start": "corridor-centre"})
     await adapter.connect()

@@ -61,6 +61,7 @@ def shows(page: LoopbackPage, colour: tuple[int, int, int]) -> bool:
     return all(abs(part - wanted) < 20 for part, wanted in zip(seen, colour, strict=True))
 
 
+@pytest.mark.nightly
 async def test_what_the_robots_page_sees_and_hears_reaches_who_watches_before_and_after(
     robot,
 ) -> None:
@@ -87,6 +88,7 @@ async def test_of_two_such_pages_the_newer_gives_and_the_picture_goes_on(robot) 
     await until(lambda: shows(viewer, BLUE), what="the newer page's picture")
 
 
+@pytest.mark.nightly
 async def test_a_page_that_is_closed_is_told_as_missing_and_the_next_one_shows_again(robot) -> None:
     viewer = await robot.viewer()
     screen = await robot.screen("screen", GREEN)

@@ -96,6 +96,7 @@ def test_a_robot_that_slipped_out_a_little_finds_its_way_in_again() -> None:
     assert made.sim.docked
 
 
+@pytest.mark.nightly
 def test_contacts_that_never_meet_are_tried_three_times_and_then_given_up(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -120,6 +121,7 @@ def test_a_robot_beside_an_open_door_backs_off_though_it_can_still_creep() -> No
     assert "backs off" in made.reasons
 
 
+@pytest.mark.nightly
 def test_a_station_behind_closed_doors_cannot_be_reached() -> None:
     made = rig("2.0,1.0,1.5708")
     made.sim.set_doors({"lab-door": "closed", "lounge-door": "closed"})
@@ -182,6 +184,7 @@ def test_who_loses_the_map_on_the_last_metre_docks_all_the_same() -> None:
     assert made.sim.docked
 
 
+@pytest.mark.nightly
 def test_a_box_before_the_station_keeps_the_robot_out_and_is_not_touched() -> None:
     box = Furniture(name="parcel", kind="box", x=0.62, y=6.3, width=0.2, depth=0.2, height=0.5)
     sim = Simulation(

@@ -62,6 +62,7 @@ def pixel_of(pose: Pose2D, tilt: float, point: tuple[float, float, float]) -> tu
     return model.width / 2 + focal * seen[0] / seen[2], model.height / 2 + focal * seen[1] / seen[2]
 
 
+@pytest.mark.nightly
 @settings(max_examples=60, deadline=None)
 @given(st.floats(0.6, 5.0), st.floats(-0.6, 0.6), st.sampled_from([-0.3, 0.0, HOME, 0.6, 0.9]))
 def test_a_pixels_floor_point_is_where_the_pinhole_puts_it(
@@ -141,6 +142,7 @@ def test_an_edge_of_furniture_is_where_the_pinhole_puts_it(camera: SceneCamera) 
         assert above[2] < below[2] - 30
 
 
+@pytest.mark.nightly
 def test_the_picture_of_every_start_is_rich_and_each_is_different(camera: SceneCamera) -> None:
     means = []
     for start in PLAN.starts:
@@ -233,6 +235,7 @@ def test_what_stands_nearer_hides_what_stands_farther(camera: SceneCamera) -> No
     assert green > 60  # wood, not the rug's dark red
 
 
+@pytest.mark.nightly
 def test_the_same_seed_paints_the_same_scene_and_another_seed_another() -> None:
     one, same, other = (
         picture(SceneCamera(RHODON, PLAN, seed=seed), (5.0, 1.0, 0.0), 0.0) for seed in (3, 3, 4)

@@ -1,0 +1,68 @@
+"""A latched pose comes before any odometry, and a newer one right after it: the newer one counts."""
+
+import asyncio
+
+import pytest
+
+from robots.agent.adapters import registry
+from robots.agent.adapters.ros import messages
+from robots.api.geometry import Pose2D
+from tests.support.virtual_time import on_virtual_time
+
+STANDING = {"twist": {"linear": {"x": 0.0, "y": 0.0, "z": 0.0}, "angular": {"z": 0.0}}}
+
+
+def fix(x, stamp):
+    covariance = [0.0] * 36
+    return {
+        "header": messages.header("map", stamp, 1),
+        "pose": {"pose": messages.pose(Pose2D(x, 1.0, 0.0)), "covariance": covariance},
+    }
+
+
+def odometry(stamp):
+    pose = {"pose": messages.pose(Pose2D(0.0, 0.0, 0.0)), "covariance": [0.0] * 36}
+    return {
+        "header": messages.header("odom", stamp, 1),
+        "child_frame_id": "base_link",
+        "pose": pose,
+        "twist": STANDING,
+    }
+
+
+@pytest.fixture
+def heard():
+    adapter = registry.create("rosbridge", "rhodon", {"url": "ws://127.0.0.1:1", "version": "1"})
+    handlers = {topic: handler for topic, _, handler, _ in adapter._listened()}
+    return adapter, handlers["/amcl_pose"], handlers["/odom"]
+
+
+@on_virtual_time
+async def test_it_is_put_together_with_the_first_odometry(heard):
+    adapter, hear_fix, hear_odometry = heard
+    hear_fix(fix(5.0, 100.0))
+    assert not adapter.readings.pose.localized
+    hear_odometry(odometry(200.0))
+    assert adapter.readings.pose.localized
+    assert adapter.readings.pose.x == pytest.approx(5.0)
+
+
+@on_virtual_time
+async def test_of_two_before_the_odometry_the_newer_one_counts(heard):
+    adapter, hear_fix, hear_odometry = heard
+    hear_fix(fix(5.0, 100.0))
+    hear_fix(fix(2.0, 199.0))
+    hear_odometry(odometry(200.0))
+    await asyncio.sleep(1.0)
+    assert adapter.readings.pose.x == pytest.approx(2.0)
+
+
+@on_virtual_time
+async def test_one_after_the_odometry_is_not_undone_by_one_before_it(heard):
+    adapter, hear_fix, hear_odometry = heard
+    hear_fix(fix(5.0, 100.0))
+    hear_odometry(odometry(200.0))
+    hear_fix(fix(2.0, 200.0))
+    hear_odometry(odometry(200.1))
+    await asyncio.sleep(1.0)
+    assert adapter.readings.pose.x == pytest.approx(2.0)
