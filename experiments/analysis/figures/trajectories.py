@@ -206,13 +206,16 @@ def _grid(views: Sequence[Floats | None]) -> tuple[Figure, list[Axes], int]:
 
 
 def _panel_title(dataset: Dataset, panel: TrajectoryPanel, columns: int) -> str:
-    """Return the letter, the robot and the condition, and below how many drove."""
+    """Return the letter, the robot unless the condition begins with it, the condition, and below
+    how many drove.
+    """
     name = next((one.title for one in dataset.robots if one.series == panel.series), panel.series)
     called = {one.key: dataset.say(one.title) for one in dataset.study.conditions}
     condition = called.get(panel.condition, panel.condition)
     people = len({one.session.participant for one in panel.own})
     driven = f"{amount(len(panel.own), 'session')} of {amount(people, 'participant')}"
-    head = f"({panel.letter}) {name}" + (f": {condition}" if condition else "")
+    shown = condition if condition.startswith(name) else ": ".join(filter(None, (name, condition)))
+    head = f"({panel.letter}) {shown}"
     return f"{fill(head, TITLE // columns)}\n{driven}"
 
 

@@ -37,6 +37,7 @@ def test_each_condition_has_a_panel_with_its_own_sessions(dataset, measured):
         (condition,) = {one.session.condition for one in driven if one.session.id in own}
         assert len(own) == sum(one.session.condition == condition for one in driven)
         assert titles[condition] in axes.get_title("left").replace("\n", " ")
+        assert axes.get_title("left").count("Giraff") < 2  # the condition begins with the robot
     assert sorted(drawing.behind) == sorted(gid for axes in panels for gid in lines_of(axes))
     assert drawing.figure.get_size_inches()[1] <= TALLEST
 
