@@ -234,6 +234,10 @@ class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
         """Tell whether scores count the answer to one of its questions from the other end."""
         return False
 
+    def ends(self, points: Sequence[ScalePoint]) -> tuple[Text, Text]:
+        """Return what the least and the greatest number are called on the page."""
+        return {}, {}
+
     def cell(self, value: Any) -> Any:
         """Return a stored value as one cell of a table."""
         return value
@@ -305,6 +309,10 @@ class ScaleItem(Item, frozen=True, kw_only=True):
     def score_values(self, points: Sequence[ScalePoint]) -> Sequence[int]:
         """Return the values of the points."""
         return [point.value for point in points]
+
+    def ends(self, points: Sequence[ScalePoint]) -> tuple[Text, Text]:
+        """Return the labels of the first and the last point."""
+        return (points[0].label, points[-1].label) if points else ({}, {})
 
     def widget(self, question: "Question", chosen: Sequence[str], viewing: Viewing) -> Widget:
         """Return the points as a line of choices."""
@@ -399,6 +407,11 @@ class Question:
     def score_values(self) -> Sequence[int]:
         """The numbers that an answer can be, where a score takes them."""
         return self.item.score_values(self.points)
+
+    @property
+    def ends(self) -> tuple[Text, Text]:
+        """What the least and the greatest of these numbers are called on the page."""
+        return self.item.ends(self.points)
 
     @property
     def is_reversed(self) -> bool:

@@ -87,6 +87,18 @@ class ScoredScale:
             return SUS_FACTOR * sum(value - 1 for value in given)
         return sum(given) / len(given) if given else None
 
+    @property
+    def formula(self) -> str:
+        """How `score` computes it, in words."""
+        items = ", ".join(self.items)
+        if self.rule == "sus":
+            return (
+                f"{SUS_FACTOR:g} × the sum of (answer − 1) of {items}; empty where one is missing"
+            )
+        if self.rule == "tlx_raw":
+            return f"mean of the answers to {items}, without weights; empty where one is missing"
+        return f"mean of the answers to {items} that were given"
+
 
 def scales_of(definition: Definition) -> tuple[ScoredScale, ...]:
     """Return the scales of a questionnaire, the whole first; none where it is not scored, and no

@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # it draws with matplotlib, which whoever only reads a page d
     from experiments.analysis.report import Report
 
 PAGE = "page"
-LAYOUT = 5  # of these files; a report whose page has another one is made again
+LAYOUT = 6  # of these files; a report whose page has another one is made again
 OF_CONDITIONS = frozenset({"Condition", "condition"})  # columns that hold keys of conditions
 REMARKS = "Remark"  # the column whose parts begin with a key, and a colon
 

@@ -18,12 +18,13 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from experiments.analysis.dataset.records import EVERY, WITHOUT, Dataset, Kind
+from experiments.analysis.dataset.levels import Kind
+from experiments.analysis.dataset.records import EVERY, WITHOUT, Dataset
 from experiments.analysis.documents.latex import as_latex, latex, runs_as_latex
 from experiments.analysis.documents.runs import Run
 from experiments.analysis.documents.sentences import sentences_of
 from experiments.analysis.documents.word import table_document, text_document
-from experiments.analysis.figures.drawing import Drawing, as_pdf, as_png, as_svg
+from experiments.analysis.figures.drawing import Drawing, as_pdf, as_png, as_svg, drawn_of_whom
 from experiments.analysis.figures.opinions import figure_8a, figure_8b
 from experiments.analysis.figures.scores import score_figures
 from experiments.analysis.figures.trajectories import figure_6, figure_7
@@ -50,6 +51,7 @@ from experiments.analysis.tables.effects import (
 )
 from experiments.analysis.tables.flow import fault_sides, flow, funnel
 from experiments.analysis.tables.paper_tables import table_1, table_3, table_4, table_5
+from experiments.analysis.tables.participant_kinds import note_of, of_whom
 from experiments.analysis.tables.people import participants_table, table_2
 from experiments.analysis.tables.reliability import QualityVerdict, judge
 from experiments.analysis.tables.safety_limits import safety_limits
@@ -72,7 +74,7 @@ _NO_TEST = "No test could be computed: there are too few cases."
 class Report:
     """The tables and figures of a selection of sessions, with the sessions' numbers, those of
     sessions that count nowhere by rule, the verdicts on their records, and what each condition is
-    called, by its key.
+    called, by its key. `note` tells of whom it is where that is not participants alone.
     """
 
     name: str
@@ -82,6 +84,7 @@ class Report:
     ruled_out: tuple[Measured, ...]
     verdicts: dict[str, QualityVerdict]
     titles: dict[str, str]
+    note: str = ""
 
 
 def reports(dataset: Dataset, kinds: Sequence[Kind] = ("participant",)) -> Iterator[Report]:
@@ -93,7 +96,8 @@ def reports(dataset: Dataset, kinds: Sequence[Kind] = ("participant",)) -> Itera
     ruled_out = measure_all(replace(dataset, sessions=every.ruled_out))
     found = exclusions(every)
     left_out = excluded_participants(found)
-    about = (exclusions_table(found), reporting_sheet(every, measured, found))
+    sheet = reporting_sheet(every, measured, found, dataset.participants)
+    about = (exclusions_table(found), sheet)
     if not left_out and not any(session.excluded for session in every.sessions):
         yield report(EVERY, every, measured, ruled_out, also=about)
         return
@@ -151,21 +155,34 @@ def report(
             *tested,
             hypotheses_table(dataset, tested),
             *also,
-            software_table(),
         ),
     )
-    tables = tuple(marked_table(dataset.study, table) for table in tables)
-    sites = dict.fromkeys(course.site for course in dataset.study.courses)
-    figures = (
-        *(figure_6(dataset, site) for site in sites),
-        figure_7(dataset, measured),
-        figure_8a(dataset),
-        figure_8b(dataset),
-        *score_figures(dataset),
+    people = dataset.participants
+    tables = tuple(of_whom(marked_table(dataset.study, table), people) for table in tables)
+    figures = tuple(
+        drawn_of_whom(marked_figure(dataset.study, one), people)
+        for one in _figures(dataset, measured)
     )
-    figures = tuple(marked_figure(dataset.study, figure) for figure in figures)
     titles = {one.key: dataset.say(one.title) or one.key for one in dataset.study.conditions}
-    return Report(name, tables, figures, tuple(measured), tuple(ruled_out), verdicts, titles)
+    return Report(
+        name,
+        (*tables, software_table()),
+        figures,
+        tuple(measured),
+        tuple(ruled_out),
+        verdicts,
+        titles,
+        note_of(people),
+    )
+
+
+def _figures(dataset: Dataset, measured: Sequence[Measured]) -> Iterator[Drawing]:
+    for site in dict.fromkeys(course.site for course in dataset.study.courses):
+        yield figure_6(dataset, site)
+    yield figure_7(dataset, measured)
+    yield figure_8a(dataset)
+    yield figure_8b(dataset)
+    yield from score_figures(dataset)
 
 
 Also = Callable[[Report, Path], None]
@@ -209,15 +226,15 @@ def write(found: Report, folder: Path, *, png: bool = True) -> Iterator[Path]:
         if png:
             yield _file(folder / "figures" / f"{drawing.name}.png", as_png(drawing))
         yield _file(folder / "figures" / f"{drawing.name}.csv", as_csv(drawing.numbers).encode())
-    for kind, content in _results(found.tables).items():
+    for kind, content in _results(found).items():
         yield _file(folder / f"results.{kind}", content)
     yield _file(folder / "sources.json", json.dumps(sources(found), indent=1).encode() + b"\n")
 
 
-def _results(tables: Sequence[Table]) -> dict[str, bytes]:
+def _results(found: Report) -> dict[str, bytes]:
     """Return the sentences on all tests below the titles of their tables, by kind of file."""
     text, tex, paragraphs = list[str](), list[str](), list[tuple[Run, ...]]()
-    for table in tables:
+    for table in found.tables:
         sentences = list(sentences_of(table))
         if sentences:
             text += [table.title, *(one.text for one in sentences), ""]
@@ -226,6 +243,9 @@ def _results(tables: Sequence[Table]) -> dict[str, bytes]:
             paragraphs += [(Run(table.title, italic=True),), *(one.runs for one in sentences)]
     if not text:
         text, tex, paragraphs = [_NO_TEST], [_NO_TEST], [(Run(_NO_TEST),)]
+    if found.note:
+        text[:0], tex[:0] = [found.note, ""], [f"{latex(found.note)}\n"]
+        paragraphs[:0] = [(Run(found.note),)]
     return {
         "txt": "".join(f"{line}\n" for line in text).encode(),
         "tex": "".join(f"{line}\n" for line in tex).encode(),

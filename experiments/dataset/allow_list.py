@@ -12,6 +12,9 @@ An identified dataset has events as they are stored.
 from collections.abc import Mapping
 from typing import Any, get_args
 
+from experiments.analysis.dataset import columns
+from experiments.analysis.dataset.columns import Column
+from experiments.analysis.dataset.levels import END_REASONS
 from experiments.dataset.forms import (
     Form,
     Origin,
@@ -21,6 +24,7 @@ from experiments.dataset.forms import (
     door_state,
     fields,
     in_columns,
+    in_words,
     kept,
     number,
     page_word,
@@ -50,24 +54,6 @@ Fields = Mapping[str, Form]
 # --- words ----------------------------------------------------------------------------------------
 
 SIDES = ("ahead", "left", "behind", "right")
-# Why a session ended (sessions/leases/, sessions/manager/). What an operator wrote is free text.
-END_REASONS = (
-    "",
-    "begins_anew",
-    "idle",
-    "lease_gone",
-    "left",
-    "left_queue",
-    "never_connected",
-    "page_gone",
-    "robot_disabled",
-    "robot_offline",
-    "task",
-    "turn_not_taken",
-    "turn_over",
-    "visitor_silent",
-    "withdrawn",
-)
 # Why a robot did not do something: docs/explanation/safety.md, robots/agent/control/actions.py.
 ACTION_REASONS = (
     "",
@@ -218,7 +204,7 @@ MESSAGES: Mapping[type, Fields] = {
     p.Ended: {
         "session": withheld,
         "outcome": words(*get_args(Outcome), "moved"),
-        "reason": words(*END_REASONS),
+        "reason": words("", *END_REASONS),
     },
 }
 # Those that are no part of the record of a session: nothing of them leaves, whatever they hold.
@@ -372,6 +358,18 @@ def released(
         return dict(data)
     listed = EVENTS.get(source, {}).get(kind)
     return None if listed is None else kept(listed, data, release, origin)
+
+
+def event_columns() -> tuple[Column, ...]:
+    """Return the columns of the events with the types that there are: who tells of each, and which
+    fields of it leave.
+    """
+    told: dict[str, list[str]] = {}
+    for source, kinds in EVENTS.items():
+        for kind, listed in kinds.items():
+            told.setdefault(kind, []).append(f"{source}: {in_words(listed)}".removesuffix(": "))
+    types = {kind: "; or ".join(parts) for kind, parts in sorted(told.items())}
+    return tuple(one.one_of(types) if one.name == "type" else one for one in columns.EVENTS)
 
 
 def end_reason(reason: str, release: Release) -> str:

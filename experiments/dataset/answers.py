@@ -4,7 +4,8 @@ order.
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from experiments.analysis.dataset.records import WITHHELD, ResponseRecord
+from experiments.analysis.dataset.levels import WITHHELD
+from experiments.analysis.dataset.records import ResponseRecord
 from experiments.dataset.people import Round
 from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.dataset.selection import Selection

@@ -87,26 +87,30 @@ def text(value: Any, release: Release, _origin: Origin) -> Any:
     return release.names.in_text(value) if is_wanted else NOTHING
 
 
-def words(*known: str) -> Form:
-    """One of these words; anything else is free text."""
-    listed = frozenset(known)
+@dataclass(frozen=True)
+class WordForm:
+    """Words of a list; anything else is free text. With `several`, some of them with spaces between
+    them; else one.
+    """
 
-    def form(value: Any, release: Release, origin: Origin) -> Any:
-        is_known = isinstance(value, str) and value in listed
+    known: tuple[str, ...]
+    several: bool = False
+
+    def __call__(self, value: Any, release: Release, origin: Origin) -> Any:
+        """Return the words, or what `text` makes of it."""
+        said = [] if not isinstance(value, str) else value.split() if self.several else [value]
+        is_known = isinstance(value, str) and set(said) <= set(self.known)
         return value if is_known else text(value, release, origin)
 
-    return form
+
+def words(*known: str) -> WordForm:
+    """One of these words."""
+    return WordForm(known)
 
 
-def several(*known: str) -> Form:
+def several(*known: str) -> WordForm:
     """Some of these words with spaces between them."""
-    listed = frozenset(known)
-
-    def form(value: Any, release: Release, origin: Origin) -> Any:
-        is_known = isinstance(value, str) and listed.issuperset(value.split())
-        return value if is_known else text(value, release, origin)
-
-    return form
+    return WordForm(known, several=True)
 
 
 def door(value: Any, release: Release, _origin: Origin) -> Any:
@@ -148,13 +152,20 @@ def _page_words() -> frozenset[str]:
     return frozenset(found | {_PART.sub("", key) for key in found})
 
 
-def fields(listed: Mapping[str, Form]) -> Form:
+@dataclass(frozen=True)
+class ObjectForm:
     """An object of which the listed fields leave."""
 
-    def form(value: Any, release: Release, origin: Origin) -> Any:
-        return kept(listed, value, release, origin) if isinstance(value, Mapping) else NOTHING
+    listed: Mapping[str, Form]
 
-    return form
+    def __call__(self, value: Any, release: Release, origin: Origin) -> Any:
+        """Return these fields."""
+        return kept(self.listed, value, release, origin) if isinstance(value, Mapping) else NOTHING
+
+
+def fields(listed: Mapping[str, Form]) -> ObjectForm:
+    """An object of which the listed fields leave."""
+    return ObjectForm(listed)
 
 
 def kept(
@@ -165,3 +176,33 @@ def kept(
         name: listed[name](value, release, origin) for name, value in data.items() if name in listed
     }
     return {name: value for name, value in found.items() if value is not NOTHING}
+
+
+def in_words(listed: Mapping[str, Form]) -> str:
+    """Return the fields that leave of an object, with the words that one may have, for a code
+    book.
+    """
+    return ", ".join(
+        f"{name}{_told(form)}" for name, form in listed.items() if form not in KEPT_BACK
+    )
+
+
+def _told(form: Form) -> str:
+    if isinstance(form, ObjectForm):
+        return f" ({in_words(form.listed)})"
+    if isinstance(form, WordForm):
+        known = " | ".join(word for word in form.known if word)
+        return f" (some of {known})" if form.several else f" ({known})" if known else ""
+    return f" ({TOLD[form]})" if form in TOLD else ""
+
+
+KEPT_BACK = (withheld, in_columns)
+TOLD: Mapping[Form, str] = {
+    time: "s",
+    code: "pseudonym",
+    text: "only with free text",
+    door: "a door of the floor plan",
+    door_state: "a door of the floor plan, and open or closed",
+    script_step: "a step of the study's script",
+    page_word: "key of a sentence of the page",
+}

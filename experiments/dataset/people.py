@@ -3,12 +3,13 @@
 import datetime
 from collections.abc import Iterable, Mapping
 
+from experiments.analysis.dataset.levels import TURNED_AWAY, WITHDREW
 from experiments.analysis.dataset.records import PageRecord, ParticipantRecord
 from experiments.models import SCREENED_OUT, Drive, StepVisit, Study
 from experiments.models import Participant as Row
 
 NAN = float("nan")
-LEFT = {Row.Status.SCREENED_OUT: "screened out", Row.Status.WITHDRAWN: "withdrew"}
+LEFT = {Row.Status.SCREENED_OUT: TURNED_AWAY, Row.Status.WITHDRAWN: WITHDREW}
 # after these a participant goes on by themself
 NO_REASON = frozenset({"", "completed", "timed_out"})
 Round = tuple[object, int, int]  # participant, visit and round

@@ -4,7 +4,9 @@ pseudonymous one has of each event, experiments/dataset/allow_list.py says.
 
 from dataclasses import dataclass
 
-SOURCES = ("task", "server", "robot", "page", "lab")
+from experiments.analysis.dataset import levels
+
+SOURCES = tuple(levels.SOURCES)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 from django.db.models import ExpressionWrapper, F
 
-from experiments.analysis.dataset.columns import METHODS, MODES, NETWORK, STATES, WAYS
+from experiments.analysis.dataset.columns import NETWORK, STATES
+from experiments.analysis.dataset.levels import METHODS, MODES, WAYS
 from experiments.analysis.dataset.records import Columns, Floats
 from experiments.dataset.forms import NEAR
 from experiments.stored_states import Decoded, StateReader, StoredChunk

@@ -5,11 +5,11 @@ What the files are, each format says (experiments/export/formats/). At last come
 files: an export without sums was broken off.
 """
 
-from collections import Counter
 from collections.abc import Iterable, Iterator
 from hashlib import sha256
 
 from experiments.analysis.dataset.records import Dataset
+from experiments.analysis.tables.participant_kinds import counted
 from experiments.analysis.tables.software import PROGRAM, versions
 from experiments.dataset.build import dataset_of, release_of
 from experiments.dataset.selection import Selection
@@ -58,11 +58,10 @@ def export_files(study: Study, choice: Selection) -> Iterator[File]:
 def read_me(dataset: Dataset) -> str:
     """Return what an export says to whoever unpacks it."""
     definition, missing = dataset.study, ", ".join(dataset.publication.missing)
-    kinds = Counter(one.kind for one in dataset.participants)
-    others = "" if kinds["participant"] else "".join(f" --kind {kind}" for kind in sorted(kinds))
+    kinds = {one.kind for one in dataset.participants}
+    others = "" if "participant" in kinds else "".join(f" --kind {one}" for one in sorted(kinds))
     return READ_ME.format(
-        people=", ".join(f"{n} {kind}{'' if n == 1 else 's'}" for kind, n in sorted(kinds.items()))
-        or "nobody yet",
+        people=counted(dataset.participants) or "nobody yet",
         kind=others,
         title=definition.title.get("en") or definition.slug,
         slug=definition.slug,

@@ -38,7 +38,8 @@ class ExportFormat:
     label: ClassVar[str | Promise] = ""
     help: ClassVar[str] = ""
     least: ClassVar[Role] = "viewer"
-    # The columns of its tables beside those of a dataset, for the code book.
+    # The columns of its tables beside those of a dataset, for the code book; of a table of the
+    # dataset, those that tell more of it.
     tables: ClassVar[Mapping[str, tuple[Column, ...]]] = {}
 
     @classmethod

@@ -22,7 +22,8 @@ from django.conf import settings
 from django.db import connection
 from django.db.models import Count, Max
 
-from experiments.analysis.dataset.records import EVERY, WITHOUT, Kind
+from experiments.analysis.dataset.levels import Kind
+from experiments.analysis.dataset.records import EVERY, WITHOUT
 from experiments.analysis.metrics.definitions import VERSION
 from experiments.analysis.page import LAYOUT, PAGE
 from experiments.export.reports import home

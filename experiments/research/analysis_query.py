@@ -9,7 +9,8 @@ from urllib.parse import urlencode
 from django.http import Http404, HttpRequest
 from django.urls import reverse
 
-from experiments.analysis.dataset.records import EVERY, WITHOUT, Kind
+from experiments.analysis.dataset.levels import Kind
+from experiments.analysis.dataset.records import EVERY, WITHOUT
 from experiments.models import ParticipantKind, Study
 
 

@@ -75,6 +75,10 @@ class Slider(Item, frozen=True, kw_only=True, tag="slider"):
         """Return the numbers between its ends."""
         return range(self.minimum, self.maximum + 1, self.step)
 
+    def ends(self, points: Sequence[ScalePoint]) -> tuple[Text, Text]:
+        """Return the names of its ends."""
+        return self.low, self.high
+
     def widget(self, question: Question, chosen: Sequence[str], viewing: Viewing) -> Widget:
         """Return an input for a number between its ends; a script puts a slider beside it
         (static/js/pages/survey/slider.js).

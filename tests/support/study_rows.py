@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from accounts.models import User
-from experiments.analysis.dataset.columns import METHODS, MODES, WAYS
+from experiments.analysis.dataset.levels import METHODS, MODES, WAYS
 from experiments.analysis.dataset.records import Columns, Dataset, SessionRecord
 from experiments.definition.schema import digest
 from experiments.models import Drive, Participant, StepResponse, StepVisit, Study, TaskEvent

@@ -11,17 +11,17 @@ from dataclasses import replace
 from typing import Any
 
 from experiments.analysis.dataset import columns
-from experiments.analysis.dataset.columns import Column
-from experiments.analysis.dataset.records import WITHHELD, Dataset
+from experiments.analysis.dataset.columns import TIMES, Column
+from experiments.analysis.dataset.levels import MISSING, Levels
+from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.dataset.wide import WIDE, wide_head
 from experiments.definition.publication import json_ld
-from surveys.answers import Missing
 from surveys.definition import Definition
 from surveys.documents import spoken
 from surveys.item import Question
-from surveys.scoring import scales_of
+from surveys.scoring import ScoredScale, scales_of
 
-REASONS = {**dict.fromkeys((reason.value for reason in Missing), ""), WITHHELD: ""}
+NUMBERS = {"states": columns.STATES, "network": columns.NETWORK}
 
 
 def description(
@@ -33,7 +33,7 @@ def description(
         "@context": "https://schema.org/",
         "@type": "Dataset",
         "name": study.title.get("en") or next(iter(study.title.values()), study.slug),
-        "description": f"Records of the study {study.slug}, version {study.version}.",
+        "description": f"Records of the study {study.slug}, version {study.version}. {TIMES}",
         "version": str(study.version),
         "schemaVersion": "Psych-DS 0.4.0",
         **json_ld(dataset.publication),
@@ -68,13 +68,27 @@ def _level(value: str, meaning: str) -> dict[str, str]:
 def layouts(
     dataset: Dataset, more: Mapping[str, tuple[Column, ...]]
 ) -> Iterator[tuple[str, Sequence[Column]]]:
-    """Yield every table by name, with its columns."""
-    yield from columns.TABLES.items()
-    yield from (("states", columns.STATES), ("network", columns.NETWORK))
-    yield from more.items()
+    """Yield every table by name, with its columns; `more` may tell more of those of a dataset."""
+    named = _named(dataset)
+    for name, layout in {**columns.TABLES, **NUMBERS, **more}.items():
+        yield name, [column.one_of(named.get(column.name, column.levels)) for column in layout]
     for slug in sorted({one.slug for one in dataset.questionnaires}):
         versions = [one for one in dataset.questionnaires if one.slug == slug]
         yield slug, list(_wide(versions, dataset.language))
+
+
+def _named(dataset: Dataset) -> Mapping[str, Levels]:
+    """Return the columns whose words are the study's own, with what these are called there."""
+    study, say = dataset.study, dataset.say
+    steps = {one.key: f"{one.kind}: {say(one.title)}" for one in study.steps}
+    return {
+        "condition": {one.key: say(one.title) for one in study.conditions},
+        "step": steps,
+        "reached": steps,
+        "site": dict.fromkeys([*dataset.plans, *(one.site for one in study.courses)], ""),
+        "robot": {one.name: one.title for one in dataset.robots},
+        "questionnaire": {one.slug: say(one.title) for one in dataset.questionnaires},
+    }
 
 
 def _wide(versions: Sequence[Definition], language: str) -> Iterator[Column]:
@@ -84,9 +98,42 @@ def _wide(versions: Sequence[Definition], language: str) -> Iterator[Column]:
         for question in one.questions():
             known |= {column.name: column for column in _asked(one, question, language)}
         for scale in scales_of(one):
-            known[scale.name] = Column(scale.name, "", "score").within(*scale.bounds)
+            meaning = _scored(one, scale, language)
+            known[scale.name] = Column(scale.name, "", meaning).within(*scale.bounds)
     for name in wide_head(versions)[len(WIDE) :]:
         yield known.get(name, Column(name, "", "score"))
+
+
+def _scored(definition: Definition, scale: ScoredScale, language: str) -> str:
+    """Return what a score is: of what, by which formula, from where to where, and which way up."""
+    about = spoken(scale.label, language) or spoken(definition.title, language)
+    low, high = scale.bounds
+    turned: dict[float, list[str]] = {}
+    ends: dict[str, list[str]] = {}
+    for key in scale.items:
+        question = definition.question(key)
+        if question is None or not question.score_values:
+            continue
+        if key in definition.reversed:
+            turned.setdefault(question.from_other_end(0), []).append(key)
+        end = spoken(question.ends[0 if key in definition.reversed else 1], language)
+        ends.setdefault(end, []).append(key)
+    return "; ".join(
+        (
+            f"score of: {about} – {scale.formula}",
+            *(f"{', '.join(keys)} counted as {total:g} − answer" for total, keys in turned.items()),
+            f"from {low:g} to {high:g}",
+            _upwards(ends),
+        )
+    )
+
+
+def _upwards(ends: Mapping[str, Sequence[str]]) -> str:
+    """Return to which ends of its items a higher score is nearer."""
+    if len(ends) == 1:
+        return f"higher is nearer to “{next(iter(ends))}”"
+    named = "; ".join(f"to “{end}” in {', '.join(keys)}" for end, keys in ends.items())
+    return f"higher is nearer {named}"
 
 
 def _asked(definition: Definition, question: Question, language: str) -> Iterator[Column]:
@@ -100,7 +147,7 @@ def _asked(definition: Definition, question: Question, language: str) -> Iterato
         column = Column(name, "", f"{text} – {about}" if about else text)
         yield _bounded(column, question, language) if len(names) == 1 else column
     why = f"why there is no answer to: {text}"
-    yield replace(Column(f"{question.key}_missing", "", why), levels=REASONS)
+    yield replace(Column(f"{question.key}_missing", "", why), levels=MISSING)
 
 
 def _bounded(column: Column, question: Question, language: str) -> Column:
@@ -109,4 +156,8 @@ def _bounded(column: Column, question: Question, language: str) -> Column:
     levels = {str(value): spoken(label, language) for value, label in labelled}
     values = question.score_values
     bounds = (values[0], values[-1]) if values else (None, None)
-    return replace(column, levels=levels, least=bounds[0], greatest=bounds[1])
+    meaning = column.meaning
+    low, high = (spoken(end, language) for end in question.ends)
+    if low and not levels:
+        meaning += f" ({bounds[0]}: {low}; {bounds[1]}: {high})"
+    return replace(column, meaning=meaning, levels=levels, least=bounds[0], greatest=bounds[1])

@@ -1,17 +1,25 @@
 """What stands in the columns of a dataset's files: the code book, and the order in which numbers
 are kept.
 
-A time is in seconds since the session's robot was granted, by the clock that is named; an empty
-cell or `nan` is a missing value.
 """
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-MODES = ("manual", "assisted", "goto", "docking", "stopped")
-METHODS = ("keyboard", "mouse", "touch", "stick", "gamepad", "map", "script")
-WAYS = ("datachannel", "mqtt")
+from experiments.analysis.dataset import levels
+from experiments.analysis.dataset.levels import METHODS, MODES, WAYS
+from robots.api import docked
+
+TIMES = (
+    "Times are in seconds. Those of a session count from the moment in which the server granted the"
+    " robot to the participant, by the clock that their column names; times before it are below 0."
+    " An empty cell or nan is a missing value."
+)
+DOCKED = (
+    "charger contact, standstill and no velocity from the driver for"
+    f" {docked.DOCKED.seconds:g} s, by the robot's word; a robot without contacts says it by itself"
+)
 # The three series of a command, and what their columns say.
 SERIES = {
     "asked": "since the previous state, as the driver requested",
@@ -42,9 +50,9 @@ class Column:
         """Return it with the range of its values, in its unit."""
         return replace(self, least=least, greatest=greatest)
 
-    def one_of(self, *levels: str, **meanings: str) -> "Column":
+    def one_of(self, known: Mapping[str, str]) -> "Column":
         """Return it with all that its cells may say, and what each means."""
-        return replace(self, levels={**dict.fromkeys(levels, ""), **meanings})
+        return replace(self, levels=known)
 
 
 def flag(name: str, meaning: str, *, late: bool = False) -> Column:
@@ -63,9 +71,19 @@ def amount_of(name: str, unit: str, meaning: str, *, late: bool = False) -> Colu
 
 
 STATES = (
-    Column("stamp", "s", "time of the state by the robot's clock"),
-    Column("received", "s", "time at which the server had it, by the server's clock"),
-    Column("clock_offset", "s", "robot's clock minus the server's, as estimated then"),
+    Column(
+        "stamp",
+        "s",
+        "when the robot took the state, since the grant, by the robot's clock; less clock_offset it"
+        " is by the server's",
+    ),
+    Column(
+        "received",
+        "s",
+        "when the server had the states of about a second with this one, since the grant, by the"
+        " server's clock",
+    ),
+    Column("clock_offset", "s", "robot's clock minus the server's, as the server estimated then"),
     amount_of("boot", "", "run of the robot's agent: 0 for the session's first"),
     amount_of("seq", "", "number of the state within the run, from the session's first"),
     Column("x", "m", "position on the map"),
@@ -79,15 +97,15 @@ STATES = (
     Column("angular", "rad/s", "measured turn rate, counter-clockwise positive"),
     share("charge", "share of the battery's charge"),
     flag("charging", "1 while charging"),
-    flag("docked", "1 while docked"),
+    flag("docked", f"1 while docked: {DOCKED}"),
     Column("tilt", "rad", "tilt of the head, positive looks down"),
-    Column("mode", "", "0 manual, 1 assisted, 2 goto, 3 docking, 4 stopped").one_of(
-        **{str(number): name for number, name in enumerate(MODES)}
+    Column("mode", "", "what moves the robot, by number").one_of(
+        {str(number): name for number, name in enumerate(MODES)}
     ),
     amount_of("clearance", "m", "smallest distance to anything since the previous state"),
     amount_of("contacts", "", "collisions that began since the previous state"),
     amount_of("distance", "m", "odometer since the run began"),
-    amount_of("silence", "s", "time since the driver's last sign of life"),
+    amount_of("silence", "s", "time since the driver's last sign of life, by the robot's clock"),
     amount_of("commands", "", "commands applied since the previous state"),
     amount_of("refused", "", "commands refused since the previous state"),
     Column("age_sum", "s", "sum of the ages of the commands applied since the previous state"),
@@ -126,7 +144,12 @@ STATES = (
 )
 
 NETWORK = (
-    Column("stamp", "s", "time of the sample by the page's clock, corrected to the server's"),
+    Column(
+        "stamp",
+        "s",
+        "when the page took the sample, since the grant, by the page's clock corrected to the"
+        " server's: by the least delay of anything that it sent",
+    ),
     amount_of("round_trip", "s", "round trip on the path of the commands"),
     share("loss", "share of the video packets that were lost in this second"),
     amount_of("fps", "1/s", "video frames shown in this second"),
@@ -139,7 +162,7 @@ NETWORK = (
 
 PARTICIPANTS = (
     Column("id", "", "code of the participant"),
-    Column("kind", "", "participant, pilot or bot").one_of("participant", "pilot", "bot"),
+    Column("kind", "", "who took part").one_of(levels.KINDS),
     amount_of("age", "years", "age, as told on the consent page"),
     Column("cell", "", "assigned condition, or conditions in order, divided by -"),
     Column("reached", "", "last step of the study that was begun"),
@@ -147,7 +170,7 @@ PARTICIPANTS = (
         "left",
         "",
         "why the participant left there; empty if they finished or are still taking part",
-    ),
+    ).one_of(levels.LEFT),
     flag("finished", "1 when the last step was finished"),
     flag("withdrawn", "1 when the participant withdrew: step and day remain"),
 )
@@ -155,7 +178,7 @@ PARTICIPANTS = (
 SESSIONS = (
     Column("id", "", "code of the session"),
     Column("participant", "", "whose it is"),
-    Column("kind", "", "participant, pilot or bot").one_of("participant", "pilot", "bot"),
+    Column("kind", "", "who took part").one_of(levels.KINDS),
     amount_of(
         "number", "", "first, second … session of the participant in this study; 0 for practice"
     ),
@@ -164,8 +187,10 @@ SESSIONS = (
     Column("site", "", "name of the floor plan"),
     Column("condition", "", "assigned condition"),
     Column("mismatch", "", "what was not applied as assigned; empty when everything was"),
-    Column("control_way", "", "assigned control channel of the commands"),
-    Column("assist", "", "assigned assistance"),
+    Column("control_way", "", "assigned control channel of the commands").one_of(
+        levels.CONTROL_WAYS
+    ),
+    Column("assist", "", "assigned assistance").one_of(levels.ASSISTANCE),
     Column("doors_closed", "", "doors that were closed, divided by |"),
     Column(
         "control_network",
@@ -180,18 +205,34 @@ SESSIONS = (
         "control_applied", "", "the impairment towards the robot that it last reported as applied"
     ),
     Column("video_applied", "", "the impairment back from its camera, likewise"),
-    Column("outcome", "", "how the session ended"),
-    Column("reason", "", "why, in words"),
-    Column("os", "", "operating system of the visitor's device"),
-    Column("browser", "", "browser of the visitor's device"),
+    Column("outcome", "", "how the session ended").one_of(levels.OUTCOMES),
+    Column(
+        "reason", "", "why; with free text also what an operator wrote; empty: the outcome says it"
+    ).one_of(levels.END_REASONS),
+    Column(
+        "os", "", "operating system of the visitor's device; empty when unknown or withheld"
+    ).one_of(levels.SYSTEM_NAMES),
+    Column("browser", "", "browser of the visitor's device; empty when unknown or withheld").one_of(
+        levels.BROWSER_NAMES
+    ),
     Column("network", "", "hash of the visitor's network, for counting them"),
-    Column("first_frame", "s", "when the first video frame was shown"),
-    Column("first_motion", "s", "when the first command moved the robot"),
+    Column(
+        "first_frame",
+        "s",
+        "when the server heard from the page that it showed the first video frame, since the grant,"
+        " by the server's clock; the task's time begins here",
+    ),
+    Column(
+        "first_motion",
+        "s",
+        "when the server first had a state with a velocity of the driver that was applied and not"
+        " 0, since the grant, by the server's clock; empty when the driver never moved the robot",
+    ),
     Column(
         "ended",
         "s",
-        "when the session ended; a lost connection or silent robot ends it when it was lost, not"
-        " when waiting for it was over",
+        "when the session ended, since the grant, by the server's clock; a lost connection or"
+        " silent robot ends it when it was lost, not when waiting for it was over",
     ),
     *(
         column
@@ -205,11 +246,10 @@ SESSIONS = (
             ),
             Column(f"{name}_y", "m", "likewise", late=True),
             Column(f"{name}_theta", "rad", "heading, likewise", late=True),
-            Column(
+            flag(
                 f"{name}_docked",
-                "",
-                f"1 when the robot was docked in the {word} state, 0 when not, empty when there is"
-                " none",
+                f"1 when the robot was docked in the {word} state of the session, as in the column"
+                " `docked` of the states; empty when there is none",
                 late=True,
             ),
             Column(
@@ -240,33 +280,39 @@ SESSIONS = (
     Column(
         "fault_side",
         "",
-        "whose fault the end was: visitor, network, platform, robot or operator; empty when"
-        " nobody's. A session that the platform ended counts nowhere",
+        "whose fault the end was; empty when nobody's",
         late=True,
-    ).one_of("visitor", "network", "platform", "robot", "operator"),
-    Column(
-        "fault_part",
-        "",
-        "part of the platform that was unavailable then: web_process or session_manager",
-        late=True,
-    ).one_of("web_process", "session_manager"),
+    ).one_of(levels.SIDES),
+    Column("fault_part", "", "part of the platform that was unavailable then", late=True).one_of(
+        levels.PARTS
+    ),
 )
 
 EVENTS = (
     Column("session", "", "code of the session"),
-    Column("stamp", "s", "when it happened, by the server's clock"),
-    Column("source", "", "robot, page, server, task or lab (streams of a laboratory)").one_of(
-        "robot", "page", "server", "task", "lab"
+    Column(
+        "stamp",
+        "s",
+        "when it happened, since the grant, by the server's clock: of robot and page by their own,"
+        " corrected by its median difference to the server's (when the server heard of it, where"
+        " that is a day or more); of the task when the state that it follows from was taken, or"
+        " when the server heard from the page",
     ),
+    Column("source", "", "who told of it").one_of(levels.SOURCES),
     Column("type", "", "what happened"),
-    Column("data", "", "JSON: the rest"),
+    Column("data", "", "JSON: the rest; the levels of `type` name the fields of each"),
 )
 
 PAGES = (
     Column("participant", "", "who saw the page"),
     Column("session", "", "session that it belongs to, if any"),
     Column("step", "", "step of the study"),
-    amount_of("seconds", "s", "how long it was open; empty when it was not finished"),
+    amount_of(
+        "seconds",
+        "s",
+        "from its first display to the participant's going on, by the server's clock; empty when it"
+        " was not finished",
+    ),
     flag("finished", "1 when the participant continued from it"),
 )
 
@@ -282,11 +328,14 @@ ANSWERS = (
     Column(
         "missing",
         "",
-        "why there is no value: skipped, preferred_not, not_applicable (“Does not apply” was"
-        " chosen), not_asked or not_reached; withheld where a value exists but would reveal too "
-        "much",
-    ).one_of("skipped", "preferred_not", "not_applicable", "not_asked", "not_reached", "withheld"),
-    amount_of("seconds", "s", "how long it took"),
+        "why there is no value",
+    ).one_of(levels.MISSING),
+    amount_of(
+        "seconds",
+        "s",
+        "how long the question was answered, by the page's clock; not longer than since the"
+        " questionnaire was opened, by the server's",
+    ),
 )
 
 # Those that are written as tables, by the names of their files.

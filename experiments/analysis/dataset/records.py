@@ -7,13 +7,14 @@ thousand sessions do not fit beside each other.
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any
 
 import msgspec
 import numpy as np
 import numpy.typing as npt
 
 from experiments.analysis.dataset.columns import NETWORK, STATES, Column
+from experiments.analysis.dataset.levels import Kind
 from experiments.definition.publication import PublicationDetails
 from experiments.definition.schema import Course, StudyDefinition
 from robots.api.floorplan import FloorPlan
@@ -21,11 +22,9 @@ from surveys.definition import Definition
 from surveys.documents import spoken
 
 Floats = npt.NDArray[np.float64]
-Kind = Literal["participant", "pilot", "bot"]
 COMPLETED = "completed"
 EVERY, WITHOUT = "all", "without-excluded"  # selections of sessions, and their folders in a report
 PLATFORM = "platform"  # the side of a fault that rules a session out
-WITHHELD = "withheld"  # why a value is missing that was given, and tells who gave it
 
 
 class RobotRecord(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):

@@ -8,15 +8,17 @@ behind it (`gid`), which an SVG keeps as its `id`, so that a page can open it.
 
 import io
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from matplotlib import rc_context, rcParamsDefault
 from matplotlib.colors import LinearSegmentedColormap, to_hex
 from matplotlib.figure import Figure
 
+from experiments.analysis.dataset.records import ParticipantRecord
+from experiments.analysis.tables.participant_kinds import of_whom, title_of
 from experiments.analysis.tables.table import Table
 
 WIDTH = 7.0  # inches: a page's two columns
@@ -34,6 +36,7 @@ ROBOTS = ("#D55E00", "#56B4E9", "#000000", "#E69F00", "#0072B2", "#CC79A7")
 MARKERS = ("D", "o", "s", "^", "v", "P")
 DASHES = ("-", "--", ":", "-.", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 4)))
 NEGATIVE, POSITIVE = "#E69F00", "#0072B2"
+SMALL = 7.0  # points
 PRINT_DPI = 600  # what journals ask for of drawings in dots
 INK, WALL, FLOOR, FAINT = "#222222", "#4d4d4d", "#f7f5f0", "#b9b9b9"
 _FONT = b"font-family: 'DejaVu Sans'"
@@ -95,6 +98,19 @@ def house_style() -> Iterator[None]:
     settings: Any = {**_PLAIN, **_STYLE}
     with _ONE_AT_A_TIME, rc_context(rc=settings):
         yield
+
+
+def drawn_of_whom(drawing: Drawing, people: Sequence[ParticipantRecord]) -> Drawing:
+    """Return a figure that says of whom it is where that is not participants alone, in its title
+    and above what is drawn.
+    """
+    title = title_of(people)
+    if not title:
+        return drawing
+    with house_style():
+        drawing.figure.suptitle(title, fontsize=SMALL, fontweight="bold")
+    numbers = of_whom(drawing.numbers, people)
+    return replace(drawing, title=f"{title}: {drawing.title}", numbers=numbers)
 
 
 def as_svg(drawing: Drawing) -> bytes:

@@ -1,6 +1,7 @@
 """A floor plan as the ground of a figure: walls, doors, docks, checkpoints."""
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -13,13 +14,18 @@ from experiments.definition.schema import StudyCheckpoint
 from robots.api.floorplan import ChargingDock, Door, FloorPlan, Mirror
 from robots.world.solids import bar
 
-BELOW = 0.8  # m of room below a plan, for the scale bar
+BELOW = 0.1  # of the width of what is shown: the room below it, for the scale bar
 BARS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)  # lengths of a scale bar, in metres
+MARGIN, AROUND = 0.35, 1.0  # m: around a plan, and around the ways in a part of it
 LONGEST_STEP = 1.0  # m: a line is not drawn between places that are farther apart
 
 
-def draw_plan(axes: Axes, plan: FloorPlan, *, furniture: bool = True) -> None:
-    """Draw a plan in metres, as seen from above, without ticks."""
+def draw_plan(
+    axes: Axes, plan: FloorPlan, *, furniture: bool = True, view: Floats | None = None
+) -> None:
+    """Draw a plan in metres, as seen from above, without ticks: all of it, or a view, (2, 2), the
+    lower left and the upper right corner.
+    """
     for room in plan.rooms:
         axes.add_patch(
             Polygon(room.polygon, closed=True, facecolor=FLOOR, edgecolor="none", zorder=0)
@@ -60,23 +66,45 @@ def draw_plan(axes: Axes, plan: FloorPlan, *, furniture: bool = True) -> None:
         _door(axes, door)
     for mirror in plan.mirrors:
         _mirror(axes, mirror)
-    corners = np.array([point for room in plan.rooms for point in room.polygon])
-    low, high = corners.min(axis=0) - 0.35, corners.max(axis=0) + 0.35
+    low, high = whole_of(plan) if view is None else view
     axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1] - BELOW, high[1])
+    width = float(high[0] - low[0])
+    below = BELOW * width
+    axes.set_ylim(low[1] - below, high[1])
     axes.set_aspect("equal")
     axes.axis("off")
-    _scale_bar(axes, (float(low[0]) + 0.35, float(low[1]) - 0.15), float(high[0] - low[0]))
+    beneath = Rectangle((low[0], low[1] - below), width, below, color="white", zorder=7)
+    axes.add_patch(beneath)
+    _scale_bar(axes, (float(low[0]) + 0.04 * width, float(low[1]) - 0.25 * below), width)
+
+
+def whole_of(plan: FloorPlan) -> Floats:
+    """Return the corners, (2, 2), between which a plan lies, with a margin."""
+    corners = np.array([point for room in plan.rooms for point in room.polygon])
+    return np.array((corners.min(axis=0) - MARGIN, corners.max(axis=0) + MARGIN))
+
+
+def view_of(plan: FloorPlan, ways: Sequence[Floats]) -> Floats:
+    """Return the corners, (2, 2), of the part of a plan in which there are ways, with AROUND beside
+    them; all of it without ways.
+    """
+    whole = whole_of(plan)
+    points = np.vstack((np.empty((0, 2)), *ways))
+    if not len(points):
+        return whole
+    low, high = np.nanmin(points, axis=0) - AROUND, np.nanmax(points, axis=0) + AROUND
+    return np.array((np.maximum(low, whole[0]), np.minimum(high, whole[1])))
 
 
 def _scale_bar(axes: Axes, start: tuple[float, float], width: float) -> None:
     """Draw the longest bar of a round length that is no longer than a fifth of the map."""
     length = max((one for one in BARS if one <= width / 5.0), default=BARS[0])
     x, y = start
+    tick = 0.01 * width
     for at in (x, x + length):
-        axes.plot([at, at], [y - 0.08, y + 0.08], color=INK, linewidth=0.9, zorder=8)
+        axes.plot([at, at], [y - tick, y + tick], color=INK, linewidth=0.9, zorder=8)
     axes.plot([x, x + length], [y, y], color=INK, linewidth=0.9, zorder=8, gid="scale-bar")
-    middle = (x + length / 2.0, y - 0.12)
+    middle = (x + length / 2.0, y - 1.5 * tick)
     axes.annotate(f"{length:g} m", middle, ha="center", va="top", fontsize=7, zorder=8)
 
 

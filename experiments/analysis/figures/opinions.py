@@ -1,13 +1,16 @@
-"""Figure 8 of the paper: the final questionnaire as bars. (a) the length is the mean, the colours
-are shares; (b) all are 100 %.
+"""Figure 8 of the paper: the final questionnaire. (a) means with intervals, and the shares of the
+answers (the paper's bars are as long as the mean and divided by the shares, which nobody can read
+where it is near 0); (b) bars of 100 %.
 """
 
+import math
 from collections.abc import Sequence
 from textwrap import fill
 from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from experiments.analysis.dataset.records import Dataset, ResponseRecord
@@ -19,12 +22,13 @@ from experiments.analysis.figures.drawing import (
     POSITIVE,
     WIDTH,
     Drawing,
-    colours_of,
     house_style,
 )
 from experiments.analysis.statistics.descriptive import ROUNDED, shares
 from experiments.analysis.tables.paper_tables import (
+    INTERVALS,
     behind,
+    counted_in,
     label_of,
     lines_of,
     said,
@@ -36,7 +40,12 @@ from experiments.analysis.tables.table import Table, TableCell, count, number, w
 from surveys.likert import LikertRow
 
 BAR = 0.72
-ROW = 0.27  # inches
+ROW, ROW_OF_MEANS = 0.27, 0.36  # inches
+BELOW, ABOVE = 0.14, 0.3  # of a row, from its middle to the discs and to the mean
+WHOLE = 330.0  # square points: the disc of all answers
+DISC: dict[str, Any] = {"facecolor": "#c9dcec", "edgecolor": "#54697c", "linewidths": 0.5}
+POINT: dict[str, Any] = {"marker": "D", "markersize": 3.4, "color": INK, "linestyle": "none"}
+INTERVAL: dict[str, Any] = {"ecolor": INK, "elinewidth": 1.1, "capsize": 2.2, "fmt": "none"}
 LEAST_LABELLED = 6.0  # per cent, below which no number fits into a bar
 LABEL = 52  # characters of a line beside the bars
 LINE = 0.115  # inches
@@ -44,47 +53,80 @@ Behind = dict[str, tuple[str, ...]]
 
 
 def figure_8a(dataset: Dataset) -> Drawing:
-    """Return a bar a row of Table 5, as long as its mean, coloured by the shares of the scale's
-    values.
+    """Return a row a row of Table 5: its mean with the interval, and below a disc at each value of
+    the scale, whose area is the share of the answers.
     """
     lines, responses = lines_of(dataset)
     scale = scale_of(dataset)
     title = (
-        "Final questionnaire: bar lengths are the mean value, stacked colours the rate of answers"
-        " per scale value."
+        "Final questionnaire: means with their 95 % confidence intervals, and below them the share"
+        " of the answers at each value of the scale."
     )
     found: Behind = {}
     with house_style():
-        figure, axes = _canvas(dataset, lines)
+        figure, axes = _canvas(dataset, lines, ROW_OF_MEANS)
         for at, line in enumerate(lines):
-            found |= _stack(axes, at, line, responses, scale)
+            found |= _mean_and_shares(axes, at, line, responses, scale)
         if lines:
-            low = min(0.0, *(line.summary.mean or 0.0 for line in lines))
-            axes.set_xlim(float(scale[0]) if low < 0.0 else 0.0, float(scale[-1]))
-            axes.set_xticks(
-                [value for value in scale if value >= 0 or low < 0.0],
-                [signed(v) for v in scale if v >= 0 or low < 0.0],
-            )
-            axes.axvline(0.0, color=INK, linewidth=0.6)
-            axes.set_xlabel(
-                f"mean of participants' answers ({signed(scale[0])} to {signed(scale[-1])})"
-            )
-            handles = [
-                Patch(**_look(value, colour), label=_legend(dataset, value))
-                for value, colour in zip(scale, colours_of(len(scale)), strict=True)
-            ]
-            figure.legend(
-                handles=handles, loc="outside lower center", ncols=len(scale), handlelength=1.0
-            )
+            margin = 0.12 * (scale[-1] - scale[0])
+            axes.set_xlim(scale[0] - margin, scale[-1] + margin)
+            axes.set_xticks(scale, [fill(_legend(dataset, value), 12) for value in scale])
+            axes.grid(axis="x", color=FAINT, linewidth=0.4)
+            axes.set_axisbelow(True)
+            figure.legend(handles=_keys(), loc="outside lower center", ncols=3, handletextpad=0.8)
     rows = tuple(_numbers(line, responses, scale) for line in lines)
-    head = ("", "n", "mean", *(f"% {signed(value)}" for value in scale))
-    return Drawing(
-        "figure-8a",
-        title,
-        figure,
-        Table("figure-8a", title, head, rows, (note(dataset, responses), ROUNDED)),
-        found,
+    head = ("", "n", "mean", "CI95", *(f"% {signed(value)}" for value in scale))
+    notes = (
+        note(dataset, responses),
+        *counted_in(responses),
+        INTERVALS[dataset.study.analysis.interval],
+        ROUNDED,
     )
+    return Drawing("figure-8a", title, figure, Table("figure-8a", title, head, rows, notes), found)
+
+
+def _mean_and_shares(
+    axes: Axes, at: int, line: LikertRow, responses: Sequence[ResponseRecord], scale: Sequence[int]
+) -> Behind:
+    mean, half, parts = line.summary.mean, line.summary.ci95, line.summary.percentages
+    if mean is None or parts is None:
+        axes.text(scale[0], at, "no answers", va="center", fontsize=7, color=INK)
+        return {}
+    found: Behind = {}
+    for value, part in zip(scale, parts, strict=True):
+        if part > 0.0:
+            key = f"value{value}-{line.kind}-{line.key}"
+            axes.scatter((value,), (at + BELOW,), s=WHOLE * part / 100.0, **DISC, gid=key)
+            found[key] = said(line, responses, (value,))
+    key = f"mean-{line.kind}-{line.key}"
+    axes.plot((mean,), (at - ABOVE,), **POINT, gid=key)
+    found[key] = behind(line, responses)
+    told = f"{mean:.2f}".replace("-", "−")
+    if half is not None:
+        axes.errorbar((mean,), (at - ABOVE,), xerr=(half,), **INTERVAL)
+        told += f" ± {half:.2f}"
+    where = axes.get_yaxis_transform()
+    axes.text(1.01, at - ABOVE, told, transform=where, va="center", fontsize=7)
+    return found
+
+
+def _keys() -> list[Line2D]:
+    """The legend: a mean with its interval, and discs of two shares."""
+    discs = [
+        Line2D(
+            [],
+            [],
+            linestyle="none",
+            marker="o",
+            markersize=math.sqrt(WHOLE * part / 100.0),
+            markerfacecolor=DISC["facecolor"],
+            markeredgecolor=DISC["edgecolor"],
+            markeredgewidth=DISC["linewidths"],
+            label=f"{part} % of the answers",
+        )
+        for part in (10, 50)
+    ]
+    return [Line2D([], [], **{**POINT, "linestyle": "-"}, label="mean and 95 % CI"), *discs]
 
 
 def figure_8b(dataset: Dataset) -> Drawing:
@@ -167,9 +209,11 @@ def _label(dataset: Dataset, line: LikertRow) -> str:
     return fill(f"{text} ({label_of(line)})", LABEL) if text else label_of(line)
 
 
-def _canvas(dataset: Dataset, lines: Sequence[LikertRow]) -> tuple[Figure, Axes]:
+def _canvas(
+    dataset: Dataset, lines: Sequence[LikertRow], least: float = ROW
+) -> tuple[Figure, Axes]:
     labels = [_label(dataset, line) for line in lines]
-    row = max(ROW, 0.06 + LINE * max((label.count("\n") + 1 for label in labels), default=1))
+    row = max(least, 0.06 + LINE * max((label.count("\n") + 1 for label in labels), default=1))
     figure = Figure(figsize=(WIDTH, 1.1 + row * max(3, len(lines))), layout="constrained")
     axes: Axes = figure.subplots()
     if not lines:
@@ -194,38 +238,6 @@ def _canvas(dataset: Dataset, lines: Sequence[LikertRow]) -> tuple[Figure, Axes]
     return figure, axes
 
 
-def _stack(
-    axes: Axes, at: int, line: LikertRow, responses: Sequence[ResponseRecord], scale: Sequence[int]
-) -> Behind:
-    mean, parts = line.summary.mean, line.summary.percentages
-    if mean is None or parts is None:
-        axes.text(0.02, at, "no answers", va="center", fontsize=7, color=INK)
-        return {}
-    found: Behind = {}
-    left = 0.0
-    for value, part, colour in zip(scale, parts, colours_of(len(scale)), strict=True):
-        key = f"value{value}-{line.kind}-{line.key}"
-        axes.barh(at, mean * part / 100.0, BAR, left=left, **_look(value, colour))[0].set_gid(key)
-        found[key] = said(line, responses, (value,))
-        left += mean * part / 100.0
-    side = 1 if mean >= 0.0 else -1
-    _beside(axes, f"{mean:.2f}".replace("-", "−"), (mean, at), side)
-    return found
-
-
-def _beside(axes: Axes, text: str, where: tuple[float, float], side: int) -> None:
-    """Write a number beyond the end of a bar: side 1 is right of it, -1 left."""
-    axes.annotate(
-        text,
-        where,
-        (4 * side, 0),
-        textcoords="offset points",
-        va="center",
-        ha="left" if side > 0 else "right",
-        fontsize=7,
-    )
-
-
 def _balance(line: LikertRow) -> tuple[float, ...] | None:
     """Non-positive and positive answers, in percent."""
     total = line.summary.answers
@@ -242,6 +254,7 @@ def _numbers(
         words(label_of(line)),
         count(line.summary.respondents, about),
         number(line.summary.mean, 2, about),
+        number(line.summary.ci95, 2, about),
         *(number(part, 1, about) for part in parts),
     )
 

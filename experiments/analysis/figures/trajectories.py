@@ -2,21 +2,45 @@
 were driven, a panel a robot.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import cycle
+from string import ascii_lowercase
+from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.analysis.dataset.records import Dataset, Floats
-from experiments.analysis.figures.drawing import DASHES, INK, ROBOTS, WIDTH, Drawing, house_style
-from experiments.analysis.figures.floor import BELOW, draw_checkpoint, draw_dock, draw_plan, thinned
+from experiments.analysis.figures.drawing import (
+    DASHES,
+    INK,
+    POSITIVE,
+    ROBOTS,
+    WIDTH,
+    Drawing,
+    house_style,
+)
+from experiments.analysis.figures.floor import (
+    BELOW,
+    draw_checkpoint,
+    draw_dock,
+    draw_plan,
+    thinned,
+    view_of,
+    whole_of,
+)
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.tables.table import Table, amount, count, number, words
 from experiments.definition.feasibility import dock_of
 from experiments.definition.schema import Course
 
-PANELS = "abcdefghijklmnop"
+MOST_COLUMNS, TALLEST = 4, 8.0  # of panels, and inches
+BARE = 0.45  # height of a panel without a plan, by its width
+ABOVE_PANEL = 0.55  # inches: of its title
+TITLE = 100  # characters of a line over the whole width
 
 
 def figure_6(dataset: Dataset, site: str) -> Drawing:
@@ -24,7 +48,7 @@ def figure_6(dataset: Dataset, site: str) -> Drawing:
     courses = [course for course in dataset.study.courses if course.site == site]
     title = "Schematic map of the robot workspace with the suggested paths and the charging points."
     with house_style():
-        figure = Figure(figsize=(WIDTH, _height(dataset, site, 1)), layout="constrained")
+        figure = Figure(figsize=(WIDTH, _height(dataset, site)), layout="constrained")
         axes = figure.subplots()
         if site in dataset.plans:
             draw_plan(axes, dataset.plans[site])
@@ -86,38 +110,22 @@ def _draw_course(axes: Axes, dataset: Dataset, course: Course, index: int) -> No
 
 
 def figure_7(dataset: Dataset, measured: Sequence[Measured]) -> Drawing:
-    """Return all trajectories over the floor plan, a panel a robot and site; one robot or none is a
-    figure as well.
+    """Return all trajectories over the floor plan, a panel a robot, site and condition, each with
+    the same part of the plan as the others of its site; nobody's is a figure as well.
     """
-    known = [(course.site, course.robot) for course in dataset.study.courses]
-    series = {one.session.id: dataset.robot(one.session.robot).series for one in measured}
-    driven = {(one.session.site, series[one.session.id]) for one in measured if len(one.way)}
-    panels = [panel for panel in known if panel in driven] + sorted(driven - set(known)) or known[
-        :1
-    ]
-    title = "Trajectories followed by the robots."
-    behind: dict[str, tuple[str, ...]] = {}
+    title = "Trajectories followed by the robots, by condition."
     ways = {one.session.id: thinned(one.way) for one in measured}
+    panels = _panels(dataset, measured)
+    views = {
+        site: view_of(dataset.plans[site], _shown(dataset, panels, ways, site))
+        for site in {panel.site for panel in panels} & set(dataset.plans)
+    }
+    behind: dict[str, tuple[str, ...]] = {}
     with house_style():
-        height = sum(_height(dataset, site, 1) for site, _ in panels) or 3.0
-        figure = Figure(figsize=(WIDTH, height), layout="constrained")
-        axes = figure.subplots(max(1, len(panels)), 1, squeeze=False)[:, 0]
-        for index, ((site, robot), panel) in enumerate(zip(panels, axes, strict=False)):
-            own = [
-                found
-                for found in measured
-                if (found.session.site, series[found.session.id]) == (site, robot)
-                and len(found.way)
-            ]
-            behind |= _draw_panel(
-                panel,
-                dataset,
-                [(one, ways[one.session.id]) for one in own],
-                (site, robot),
-                PANELS[index % len(PANELS)],
-            )
-        if not panels:
-            axes[0].axis("off")
+        figure, axes, columns = _grid([views.get(panel.site) for panel in panels])
+        for panel, place in zip(panels, axes, strict=False):
+            behind |= _draw_panel(place, dataset, panel, ways, views.get(panel.site))
+            place.set_title(_panel_title(dataset, panel, columns), loc="left", fontsize=7.5)
     rows = tuple(
         (
             words(one.session.id, (one.session.id,)),
@@ -129,59 +137,123 @@ def figure_7(dataset: Dataset, measured: Sequence[Measured]) -> Drawing:
         for one in measured
         for x, y in ways[one.session.id].tolist()
     )
-    return Drawing(
-        "figure-7",
-        title,
-        figure,
-        Table("figure-7", title, ("session", "robot", "outcome", "x", "y"), rows),
-        behind,
-    )
+    head = ("session", "robot", "outcome", "x", "y")
+    return Drawing("figure-7", title, figure, Table("figure-7", title, head, rows), behind)
+
+
+@dataclass(frozen=True)
+class TrajectoryPanel:
+    """The sessions of one condition on one course, and the letter of their panel."""
+
+    letter: str
+    site: str
+    series: str
+    condition: str
+    own: tuple[Measured, ...]
+
+
+def _panels(dataset: Dataset, measured: Sequence[Measured]) -> list[TrajectoryPanel]:
+    """Return the panels in the order of the courses and the conditions of the study; the first
+    course's without sessions where there are none.
+    """
+    groups: dict[tuple[str, str, str], list[Measured]] = {}
+    for one in measured:
+        if len(one.way):
+            series = dataset.robot(one.session.robot).series
+            key = (one.session.site, series, one.session.condition)
+            groups.setdefault(key, []).append(one)
+    courses = [(course.site, course.robot) for course in dataset.study.courses]
+    known = [(*course, one.key) for course in courses for one in dataset.study.conditions]
+    keys = [key for key in known if key in groups] + sorted(set(groups) - set(known))
+    if not keys:
+        return [TrajectoryPanel("a", *course, "", ()) for course in courses[:1]]
+    return [
+        TrajectoryPanel(letter, *key, tuple(groups[key]))
+        for letter, key in zip(cycle(ascii_lowercase), keys, strict=False)
+    ]
+
+
+def _shown(
+    dataset: Dataset, panels: Sequence[TrajectoryPanel], ways: Mapping[str, Floats], site: str
+) -> list[Floats]:
+    """Return what the panels of a site have to show: trajectories, and the checkpoints of those
+    courses that were driven.
+    """
+    here = [panel for panel in panels if panel.site == site and panel.own]
+    driven = {panel.series for panel in here}
+    courses = [one for one in dataset.study.courses if one.site == site and one.robot in driven]
+    stops = [np.array([(stop.x, stop.y)]) for one in courses for stop in one.checkpoints]
+    return [*(ways[one.session.id] for panel in here for one in panel.own), *stops]
+
+
+def _grid(views: Sequence[Floats | None]) -> tuple[Figure, list[Axes], int]:
+    """Return a figure with a panel for each view, in as few columns as fit on a page, and these; a
+    square of panels is made to fit.
+    """
+    sizes = [np.ptp(view, axis=0) for view in views if view is not None]
+    ratio = max((float(size[1] / size[0]) + BELOW for size in sizes), default=BARE)
+    count = max(1, len(views))
+    for columns in range(min(2, count), MOST_COLUMNS + 1):
+        lines = math.ceil(count / columns)
+        height = lines * (WIDTH / columns * ratio + ABOVE_PANEL)
+        if height <= TALLEST or count <= columns**2:
+            break
+    figure = Figure(figsize=(WIDTH, min(height, TALLEST)), layout="constrained")
+    axes = figure.subplots(lines, columns, squeeze=False).ravel().tolist()
+    for empty in axes[len(views) :]:
+        empty.set_axis_off()
+    return figure, axes, columns
+
+
+def _panel_title(dataset: Dataset, panel: TrajectoryPanel, columns: int) -> str:
+    """Return the letter, the robot unless the condition begins with it, the condition, and below
+    how many drove.
+    """
+    name = next((one.title for one in dataset.robots if one.series == panel.series), panel.series)
+    called = {one.key: dataset.say(one.title) for one in dataset.study.conditions}
+    condition = called.get(panel.condition, panel.condition)
+    people = len({one.session.participant for one in panel.own})
+    driven = f"{amount(len(panel.own), 'session')} of {amount(people, 'participant')}"
+    shown = condition if condition.startswith(name) else ": ".join(filter(None, (name, condition)))
+    head = f"({panel.letter}) {shown}"
+    return f"{fill(head, TITLE // columns)}\n{driven}"
 
 
 def _draw_panel(
     axes: Axes,
     dataset: Dataset,
-    own: Sequence[tuple[Measured, Floats]],
-    where: tuple[str, str],
-    letter: str,
+    panel: TrajectoryPanel,
+    ways: Mapping[str, Floats],
+    view: Floats | None,
 ) -> dict[str, tuple[str, ...]]:
-    site, robot = where
-    if site in dataset.plans:
-        draw_plan(axes, dataset.plans[site], furniture=False)
-    colour = ROBOTS[
-        [one.series for one in dataset.robots].index(robot) % len(ROBOTS)
-        if robot in {one.series for one in dataset.robots}
-        else 0
-    ]
-    for found, way in own:
+    if view is not None:
+        draw_plan(axes, dataset.plans[panel.site], furniture=False, view=view)
+    for found in panel.own:
+        way = ways[found.session.id]
         axes.plot(
             way[:, 0],
             way[:, 1],
-            color=colour,
-            linewidth=0.5,
-            alpha=_faintness(len(own)),
+            color=POSITIVE,  # dark enough for a faint thin line in a grey print
+            linewidth=0.45,
+            alpha=_faintness(len(panel.own)),
             zorder=2.5,
             gid=f"session-{found.session.id}",
         )
+    where = (panel.site, panel.series)
     course = next((one for one in dataset.study.courses if (one.site, one.robot) == where), None)
     for stop in course.checkpoints if course else ():
         draw_checkpoint(axes, stop, INK)
-    name = next((one.title for one in dataset.robots if one.series == robot), robot)
-    people = len({found.session.participant for found, _ in own})
-    behind = f"{amount(len(own), 'session')} of {amount(people, 'participant')}"
-    axes.set_title(f"({letter}) {name}: {behind}", loc="left")
-    return {f"session-{found.session.id}": (found.session.id,) for found, _ in own}
+    return {f"session-{found.session.id}": (found.session.id,) for found in panel.own}
 
 
 def _faintness(lines: int) -> float:
     """Many lines are faint, so that where most went is dark."""
-    return float(np.clip(6.0 / max(1, lines) ** 0.6, 0.12, 0.9))
+    return float(np.clip(2.0 / max(1, lines) ** 0.5, 0.15, 0.9))
 
 
-def _height(dataset: Dataset, site: str, panels: int) -> float:
+def _height(dataset: Dataset, site: str) -> float:
     plan = dataset.plans.get(site)
     if plan is None:
-        return 3.0 * panels
-    corners = np.array([point for room in plan.rooms for point in room.polygon])
-    width, height = (corners.max(axis=0) - corners.min(axis=0) + (0.7, 0.7 + BELOW)).tolist()
-    return float(np.clip(WIDTH * height / width, 2.0, 8.0)) * panels + 0.35
+        return 3.0
+    width, height = np.ptp(whole_of(plan), axis=0).tolist()
+    return float(np.clip(WIDTH * (height / width + BELOW), 2.0, 8.0)) + 0.35

@@ -3,9 +3,11 @@
 VERSION changes with any definition, so that numbers of two releases are not mixed.
 """
 
-from experiments.analysis.dataset.columns import METHODS, WAYS, Column, amount_of, flag, share
+from experiments.analysis.dataset.columns import Column, amount_of, flag, share
+from experiments.analysis.dataset.levels import METHODS, WAYS
 
 VERSION = 3
+CLOCK = "by the server's clock"
 
 DRIVING = (
     amount_of(
@@ -128,21 +130,31 @@ RECORD = (
     Column("clock_offset", "s", "greatest difference of the clocks, in either direction"),
 )
 METRICS = (
-    Column("total_time", "s", "from the first video frame to the end of the task"),
-    Column("time_to_motion", "s", "from the first video frame to the first motion"),
+    Column(
+        "total_time",
+        "s",
+        "from the task's event task_started (the first video frame) to its event task_ended;"
+        f" without them from first_frame to ended; {CLOCK}",
+    ),
+    Column("time_to_motion", "s", f"from the same start to first_motion of the session; {CLOCK}"),
     Column(
         "task_time",
         "s",
-        "from the first video frame to the dock, of sessions that completed the task",
+        "from the same start to the task's event docked: every checkpoint was passed and the robot"
+        f" was docked after it; of sessions that completed the task; {CLOCK}",
     ),
-    Column("docking_time", "s", "from the last checkpoint to the dock"),
+    Column(
+        "docking_time",
+        "s",
+        f"from the task's event of the last checkpoint to its event docked; {CLOCK}",
+    ),
     amount_of(
         "docking_attempts",
         "",
         "times the robot came within 0.8 m of its station after the last checkpoint",
     ),
     Column("passed", "", "checkpoints that were passed"),
-    Column("photo", "", "1 when a photo was kept"),
+    flag("photo", "1 when a photo was kept"),
     *DRIVING,
     *COMMANDS,
     *LINK,

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.analysis.dataset.columns import METHODS, SERIES, WAYS
+from experiments.analysis.dataset.columns import SERIES
+from experiments.analysis.dataset.levels import METHODS, WAYS
 from experiments.analysis.dataset.records import (
     COMPLETED,
     Columns,

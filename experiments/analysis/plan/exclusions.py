@@ -9,7 +9,8 @@ its page, from its first display to its end, by the server's clock.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from experiments.analysis.dataset.records import WITHHELD, Dataset, PageRecord, ResponseRecord
+from experiments.analysis.dataset.levels import WITHHELD
+from experiments.analysis.dataset.records import Dataset, PageRecord, ResponseRecord
 from experiments.analysis.statistics.descriptive import spread
 from experiments.analysis.tables.declared import PLANNED
 from experiments.analysis.tables.table import Table, words
@@ -18,6 +19,13 @@ from surveys.answers import Missing
 
 ATTENTION, SPEEDER, INCOMPLETE = "attention check", "speeder", "incomplete"
 PLATFORM_FAULT, BY_HAND = "platform fault", "researcher's decision"
+RULES = {
+    ATTENTION: "of the plan: the participant answered an attention check otherwise",
+    SPEEDER: "of the plan: the participant answered a questionnaire too fast",
+    INCOMPLETE: "of the plan: a condition or a questionnaire of the participant is missing",
+    PLATFORM_FAULT: "the platform ended the session",
+    BY_HAND: "a researcher excluded the session",
+}
 NOT_ASKED = frozenset({Missing.NOT_ASKED, Missing.NOT_REACHED, WITHHELD})  # nothing to judge
 LISTED = (
     "Rules of the plan exclude a participant with all sessions; a platform fault or a researcher's"

@@ -73,16 +73,18 @@ def _freeze_lines(study: StudyDefinition, freeze: FreezeRecord | None) -> Iterat
     if freeze is None:
         yield "When the definition was frozen is unknown."
         return
-    yield f"SHA-256 of the definition: `{freeze.sha256}`."
     if not freeze.frozen_at:
         yield "This is a draft: the definition is not frozen and may still change."
+        yield f"SHA-256 of the draft: `{freeze.sha256}`."
         return
-    yield f"The definition was frozen on {freeze.frozen_at}."
+    yield f"Frozen on {freeze.frozen_at} (SHA-256 of the definition: `{freeze.sha256}`)."
     yield f"Before data: {before_data(freeze)}."
 
 
 def before_data(freeze: FreezeRecord | None) -> str:
     """Return whether a definition was frozen before there were data, and what limits that."""
+    if freeze is not None and not freeze.frozen_at:
+        return "no, it is a draft"
     if freeze is None or freeze.before_data is None:
         return "unknown"
     told = (

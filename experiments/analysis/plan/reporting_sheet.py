@@ -7,7 +7,13 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from experiments.analysis.dataset.records import COMPLETED, Dataset, RobotRecord
+from experiments.analysis.dataset.levels import ASSISTANCE
+from experiments.analysis.dataset.records import (
+    COMPLETED,
+    Dataset,
+    ParticipantRecord,
+    RobotRecord,
+)
 from experiments.analysis.metrics.definitions import VERSION
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.plan.exclusions import (
@@ -18,6 +24,7 @@ from experiments.analysis.plan.exclusions import (
 )
 from experiments.analysis.plan.preregistration import before_data
 from experiments.analysis.statistics.descriptive import spread
+from experiments.analysis.tables.participant_kinds import counted
 from experiments.analysis.tables.people import NOT_REPORTED, table_2
 from experiments.analysis.tables.table import NOTHING, Table, amount, words
 from experiments.definition.plan import hypotheses_of
@@ -44,21 +51,21 @@ ACTIONS = {
     "dock": "docks by itself",
     "undock": "undocks by itself",
 }
-ASSISTANCE = {
-    "off": "none: the participant drives",
-    "slow": "slows down and stops at obstacles",
-    "steer": "steers around obstacles and through doors",
-}
 Line = tuple[str, str, str]  # section, item, value
 
 
 def reporting_sheet(
-    dataset: Dataset, measured: Sequence[Measured], found: Sequence[PlanExclusion]
+    dataset: Dataset,
+    measured: Sequence[Measured],
+    found: Sequence[PlanExclusion],
+    everybody: Sequence[ParticipantRecord],
 ) -> Table:
     """Return the sheet of a dataset of those who count (`Dataset.chosen`), its sessions measured
-    and its exclusions found.
+    and its exclusions found; `everybody` are the participants, pilots and bots of the whole one.
     """
     lines = (
+        ("Participants", "in the dataset", counted(everybody, "participant")),
+        ("Participants", "in this sheet", counted(dataset.participants) or "nobody"),
         *_participants(dataset),
         *_robots(dataset, measured),
         *_autonomy(dataset),
@@ -229,8 +236,9 @@ def _versions(dataset: Dataset) -> Iterator[Line]:
     section, freeze, study = "Versions", dataset.freeze, dataset.study
     yield section, "study", f"{study.slug} {study.version}"
     yield section, "SHA-256 of the definition", UNKNOWN if freeze is None else freeze.sha256
+    draft = UNKNOWN if freeze is None else "no: a draft, which may still change"
     frozen = freeze.frozen_at if freeze is not None else ""
-    yield section, "definition frozen", frozen or UNKNOWN
+    yield section, "definition frozen", frozen or draft
     asked = (f"{one.slug} {one.version}" for one in dataset.questionnaires)
     yield section, "questionnaires", ", ".join(asked) or UNKNOWN
     software = freeze.software if freeze is not None else ""

@@ -283,7 +283,8 @@ def freedom_of(design: Design, groups: Any, people: int) -> list[float]:
     n = len(design.columns)
     inner = float(n - people - sum(changes))
     outer = float(people - sum(not one for one in changes))  # the intercept among them
-    # nlme gives the intercept those of the observations
+    # nlme gives the intercept these: it pools information from all observations (Pinheiro and
+    # Bates, 2000, section 2.4.2)
     return [
         inner if place == 0 or one else outer
         for one, place in zip(changes, design.terms, strict=True)

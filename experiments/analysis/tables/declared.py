@@ -60,6 +60,13 @@ SPREADS = (
     "from, to: 95 % confidence interval. SD: between participants, and of the residuals; ICC:"
     " intraclass correlation."
 )
+FREEDOM = (
+    "df: by the between-within method. A coefficient that changes within participants has the"
+    " observations less participants less such coefficients; any other has the participants less"
+    " the others, the intercept among them. The intercept itself has the df of those that change"
+    " within participants, as in R's nlme, because it pools information from all observations"
+    " (Pinheiro and Bates, Mixed-Effects Models in S and S-PLUS, 2000, section 2.4.2)."
+)
 CODED = {
     "treatment": "Coefficients: treatment coding, against the first level.",
     "sum": "Coefficients: sum coding, against the mean of all levels.",
@@ -289,6 +296,7 @@ def _mixed(one: DeclaredAnalysis, data: Data) -> tuple[Table, Table]:
             tuple(coefficients),
             (
                 CODED[one.coding],
+                FREEDOM,
                 SPREADS,
             ),
         ),

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from experiments.analysis.dataset.columns import WAYS
+from experiments.analysis.dataset.levels import WAYS
 from experiments.analysis.dataset.records import COMPLETED, Dataset
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.statistics.comparisons import correlation, holm

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from experiments.analysis.dataset.records import Dataset, ResponseRecord
 from experiments.analysis.statistics.descriptive import ROUNDED, shares, spread
@@ -163,14 +163,10 @@ def table_5(dataset: Dataset, condition: str | None = None) -> Table:
     head = ("", *(f"% {signed(value)}" for value in scale), "n", "Mean", "SD", "CI95", "CI99")
     head = (*head, "Median", "IQR")
     rows = tuple(_summary_row(line, responses, scale) for line in lines)
-    pooled = (
-        "Percentages of all answers; mean, SD, CI, median and IQR (third less first quartile) of"
-        " the respondents' means."
-    )
     below = (
         note(dataset, responses),
+        *counted_in(responses),
         INTERVALS[dataset.study.analysis.interval],
-        pooled,
         ROUNDED,
         *([REVERSED] if any(line.is_reversed for line in lines) else ()),
         *_not_applicable(lines, responses),
@@ -180,6 +176,28 @@ def table_5(dataset: Dataset, condition: str | None = None) -> Table:
         f", condition {condition}." if condition else "."
     )
     return Table(f"table-5{suffix}", title, head, rows, below)
+
+
+def counted_in(responses: Sequence[ResponseRecord]) -> Iterator[str]:
+    """Say what n and the numbers beside it are made of: responses, which are no participants where
+    one participant gave several.
+    """
+    several = len(responses) > len({one.participant for one in responses})
+    yield (
+        "n: responses that answer at least one of the row's statements, "
+        + ("several of one participant among them." if several else "one a participant.")
+    )
+    yield (
+        "Percentages of all answers to the row's statements; mean, SD, CI, median and IQR (third"
+        " less first quartile) of n values, a response's value being the mean of its answers to"
+        " them."
+    )
+    if several:
+        yield (
+            "The CI takes the n responses as independent of each other. Those of one participant"
+            " are not, so this is no interval for participants; tests have one value a participant"
+            " and condition."
+        )
 
 
 def _not_applicable(

@@ -5,12 +5,8 @@ of participants.
 import math
 from collections.abc import Collection, Iterator, Sequence
 
-from experiments.analysis.dataset.records import (
-    WITHHELD,
-    Dataset,
-    ParticipantRecord,
-    ResponseRecord,
-)
+from experiments.analysis.dataset.levels import WITHHELD
+from experiments.analysis.dataset.records import Dataset, ParticipantRecord, ResponseRecord
 from experiments.analysis.statistics.descriptive import ROUNDED, shares, spread
 from experiments.analysis.tables.response_selection import counted, note
 from experiments.analysis.tables.table import Table, TableCell, amount, count, number, words

@@ -9,6 +9,17 @@ from dataclasses import dataclass
 from experiments.analysis.metrics.sessions import Measured
 from experiments.definition.schema import Quality
 
+# The words of the rules.
+PROBLEMS = {
+    "no_states": "the robot was driven, and there are no states",
+    "rate": "fewer states a second than the study asks for",
+    "gap": "a longer time without a state than the study allows",
+    "clock_unknown": "the clock offset was never measured",
+    "clock": "the clocks differed by more than the study allows",
+    "condition": "the condition was not applied as assigned",
+    "operator": "an operator intervened",
+}
+
 
 @dataclass(frozen=True)
 class QualityVerdict:

@@ -34,7 +34,9 @@ CODINGS = (
 CODED = (
     *CODINGS[:3],
     Column("code", "", "code of the scheme"),
-    Column("kind", "", "point or interval"),
+    Column("kind", "", "what the code marks").one_of(
+        {"point": "a moment", "interval": "a time with a begin and an end"}
+    ),
     Column("begin", "s", "since the grant, by the server's clock"),
     Column("end", "s", "since the grant, by the server's clock; empty for a point"),
     Column("modifiers", "", "chosen values by the modifiers' names, as JSON"),
@@ -43,7 +45,14 @@ CODED = (
 AGREEMENT = (
     Column("scheme", "", "version of the coding scheme"),
     Column("code", "", "code of the scheme; all: all codes together"),
-    Column("figure", "", "alpha, kappa or agreement by time, or event_kappa"),
+    Column("figure", "", "how agreement is measured").one_of(
+        {
+            "alpha": "Krippendorff's α by time, of all coders",
+            "kappa": "Cohen's κ by time, of two coders",
+            "agreement": "share of the time that two coders coded alike",
+            "event_kappa": "Cohen's κ by events that two coders matched",
+        }
+    ),
     Column("coders", "", "numbers of the coders, divided by |"),
     Column("value", "", "of the figure"),
     Column("low", "", "lower end of the 95 % confidence interval"),

@@ -2,17 +2,18 @@
 CSV, and as JSON what is no table.
 """
 
-import math
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
+from experiments.analysis.dataset.cells import as_cell
 from experiments.analysis.dataset.columns import Column
 from experiments.analysis.dataset.files import numbers, table, tables
 from experiments.analysis.dataset.records import Dataset, EventRecord, SessionRecord
 from experiments.analysis.metrics.definitions import METRICS, VERSION
 from experiments.analysis.metrics.sessions import measure
-from experiments.analysis.tables.reliability import judge
+from experiments.analysis.tables.reliability import PROBLEMS, judge
+from experiments.dataset.allow_list import event_columns
 from experiments.dataset.build import ANALYSED
 from experiments.dataset.events import events_of
 from experiments.dataset.selection import Selection
@@ -25,7 +26,8 @@ METRIC_TABLE = (
     Column(
         "problems",
         "",
-        "rules for the record's quality that are not kept, divided by |; empty: good",
+        "rules for the record's quality that are not kept, divided by |; empty: good. "
+        + "; ".join(f"{word}: {meaning}" for word, meaning in PROBLEMS.items()),
     ),
     *METRICS,
 )
@@ -34,7 +36,7 @@ METRIC_TABLE = (
 class CsvFormat(ExportFormat):
     """What every export has."""
 
-    tables = {"metrics": METRIC_TABLE}
+    tables = {"metrics": METRIC_TABLE, "events": event_columns()}
 
     @classmethod
     def is_in(cls, _name: str, _choice: Selection) -> bool:
@@ -75,5 +77,5 @@ def metric_row(
         session.id,
         VERSION,
         problems,
-        *("" if math.isnan(value) else repr(value) for value in values),
+        *(as_cell(value) for value in values),
     ]

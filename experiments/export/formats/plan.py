@@ -5,13 +5,15 @@ which rule, and the reporting sheet.
 from collections.abc import Iterator
 from dataclasses import replace
 
-from experiments.analysis.dataset.columns import Column
+from experiments.analysis.dataset.columns import Column, flag
 from experiments.analysis.dataset.files import table
-from experiments.analysis.dataset.records import SessionRecord
+from experiments.analysis.dataset.records import Dataset, SessionRecord
 from experiments.analysis.metrics.sessions import Measured, measure
-from experiments.analysis.plan.exclusions import exclusions
+from experiments.analysis.plan.exclusions import RULES, exclusions
 from experiments.analysis.plan.preregistration import preregistration
 from experiments.analysis.plan.reporting_sheet import as_markdown, reporting_sheet
+from experiments.analysis.tables.participant_kinds import KINDS, of_whom
+from experiments.analysis.tables.table import Table
 from experiments.dataset.build import ANALYSED
 from experiments.dataset.events import events_of
 from experiments.dataset.selection import Selection
@@ -21,9 +23,9 @@ from experiments.models import Drive
 EXCLUSIONS = (
     Column("participant", "", "who is excluded"),
     Column("session", "", "session that is excluded; empty: the participant with all sessions"),
-    Column("rule", "", "rule by which"),
+    Column("rule", "", "rule by which").one_of(RULES),
     Column("value", "", "what was found"),
-    Column("planned", "", "1 when the plan of the study has the rule"),
+    flag("planned", "1 when the plan of the study has the rule"),
 )
 
 
@@ -39,8 +41,9 @@ class PlanFormat(ExportFormat):
 
     def __init__(self, source: ExportSource) -> None:
         super().__init__(source)
-        self._chosen = source.dataset.chosen()
-        self._counted = {one.id for one in self._chosen.sessions}
+        there = {one.kind for one in source.dataset.participants} or {"participant"}
+        self._chosen = [source.dataset.chosen([kind]) for kind in KINDS if kind in there]
+        self._counted = {one.id for some in self._chosen for one in some.sessions}
         self._measured: list[Measured] = []
 
     def of_study(self) -> Iterator[File]:
@@ -49,7 +52,8 @@ class PlanFormat(ExportFormat):
         text = preregistration(dataset.study, dataset.freeze)
         rows = [
             [one.participant, one.session, one.rule, one.value, int(one.is_planned)]
-            for one in exclusions(self._chosen)
+            for some in self._chosen
+            for one in exclusions(some)
         ]
         yield from encoded([("preregistration.md", [text]), table("exclusions", rows, EXCLUSIONS)])
 
@@ -62,7 +66,13 @@ class PlanFormat(ExportFormat):
         yield from ()
 
     def at_last(self) -> Iterator[File]:
-        """Yield the reporting sheet."""
-        found = exclusions(self._chosen)
-        sheet = as_markdown(reporting_sheet(self._chosen, self._measured, found))
-        yield from encoded([("reporting-sheet.md", [sheet])])
+        """Yield the reporting sheets: of participants, pilots and bots, of whom there are some."""
+        sheets = "\n".join(as_markdown(self._sheet(some)) for some in self._chosen)
+        yield from encoded([("reporting-sheet.md", [sheets])])
+
+    def _sheet(self, some: Dataset) -> Table:
+        own = {one.id for one in some.sessions}
+        measured = [one for one in self._measured if one.session.id in own]
+        everybody = self.source.dataset.participants
+        sheet = reporting_sheet(some, measured, exclusions(some), everybody)
+        return of_whom(sheet, some.participants)

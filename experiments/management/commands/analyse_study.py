@@ -10,7 +10,8 @@ from typing import Any
 from django.core.management import BaseCommand, CommandError
 
 from experiments.analysis.dataset.folder import DatasetError, read
-from experiments.analysis.dataset.records import Dataset, Kind
+from experiments.analysis.dataset.levels import Kind
+from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.page import write_page
 from experiments.analysis.report import analyse
 from experiments.dataset.build import dataset_of

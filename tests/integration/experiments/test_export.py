@@ -2,9 +2,12 @@
 them as from the database.
 """
 
+import csv
 import hashlib
 import io
+import json
 import os
+import re
 import subprocess
 import sys
 import threading
@@ -272,6 +275,27 @@ def test_bots_and_pilots_are_exported_as_what_they_are(stored, tmp_path):
     assert "P000" not in {one.participant for one in found.chosen().sessions}
 
 
+def test_every_word_of_a_coded_column_is_in_the_code_book(stored, tmp_path):
+    files = exported(stored.study, tmp_path)
+    book = json.loads(files["dataset_description.json"])
+    known = {
+        (one["description"].split(":")[0], one["name"]): {
+            level["value"] for level in one["valueReference"]
+        }
+        for one in book["variableMeasured"]
+        if "valueReference" in one
+    }
+    checked = 0
+    for name, content in files.items():
+        table = re.search(r"(?:description|questionnaire)-(\w+)_data\.csv$", name)
+        for row in csv.DictReader(io.StringIO(content.decode())) if table else ():
+            for column, cell in row.items():
+                words = known.get((table[1], column))
+                assert words is None or cell in {"", *words}, (name, column, cell)
+                checked += words is not None
+    assert checked > 500
+
+
 def test_a_format_that_is_not_there_is_an_error(stored, tmp_path):
     with pytest.raises(UnknownFormatError, match="no export format parquet"):
         exported(stored.study, tmp_path, formats=frozenset({"parquet"}))
@@ -366,6 +390,23 @@ def test_a_dataset_of_bots_alone_says_so_and_how_its_report_is_made(tmp_path):
     assert not (tmp_path / "report").exists()
     call_command(*words, "--kind", "bot", stdout=io.StringIO())
     assert (tmp_path / "report" / SUMS).exists()
+
+
+@pytest.mark.parametrize("bots", [1, 2])
+def test_the_reporting_sheets_of_participants_and_of_bots_are_in_an_export(bots, tmp_path):
+    made = made_up(np.random.default_rng(7), 2)
+    people = [
+        replace(one, kind="bot" if n < bots else "participant")
+        for n, one in enumerate(made.participants)
+    ]
+    stored = put(replace(made, participants=tuple(people)))
+    said = exported(stored.study, tmp_path)["reporting-sheet.md"].decode()
+    sheets = said.split("# Simulated participants (bots): Reporting sheet\n")
+    assert len(sheets) == 2
+    assert f"- in the dataset: {2 - bots} participant" in sheets[1]
+    assert f"- in this sheet: {bots} bot" in sheets[1]
+    assert "- drives: 0\n" not in sheets[1]
+    assert sheets[0].startswith("# Reporting sheet\n") == (bots == 1)
 
 
 def test_a_command_that_cannot_be_obeyed_says_why(stored, tmp_path):

@@ -16,8 +16,7 @@ from experiments.analysis.dataset.folder import write
 from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.figures.drawing import as_svg
 from experiments.analysis.figures.floor import thinned
-from experiments.analysis.figures.opinions import figure_8a, figure_8b
-from experiments.analysis.figures.trajectories import figure_6, figure_7
+from experiments.analysis.figures.trajectories import figure_6
 from experiments.analysis.metrics.sessions import measure_all
 from experiments.analysis.report import analyse, reports
 from experiments.definition.shipped import shipped
@@ -132,39 +131,6 @@ def test_a_study_without_plans_robots_and_questionnaires_is_drawn_all_the_same()
     assert all(as_svg(one) for one in found.figures)
     (empty,) = reports(Dataset(STUDY))
     assert len(empty.tables) == len(found.tables)
-
-
-def test_with_one_robot_alone_there_is_one_panel():
-    dataset = made_up(np.random.default_rng(54), 3)
-    found = figure_7(dataset, measure_all(dataset))
-    assert len(found.figure.axes) == 1
-    assert "(a) Giraff: " in found.figure.axes[0].get_title("left")
-
-
-def test_bars_of_figure_8_are_as_long_as_the_means_and_balances_fill_100_percent():
-    dataset = made_up(np.random.default_rng(55), 12)
-    a, b = figure_8a(dataset), figure_8b(dataset)
-    for at, row in enumerate(a.numbers.rows):
-        bars = [
-            patch
-            for patch in a.figure.axes[0].patches
-            if round(patch.get_y() + patch.get_height() / 2.0) == at
-        ]
-        assert sum(bar.get_width() for bar in bars) == pytest.approx(row[2].value)
-    for row in b.numbers.rows:
-        assert row[2].value + row[3].value == pytest.approx(100.0)
-
-
-def test_a_negative_mean_is_drawn_to_the_left():
-    dataset = made_up(np.random.default_rng(56), 6)
-    responses = tuple(
-        replace(one, values=dict.fromkeys(one.values, -2))
-        if one.questionnaire == "experience"
-        else one
-        for one in dataset.responses
-    )
-    found = figure_8a(replace(dataset, responses=responses))
-    assert found.figure.axes[0].get_xlim() == (-2.0, 2.0)
 
 
 def test_figure_6_has_the_path_of_every_robot():

@@ -53,7 +53,7 @@ def test_the_preregistration_is_read_and_downloaded(client, study):
     assert not actions & {page(study, "power"), page(study, "deviations")}
     answer = client.get(page(study, "preregistration"))
     assert answer.headers["Content-Disposition"].endswith('cabin-study-1-preregistration.md"')
-    assert f"SHA-256 of the definition: `{study.sha256}`." in answer.content.decode()
+    assert f"SHA-256 of the draft: `{study.sha256}`." in answer.content.decode()
     assert "This is a draft" in answer.content.decode()
 
 

@@ -293,6 +293,19 @@ def test_an_identified_dataset_has_everything():
     assert leaves("page", "anything", data, identified=True) == data
 
 
+def test_the_code_book_lists_every_type_of_event_with_its_fields_and_their_words():
+    (told,) = [one.levels for one in allow_list.event_columns() if one.name == "type"]
+    assert set(told) == {kind for kinds in EVENTS.values() for kind in kinds}
+    assert told["gamepad"] == "page: there, stick (left | right)"
+    assert told["task_ended"].startswith("task: number, pose (x, y, theta), facing (")
+    assert "name (completed | timed_out | " in told["task_ended"]
+    assert told["collision"].endswith("detail (some of ahead | left | behind | right)")
+    assert "reason (begins_anew | idle | " in told["ended"]
+    assert "user" not in told["operator_message"]
+    assert "robot: " in told["docked"]
+    assert "; or task: " in told["docked"]
+
+
 def test_why_a_session_ended_leaves_when_it_is_a_known_word():
     assert allow_list.end_reason("visitor_silent", RELEASE) == "visitor_silent"
     assert allow_list.end_reason("zoe", RELEASE) == ""

@@ -81,7 +81,8 @@ def test_a_pdf_has_its_fonts_in_it_as_truetype(dataset):
     assert re.search(rb"/FontFile2 \d+ 0 R", pdf)
     assert b"/Type3" not in pdf
     streams = re.findall(rb"stream\r?\n(.*?)\r?\nendstream", pdf, re.DOTALL)
-    unpacked = [zlib.decompress(one) for one in streams if one[:1] == b"\x78"]
+    # The last byte of a sum may look like an end of line, and is then not in the stream.
+    unpacked = [zlib.decompressobj().decompress(one) for one in streams if one[:1] == b"\x78"]
     assert any(one[:4] in {b"\x00\x01\x00\x00", b"true"} for one in unpacked)
 
 

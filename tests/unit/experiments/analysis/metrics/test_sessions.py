@@ -7,7 +7,8 @@ import numpy as np
 import pandas
 import pytest
 
-from experiments.analysis.dataset.columns import METHODS, STATES
+from experiments.analysis.dataset.columns import STATES
+from experiments.analysis.dataset.levels import METHODS
 from experiments.analysis.dataset.records import (
     NO_NETWORK,
     NO_STATES,

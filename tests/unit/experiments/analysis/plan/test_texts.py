@@ -65,12 +65,23 @@ def test_what_is_declared_is_answered_and_what_is_not_is_said_to_be_unanswered()
             msgspec.structs.replace(FROZEN, earlier=3),
             "but 3 had joined earlier versions, whose data were known.",
         ),
+        (FROZEN, f"\nFrozen on 2026-05-01 09:00 UTC (SHA-256 of the definition: `{'ab' * 32}`).\n"),
         (FreezeRecord(sha256="ab" * 32), "This is a draft: the definition is not frozen"),
+        (FreezeRecord(sha256="ab" * 32), f"SHA-256 of the draft: `{'ab' * 32}`."),
         (None, "When the definition was frozen is unknown."),
     ],
 )
 def test_it_says_honestly_whether_there_were_data(freeze, said):
     assert said in preregistration(planned_study(PLAN), freeze)
+
+
+def test_a_text_and_a_sheet_say_the_same_of_the_freeze():
+    assert "draft" not in preregistration(planned_study(PLAN), FROZEN)
+    frozen, _ = sheet(freeze=FROZEN)
+    draft, _ = sheet(freeze=FreezeRecord(sha256="ab" * 32))
+    assert frozen["Versions", "definition frozen"] == FROZEN.frozen_at
+    assert draft["Versions", "definition frozen"] == "no: a draft, which may still change"
+    assert draft["Deviations from the plan", "plan frozen before data"] == "no, it is a draft"
 
 
 @pytest.mark.parametrize("study", shipped().values(), ids=list(shipped()))
@@ -82,7 +93,7 @@ def test_shipped_studies_have_a_text(study):
 
 def sheet(plan=PLAN, **more):
     dataset, measured = planned_data(plan, TIMES, **more)
-    table = reporting_sheet(dataset, measured, exclusions(dataset))
+    table = reporting_sheet(dataset, measured, exclusions(dataset), dataset.participants)
     topics, found = "", {}
     for topic, item, value in table.rows:
         topics = topic.text or topics
@@ -128,7 +139,7 @@ def test_a_sheet_measures_latency():
         replace(one, values={**one.values, "command_age_median": 0.05, "command_age_p95": 0.12})
         for one in measured
     ]
-    table = reporting_sheet(replace(dataset, robots=(robot,)), aged, ())
+    table = reporting_sheet(replace(dataset, robots=(robot,)), aged, (), ())
     values = [row[2].text for row in table.rows]
     assert "median 50 ms, 95th percentile 120 ms (medians over 6 drives)" in values
 

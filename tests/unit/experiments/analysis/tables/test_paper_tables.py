@@ -4,6 +4,7 @@ import csv
 import io
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pandas
 import pytest
@@ -187,6 +188,21 @@ def test_the_response_that_counts_is_a_rule_of_the_study_and_stands_below(rule, 
     assert rows_of(found)["Q1"][7].value == value
     assert "response" in found.notes[0]
     assert "1 participant," in found.notes[0]
+
+
+@pytest.mark.parametrize(("rule", "several"), [("first", False), ("all", True)])
+def test_the_notes_say_what_is_counted_and_of_whom_the_interval_is(rule, several):
+    dataset = answered({"q1": 2}, {"q1": -2}, {"q1": 1})
+    analysis = msgspec.structs.replace(dataset.study.analysis, counts=rule)
+    study = msgspec.structs.replace(dataset.study, analysis=analysis)
+    responses = (*dataset.responses[:2], replace(dataset.responses[2], participant="P0"))
+    found = table_5(replace(dataset, study=study, responses=responses))
+    said = " ".join(found.notes)
+    assert rows_of(found)["Q1"][6].value == (3 if several else 2)
+    assert "n: responses that answer at least one of the row's statements" in said
+    assert ("several of one participant among them" in said) == several
+    assert ("this is no interval for participants" in said) == several
+    assert ("one a participant." in said) == (not several)
 
 
 def test_a_response_that_was_not_sent_off_does_not_count():

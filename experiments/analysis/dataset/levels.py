@@ -1,0 +1,126 @@
+"""The words that coded columns may hold, and what each means. The words are those of the
+enumerations in the code; one that is added there needs its meaning here before anything starts.
+"""
+
+from collections.abc import Iterable, Mapping
+from typing import Literal, get_args
+
+from experiments.definition.schema import ControlWay, Outcome
+from robots.api.messages import AssistLevel, InputMethod, Mode, Way
+from sessions.devices import OTHER, SYSTEMS, TABLE_3_BROWSERS
+from sessions.leases.fault_side import MANAGER, WEB, Side
+from surveys.answers import Missing
+
+Kind = Literal["participant", "pilot", "bot"]
+Levels = Mapping[str, str]
+MODES: tuple[str, ...] = get_args(Mode)
+METHODS: tuple[str, ...] = get_args(InputMethod)
+WAYS: tuple[str, ...] = get_args(Way)
+TURNED_AWAY = "screened out"
+WITHDREW = "withdrew"
+WITHHELD = "withheld"  # why a value is missing that was given, and tells who gave it
+
+
+def explained(words: Iterable[str], meanings: Levels) -> Levels:
+    """Return words with their meanings.
+
+    Raises:
+        KeyError: a word has none.
+    """
+    return {word: meanings[word] for word in words if word}
+
+
+KINDS = explained(
+    get_args(Kind),
+    {
+        "participant": "took part in the study",
+        "pilot": "tried the study out; counts in no result",
+        "bot": "a program that took part in the place of a person; counts in no result",
+    },
+)
+OUTCOMES = explained(
+    get_args(Outcome),
+    {
+        "completed": "the task was completed",
+        "timed_out": "its time or the turn was over, or the driver gave no sign any more",
+        "connection_refused": "the page never reached the robot",
+        "cancelled": "the visitor left",
+        "stopped_by_operator": "an operator ended it, or the robot was switched off for visitors",
+        "robot_fault": "the robot was silent or had a fault",
+        "connection_lost": "the visitor's connection was lost and did not come back in time",
+    },
+)
+# Why a session ended (sessions/leases/, sessions/manager/, experiments/tasks/). What an operator
+# wrote is free text.
+END_REASONS: Levels = {
+    "begins_anew": "the visitor began another session",
+    "idle": "the driver gave no sign for as long as the condition allows",
+    "lease_gone": "the server no longer knew who drives",
+    "left": "the visitor left",
+    "left_queue": "the visitor left before having the robot",
+    "never_connected": "the page was open and did not reach the robot in time",
+    "no_picture": "no video frame was shown in time",
+    "page_gone": "the page was closed before it had reached the robot",
+    "robot_disabled": "the robot was switched off for visitors",
+    "robot_offline": "the robot was silent for too long",
+    "task": "the task ended it: completed, or its time was over",
+    "time_over": "the time for practice was over",
+    "turn_not_taken": "the robot was offered and not taken",
+    "turn_over": "the time with the robot was over",
+    "visitor_silent": "nothing came from the visitor's page for too long",
+    "withdrawn": "the participant withdrew",
+}
+LEFT = {
+    TURNED_AWAY: "was not eligible",
+    WITHDREW: "withdrew the consent",
+    **{word: OUTCOMES[word] for word in OUTCOMES if word not in {"completed", "timed_out"}},
+}
+CONTROL_WAYS = explained(
+    get_args(ControlWay),
+    {
+        "any": "the data channel, or the server where there is none",
+        "datachannel": "the data channel from the page to the robot (WebRTC)",
+        "mqtt": "over the server and its broker (MQTT)",
+    },
+)
+ASSISTANCE = explained(
+    get_args(AssistLevel),
+    {
+        "off": "none: the participant drives",
+        "slow": "slows down and stops at obstacles",
+        "steer": "steers around obstacles and through doors",
+    },
+)
+SIDES = explained(
+    get_args(Side),
+    {
+        "visitor": "left, closed the page, or gave no sign",
+        "network": "the connection was lost or never came about, and nothing else explains it",
+        "platform": "the server was away; such a session counts nowhere",
+        "robot": "was silent or had a fault",
+        "operator": "ended the session",
+    },
+)
+PARTS = {WEB: "the process that serves pages", MANAGER: "the process that manages sessions"}
+SOURCES = {
+    "task": "the engine that follows the task",
+    "server": "the server",
+    "robot": "the robot",
+    "page": "the visitor's page",
+    "lab": "another stream of a laboratory (Lab Streaming Layer)",
+}
+SYSTEM_NAMES = dict.fromkeys((*sorted(SYSTEMS), OTHER), "")
+BROWSER_NAMES = dict.fromkeys((*sorted(TABLE_3_BROWSERS), OTHER), "")
+MISSING = {
+    **explained(
+        Missing,
+        {
+            Missing.SKIPPED: "left empty",
+            Missing.PREFERRED_NOT: "“Prefer not to answer” was chosen",
+            Missing.NOT_APPLICABLE: "“Does not apply” was chosen",
+            Missing.NOT_ASKED: "not shown, by a condition of the questionnaire",
+            Missing.NOT_REACHED: "the participant did not come so far",
+        },
+    ),
+    WITHHELD: "there is an answer, which would reveal too much",
+}
