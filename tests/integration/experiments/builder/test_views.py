@@ -266,7 +266,7 @@ def test_a_script_is_written_without_json(client, study):
 
 
 def test_a_coding_scheme_is_written_without_json(client, study):
-    send(client, section(study, "coding"), coding__on="on", coding__bin="0,5")
+    send(client, section(study, "coding"), coding__on="on", coding__bin="0.5")
     assert wrong() == ["The coding scheme has no codes."]
     add_to(client, study, "codes")
     page = section(study, "codes", 0)
