@@ -112,7 +112,10 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
                 )
             },
         ),
-        (_("Driving access"), {"fields": ("access", "observers_allowed", "turn_minutes")}),
+        (
+            _("Driving access"),
+            {"fields": ("access", "for_experienced", "observers_allowed", "turn_minutes")},
+        ),
         (
             _("Between visits"),
             {"fields": ("returns_home", "charge_limit", "between")},
@@ -483,7 +486,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         )
         self.message_user(request, text % {"n": len(chosen)}, messages.SUCCESS)
 
-    @admin.action(description=_("Release now, wherever it is"), permissions=["change"])
+    @admin.action(description=_("Open to visitors now, wherever it is"), permissions=["change"])
     def free(self, request: HttpRequest, robots: "QuerySet[Robot]") -> None:
         """Let visitors have robots that are on their way home, charging, or stuck."""
         changed = list(theirs_to_change(request, robots).exclude(turnaround=Robot.Turnaround.READY))
@@ -491,9 +494,11 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
             turnaround=Robot.Turnaround.READY, turnaround_reason=""
         )
         for robot in changed:
-            self.log_change(request, robot, gettext("Robot released."))
+            self.log_change(request, robot, gettext("Robot opened to visitors."))
             audit.note("robot_freed", actor=request.user, robot=robot)
-        text = ngettext("%(n)d robot was released.", "%(n)d robots were released.", len(changed))
+        text = ngettext(
+            "%(n)d robot is open to visitors.", "%(n)d robots are open to visitors.", len(changed)
+        )
         self.message_user(request, text % {"n": len(changed)}, messages.SUCCESS)
 
     @admin.action(description=_("Disable"), permissions=["change"])

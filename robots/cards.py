@@ -37,7 +37,8 @@ class RobotCard:
     """A robot as the list shows it, in the language of the request.
 
     `charge` is in percent, None when nobody knows; `battery` says it in words, empty of a robot
-    that is away. `drives` tells that the button means driving, now or in turn.
+    that is away. `drives` tells that the button means driving, now or in turn; `for_experienced`
+    that it is not the first robot to drive.
     """
 
     name: str
@@ -52,6 +53,7 @@ class RobotCard:
     battery: str
     action: str
     drives: bool
+    for_experienced: bool
     url: str
 
 
@@ -84,6 +86,7 @@ def card(
         battery="" if state == "offline" else _charge(charge, charging=charging),
         action=_action(state, robot.shown_title, drives=drives),
         drives=drives,
+        for_experienced=robot.for_experienced,
         url=url,
     )
 

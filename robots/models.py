@@ -210,6 +210,11 @@ class Robot(models.Model):
             "You and its operators can always drive it."
         ),
     )
+    for_experienced = models.BooleanField(
+        _("for experienced drivers"),
+        default=False,
+        help_text=_("The start page offers visitors who have never driven another robot first."),
+    )
     access = models.CharField(_("access"), max_length=12, choices=Access, default=Access.OPEN)
     observers_allowed = models.BooleanField(_("viewers allowed"), default=True)
     turn_minutes = models.FloatField(

@@ -9,6 +9,8 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from django.utils.formats import sanitize_separators
+
 from robots.api.floorplan import contains
 from robots.world.robot_models import MODELS
 from robots.world.tracing.docks import station_of
@@ -317,7 +319,7 @@ def _number(fields: Mapping[str, str], name: str, old: float) -> float:
     if text is None:
         return old
     try:
-        value = float(text.replace(",", "."))
+        value = float(sanitize_separators(text))
     except ValueError as error:
         raise EditError(name, text) from error
     if not math.isfinite(value) or abs(value) > 1e5:

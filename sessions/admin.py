@@ -520,9 +520,22 @@ class SystemLogAdmin(OwnersRows):
 class ManagerBeatAdmin(ReadOnlyAdmin):
     """Whether a session manager runs, and where."""
 
-    list_display = ("name", "running", "holder", "beat_at")
-    fields = ("name", "running", "holder", "beat_at")
-    readonly_fields = ("running",)
+    list_display = fields = readonly_fields = ("slot", "running", "at", "heard")
+
+    @admin.display(description=_("name"), ordering="name")
+    def slot(self, beat: ManagerBeat) -> str:
+        """Which of them, where there are several."""
+        return beat.name
+
+    @admin.display(description=_("computer and process"), ordering="holder")
+    def at(self, beat: ManagerBeat) -> str:
+        """Where it runs."""
+        return beat.holder or NOTHING
+
+    @admin.display(description=_("last sign of life"), ordering="beat_at")
+    def heard(self, beat: ManagerBeat) -> datetime.datetime:
+        """When it was last there."""
+        return beat.beat_at
 
     @admin.display(description=_("running"), boolean=True)
     def running(self, beat: ManagerBeat) -> bool:

@@ -181,7 +181,8 @@ ToAudience = RaiseHand | AskQuestion | MarkQuestion | LowerHands
 
 class Hello(Message, frozen=True, kw_only=True):
     """`hello`: first frame of every connection. `peer` is secret to this page; `stamp` the server's
-    clock.
+    clock. `live_since`: since when the visitor drives this robot on another page, as `since` of
+    `session/refused`.
     """
 
     peer: Id
@@ -191,6 +192,7 @@ class Hello(Message, frozen=True, kw_only=True):
     may_drive: bool
     may_observe: bool
     live_elsewhere: bool = False
+    live_since: Stamp | None = None
 
 
 class GrantedTerms(Message, frozen=True, kw_only=True):
@@ -235,7 +237,8 @@ class Observing(Message, frozen=True, kw_only=True):
 class Refused(Message, frozen=True, kw_only=True):
     """`session/refused`: no. `reason` is one of the words below; `elsewhere` offers a takeover.
 
-    `outcome` is how a session of this visitor's that has `ended` did, as in `session/ended`.
+    `outcome` is how a session of this visitor's that has `ended` did, as in `session/ended`;
+    `since` when the one that is driven `elsewhere` began.
     """
 
     reason: Literal[
@@ -254,6 +257,7 @@ class Refused(Message, frozen=True, kw_only=True):
     ]
     session: Id | None = None
     outcome: Name = ""
+    since: Stamp | None = None
 
 
 class RoomState(Message, frozen=True, kw_only=True):

@@ -15,6 +15,7 @@ from hashlib import sha256
 from typing import Annotated, Any, ClassVar, Literal, Protocol, TypeVar
 
 import msgspec
+from django.utils.formats import sanitize_separators
 from django.utils.translation import gettext as _
 
 from surveys.documents import DocumentPart, Key, Problem, Text, duplicates, gettext_noop, spoken
@@ -459,18 +460,20 @@ def one_of(choices: Mapping[str, T], value: str) -> T:
 
 
 def parsed_number(value: str) -> float:
-    """Return a number that was written with a point or a comma.
+    """Return a number that was written with a point or the language's own decimal mark.
 
     Raises:
         RefusedError: when it is none, or too large to be meant.
     """
     try:
         number = (
-            float(value.replace(",", "."))
+            float(sanitize_separators(value))
             if len(value) <= MAX_DIGITS and "_" not in value
             else float("nan")
         )
     except ValueError as error:
+        if "," in value:
+            raise RefusedError(_("Use a decimal point and no comma: 0.6, or 1000.")) from error
         raise RefusedError(_("Enter a number.")) from error
     if not abs(number) < NUMBER_LIMIT:
         raise RefusedError(_("Enter a number."))

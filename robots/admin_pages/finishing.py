@@ -128,6 +128,8 @@ def _edited(request: HttpRequest, row: FloorPlan) -> tuple[Document, tuple[str, 
     except EditError as error:
         if error.field.endswith(".join"):
             text = _("These rooms don't touch, so they can't be joined.")
+        elif "," in error.text:
+            text = _("Use a decimal point and no comma: 0.6, or 1000.")
         else:
             text = _("“%(text)s” is not a valid number here.") % {"text": error.text}
         return before, (text,)

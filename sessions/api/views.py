@@ -31,7 +31,7 @@ from robots.models import Robot
 from robots.presence import standstill_of
 from sessions import system_log
 from sessions.api.keys import key_of, note_use
-from sessions.leases.store import LIVE
+from sessions.leases.store import LIVE, waits_here
 from sessions.models import ApiKey, Session
 
 VERSION = 1
@@ -82,7 +82,7 @@ def robots(request: HttpRequest) -> JsonResponse:
     key = _key_or_problem(request)
     if isinstance(key, JsonResponse):
         return key
-    rows = _with_traffic(_visible(request, key)).order_by("name")
+    rows = _with_traffic(_visible(request, key), timezone.now()).order_by("name")
     return JsonResponse(
         {
             "apiVersion": VERSION,
@@ -98,7 +98,7 @@ def robot(request: HttpRequest, robot: str) -> JsonResponse:
     key = _key_or_problem(request)
     if isinstance(key, JsonResponse):
         return key
-    row = _with_traffic(_visible(request, key)).filter(name=robot).first()
+    row = _with_traffic(_visible(request, key), timezone.now()).filter(name=robot).first()
     if row is None:
         return _problem(404, "no_such_robot", "There is no robot of this name that you can access.")
     return JsonResponse({"apiVersion": VERSION, "robot": _told(request, row, key, timezone.now())})
@@ -113,8 +113,8 @@ def _visible(request: HttpRequest, key: ApiKey | None) -> Any:
     )
 
 
-def _with_traffic(rows: Any) -> Any:
-    driven, waiting = Q(sessions__state__in=AT_THE_WHEEL), Q(sessions__state=Session.State.WAITING)
+def _with_traffic(rows: Any, now: datetime.datetime) -> Any:
+    driven, waiting = Q(sessions__state__in=AT_THE_WHEEL), waits_here(now, "sessions__")
     counted = rows.annotate(
         driven=Count("sessions", filter=driven), waiting=Count("sessions", filter=waiting)
     )

@@ -119,6 +119,7 @@ class RobotConsumer(RobotPageConsumer):
             may_drive=bool(context.may_drive),
             may_observe=bool(context.may_observe),
             live_elsewhere=context.live_elsewhere,
+            live_since=context.live_since,
         )
         self.sender.post("hello", hello)
 

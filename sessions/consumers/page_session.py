@@ -122,11 +122,11 @@ class PageSession:
                 self.sender.notify(
                     protocol.Queued(session=session, place=place, minutes=minutes, reason=reason)
                 )
-            case store.TakeRefused(reason, session):
+            case store.TakeRefused(reason, session, since):
                 outcome = await self._how_it_ended(session) if reason == "ended" else ""
                 self.sender.post(
                     "session/refused",
-                    protocol.Refused(reason=reason, session=session, outcome=outcome),
+                    protocol.Refused(reason=reason, session=session, outcome=outcome, since=since),
                 )
 
     async def _how_it_ended(self, session: str | None) -> str:
@@ -337,7 +337,7 @@ class PageSession:
     async def read_peers(self) -> None:
         """Read how many wait, and what the robot does when nobody drives it; say so to all."""
         read = database_sync_to_async(queries.between_visits_at)
-        self.peers.waiting, self.peers.pause = await read(self.robot)
+        self.peers.waiting, self.peers.pause = await read(self.robot, timezone.now())
         self.peers.changed()
 
     async def say_seen(self) -> None:
@@ -379,10 +379,13 @@ class PageSession:
         """
         async with self.turn:
             session, peer = self.authorization.session, self.authorization.peer
+            waited = self.authorization.standing == "waiting"
             if session is not None:
                 self.forget()
                 last_seen_batcher.forget(session)
                 await database_sync_to_async(store.page_gone)(session, peer, timezone.now(), code)
+            if waited:
+                await self.read_peers()
 
     # --- small steps ------------------------------------------------------------------------------
 

@@ -42,14 +42,16 @@ class Peers:
 
     def is_to_be_read(self, known: KnownRobot, now: float) -> bool:
         """Tell whether queue and robot are to be read anew, once for all pages here: after a lease
-        has ended, and now and then while nobody drives, when the robot does what it does between
-        two visits. `now` is monotonic seconds.
+        has ended, and now and then, because pages of other processes come and go too, and because
+        of what the robot does between two visits. `now` is monotonic seconds.
         """
-        if known.lease_at(now) is not None or (
-            self._read_after == known.epoch and now - self._read_at < PAGE_SEEN_EVERY
-        ):
+        is_over = known.lease_at(now) is None
+        is_new = is_over and self._read_after != known.epoch
+        if not is_new and now - self._read_at < PAGE_SEEN_EVERY:
             return False
-        self._read_at, self._read_after = now, known.epoch
+        self._read_at = now
+        if is_over:
+            self._read_after = known.epoch
         return True
 
     def describe(self, known: KnownRobot, now: float) -> RoomState:

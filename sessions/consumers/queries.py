@@ -35,6 +35,7 @@ class ConnectionContext:
     may_observe: Verdict
     operator: Operator | None
     live_elsewhere: bool
+    live_since: float | None
     online: bool
     waiting: int
     pause: str
@@ -76,14 +77,16 @@ def enter(user: User, name: str, now: datetime.datetime) -> ConnectionContext | 
     if robot is None:
         return None
     live = turns.living_session_of(robot, user)
+    is_live = live is not None and live.state != Session.State.WAITING
     return ConnectionContext(
         robot=robot,
         may_drive=may_drive(user, robot),
         may_observe=may_observe(user, robot),
         operator=_operator(user, robot),
-        live_elsewhere=live is not None and live.state != Session.State.WAITING,
+        live_elsewhere=is_live,
+        live_since=turns.began(live) if is_live else None,
         online=robot.is_online(now),
-        waiting=waiting_at(robot),
+        waiting=waiting_at(robot, now),
         pause=turns.pause_of(robot),
     )
 
@@ -238,11 +241,11 @@ def is_of(session: str, visitor: User) -> bool:
         return False
 
 
-def waiting_at(robot: Robot) -> int:
-    """Return how many visitors wait for a robot."""
-    return Session.objects.filter(robot=robot, state=Session.State.WAITING).count()
+def waiting_at(robot: Robot, now: datetime.datetime) -> int:
+    """Return how many visitors wait for a robot with an open page."""
+    return Session.objects.filter(turns.waits_here(now), robot=robot).count()
 
 
-def between_visits_at(robot: Robot) -> tuple[int, str]:
+def between_visits_at(robot: Robot, now: datetime.datetime) -> tuple[int, str]:
     """Return how many visitors wait for a robot, and why it is not ready, empty when it is."""
-    return waiting_at(robot), turns.pause_of(robot)
+    return waiting_at(robot, now), turns.pause_of(robot)

@@ -206,7 +206,7 @@ def decide_take(scene: Scene, ask: Ask, rules: Rules, now: float) -> Grant | Res
         return Grant(own.id if own else None)
     if own is None and not (scene.enabled and scene.online):
         return Deny("offline" if scene.enabled else "disabled")
-    place = place_in_queue(scene, own.id if own else None)
+    place = place_in_queue(scene, own.id if own else None, now)
     return Wait(
         own.id if own else None,
         place,
@@ -267,9 +267,11 @@ def offer_alive(session: ActiveSession, rules: Rules, now: float) -> bool:
     return session.offered_at is not None and now < session.offered_at + rules.start
 
 
-def place_in_queue(scene: Scene, session: str | None) -> int:
-    """Return the place of a session, or that of one that would join now; 1 is next."""
-    ids = [waiting.id for waiting in scene.queue]
+def place_in_queue(scene: Scene, session: str | None, now: float) -> int:
+    """Return the place of a session, or that of one that would join now; 1 is next. Whoever has
+    closed the page may come back to their place, and counts for nobody meanwhile.
+    """
+    ids = [waiting.id for waiting in scene.queue if waiting.id == session or waiting.page_open(now)]
     return ids.index(session) + 1 if session in ids else len(ids) + 1
 
 

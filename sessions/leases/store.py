@@ -29,6 +29,7 @@ from typing import Any
 import msgspec
 from django.conf import settings
 from django.db import IntegrityError, transaction
+from django.db.models import Q
 
 from accounts.models import User
 from robots.access import may_operate
@@ -38,6 +39,7 @@ from robots.presence import standstill_of
 from sessions.leases import terms
 from sessions.leases.absences import note_page_closed
 from sessions.leases.policy import (
+    PAGE_GONE_SECONDS,
     ActiveSession,
     Ask,
     Deny,
@@ -112,6 +114,7 @@ class TakeRefused:
 
     reason: Refusal
     session: str | None = None
+    since: float | None = None
 
 
 Taken = TakeGranted | TakeQueued | TakeRefused
@@ -185,7 +188,8 @@ def _carry_out(decision: Grant | Resume | Wait | Deny, scene: Scene, asker: _Ask
     """
     match decision:
         case Deny(reason, session):
-            return TakeRefused(reason, session)
+            own = Session.objects.filter(pk=session).first() if reason == "elsewhere" else None
+            return TakeRefused(reason, session, began(own))
         case Resume(session):
             seen({session}, asker.now)
             return _granted(scene, scene.hold, asker, resumed=True)
@@ -687,6 +691,20 @@ def is_free_drive(lease: Lease) -> bool:
     """Tell whether the session that holds a robot goes on nobody's terms, and has moved it."""
     session = lease.session
     return session is not None and not session.terms and session.first_motion_at is not None
+
+
+def waits_here(now: datetime.datetime, prefix: str = "") -> Q:
+    """Return the condition for sessions that wait with an open page, as
+    ActiveSession.page_open has it; `prefix` leads to the sessions from another row.
+    """
+    since = now - datetime.timedelta(seconds=PAGE_GONE_SECONDS)
+    is_waiting = Q(**{f"{prefix}state": Session.State.WAITING})
+    return is_waiting & Q(**{f"{prefix}seen_at__gt": since})
+
+
+def began(session: Session | None) -> float | None:
+    """Return when a session got its robot, Unix time."""
+    return None if session is None else _seconds(session.granted_at)
 
 
 def living_session_of(robot: Robot, visitor: User) -> Session | None:

@@ -25,7 +25,7 @@ from sessions import protocol, signals, system_log
 from sessions.disk_full import is_disk_full
 from sessions.leases import expiry, store, terms
 from sessions.leases.absences import WebAbsences
-from sessions.leases.policy import Scene, minutes_until_turn
+from sessions.leases.policy import Scene, minutes_until_turn, place_in_queue
 from sessions.leases.store import (
     LIVE,
     hold_of,
@@ -225,7 +225,8 @@ class Scheduler:
 
     def _publish_places(self, robot: Robot, now: datetime.datetime) -> None:
         scene, rules = load_scene(robot, now), rules_of(robot)
-        for place, session in enumerate(scene.queue, 1):
+        for session in scene.queue:
+            place = place_in_queue(scene, session.id, now.timestamp())
             minutes = minutes_until_turn(scene, place, rules, now.timestamp())
             published = (place, round(minutes), scene.waits_for)
             if session.offered_at is None and self._places.get(session.id) != published:

@@ -10,6 +10,7 @@ from typing import Any
 
 import msgspec
 from django import forms
+from django.utils.formats import get_format
 from django.utils.text import capfirst
 from django.utils.translation import get_language_info, gettext, gettext_lazy
 from msgspec import inspect
@@ -102,8 +103,13 @@ class ValueField(forms.Field):
         return ""
 
 
+def decimal_mark() -> str:
+    """Return what the language of the page writes before the decimals."""
+    return str(get_format("DECIMAL_SEPARATOR"))
+
+
 class NumberField(ValueField):
-    """A number, with a point or a comma."""
+    """A number, with a point or the language's own decimal mark."""
 
     def prepare_value(self, value: Any) -> Any:
         """Return a number without needless decimals."""
@@ -113,13 +119,15 @@ class NumberField(ValueField):
         """Return the number, or one of the words that may stand for it."""
         is_word = text in literals(self.member.annotation)
         whole = isinstance(self.member.shape, inspect.IntType)
-        return text if is_word else read_number(text, whole=whole)
+        return text if is_word else read_number(text, whole=whole, mark=decimal_mark())
 
     def refusal(self, value: Any) -> str:
         """Return what is said of text, or what the class says."""
         if isinstance(value, str) and value not in literals(self.member.annotation):
-            if isinstance(read_number(value, whole=False), float):
+            if isinstance(read_number(value, whole=False, mark=decimal_mark()), float):
                 return gettext("Write a whole number.")
+            if "," in value:
+                return gettext("Use a decimal point and no comma: 0.6, or 1000.")
             return gettext("This is not a number.") if value else gettext("Write a number.")
         told = super().refusal(value)
         beyond = BEYOND.search(told)
@@ -168,7 +176,7 @@ class PointsField(ValueField):
 
     def to_python(self, value: Any) -> Any:
         """Return the points."""
-        return read_points(text_of(value))
+        return read_points(text_of(value), decimal_mark())
 
     def refusal(self, value: Any) -> str:
         """Return what is said of text, or what the class says."""

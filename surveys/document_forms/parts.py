@@ -102,24 +102,27 @@ def is_numbered(member: AskedField) -> bool:
 # --- what is typed --------------------------------------------------------------------------------
 
 
-def read_number(text: str, *, whole: bool) -> int | float | str:
-    """Return the number that a text stands for; the text itself when it is none."""
+def read_number(text: str, *, whole: bool, mark: str = ".") -> int | float | str:
+    """Return the number that a text stands for; the text itself when it is none. `mark` is the
+    language's decimal mark, beside the point.
+    """
     try:
-        value = int(text) if whole else float(text.replace(",", "."))
+        value = int(text) if whole else float(text.replace(mark, "."))
     except ValueError:
         return text
     return value if math.isfinite(value) else text
 
 
-def read_points(text: str) -> list[list[float]] | str:
+def read_points(text: str, mark: str = ".") -> list[list[float]] | str:
     """Return the points of a text with one a line, "x y"; the text itself when a line is none."""
-    found = [_point(line) for line in text.splitlines() if line.strip()]
+    found = [_point(line, mark) for line in text.splitlines() if line.strip()]
     points = [point for point in found if point is not None]
     return points if len(points) == len(found) else text
 
 
-def _point(line: str) -> list[float] | None:
-    numbers = [read_number(word, whole=False) for word in line.replace(";", " ").split()]
+def _point(line: str, mark: str) -> list[float] | None:
+    words = line.replace(";", " ").split()
+    numbers = [read_number(word, whole=False, mark=mark) for word in words]
     x_and_y = [number for number in numbers if isinstance(number, float)]
     return x_and_y if len(x_and_y) == len(numbers) == 2 else None
 

@@ -16,6 +16,7 @@ import msgspec
 from msgspec import inspect
 
 from surveys.definition import Definition, Page
+from surveys.document_forms.fields import decimal_mark
 from surveys.document_forms.parts import Document, change, in_languages, read_number
 from surveys.documents import DocumentPart
 from surveys.item import Question, ScalePoint
@@ -246,7 +247,7 @@ def answers_typed(
     stored = {str(value): value for value, _label in asked.labelled_values}
     is_number = asked.item.is_number and not stored
     condition["is"] = [
-        read_number(text, whole=False) if is_number else stored.get(text, text)
+        read_number(text, whole=False, mark=decimal_mark()) if is_number else stored.get(text, text)
         for text in condition["is"]
     ]
 

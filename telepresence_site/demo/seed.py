@@ -20,14 +20,14 @@ ROBOTS = (
         "Giraff",
         "A slender robot with a tilting head, at home in rooms and corridors.",
         "Un robot esbelto de cabeza inclinable, que se mueve bien por habitaciones y pasillos.",
-        Robot.Access.OPEN,
+        False,
     ),
     (
         "rhodon",
         "Rhodon",
         "A sturdy PatrolBot with an arm, for experienced drivers.",
         "Un PatrolBot robusto con un brazo, para quien ya sabe conducir.",
-        Robot.Access.OPEN,
+        True,
     ),
 )
 
@@ -38,14 +38,14 @@ def seed(mqtt_url: str) -> str:
     password = kept_secret(settings.VAR_DIR / "secrets" / "demo_researcher", 9)
     _visitor()
     owner = _researcher(password)
-    for name, title, description, spanish, access in ROBOTS:
+    for name, title, description, spanish, for_experienced in ROBOTS:
         robot, _ = Robot.objects.get_or_create(
             name=name,
             defaults={
                 "title": title,
                 "description": description,
                 "translations": {"es": {"description": spanish}},
-                "access": access,
+                "for_experienced": for_experienced,
                 "owner": owner,
                 "floor_plan": plan,
             },

@@ -256,7 +256,7 @@ def traffic_at(robot: Robot, sessions: list[ActiveSession], now: datetime.dateti
     """
     holder = next((session.id for session in sessions if session.state in AT_THE_WHEEL), None)
     scene = Scene(Hold(0, holder), tuple(sessions))
-    place = place_in_queue(scene, None)
+    place = place_in_queue(scene, None, now.timestamp())
     minutes = (
         minutes_until_turn(scene, place, rules_of(robot), now.timestamp()) if sessions else None
     )
@@ -277,9 +277,21 @@ def _for_visitor(built: RobotCard, user: Any) -> RobotCard:
 
 
 def _invitation(user: Any, cards: list[RobotCard]) -> Invitation:
-    free = next((c for c in cards if c.state == "available"), None)
-    if free is not None:
-        return Invitation(
-            label=free.action if user.is_authenticated else _("Sign up and drive"), url=free.url
-        )
+    """Return the invitation to a robot that is free; whoever has never driven waits for one that is
+    easy to drive before they are sent to one that is not.
+    """
+    first = [c for c in cards if c.state == "available"]
+    if any(c.for_experienced for c in first) and not _has_driven(user):
+        easy = [c for c in cards if c.drives and not c.for_experienced]
+        first = easy or first
+    if first:
+        label = first[0].action if user.is_authenticated else _("Sign up and drive")
+        return Invitation(label=label, url=first[0].url)
     return Invitation(label=_("See the robots"), url="#robots")
+
+
+def _has_driven(user: Any) -> bool:
+    return (
+        user.is_authenticated
+        and Session.objects.filter(visitor=user, first_motion_at__isnull=False).exists()
+    )

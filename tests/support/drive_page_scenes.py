@@ -91,6 +91,17 @@ async def does_a_task(page: Page, site: PresentRobotPage, address: str) -> Scene
         "#task:not([hidden]) .task__stop[data-status=next]", state="attached"
     )
     yield "task"
+    await page.click("[data-action=map_large]")
+    yield "task, large map"
+    await page.click("[data-action=map_large]")
+    await opens_the_task(page)
+    yield "task, opened"
+    await page.click("[data-action=map_large]")
+    yield "task, opened, large map"
+    await opens_the_task(page)
+    yield "task, large map, opened"
+    await page.click("[data-action=map_large]")
+    await page.evaluate("document.getElementById('task').removeAttribute('data-open')")
     await page.click("#presence-mic")
     await page.wait_for_selector("#presence-hang-up:not([hidden])")
     yield "task, call"
@@ -100,6 +111,11 @@ async def does_a_task(page: Page, site: PresentRobotPage, address: str) -> Scene
     tell(site, "photo_ready", remaining=119.0, window="open", **checkpoint)
     await page.wait_for_selector("#photo:not([hidden])")
     yield "task, call, photo"
+
+
+async def opens_the_task(page: Page) -> None:
+    """Open the line of the task, which is open anyway where the window is wide."""
+    await page.evaluate("document.getElementById('task').setAttribute('data-open', '')")
 
 
 async def waits(page: Page, site: PresentRobotPage, address: str) -> Scenes:
@@ -172,6 +188,8 @@ async def is_a_screen(page: Page, site: PresentRobotPage, address: str) -> Scene
     await page.click("#stop")
     await page.wait_for_selector("#release:not([hidden])")
     yield "question, stopped"
+    await page.click("#release")
+    yield "question, to be released"
 
 
 def watched(site: PresentRobotPage) -> None:

@@ -267,7 +267,7 @@ class FirstTimeUser:
             x=at and at[0],
             y=at and at[1],
         )
-        return view, "touching an obstacle" in seen["alert"]
+        return view, "ouched something" in seen["alert"]
 
     def _do(self, intent: Intent, step: str) -> None:
         self.hands.steer(intent.speed, step)

@@ -8,6 +8,7 @@ import { unixNow } from "../lib/clock.js";
 import { isRefusal, newRelease } from "../protocol/estop_release.js";
 import { awaitsAnswer, isSigning, newVisit, reduce } from "../protocol/session.js";
 import { watchActivity } from "./activity.js";
+import { newOwnTabs } from "./own_tabs.js";
 import { forget, remember, rememberLeaving } from "./storage.js";
 
 const ANSWER_PATIENCE = 3; // s until a question that the server has not answered is asked again
@@ -50,6 +51,10 @@ const newSlice = () => ({
   notice: "",
   /** whether the visitor is being asked if they mean to leave */
   leaving: false,
+  /** whether the visitor is being asked if the drive on another page of theirs is to end */
+  takingOver: false,
+  /** where that page is; empty where the browser cannot say: own_tabs.js */
+  elsewhere: /** @type {"" | "browser" | "device"} */ (""),
   /** Unix time, for count-downs; changes once a second */
   now: 0,
 });
@@ -59,6 +64,7 @@ const setUp = (page) => {
   const { store, config, element, keys } = page;
   const control = newControl(page);
   const dispatch = newDispatch(page, control);
+  const tabs = newOwnTabs(config.robot);
   let askedSince = 0;
 
   /**
@@ -77,7 +83,10 @@ const setUp = (page) => {
     isAsked: () => store.get().visit.askedUntil !== null,
     onSign: giveSign,
   });
-  keys.closes(element("card"), () => page.act(store.get().leaving ? "stay" : "here"));
+  keys.closes(element("card"), () => {
+    const { leaving, takingOver } = store.get();
+    page.act(leaving || takingOver ? "stay" : "here");
+  });
 
   return {
     api: {
@@ -97,6 +106,13 @@ const setUp = (page) => {
       focusLost: (/** @type {string} */ why) => {
         if (why === "pagehide") {
           config.practising ? dispatch({ type: "leave" }) : rememberLeaving(config.robot);
+        }
+      },
+      phase: (/** @type {string} */ phase) => {
+        store.update({ takingOver: false });
+        tabs.mark(phase === "driving");
+        if (phase !== "driving") {
+          void tabs.find().then((elsewhere) => store.update({ elsewhere }));
         }
       },
       second: (/** @type {number} */ now) => {
@@ -267,13 +283,18 @@ const newActions = (page) => ({
   sign_in: () => location.reload(), // the page's address itself asks for it, and leads back here
   reload: () => location.reload(),
   stay: () => {
-    page.store.update({ leaving: false });
+    page.store.update({ leaving: false, takingOver: false });
     backToDriving(page.element);
   },
   leave: () =>
     page.store.get().visit.phase === "driving"
       ? page.store.update({ leaving: true })
       : page.act("leave_now"),
+  ask_to_take_over: () => page.store.update({ takingOver: true }),
+  take_over: () => {
+    page.store.update({ takingOver: false });
+    page.session.dispatch({ type: "take_over" });
+  },
   release_stop: () => {
     const release = newRelease("release-");
     const { id: actionId, since: stamp } = release;

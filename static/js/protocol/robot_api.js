@@ -333,6 +333,7 @@ const TO_PAGE = {
       mayDrive: flag,
       mayObserve: flag,
       liveElsewhere: optional(flag, false),
+      liveSince: absent(stamp),
     }),
   ],
   "session/granted": [
@@ -399,6 +400,7 @@ const TO_PAGE = {
       ),
       session: absent(id),
       outcome: optional(name, ""),
+      since: absent(stamp),
     }),
   ],
   "session/turn_warning": [KIB, object({ session: id, remaining: seconds })],

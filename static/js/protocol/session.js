@@ -26,7 +26,8 @@
  * @property {boolean} serverBlind the server knows nothing about robots at the moment
  * @property {boolean} mayDrive
  * @property {boolean} mayObserve
- * @property {boolean} liveElsewhere the visitor drives this robot in another tab
+ * @property {boolean} liveElsewhere the visitor drives this robot on another page
+ * @property {number | null} liveSince since when, Unix time
  * @property {string | null} session the visit's id at the server
  * @property {string | null} peer this page's id while it drives; secret
  * @property {number} epoch of the lease
@@ -74,6 +75,7 @@ export const newVisit = () => ({
   mayDrive: false,
   mayObserve: false,
   liveElsewhere: false,
+  liveSince: null,
   session: null,
   peer: null,
   epoch: 0,
@@ -228,6 +230,7 @@ const HANDLERS = {
       mayDrive: message.mayDrive,
       mayObserve: message.mayObserve,
       liveElsewhere: message.liveElsewhere,
+      liveSince: message.liveSince,
     },
   ],
 
@@ -318,6 +321,7 @@ const HANDLERS = {
       return [
         {
           phase: "elsewhere",
+          liveSince: message.since,
           wanted: "nothing",
           session: message.session ?? visit.session,
           peer: null,

@@ -20,6 +20,7 @@ export const createPanel = (element, words) => {
   const line = /** @type {HTMLButtonElement} */ (element("task-line"));
   const list = element("task-stops");
   let drawn = "";
+  let mapSize = "";
   // On a wide screen all of it is shown, and there is nothing to open.
   const small = matchMedia("(max-width: 999px), (max-height: 540px)");
   const fit = () => {
@@ -45,6 +46,10 @@ export const createPanel = (element, words) => {
     }
     if (!guide) {
       return;
+    }
+    if (mapSize !== (mapSize = state.mapSize) && mapSize === "large") {
+      panel.removeAttribute("data-open"); // the room is the map's; who wants the task opens it
+      fit();
     }
     panel.dataset.cue = guide.cue;
     write(element("task-cue"), sentence(guide, words));

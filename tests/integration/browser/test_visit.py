@@ -10,6 +10,7 @@ from PIL import Image, ImageColor
 from playwright.sync_api import expect
 
 from tests.support.patience import PRESSED
+from tests.support.photographs import keep_at_all_sizes
 from tests.support.site import wait_for
 
 pytestmark = pytest.mark.browser
@@ -247,3 +248,27 @@ def test_an_observer_sees_the_picture_and_what_it_forges_is_refused_at_the_serve
     )
     eve.page.keyboard.up("ArrowRight")
     eve.leave()
+
+
+def test_who_drives_already_reads_where_and_is_asked_before_that_drive_ends(visitor, giraff):
+    here, there = visitor("fay").drive(), visitor("fay")
+    tab = here.new_page()
+    tab.goto("/robots/giraff/?go=1")
+    title = "You are already driving in another tab of this browser"
+    expect(tab.locator("#card-title")).to_have_text(title)
+    tab.close()
+    there.open(go=True)
+    title = "You are already driving on another device or in another browser"
+    expect(there.page.locator("#card-title")).to_have_text(title)
+    expect(there.page.locator("#card-text")).to_have_text(re.compile(r"^Since \d\d:\d\d"))
+    keep_at_all_sizes(there.page, "drives-elsewhere")
+    for answer in ("Not now", "Drive here instead"):
+        there.page.get_by_role("button", name="Drive here instead").click()
+        expect(there.page.locator("#card-title")).to_have_text("End the drive there?")
+        keep_at_all_sizes(there.page, "drives-elsewhere-asked")
+        here.wait_for("phase", "driving")
+        there.page.get_by_role("button", name=answer).click()
+    there.wait_for("phase", "driving")
+    here.wait_for("phase", "ended")
+    expect(here.page.locator("#card-title")).to_have_text("You are driving on another page now")
+    there.leave()

@@ -377,6 +377,15 @@ def test_the_session_managers_beat_tells_whether_it_runs(client, researcher):
     assert "icon-no" in client.get("/admin/telepresence_sessions/managerbeat/").content.decode()
 
 
+def test_the_list_of_session_managers_is_spanish_too(client, researcher):
+    ManagerBeat.objects.create(holder="here:1", beat_at=timezone.now())
+    address = "/admin/telepresence_sessions/managerbeat/"
+    text = client.get(address, headers={"accept-language": "es"}).content.decode()
+    for column in ("nombre", "equipo y proceso", "última señal de vida"):
+        assert column in text.lower()
+    assert "beat at" not in text.lower()
+
+
 def test_sessions_that_are_over_are_stopped_by_nobody_and_this_is_said(client, researcher, session):
     answer = client.post(
         LIST, {"action": "stop_sessions", "_selected_action": [str(session.pk)]}, follow=True

@@ -28,5 +28,12 @@ def test_whoever_follows_the_link_takes_part_without_an_account(client):
     assert "Sign up" not in front.text.partition("Take part")[2]
     assert "Write down this code." in read(client.post(f"/studies/{slug}/")).text
     assert Participant.objects.get().user.is_guest
-    assert client.get(f"/studies/{slug}/step/").status_code == 200
+    for language, is_told in (("en", "a simulated robot"), ("es", "un robot simulado")):
+        client.cookies["django_language"] = language
+        consent = read(client.get(f"/studies/{slug}/step/")).text
+        assert is_told in consent
+        assert "edificio real" not in consent
+        assert "real building" not in consent
+        assert "profile" not in consent, "guests have none"
+    assert "simulated" in front.text
     assert publish_study(timezone.now()) == slug

@@ -79,6 +79,7 @@ def visit(robot: Robot, username: str, state: str) -> Session:
         state=state,
         live_key=f"{robot.pk}:{user.pk}",
         queued_at=timezone.now(),
+        seen_at=timezone.now(),
     )
 
 
@@ -161,6 +162,27 @@ def test_a_visitor_is_led_to_the_wheel(client, robots):
     assert client.get(reverse("home")).context["invitation"].label == "Drive Giraff"
 
 
+def test_who_has_never_driven_is_invited_to_an_easy_robot_even_if_it_is_in_use(client, robots):
+    def invited():
+        return client.get(reverse("home")).context["invitation"]
+
+    Robot.objects.filter(name="rhodon").update(for_experienced=True)
+    visit(robots["giraff"], "driver", "driving")
+    assert "giraff" in invited().url
+    newcomer = person()
+    client.force_login(newcomer)
+    assert (invited().label, invited().url) == ("Join the queue", "/robots/giraff/?go=1")
+    Session.objects.create(
+        robot=robots["giraff"],
+        visitor=newcomer,
+        state="ended",
+        live_key="before",
+        queued_at=timezone.now(),
+        first_motion_at=timezone.now(),
+    )
+    assert invited().label == "Drive Rhodon"
+
+
 def test_robots_by_invitation_are_shown_to_those_who_have_one(client, robots):
     Robot.objects.filter(name="rhodon").update(access=Robot.Access.INVITATION)
     assert "Rhodon" not in read(client.get(reverse("home"))).text
@@ -187,6 +209,7 @@ def test_the_list_tells_no_secrets(client, robots):
         "battery",
         "action",
         "drives",
+        "for_experienced",
         "url",
     }
 

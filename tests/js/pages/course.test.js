@@ -12,7 +12,7 @@ import {
 } from "../../../static/js/pages/admin/course_points.js";
 
 test("points are read from lines and written back to the centimetre", () => {
-  assert.deepEqual(parsePoints("1 2\n\n 3,5;-4 \n"), [
+  assert.deepEqual(parsePoints("1 2\n\n 3,5;-4 \n", "es"), [
     [1, 2],
     [3.5, -4],
   ]);

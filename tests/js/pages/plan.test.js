@@ -18,7 +18,7 @@ test("an opening has two ends, and each is moved by itself", () => {
   const fields = fieldsOf({
     "openings.0.x": "1",
     "openings.0.y": "2",
-    "openings.0.x2": "2,5",
+    "openings.0.x2": "2.5",
     "openings.0.y2": "2",
   });
   const [start, end] = handlesOf(

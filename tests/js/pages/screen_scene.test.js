@@ -36,6 +36,18 @@ test("who waits at a stopped robot and the people there can write to each other"
   assert.deepEqual([away.scene, away.canWrite], ["offline", false]);
 });
 
+test("whoever wants to release a stop is asked first, and the question goes away by itself", () => {
+  const at = (now, fields) => {
+    const { stopped, release } = sceneFor(told(STOPPED, fields), now);
+    return [stopped, release];
+  };
+  assert.deepEqual(at(100, { askedAt: null }), ["ours", "offered"]);
+  assert.deepEqual(at(101, { askedAt: 100 }), ["sure", "sure"]);
+  assert.deepEqual(at(116, { askedAt: 100 }), ["ours", "offered"]);
+  const moving = told({ safety: { estop: false } }, { askedAt: 100 });
+  assert.equal(sceneFor(moving, 101).release, "");
+});
+
 test("whoever releases a stop sees that it is on its way, and what to do without an answer", () => {
   const at = (now, release) => {
     const { stopped, release: button } = sceneFor(told(STOPPED, { release }), now);

@@ -646,7 +646,7 @@ describe("the end of a drive", () => {
   });
 
   test("is none when the visit went on in another tab, or a turn was missed", () => {
-    assert.equal(cardFor(ended("moved")).main.action, "take_over");
+    assert.equal(cardFor(ended("moved")).main.action, "ask_to_take_over");
     assert.equal(cardFor(ended("turn_missed")).main.action, "drive");
     assert.equal(hasEnded(ended("moved")), false);
   });

@@ -102,6 +102,9 @@ const everyState = () => [
   state({ phase: "queued", place: 1 }),
   state({ phase: "queued", place: 3 }),
   state({ phase: "lobby", liveElsewhere: true }),
+  state({ phase: "lobby", liveElsewhere: true, liveSince: 1e9 }, { elsewhere: "browser" }),
+  state({ phase: "elsewhere", liveSince: 1e9 }, { elsewhere: "device" }),
+  state({ phase: "elsewhere" }, { takingOver: true }),
   state({ phase: "lobby", mayDrive: false }),
   state({ phase: "lobby", mayDrive: false, mayObserve: false }),
   state(
@@ -428,6 +431,29 @@ describe("alerts", () => {
     assert.equal(say({}), undefined);
   });
 
+  test("a contact is said with its side until the robot has backed away from it", () => {
+    const say = (...touched) =>
+      alertFor(
+        state(
+          { phase: "driving", link: "live" },
+          { robot: { safety: { ...ROBOT.safety, inhibited: "collision", touched } } },
+        ),
+      ).word;
+    for (const [word, ...touched] of [
+      ["ahead", "ahead"],
+      ["left", "left"],
+      ["left", "ahead", "left"],
+      ["right", "ahead", "right"],
+      ["behind", "behind"],
+      ["behind", "left", "behind"],
+      ["sides", "left", "right"],
+      ["ends", "ahead", "left", "behind"],
+    ]) {
+      assert.equal(say(...touched), `alert.touched.${word}`);
+      assert.ok(SENTENCES.has(`alert.touched.${word}`));
+    }
+  });
+
   test("a lost server does not alarm whoever drives over a living link", () => {
     assert.equal(
       alertFor(state({ phase: "driving", link: "live", socket: "lost" })).word,
@@ -485,6 +511,21 @@ describe("alerts", () => {
     ]) {
       assert.ok(SENTENCES.has(word), word);
     }
+  });
+
+  test("who waits hears of their place, and who watches of the robot", () => {
+    for (const part of PARTS) {
+      for (const then of ["waits", "stops", "stopped"]) {
+        const say = (/** @type {string} */ phase) =>
+          alertFor(state({ phase, link: "live" }, fault(part, then, 105))).word;
+        for (const phase of ["taking", "queued", "turn"]) {
+          assert.equal(say(phase), `fault.${part}.waits`);
+        }
+        assert.equal(say("watching"), `fault.${part}.watched`);
+      }
+    }
+    const gone = state({ phase: "watching", link: "none" }, fault("robot", "waits"));
+    assert.equal(alertFor(gone).word, "fault.robot.stopped");
   });
 
   test("the seconds until the robot stops are counted down, and then it has stopped", () => {

@@ -4,6 +4,7 @@ import json
 import math
 
 import pytest
+from django.utils import translation
 
 from robots.api import floorplan
 from robots.plan_edits import EditError, checkpoints_of, edited, openings_of, with_new
@@ -89,6 +90,12 @@ def test_rooms_that_do_not_touch_are_not_joined():
         joined(((0, 0), (2, 0), (2, 2)), ((9, 9), (11, 9), (11, 11)))
 
 
+@pytest.mark.parametrize("text", ["1,000", "4,1"])
+def test_a_comma_is_no_decimal_mark_in_english(text):
+    with translation.override("en"), pytest.raises(EditError):
+        edited(document(), {"openings.0.y2": text}, anywhere)
+
+
 def test_an_opening_that_is_moved_connects_the_rooms_beside_it():
     fields = {
         "openings.0.x": "4.5",
@@ -96,7 +103,8 @@ def test_an_opening_that_is_moved_connects_the_rooms_beside_it():
         "openings.0.x2": "4.5",
         "openings.0.y2": "4,1",
     }
-    plan = edited(document(), fields, anywhere)
+    with translation.override("es"):
+        plan = edited(document(), fields, anywhere)
     assert plan["passages"][0]["start"] == [4.5, 3.0]
     assert plan["passages"][0]["end"] == [4.5, 4.1]
     assert set(plan["passages"][0]["connects"]) == {"west", "east"}

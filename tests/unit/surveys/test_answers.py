@@ -3,6 +3,7 @@
 import datetime
 
 import pytest
+from django.utils import translation
 
 from surveys.answers import AnswerValue, Missing, check_complete, read_answer, response_statuses
 from surveys.conditions import Circumstances
@@ -29,7 +30,7 @@ def said(
         ("multiple", {"options": ALONE, "at_least": 2}, ["none"], ["none"]),
         ("ranking", {}, ["2.a", "3.b", "1.c"], ["c", "a", "b"]),
         ("number", {"whole": True}, ["42"], 42),
-        ("number", {}, [" 2,5 "], 2.5),
+        ("number", {}, [" 2.5 "], 2.5),
         ("number", {"minimum": -3}, ["-3"], -3.0),
         ("number", {"maximum": "this_year", "whole": True}, ["2026"], 2026),
         ("text", {}, ["  hello\r\nyou "], "hello\nyou"),
@@ -44,6 +45,14 @@ def test_an_answer_is_stored_as_a_value_of_its_kind(kind, more, values, stored):
     given = said(kind, *values, **more)
     assert given == AnswerValue(value=stored)
     assert type(given.value) is type(stored)
+
+
+def test_a_comma_is_a_decimal_mark_in_spanish_and_refused_in_english():
+    with translation.override("es"):
+        assert said("number", "2,5") == AnswerValue(value=2.5)
+    for text in ("2,5", "1,000"):
+        with translation.override("en"), pytest.raises(RefusedError, match="no comma"):
+            said("number", text)
 
 
 @pytest.mark.parametrize(

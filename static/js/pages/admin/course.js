@@ -12,6 +12,7 @@ import {
   without,
   withPoint,
 } from "./course_points.js";
+import { readDecimal } from "../../lib/decimal.js";
 import { element, ground, pointList, toUnits, UNIT, viewBoxOf } from "./course_ground.js";
 import { GRIP, movable, pointAt } from "./map_handles.js";
 
@@ -61,7 +62,7 @@ const checkpoints = (title) => {
   const found = [];
   for (let n = 0; field(`checkpoints.${n}`); n += 1) {
     const [x, y, radius] = ["x", "y", "radius"].map((key) =>
-      Number((field(`checkpoints.${n}.${key}`)?.value ?? "").replace(",", ".") || NaN),
+      readDecimal(field(`checkpoints.${n}.${key}`)?.value ?? ""),
     );
     if (Number.isFinite(x) && Number.isFinite(y)) {
       found.push({

@@ -1,20 +1,23 @@
 /** Points of a course as they stand in the fields of its form, in metres. Pure. */
 
+import { readDecimal } from "../../lib/decimal.js";
+
 /** @typedef {[number, number]} Point */
 
 const NEAR = 0.4; // m: a click so near to a line of the path goes between its ends
 
 /**
  * @param {string} text one point a line, "x y"
+ * @param {string} [language] of the page, as it is
  * @returns {Point[] | null} null when a line is none
  */
-export const parsePoints = (text) => {
+export const parsePoints = (text, language) => {
   const lines = text
     .split("\n")
     .map((line) => line.trim())
     .filter(Boolean);
   const points = lines.map((line) =>
-    line.split(/[\s;]+/).map((word) => Number(word.replace(",", "."))),
+    line.split(/[\s;]+/).map((word) => readDecimal(word, language)),
   );
   return points.every((point) => point.length === 2 && point.every(Number.isFinite))
     ? /** @type {Point[]} */ (points)

@@ -3,6 +3,7 @@
  * them.
  */
 
+import { readDecimal } from "../../lib/decimal.js";
 import { rounded } from "./course_points.js";
 
 /** @typedef {[number, number]} Point */
@@ -29,7 +30,7 @@ import { rounded } from "./course_points.js";
 export const AHEAD = 0.6; // m from a dock to the handle of its direction
 
 /** @param {string | null} text @returns {number} */
-const number = (text) => Number((text ?? "").trim().replace(",", ".") || NaN);
+const number = (text) => readDecimal(text ?? "");
 
 /** @param {number} degrees @returns {number} in (-180, 180], to a tenth */
 export const wrapped = (degrees) =>

@@ -53,6 +53,7 @@ const told = {
   online: true,
   stop: null,
   release: null,
+  askedAt: null,
 };
 const pointers = new RemotePointers({
   video,
@@ -169,7 +170,7 @@ const HANDLERS = {
         told.stop = null;
       }
       if (!message.safety.estop) {
-        told.release = null;
+        told.release = told.askedAt = null;
       }
       show();
     }
@@ -229,12 +230,23 @@ const act = (type, fields = {}, actionId = freshId("screen-")) =>
 
 const stop = () => {
   told.stop = { id: freshId("stop-"), since: unixNow() };
-  told.release = null;
+  told.release = told.askedAt = null;
   repeatStop();
   show();
 };
 
+/**
+ * Asked first, with the answer that changes nothing where the button was: whoever presses the stop
+ * again and again releases nothing.
+ * @param {boolean} asks
+ */
+const askToRelease = (asks) => {
+  told.askedAt = asks ? unixNow() : null;
+  show();
+};
+
 const release = () => {
+  told.askedAt = null;
   told.release = newRelease("screen-");
   act("clear_estop", {}, told.release.id);
   show();
@@ -298,7 +310,9 @@ element("knock-decline").addEventListener("click", () =>
   act("answer_call", { accept: false, knock }),
 );
 element("hang-up").addEventListener("click", () => act("answer_call", { accept: false }));
-element("release").addEventListener("click", release);
+element("release").addEventListener("click", () => askToRelease(true));
+element("release-not").addEventListener("click", () => askToRelease(false));
+element("release-sure").addEventListener("click", release);
 element("hear").addEventListener("click", () => void hear());
 volume.addEventListener("input", () => show());
 element("quick").addEventListener("click", ({ target }) => {
@@ -378,7 +392,10 @@ const show = () => {
 /** @param {import("./scene.js").Display["release"]} releasing */
 const showRelease = (releasing) => {
   const button = /** @type {HTMLButtonElement} */ (element("release"));
-  button.hidden = releasing === "";
+  const asks = releasing === "sure";
+  button.hidden = releasing === "" || asks;
+  element("release-sure").hidden = element("release-not").hidden = !asks;
+  element("stop").hidden = releasing !== "";
   button.disabled = releasing === "asked";
   write(button, words.say(button.disabled ? "release.asked" : "release.offered"));
 };
@@ -419,7 +436,7 @@ const tick = () => {
   link.watch(now);
   repeatStop();
   receipts.tick(now);
-  if (told.release) {
+  if (told.release || told.askedAt) {
     show(); // the time for the robot's answer runs
   }
   if (now - beatAt > BEAT) {

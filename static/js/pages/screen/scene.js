@@ -10,6 +10,8 @@ export const STALE = 4;
 export const STALE_IDLE = 45;
 /** s after which a stop that the robot has not echoed is worth a word */
 const UNCONFIRMED = 2;
+/** s in which the question whether to release a stop waits for its answer */
+const SURE = 15;
 /** what a robot without a visitor does by itself: the server has sent it to its station */
 const ALONE = new Set(["goto", "docking"]);
 
@@ -25,6 +27,8 @@ const ALONE = new Set(["goto", "docking"]);
  *   echoed
  * @property {import("../../protocol/estop_release.js").Release | null} [release] of a stop
  *   that was asked for here and has not come
+ * @property {number | null} [askedAt] when somebody wanted to release it, and was asked whether it
+ *   is safe
  */
 
 /**
@@ -40,8 +44,8 @@ const ALONE = new Set(["goto", "docking"]);
  * @property {boolean} canHangUp
  * @property {string} knock
  * @property {number} watching
- * @property {"" | "ours" | "other" | "wait" | "unconfirmed" | "unreleased"} stopped
- * @property {"" | "offered" | "asked"} release
+ * @property {"" | "ours" | "other" | "wait" | "unconfirmed" | "unreleased" | "sure"} stopped
+ * @property {"" | "offered" | "sure" | "asked"} release
  */
 
 /** @param {Told} told @param {number} now @returns {Display} */
@@ -52,7 +56,6 @@ export const sceneFor = (told, now) => {
   const name = screen?.visitor ?? screen?.waiting ?? "";
   const visited = screen?.visitor != null;
   const scene = sceneOf(told, call, now);
-  const [stopped, release] = [stoppedBy(told, now), releaseOf(told.release ?? null, now)];
   const shares = Boolean(call?.shares);
   return {
     scene,
@@ -71,8 +74,7 @@ export const sceneFor = (told, now) => {
       scene === "offline" || scene === "no_key"
         ? 0
         : Math.max(0, (state?.viewers ?? 0) - (state?.session ? 1 : 0)),
-    stopped: stopped === "ours" && release === "failed" ? "unreleased" : stopped,
-    release: stopped !== "ours" ? "" : release === "failed" ? "offered" : release,
+    ...stopOf(told, now),
   };
 };
 
@@ -111,7 +113,27 @@ const sceneOf = ({ keyed, screen, state, heardAt, online }, call, now) => {
   return call.video ? "seen" : call.audio ? "speaking" : "visiting";
 };
 
-/** @param {Told} told @param {number} now */
+/**
+ * The line about a stop, and what the button is for that releases one that was pressed here.
+ * @param {Told} told
+ * @param {number} now
+ * @returns {Pick<Display, "stopped" | "release">}
+ */
+const stopOf = (told, now) => {
+  const stopped = stoppedBy(told, now);
+  if (stopped !== "ours") {
+    return { stopped, release: "" };
+  }
+  const release = releaseOf(told.release ?? null, now);
+  if (release !== "asked" && told.askedAt && now - told.askedAt < SURE) {
+    return { stopped: "sure", release: "sure" };
+  }
+  return release === "failed"
+    ? { stopped: "unreleased", release: "offered" }
+    : { stopped, release };
+};
+
+/** @param {Told} told @param {number} now @returns {Display["stopped"]} */
 const stoppedBy = ({ state, stop }, now) => {
   if (stop) {
     return now - stop.since > UNCONFIRMED ? "unconfirmed" : "wait";

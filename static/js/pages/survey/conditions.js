@@ -4,6 +4,8 @@
  * for those that depend on it.
  */
 
+import { readDecimal } from "../../lib/decimal.js";
+
 /**
  * @typedef {{ item: string, is: (string | number)[], at_least: number | null,
  *   at_most: number | null }} Condition
@@ -18,7 +20,7 @@ const answerFits = (condition, said) => {
   if (values.length === 0) return false;
   if (condition.is.length > 0)
     return values.some((value) => condition.is.some((one) => sameValue(one, value)));
-  const number = Number(values[0].replace(",", "."));
+  const number = readDecimal(values[0]);
   if (!Number.isFinite(number)) return false;
   return (
     (condition.at_least === null || number >= condition.at_least) &&
@@ -28,7 +30,7 @@ const answerFits = (condition, said) => {
 
 /** @param {string | number} one @param {string} value */
 const sameValue = (one, value) =>
-  typeof one === "number" ? Number(value.replace(",", ".")) === one : one === value;
+  typeof one === "number" ? readDecimal(value) === one : one === value;
 
 /**
  * @param {{ key: string, condition: Condition | null }[]} questions in written order

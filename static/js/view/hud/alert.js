@@ -63,10 +63,19 @@ const faultAlert = ({ visit, faults, serverSilent, now }) => {
     fault.at === null || (fault.part === "broker" && visit.link !== "live")
       ? 0
       : Math.ceil(fault.at - now);
-  const then = fault.then === "stops" && left <= 0 ? "stopped" : fault.then;
+  const driven = fault.then === "stops" && left <= 0 ? "stopped" : fault.then;
+  // Only a driver is told of driving on; who waits hears of the place, who watches of the robot.
+  const then =
+    visit.phase === "driving"
+      ? driven
+      : visit.phase === "watching"
+        ? fault.part === "robot"
+          ? "stopped"
+          : "watched"
+        : "waits";
   return {
     word: `fault.${fault.part}.${then}`,
-    tone: then === "waits" ? "busy" : "danger",
+    tone: then === "waits" || then === "watched" ? "busy" : "danger",
     values: { seconds: left },
   };
 };
@@ -98,7 +107,29 @@ const robotAlert = (state) => {
   if (robot?.safety.inhibited === "fault") {
     return { word: "alert.fault", tone: "danger" };
   }
-  return robot?.safety.collision ? { word: "alert.collision", tone: "busy" } : null;
+  const touched = touchedWord(robot?.safety.touched ?? []);
+  return touched || robot?.safety.collision
+    ? { word: touched || "alert.collision", tone: "busy" }
+    : null;
+};
+
+/**
+ * What happened, on which side, and the way out: a contact beside the robot keeps it from turning,
+ * one ahead or behind from driving on (robots/agent/safety/contacts.py).
+ * @param {string[]} sides that were touched and not backed away from yet
+ * @returns {string} a word, or nothing
+ */
+const touchedWord = (sides) => {
+  const has = (/** @type {string} */ side) => sides.includes(side);
+  if (has("ahead") && has("behind")) {
+    return "alert.touched.ends";
+  }
+  if (has("left") && has("right")) {
+    return "alert.touched.sides";
+  }
+  // Who touched with a front corner backs off from both.
+  const [most] = has("behind") ? ["behind"] : sides.filter((side) => side !== "ahead");
+  return sides.length ? `alert.touched.${most ?? "ahead"}` : "";
 };
 
 /** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */

@@ -30,7 +30,7 @@ import { standstillOf } from "./standstill.js";
 const HOME = { action: "home", word: "do.home" };
 const AGAIN = { action: "drive", word: "do.again" };
 const BACK = { action: "back", word: "do.back" };
-const TAKE_OVER = { action: "take_over", word: "do.take_over" };
+const TAKE_OVER = { action: "ask_to_take_over", word: "do.take_over" };
 const GO_SLOW = { action: "go_slow", word: "do.go_slow" };
 const SOUVENIR = { action: "souvenir", word: "do.souvenir" };
 const SHORTEST_TRIP = 0.5; // m that are worth a picture
@@ -74,6 +74,15 @@ const usualCard = (state) => {
       quiet: true,
     };
   }
+  if (state.takingOver) {
+    // The press that asked does not answer: its place is that of the button that leaves it so.
+    return {
+      word: "taking_over",
+      main: { action: "stay", word: "do.not_now" },
+      extra: { action: "take_over", word: "do.take_over" },
+      quiet: true,
+    };
+  }
   const card = CARDS[state.visit.phase]?.(state) ?? null;
   return card && ["lobby", "queued"].includes(state.visit.phase) ? withRelease(card, state) : card;
 };
@@ -112,7 +121,7 @@ const CARDS = {
   }),
   driving: (state) => link(state),
   watching: (state) => link(state),
-  elsewhere: () => ({ word: "elsewhere", main: TAKE_OVER, other: HOME }),
+  elsewhere: (state) => elsewhere(state),
   refused: ({ visit, ...state }) => ({
     word:
       visit.reason === "offline" && isSimulated(state)
@@ -227,6 +236,26 @@ const ended = (reason, guest, goesHome) => {
   };
 };
 
+/**
+ * The visitor drives already, or another with the visitor's account.
+ * @param {Pick<import("../../drive/features.js").State, "visit" | "elsewhere">} state
+ * @returns {Card}
+ */
+const elsewhere = ({ visit: { liveSince }, elsewhere: where }) => ({
+  word: where ? `elsewhere.${where}` : "elsewhere",
+  detail: liveSince && { word: "elsewhere.since", values: { time: timeOfDay(liveSince) } },
+  main: TAKE_OVER,
+  other: HOME,
+});
+
+/** @param {number} stamp Unix time */
+const timeOfDay = (stamp) =>
+  new Date(1000 * stamp).toLocaleTimeString([], {
+    hour: "2-digit",
+    minute: "2-digit",
+    hourCycle: "h23",
+  });
+
 /** @param {import("../../drive/features.js").State} state @returns {Card} */
 const lobby = ({ visit, room, robot, ...state }) => {
   const watch = { action: "watch", word: "do.watch" };
@@ -234,7 +263,7 @@ const lobby = ({ visit, room, robot, ...state }) => {
     return { word: "connecting", busy: true };
   }
   if (visit.liveElsewhere && visit.mayDrive) {
-    return { word: "elsewhere", main: TAKE_OVER, other: HOME };
+    return elsewhere({ visit, ...state });
   }
   if (!visit.online) {
     return {

@@ -244,7 +244,7 @@ async def test_a_second_visitor_waits_in_the_queue_and_sees_the_robots_view_mean
     [
         ("timed_out", "Your time is up"),
         ("robot_fault", "The robot has a problem"),
-        ("moved", "You continued in another tab"),
+        ("moved", "You are driving on another page now"),
     ],
 )
 async def test_every_end_says_what_happened_and_lets_go_of_the_robot(browser, site, outcome, title):

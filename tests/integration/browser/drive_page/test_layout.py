@@ -84,6 +84,13 @@ FAULTS = """([selector, alert, share]) => {
     .map((one) => [one, boxOf(one)])
     .filter(([one, box]) => box.right - box.left > 2 && box.bottom - box.top > 2
       && !isBehindCard(one, box));
+  // A centred word that is wider than its button scrolls nothing at its left.
+  const isTooWide = (one) => {
+    const words = document.createRange();
+    words.selectNodeContents(one);
+    return one.childElementCount === 0
+      && words.getBoundingClientRect().width > one.clientWidth + 1;
+  };
   const name = (one) => one.id || one.dataset.action || one.className || one.textContent.trim();
   const found = [];
   for (const [i, [one, a]] of shown.entries()) {
@@ -104,11 +111,38 @@ FAULTS = """([selector, alert, share]) => {
   }
   if (alert) [line.textContent, line.hidden] = [text, hidden];
   const stage = document
-    .querySelector("[data-phase=driving]:not([data-map=large]) .stage")
+    .querySelector("[data-phase=driving]:not([data-map=large], :has(.task[data-open]"
+      + ", .places:not([hidden]))) .stage")
     ?.getBoundingClientRect();
-  const video = stage ? (stage.width * stage.height) / (innerWidth * innerHeight) : 1;
-  if (innerWidth < innerHeight && innerHeight > 800 && video < 0.5) {
-    found.push(`the video has ${video.toFixed(2)} of the screen`);
+  const shownShare = stage ? (stage.width * stage.height) / (innerWidth * innerHeight) : 1;
+  if (innerWidth < innerHeight && innerHeight > 800 && shownShare < 0.5) {
+    found.push(`the video has ${shownShare.toFixed(2)} of the screen`);
+  }
+  // A plan is there to be read and pressed: half of an upright screen when it is enlarged, with
+  // nothing over it, and never a sliver.
+  const [panel, plan, video] = [".map-panel", "#map", ".stage"]
+    .map((part) => document.querySelector(`[data-phase=driving] ${part}`)?.getBoundingClientRect());
+  const isUpright = innerWidth < innerHeight;
+  const isLarge = document.querySelector("[data-map=large]");
+  const isOpened = document.querySelector(".task[data-open]");
+  if (panel && isLarge && isUpright && !card && !document.querySelector(".photo:not([hidden])")) {
+    const height = innerHeight > 800 ? plan.height : panel.height;
+    const share = height / innerHeight;
+    if (share < (isOpened ? 0.4 : 0.5)) found.push(`the map has ${share.toFixed(2)} of the screen`);
+    if (video.top < plan.bottom) found.push("the video lies over the map");
+  } else if (panel && panel.height < 60) {
+    found.push(`the map is ${Math.round(panel.height)} high`);
+  }
+  const places = document.querySelector(".places:not([hidden])")?.getBoundingClientRect();
+  if (places && isUpright && places.height < 140) {
+    found.push(`the list of places is ${Math.round(places.height)} high`);
+  }
+  for (const one of document.querySelectorAll("[data-phase=driving] .speed__step")) {
+    if (one.checkVisibility() && isTooWide(one)) found.push(`${one.textContent} is cut off`);
+  }
+  for (const one of document.querySelectorAll(".bar__button, .presence__button, .map-tool")) {
+    const isNamed = one.ariaLabel || one.textContent.trim();
+    if (!isNamed) found.push(`${name(one)} has no name`);
   }
   return found;
 }"""

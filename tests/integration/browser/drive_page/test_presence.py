@@ -324,7 +324,11 @@ async def test_the_screen_answers_first_where_the_owner_wants_it_and_stops_the_r
     assert site.kernel.latch.source == "screen", "on whichever way the stop came first"
     await screen.wait_for_selector("text=Stopped from this display.")
     await kept(screen, "screen-stopped")
-    await screen.click("#release")
+    assert await screen.is_hidden("#stop"), "it is in force: what is to be done now is in its place"
+    for press in ("#release", "#release-not", "#release"):
+        await screen.click(press)
+        assert site.kernel.latch is not None, "nobody releases it by one press too many"
+    await screen.click("#release-sure")
     await until(lambda: site.kernel.latch is None)
     site.end("completed")
     await screen.wait_for_selector("text=Nobody is visiting now.")

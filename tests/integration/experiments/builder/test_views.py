@@ -245,7 +245,7 @@ def test_a_script_is_written_without_json(client, study):
     assert send(client, page, "add:steps:fly").status_code == 302
     names = {f"steps__{n}__title__en": f"Step {n}" for n in range(7)}
     said = {"steps__0__line__en": "Hello, I am here.", "steps__0__shortcut": "1"}
-    send(client, page, title__en="Welcome", steps__4__move__angle="0,3", **names, **said)
+    send(client, page, title__en="Welcome", steps__4__move__angle="0.3", **names, **said)
     (stage,) = stored().wizard.stages
     assert len({step.key for step in stage.steps}) == 7
     assert (stage.steps[0].line, stage.steps[0].move) == ({"en": "Hello, I am here."}, None)
@@ -267,7 +267,7 @@ def test_a_script_is_written_without_json(client, study):
 
 
 def test_a_coding_scheme_is_written_without_json(client, study):
-    send(client, section(study, "coding"), coding__on="on", coding__bin="0,5")
+    send(client, section(study, "coding"), coding__on="on", coding__bin="0.5")
     assert wrong() == ["The coding scheme has no codes."]
     add_to(client, study, "codes")
     page = section(study, "codes", 0)

@@ -333,6 +333,9 @@ async def test_a_second_tab_is_refused_or_takes_over_and_the_first_is_told(bridg
         await second_tab.say("session/take", protocol.Take())
         refused = await second_tab.expect("session/refused")
         assert (refused.reason, refused.session) == ("elsewhere", granted.session)
+        assert refused.since == pytest.approx(time.time(), abs=patient(30.0))
+        async with Page("giraff", ada) as third_tab:
+            assert (await third_tab.expect("hello")).live_since == refused.since
         moved = await second_tab.take(session=granted.session, takeover=True)
         ended = await first_tab.expect("session/ended")
         await first_tab.say(
@@ -440,6 +443,15 @@ async def test_everybody_sees_who_drives_and_how_many_watch_and_wait(bridge, rob
         )
         await other.say("session/take", protocol.Take())
         await until_room(driver, lambda authorization: authorization.waiting == 1)
+
+
+async def test_who_closes_the_page_in_the_queue_is_counted_no_more(bridge, robot, ada, bob):
+    async with Page("giraff", ada) as driver:
+        await driver.take()
+        async with Page("giraff", bob) as other:
+            await other.say("session/take", protocol.Take())
+            await until_room(driver, lambda room: room.waiting == 1)
+        await until_room(driver, lambda room: room.waiting == 0)
 
 
 def goes_home(robot):

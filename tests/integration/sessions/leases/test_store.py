@@ -486,7 +486,8 @@ def test_two_tabs_that_ask_for_a_free_robot_at_once_get_one_session(giraff, ana,
         lambda: first.append(store.take(giraff, ana, "peer-1", now=NOW)),
     )
     second = store.take(giraff, ana, "peer-2", now=NOW)
-    assert second == store.TakeRefused("elsewhere", first[0].session)
+    assert (second.reason, second.session) == ("elsewhere", first[0].session)
+    assert second.since is not None
     assert Session.objects.count() == 1
 
 

@@ -3,6 +3,7 @@
 import msgspec
 import pytest
 from django.http import QueryDict
+from django.utils import translation
 
 from experiments.builder.labels import GUIDE
 from experiments.builder.pages import clicked_point, renumber
@@ -123,8 +124,12 @@ def test_an_empty_field_has_the_value_that_the_class_says():
     )
 
 
-def test_a_comma_is_read_as_a_decimal_point():
-    assert StudyPartForm.read(TaskStep, task(minutes="2,5"))["minutes"] == 2.5
+def test_a_comma_is_a_decimal_mark_in_spanish_and_refused_in_english():
+    with translation.override("es"):
+        assert StudyPartForm.read(TaskStep, task(minutes="2,5"))["minutes"] == 2.5
+    for text in ("2,5", "1,000"):
+        form = StudyPartForm.read(TaskStep, task(minutes=text))
+        assert errors(TaskStep, form)["minutes"].startswith("Use a decimal point and no comma")
 
 
 def test_texts_in_other_languages_are_shown_until_somebody_empties_them():

@@ -32,8 +32,8 @@ def room(*, direct, by_sfu=0):
     return peers
 
 
-def lease(epoch=1):
-    return Lease(session="s", epoch=epoch, peer="p", who="Ada", renewal=1, stamp=1.0)
+def lease(epoch=1, renewal=1):
+    return Lease(session="s", epoch=epoch, peer="p", who="Ada", renewal=renewal, stamp=1.0)
 
 
 @pytest.fixture
@@ -87,9 +87,11 @@ def test_a_robot_is_read_anew_after_each_lease_and_now_and_then_once_for_all_pag
     assert peers.is_to_be_read(known, PAGE_SEEN_EVERY)
     known.take_lease(lease(), 11.0)
     assert not peers.is_to_be_read(known, 11.0)
-    known.take_lease(None, 12.0)
-    assert peers.is_to_be_read(known, 12.0)
-    assert not peers.is_to_be_read(known, 12.5)
+    known.take_lease(lease(renewal=2), 11.0 + PAGE_SEEN_EVERY)
+    assert peers.is_to_be_read(known, 11.0 + PAGE_SEEN_EVERY), "who waits comes and goes, too"
+    known.take_lease(None, 22.0)
+    assert peers.is_to_be_read(known, 22.0)
+    assert not peers.is_to_be_read(known, 22.5)
 
 
 def test_a_site_may_have_fewer_watch_the_robot_itself(known, settings):

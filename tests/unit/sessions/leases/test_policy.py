@@ -136,6 +136,16 @@ def test_who_waits_with_a_closed_page_does_not_block_the_others_and_keeps_the_pl
     assert world.take("ben").place == 1
 
 
+def test_who_has_closed_the_page_is_counted_by_nobody_behind_them(world):
+    world.take("ana")
+    world.take("ben")
+    assert world.take("cem").place == 2
+    world.change(world.session_of("ben").id, seen_at=None, lost_at=world.now)
+    assert world.take("cem").place == 1
+    world.change(world.session_of("ben").id, seen_at=world.now, lost_at=None)
+    assert [world.take(who).place for who in ("ben", "cem")] == [1, 2]
+
+
 def test_an_offered_turn_is_for_nobody_else(world):
     world.take("ana")
     world.take("ben")
