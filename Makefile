@@ -13,7 +13,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-PHOTOGRAPHED := $(addprefix tests/integration/browser/test_,accessibility.py autonomy.py slow_picture.py replay.py) tests/integration/browser/drive_page/test_presence.py
+PHOTOGRAPHED := $(addprefix tests/integration/browser/,pages/test_accessibility.py visits/test_autonomy.py visits/test_slow_picture.py studies/test_replay.py drive_page/test_presence.py)
 export PORT LAN RESET
 
 .PHONY: demo check test nightly soak lint format bench docs messages lock setup setup-dev test-packages screenshots
@@ -59,10 +59,10 @@ bench: setup-dev test-packages
 	$(BIN)/python -m benchmarks
 
 screenshots: setup-dev test-packages
-	$(BIN)/python -m tests.support.screenshots
+	$(BIN)/python -m tests.support.browsers.screenshots
 	mkdir -p var/screenshots/es
 	SCREENSHOTS=var/screenshots $(BIN)/python -m pytest -q $(PHOTOGRAPHED)
-	SCREENSHOTS=var/screenshots/es SCREENSHOTS_LANGUAGE=es $(BIN)/python -m pytest -q tests/integration/browser/test_accessibility.py -k "strangers or visitors or step"
+	SCREENSHOTS=var/screenshots/es SCREENSHOTS_LANGUAGE=es $(BIN)/python -m pytest -q tests/integration/browser/pages/test_accessibility.py -k "strangers or visitors or step"
 
 docs: setup-dev
 	$(BIN)/python -m robots.api.reference

@@ -22,7 +22,7 @@ from experiments.analysis.dataset.columns import NETWORK, STATES
 from experiments.analysis.dataset.folder import read, write
 from experiments.analysis.dataset.records import Columns, Dataset, columns_of
 from experiments.analysis.report import analyse
-from tests.support.study_dataset import drive, link, made_up
+from tests.support.analysis.study_dataset import drive, link, made_up
 
 SEED = 20170
 STATES_A_SESSION = 1200

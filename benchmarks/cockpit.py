@@ -134,8 +134,8 @@ async def drive(
 
 async def measure(seconds: float) -> list[Figure]:
     """Return all figures."""
-    from tests.support.chromium import CHROMIUM, FLAGS
-    from tests.support.fake_robot_page import FakeRobotPage
+    from tests.support.browsers.chromium import CHROMIUM, FLAGS
+    from tests.support.browsers.fake_robot_page import FakeRobotPage
 
     with FakeRobotPage() as site:
         async with async_playwright() as playwright:

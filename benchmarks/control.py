@@ -18,9 +18,9 @@ from typing import Any
 from playwright.sync_api import Browser, sync_playwright
 
 from benchmarks.table import keep, quantiles
-from tests.support.site import Site, running_site, wait_for
-from tests.support.truth import Onlooker
-from tests.support.visitor import Visitor, chromium
+from tests.support.agents.truth import Onlooker
+from tests.support.browsers.visitor import Visitor, chromium
+from tests.support.sessions.site import Site, running_site, wait_for
 
 PRESSES = 60
 STOPS = 40

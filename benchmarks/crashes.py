@@ -27,7 +27,7 @@ from benchmarks.traffic.places import RunningSite, running_place
 from benchmarks.traffic.worker import Hands
 from tests.support.host_jitter import watched
 from tests.support.patience import patient
-from tests.support.site import wait_for
+from tests.support.sessions.site import wait_for
 
 RESULTS = Path(__file__).parent / "results" / "crashes.json"
 PLACE = os.environ.get("CRASH_PLACE", "server-2")

@@ -1,7 +1,8 @@
 """Every controller drives the whole office in a real browser: out of the dock, through both doors
 to the far end, and back.
 
-Whoever drives sees what the page shows and nothing else (tests/support/scripted_visitor.py).
+Whoever drives sees what the page shows and nothing else
+(tests/support/browsers/scripted_visitor.py).
 Printed for each controller: seconds, metres, contacts with walls, furniture and doors, and how
 often they pressed on the picture, and at its sides to turn. `keyboard mouse` does these two alone.
 It takes some minutes, at the robot's own pace; nothing in it is a bound but that nobody touches
@@ -43,8 +44,8 @@ def on_picture(hand: Callable[[Page], Any]) -> Callable[[Any, Any], float]:
 
 def controllers() -> dict[str, tuple[dict[str, Any], Callable[[Any, Any], float]]]:
     """Return each controller's kind of screen, and how one tours with it."""
-    from tests.support.first_time_user import Keys
-    from tests.support.scripted_visitor import Mouse, Pad, Thumb, Touch
+    from tests.support.browsers.first_time_user import Keys
+    from tests.support.browsers.scripted_visitor import Mouse, Pad, Thumb, Touch
 
     def fingers(page: Page) -> Touch:
         return Touch(page.context.new_cdp_session(page))
@@ -61,10 +62,10 @@ def controllers() -> dict[str, tuple[dict[str, Any], Callable[[Any, Any], float]
 def tour(browser: Browser, name: str) -> list[Figure]:
     """Return the figures of one controller."""
     from robots.world.sites import load_plan
-    from tests.support.fake_robot_page import FakeRobotPage
+    from tests.support.browsers.fake_robot_page import FakeRobotPage
+    from tests.support.browsers.scripted_visitor import Tour
+    from tests.support.media.scene_source import SceneSource
     from tests.support.patience import patient
-    from tests.support.scene_source import SceneSource
-    from tests.support.scripted_visitor import Tour
 
     screen, go = controllers()[name]
     plan, _ = load_plan("office")
@@ -101,7 +102,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("controllers", nargs="*", metavar="controller")
     django.setup()
-    from tests.support.visitor import chromium
+    from tests.support.browsers.visitor import chromium
 
     names = parser.parse_args().controllers or list(controllers())
     with sync_playwright() as playwright, chromium(playwright) as browser:

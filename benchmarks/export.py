@@ -30,7 +30,7 @@ def stored(sessions: int) -> str:
     from django.core.management import call_command
     from django.db import transaction
 
-    from tests.support.study_rows import put
+    from tests.support.studies.study_rows import put
 
     call_command("migrate", verbosity=0)
     with transaction.atomic():

@@ -36,7 +36,7 @@ from benchmarks.traffic import shares
 from benchmarks.traffic.flooder import HOST, KEY_FLOODS, STRANGER_FLOODS
 from benchmarks.traffic.mqtt_line import MqttLine, hello
 from robots.api import topics
-from tests.support.server import certificate
+from tests.support.programs.server import certificate
 
 ROOT = Path(__file__).resolve().parents[1]
 HONEST, HOSTILE = "honest", "hostile"

@@ -33,7 +33,7 @@ from benchmarks.traffic.worker import Hands
 from robots.api import codec, topics
 from robots.api import messages as m
 from robots.api.idle import WATCHER
-from tests.support.site import LOOPBACK, wait_for
+from tests.support.sessions.site import LOOPBACK, wait_for
 
 ROBOTS = int(os.environ.get("IDLE_ROBOTS", "10000"))
 SECONDS = float(os.environ.get("IDLE_SECONDS", "60"))

@@ -27,7 +27,7 @@ import numpy as np
 from benchmarks.traffic import shares
 from benchmarks.traffic.places import RunningSite, running_place
 from benchmarks.traffic.worker import Hands
-from tests.support.site import wait_for
+from tests.support.sessions.site import wait_for
 
 RESULTS = Path(__file__).parent / "results" / "load.json"
 PLACES = tuple(os.environ.get("LOAD_PLACES", "demo,server-1,server-2").split(","))

@@ -1,10 +1,11 @@
 """Every network of a visitor against every network of a robot: by which way they meet, how soon
 there is a picture, how long a round trip takes.
 
-Linux, as root. The networks are namespaces (tests/support/networks.py). In the internet stands the
-server of docs/howto/run-a-server.md, with the files of deploy/: nginx with TLS on 443, Mosquitto,
-coturn at a second address with TLS on 443, PostgreSQL, Redis. Behind each visitor's router runs a
-Chromium, behind the robot's its agent. A cell is one visit: take the robot, see it, turn it.
+Linux, as root. The networks are namespaces (tests/support/programs/networks.py). In the internet
+stands the server of docs/howto/run-a-server.md, with the files of deploy/: nginx with TLS on 443,
+Mosquitto, coturn at a second address with TLS on 443, PostgreSQL, Redis. Behind each visitor's
+router runs a Chromium, behind the robot's its agent. A cell is one visit: take the robot, see it,
+turn it.
 
 `python -m benchmarks networks`, or with some of the networks: `python -m benchmarks.networks
 --visitors "no UDP" --robots open`.
@@ -29,9 +30,10 @@ from typing import Any, Self
 from playwright.sync_api import Browser, Playwright, sync_playwright
 
 from benchmarks.table import RESULTS
-from tests.support.chromium import CHROMIUM
-from tests.support.coturn import SECRET, Coturn, deployed_limits
-from tests.support.networks import (
+from tests.support.browsers.chromium import CHROMIUM
+from tests.support.browsers.visitor import Visitor, chromium
+from tests.support.programs.coturn import SECRET, Coturn, deployed_limits
+from tests.support.programs.networks import (
     HOME,
     LAN_SERVER,
     NO_UDP,
@@ -44,9 +46,8 @@ from tests.support.networks import (
     Internet,
     internet,
 )
-from tests.support.server import PORTS, Server, running_server
-from tests.support.site import ROOT, free_port, wait_for
-from tests.support.visitor import Visitor, chromium
+from tests.support.programs.server import PORTS, Server, running_server
+from tests.support.sessions.site import ROOT, free_port, wait_for
 
 NETWORKS = {"open": OPEN, "NAT": HOME, "strict NAT": STRICT, "no UDP": NO_UDP, "only 443": WEB_ONLY}
 LAN = "LAN"

@@ -11,8 +11,8 @@ import psutil
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from benchmarks.table import Figure, keep, quantiles
-from tests.support.site import Site, running_site, wait_for
-from tests.support.visitor import Visitor, chromium
+from tests.support.browsers.visitor import Visitor, chromium
+from tests.support.sessions.site import Site, running_site, wait_for
 
 LOADS = 20
 COLD_LOADS = 5  # with nothing in the browser's cache

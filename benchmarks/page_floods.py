@@ -27,10 +27,10 @@ from robots.agent.thread_priority import SECOND, set_nice
 from robots.api import messages as m
 from robots.api.codec import encode_frame
 from robots.interpreter import set_up_for_latency
-from tests.support.browser_page import BrowserPage, chromium
-from tests.support.control_rig import ThreadedControlRig, stamped
-from tests.support.loopback_peer import Exchange, until
-from tests.support.synthetic_camera import SyntheticCamera, SyntheticMicrophone
+from tests.support.agents.control_rig import ThreadedControlRig, stamped
+from tests.support.browsers.browser_page import BrowserPage, chromium
+from tests.support.media.loopback_peer import Exchange, until
+from tests.support.media.synthetic_camera import SyntheticCamera, SyntheticMicrophone
 
 SECONDS = 20.0
 FLOOD = 10_000  # frames a second and page

@@ -18,15 +18,15 @@ import numpy as np
 from playwright.sync_api import sync_playwright
 
 from benchmarks.table import Figure, keep, quantiles
-from tests.support.site import APPLICATION, DAPHNE, LOOPBACK, Site, wait_for
-from tests.support.visitor import Visitor, chromium
+from tests.support.browsers.visitor import Visitor, chromium
+from tests.support.sessions.site import APPLICATION, DAPHNE, LOOPBACK, Site, wait_for
 
 LOADS = 12
 SECONDS, COMMANDS, EVENTS = 600, 4, 200
 DRAWN = "performance.getEntriesByName('replay:drawn').map((mark) => mark.startTime / 1000)"
 MAKE = f"""
 from accounts.models import User
-from tests.support import replays
+from tests.support.sessions import replays
 User.objects.update(is_superuser=True, is_staff=True)
 robot, ada, ben = replays.cabin_robot("cabin"), User(username="ada"), User(username="ben")
 ada.save(), ben.save()

@@ -22,7 +22,7 @@ import msgspec
 
 from benchmarks import states
 from benchmarks.table import Figure, keep, quantiles
-from tests.support.postgres import running_postgres
+from tests.support.programs.postgres import running_postgres
 
 SESSIONS = int(os.environ.get("RETENTION_SESSIONS", "2200"))
 DAYS, CHUNKS = 365, 600

@@ -19,7 +19,7 @@ from robots.api.messages import Goto
 from robots.world.robot_models import MODELS
 from robots.world.sensing import LaserScan
 from robots.world.sites import load_plan, shipped_sites
-from tests.support.headless_robot import DT, HeadlessRobot
+from tests.support.agents.headless_robot import DT, HeadlessRobot
 
 STEP = 0.02
 LASER_EVERY = (0, 2, 5, 7)  # of ten steps: 20 Hz

@@ -15,7 +15,9 @@ from tests.support.collected import collected_files
 
 LONGEST_FILE_S = 20.0
 
-pytest.register_assert_rewrite("tests.support.adapter_conformance", "tests.support.rca_conformance")
+pytest.register_assert_rewrite(
+    "tests.support.architectures.adapter_conformance", "tests.support.architectures.rca_conformance"
+)
 
 # A busy computer is slow at everything: an example that takes long is no finding. The same examples
 # every time, so that a change is judged by what it changes; `pytest --hypothesis-profile=search`

@@ -36,7 +36,7 @@ from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import AssistLevel, Scan, Velocity
 from robots.world.robot_models import MODELS, RobotModel
 from robots.world.sites import load_site, shipped_sites
-from tests.support.kernel_bench import Bench
+from tests.support.agents.kernel_bench import Bench
 
 TICK = 0.02
 COMMANDED, RENEWED = 3, 250  # ticks between two commands, and between two renewals of the lease

@@ -24,7 +24,7 @@ from robots.api.floorplan import Checkpoint, Place
 from robots.api.geometry import wrap_angle
 from robots.world.robot_models import MODELS
 from robots.world.sites import load_site, shipped_sites, with_doors
-from tests.support.navigation_rig import Rig
+from tests.support.agents.navigation_rig import Rig
 
 JUDGING = 20_000
 TIMEOUT = 600.0  # simulated seconds to dock, and for each leg of the study run

@@ -21,7 +21,7 @@ from robots.api.geometry import Pose2D, wrap_angle
 from robots.world.robot_models import MODELS
 from robots.world.sensing import Estimate
 from robots.world.sites import Site, load_site, shipped_sites
-from tests.support.wanderer import TICK, Wanderer, Ways, standing_somewhere
+from tests.support.agents.wanderer import TICK, Wanderer, Ways, standing_somewhere
 
 JUDGING = 20_000
 EVERY = round(0.1 / TICK)  # ticks between two updates: 10 Hz

@@ -38,7 +38,7 @@ from robots.world.inspection import BACKED_OUT, Floor, drawn_plan
 from robots.world.render_plan import rasterise
 from robots.world.robot_models import MODELS, RobotModel
 from robots.world.sites import Site, load_site
-from tests.support.navigation_rig import Rig
+from tests.support.agents.navigation_rig import Rig
 
 CANDIDATES = 16  # of which the one farthest from all goals so far is the next
 
@@ -67,7 +67,7 @@ def made_sites(maps: list[str], folder: Path) -> dict[str, Site]:
     from django.test import Client
     from django.test.utils import setup_test_environment
 
-    from tests.support.page_sites import site_by_page
+    from tests.support.agents.page_sites import site_by_page
 
     setup_test_environment()
     call_command("migrate", verbosity=0)

@@ -31,7 +31,7 @@ from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.floorplan import DoorState
 from robots.world.robot_models import MODELS, RobotModel
 from robots.world.sites import load_site, shipped_sites, with_doors
-from tests.support.navigation_rig import Rig
+from tests.support.agents.navigation_rig import Rig
 
 JUDGING = 10_000
 AT_GOAL = 0.3  # metres, by the truth

@@ -15,7 +15,7 @@ from dataclasses import replace
 from robots.agent.agent import Agent, run_until_signalled
 from robots.agent.config import load
 from robots.api.messages import Velocity
-from tests.support.scripted_robot import ScriptedRobot
+from tests.support.agents.scripted_robot import ScriptedRobot
 
 
 class BasedRobot(ScriptedRobot):

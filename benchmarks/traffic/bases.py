@@ -9,7 +9,7 @@ from collections import defaultdict
 from types import TracebackType
 from typing import Self
 
-from tests.support.scripted_robot import WATCHDOG
+from tests.support.agents.scripted_robot import WATCHDOG
 
 LONGEST = 200
 

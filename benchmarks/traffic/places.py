@@ -22,9 +22,9 @@ from telepresence_site.serving import APPLICATION, DAPHNE
 from tests.support.clustered_brokers.nats import HOST, NatsNodes
 from tests.support.clustered_brokers.node import Node
 from tests.support.clustered_brokers.site import ClusterSite
-from tests.support.postgres import Postgres, running_postgres
-from tests.support.server import program
-from tests.support.site import LOOPBACK, Site, free_port, wait_for
+from tests.support.programs.postgres import Postgres, running_postgres
+from tests.support.programs.server import program
+from tests.support.sessions.site import LOOPBACK, Site, free_port, wait_for
 
 ROBOTS = """
 import json

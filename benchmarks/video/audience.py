@@ -21,9 +21,9 @@ from aiortc import RTCPeerConnection
 from benchmarks.table import Figure, keep
 from benchmarks.video.media import cpu_of_tree, load
 from benchmarks.video.media_robots import RobotProcess
-from tests.support.janus import Janus
-from tests.support.loopback_peer import until
-from tests.support.sfu_rig import SfuPage, SfuRig
+from tests.support.media.loopback_peer import until
+from tests.support.media.sfu_rig import SfuPage, SfuRig
+from tests.support.programs.janus import Janus
 
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "tests.settings")
 AUDIENCES = (1, 8, 100)

@@ -21,8 +21,8 @@ from playwright.async_api import Browser
 from benchmarks.table import RESULTS
 from benchmarks.video.media_robots import RobotProcess
 from robots.api.messages import Bye
-from tests.support.browser_page import BrowserPage, chromium
-from tests.support.loopback_peer import Exchange, LoopbackPage, until
+from tests.support.browsers.browser_page import BrowserPage, chromium
+from tests.support.media.loopback_peer import Exchange, LoopbackPage, until
 
 BLOCKS = 3  # of each kind
 BLOCK = 6.0  # s

@@ -21,8 +21,8 @@ from robots.agent.adapters import registry
 from robots.agent.media import MediaSide
 from robots.agent.media.webrtc.sdp import parsed_candidate
 from robots.api.messages import Candidate, SdpAnswer, SdpOffer, Signal, Velocity
-from tests.support.loopback_peer import Exchange
-from tests.support.synthetic_camera import SyntheticCamera, SyntheticMicrophone
+from tests.support.media.loopback_peer import Exchange
+from tests.support.media.synthetic_camera import SyntheticCamera, SyntheticMicrophone
 
 TURNING = Velocity(linear=0.0, angular=0.5)
 

@@ -18,10 +18,10 @@ from typing import Any
 from playwright.sync_api import Page, sync_playwright
 
 from benchmarks.table import Figure, keep, quantiles
-from tests.support.chromium import CHROMIUM
-from tests.support.namespace import HERE, Namespace, namespace
-from tests.support.site import LOOPBACK, Site, running_site
-from tests.support.visitor import Visitor, chromium
+from tests.support.browsers.chromium import CHROMIUM
+from tests.support.browsers.visitor import Visitor, chromium
+from tests.support.programs.namespace import HERE, Namespace, namespace
+from tests.support.sessions.site import LOOPBACK, Site, running_site
 
 RATE = "400kbit"
 NARROW, WIDE = 25.0, 15.0  # s

@@ -251,8 +251,8 @@ _DRIVING = """\
 ## A program that drives
 
 A program with the session of a logged-in visitor can drive like our page, over one WebSocket,
-without WebRTC. Frames are as above; only pictures are binary. `tests/support/document_client.py` is
-such a program, written from this section.
+without WebRTC. Frames are as above; only pictures are binary.
+`tests/support/browsers/document_client.py` is such a program, written from this section.
 
 **The socket** is `wss://<site>/ws/robots/<robot>/`, with the cookie `sessionid` of a logged-in
 visitor and the site's own address as `Origin`. Close codes 4401 (logged out), 4403 (not allowed)

@@ -134,7 +134,7 @@ def _shortcuts(home: str) -> list[dict[str, Any]]:
 
 def _screenshots() -> list[dict[str, str]]:
     """Return the pictures that browsers show to whoever installs the page;
-    tests/support/screenshots.py takes them.
+    tests/support/browsers/screenshots.py takes them.
     """
     seen = (
         ("wide", "1280x800", _("Driving, on a large screen")),

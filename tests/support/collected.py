@@ -15,7 +15,7 @@ from typing import Any
 from django.contrib.staticfiles.finders import BaseFinder
 
 from telepresence_site.web.static_files import HashedModules
-from tests.support.kept_folder import kept_folder
+from tests.support.analysis.kept_folder import kept_folder
 from tests.support.paths import ROOT
 
 

@@ -2,7 +2,7 @@ import pytest
 from django.urls import reverse
 
 from accounts.models import User
-from tests.support.html_page import read
+from tests.support.browsers.html_page import read
 from tests.support.people import person
 
 pytestmark = pytest.mark.django_db

@@ -15,7 +15,7 @@ from django.urls import reverse
 from tests.support.collected import collected_files
 from tests.support.paths import ROOT
 from tests.support.people import PASSWORD, person
-from tests.support.site import DATABASE, empty_database
+from tests.support.sessions.site import DATABASE, empty_database
 
 ASK = """
 import json, django

@@ -8,7 +8,7 @@ from django.core import mail
 from django.urls import reverse
 
 from accounts.models import User
-from tests.support.html_page import read
+from tests.support.browsers.html_page import read
 from tests.support.people import PASSWORD, person
 
 pytestmark = pytest.mark.django_db

@@ -19,10 +19,10 @@ from experiments.models import Participant, ParticipantKind, Rehearsal, Study, S
 from experiments.participation import completion
 from surveys.models import Questionnaire
 from tests.integration.experiments.test_publishing import NOW, WHY
-from tests.support.html_page import faults, read
+from tests.support.browsers.html_page import faults, read
 from tests.support.people import person
-from tests.support.studies import STUDY, small_study
-from tests.support.study_site import cabin_with_giraff
+from tests.support.studies.studies import STUDY, small_study
+from tests.support.studies.study_site import cabin_with_giraff
 
 pytestmark = pytest.mark.django_db
 LIST, ADD = "admin:experiments_study_changelist", "admin:experiments_study_add"

@@ -14,8 +14,8 @@ from experiments.analysis.report import reports
 from experiments.dataset.build import dataset_of
 from experiments.dataset.selection import Selection
 from experiments.export.files import export_files
-from tests.support.study_dataset import made_up
-from tests.support.study_rows import put
+from tests.support.analysis.study_dataset import made_up
+from tests.support.studies.study_rows import put
 
 pytestmark = pytest.mark.django_db
 STATEMENTS = [f"q{n}" for n in range(1, 9)]

@@ -14,8 +14,8 @@ from collections.abc import Iterator
 import pytest
 
 from tests.support.paths import ROOT
-from tests.support.postgres import running_postgres
-from tests.support.site import DATABASE, empty_database
+from tests.support.programs.postgres import running_postgres
+from tests.support.sessions.site import DATABASE, empty_database
 
 pytestmark = [pytest.mark.long, pytest.mark.nightly]
 
@@ -24,9 +24,9 @@ PREPARE = """
 import json, django
 django.setup()
 from accounts.models import User
-from tests.support import participants as p
-from tests.support.studies import small_study
-from tests.support.task_session import cabin_robot
+from tests.support.studies import participants as p
+from tests.support.studies.studies import small_study
+from tests.support.studies.task_session import cabin_robot
 cabin_robot()
 study = p.published(small_study(allocation=allocation))
 users = User.objects.bulk_create(User(username=f"visitor-{n}") for n in range(count))
@@ -75,7 +75,7 @@ def django(environment: dict[str, str], code: str) -> list:
 
 def race(environment: dict[str, str], keys: list[str]) -> list[list[str]]:
     """Two at a time; what each was told."""
-    command = [sys.executable, "-m", "tests.support.cell_racer"]
+    command = [sys.executable, "-m", "tests.support.sessions.cell_racer"]
     racers = [
         subprocess.Popen(
             command,

@@ -1,5 +1,5 @@
 """A study's dataset in a repository: as a draft, compared, sent once, and with a reason where it
-cannot be. The repositories are doubles (tests/support/repository_doubles.py).
+cannot be. The repositories are doubles (tests/support/programs/repository_doubles.py).
 """
 
 import io
@@ -20,14 +20,14 @@ from experiments.definition.publication import Author, PublicationDetails
 from experiments.models import Study, StudyMember
 from tests.integration.experiments.test_publishing import NOW
 from tests.support.people import person
-from tests.support.repository_doubles import (
+from tests.support.programs.repository_doubles import (
     GOOD,
     READ_ONLY,
     OsfDouble,
     ZenodoDouble,
     running,
 )
-from tests.support.studies import small_study
+from tests.support.studies.studies import small_study
 
 pytestmark = pytest.mark.django_db
 DETAILS = PublicationDetails(

@@ -22,7 +22,7 @@ from robots.api.messages import AppliedCommand, Battery, Pose, State, Velocity
 from robots.world.robot_models import GIRAFF
 from robots.world.sites import load_plan
 from sessions.protocol import Task
-from tests.support.task_drives import BACK, HOME, THERE, Drive, cues, run, told, track
+from tests.support.studies.task_drives import BACK, HOME, THERE, Drive, cues, run, told, track
 
 T = DOCKED.seconds
 

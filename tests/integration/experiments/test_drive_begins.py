@@ -21,12 +21,12 @@ from sessions.leases import store
 from sessions.leases.transitions import RobotLink
 from sessions.manager.scheduler import Scheduler
 from sessions.models import Session, SessionEvent
-from tests.support import participants as p
-from tests.support.docked_robot import report_in_dock
-from tests.support.studies import small_study
-from tests.support.task_drives import BACK, THERE
-from tests.support.task_drives import Drive as Told
-from tests.support.task_session import begin, cabin_robot, close, small_conditions, write
+from tests.support.agents.docked_robot import report_in_dock
+from tests.support.studies import participants as p
+from tests.support.studies.studies import small_study
+from tests.support.studies.task_drives import BACK, THERE
+from tests.support.studies.task_drives import Drive as Told
+from tests.support.studies.task_session import begin, cabin_robot, close, small_conditions, write
 
 pytestmark = pytest.mark.django_db
 NOW = datetime.datetime.now(datetime.UTC)

@@ -35,9 +35,9 @@ from experiments.models import Participant
 from sessions.models import SessionEvent, Snapshot, StateChunk
 from surveys.models import Answer
 from surveys.questions.text import TextItem
+from tests.support.analysis.study_dataset import made_up
 from tests.support.paths import ROOT
-from tests.support.study_dataset import made_up
-from tests.support.study_rows import AGENT, put
+from tests.support.studies.study_rows import AGENT, put
 
 pytestmark = [pytest.mark.django_db, pytest.mark.long]
 

@@ -31,11 +31,11 @@ from sessions.models import Session, SessionEvent, Snapshot
 from sessions.recording.builder import RecordBuilder
 from sessions.recording.items import ActionItem, EventItem, PageItem, PhotoItem, StateItem
 from sessions.recording.store import RecordStore
-from tests.support.filled import Filler, as_stored, kinds
-from tests.support.jpegs import with_metadata
-from tests.support.study_dataset import made_up
-from tests.support.study_rows import put
-from tests.support.traces import Known, known, members, traces
+from tests.support.analysis.filled import Filler, as_stored, kinds
+from tests.support.analysis.study_dataset import made_up
+from tests.support.media.jpegs import with_metadata
+from tests.support.studies.study_rows import put
+from tests.support.studies.traces import Known, known, members, traces
 
 pytestmark = [pytest.mark.django_db, pytest.mark.long]
 EVERY_FORMAT = frozenset(ON_REQUEST)

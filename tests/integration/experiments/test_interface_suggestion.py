@@ -11,7 +11,7 @@ from sessions import interfaces
 from surveys.questionnaires import store
 from surveys.responses import Context, Respondent, Saving, begin, finish, save_one
 from tests.support.people import person
-from tests.support.questionnaires import NOW, defined, item
+from tests.support.studies.questionnaires import NOW, defined, item
 
 LATER = NOW + datetime.timedelta(days=1)
 

@@ -32,15 +32,15 @@ from sessions.leases import store as leases
 from sessions.models import Session
 from surveys.models import Answer, Response
 from surveys.questionnaires import store
-from tests.support import participants as p
-from tests.support import task_drives
-from tests.support.html_page import read
+from tests.support.browsers.html_page import read
 from tests.support.people import person
-from tests.support.questionnaires import defined, item
-from tests.support.studies import STUDY, small_study
-from tests.support.study_walk import Walker
-from tests.support.task_drives import FIRST
-from tests.support.task_session import cabin_robot, close, say, small_conditions, write
+from tests.support.studies import participants as p
+from tests.support.studies import task_drives
+from tests.support.studies.questionnaires import defined, item
+from tests.support.studies.studies import STUDY, small_study
+from tests.support.studies.study_walk import Walker
+from tests.support.studies.task_drives import FIRST
+from tests.support.studies.task_session import cabin_robot, close, say, small_conditions, write
 
 pytestmark = pytest.mark.django_db
 WRITES = ("INSERT", "UPDATE", "DELETE")

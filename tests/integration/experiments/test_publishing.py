@@ -17,8 +17,8 @@ from surveys.documents import BadDefinitionError, ChangedMeanwhileError
 from surveys.models import Questionnaire
 from tests.support.paths import ROOT
 from tests.support.people import person
-from tests.support.studies import STUDY, small_study
-from tests.support.study_site import cabin_with_giraff, robot_at
+from tests.support.studies.studies import STUDY, small_study
+from tests.support.studies.study_site import cabin_with_giraff, robot_at
 
 pytestmark = pytest.mark.django_db
 NOW = datetime.datetime(2026, 5, 4, 10, 0, tzinfo=datetime.UTC)

@@ -8,8 +8,8 @@ from django.utils import timezone
 from experiments.models import StepResponse
 from experiments.participation.journey import JourneyPlace
 from experiments.participation.questions import ask
-from tests.support import participants as p
 from tests.support.people import person
+from tests.support.studies import participants as p
 
 BEFORE = [("experiments", "0006_drive_ends")]
 

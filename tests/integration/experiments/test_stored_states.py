@@ -8,8 +8,8 @@ from experiments import stored_states
 from experiments.dataset.states import StoredState
 from experiments.stored_states import StateReader, clock_offsets, newest_chunk
 from sessions.models import StateChunk
-from tests.support import participants as p
 from tests.support.people import person
+from tests.support.studies import participants as p
 
 pytestmark = pytest.mark.django_db
 STORED = StateReader(StoredState)

@@ -7,9 +7,9 @@ from django.urls import reverse
 from experiments.models import Rehearsal, StudyMember
 from experiments.research import analysis_cache
 from experiments.research.analysis_cache import NotComputedError
-from tests.support import replays
-from tests.support.html_page import read
+from tests.support.browsers.html_page import read
 from tests.support.people import person
+from tests.support.sessions import replays
 
 pytestmark = pytest.mark.django_db
 ALL = [

@@ -19,18 +19,18 @@ from sessions import protocol
 from sessions.consumers import relay
 from sessions.leases import store
 from sessions.models import Session
-from tests.support import participants as p
 from tests.support.people import person
-from tests.support.recorder_rig import (
+from tests.support.sessions.recorder_rig import (
     HOST,
     ManagerProcess,
     ScriptedRobot,
     running_mosquitto,
     wait_for,
 )
-from tests.support.studies import small_study
-from tests.support.task_drives import BACK, HOME, THERE
-from tests.support.task_session import cabin_robot, small_conditions
+from tests.support.studies import participants as p
+from tests.support.studies.studies import small_study
+from tests.support.studies.task_drives import BACK, HOME, THERE
+from tests.support.studies.task_session import cabin_robot, small_conditions
 
 pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.broker, pytest.mark.nightly]
 STRIDE = 0.25  # metres from state to state

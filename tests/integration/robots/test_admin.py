@@ -20,7 +20,7 @@ from robots.floorplans import MAX_PLAN, store_floor_plan
 from robots.models import FloorPlan, Robot, RobotPermit
 from robots.world.sites import SHIPPED
 from sessions.models import Lease, Session
-from tests.support.installed_adapters import install
+from tests.support.architectures.installed_adapters import install
 
 pytestmark = pytest.mark.django_db
 LIST, ADD = "/admin/robots/robot/", "/admin/robots/robot/add/"

@@ -10,7 +10,7 @@ from robots.agent.simulator.physics.simulation import Simulation
 from robots.models import FloorPlan
 from robots.world.robot_models import GIRAFF
 from robots.world.sites import load_site
-from tests.support.mapped_building import building, mapped
+from tests.support.agents.mapped_building import building, mapped
 
 pytestmark = pytest.mark.django_db
 

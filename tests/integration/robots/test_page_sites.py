@@ -10,8 +10,8 @@ from benchmarks.driving.mapped_sites import spread_goals, tour
 from robots.world.grid import write_grid
 from robots.world.robot_models import GIRAFF
 from robots.world.sites import load_site
-from tests.support.mapped_building import building, mapped
-from tests.support.page_sites import site_by_page
+from tests.support.agents.mapped_building import building, mapped
+from tests.support.agents.page_sites import site_by_page
 
 pytestmark = [pytest.mark.django_db, pytest.mark.long, pytest.mark.nightly]
 

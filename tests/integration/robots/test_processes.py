@@ -11,8 +11,8 @@ import psutil
 import pytest
 
 from robots import processes
-from tests.support.running_demo import disposition
-from tests.support.site import ROOT, wait_for
+from tests.support.browsers.running_demo import disposition
+from tests.support.sessions.site import ROOT, wait_for
 
 CLEANS_UP = """
 import sys, time

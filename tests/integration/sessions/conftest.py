@@ -5,7 +5,7 @@ import pytest
 
 from robots.bridge import bridge as mqtt_bridge
 from tests.support import words
-from tests.support.memory_bridge import MemoryBridge
+from tests.support.sessions.memory_bridge import MemoryBridge
 
 
 @pytest.fixture

@@ -14,8 +14,8 @@ from robots.api import messages as m
 from robots.api.idle import WATCHER
 from sessions import protocol
 from tests.support import words
-from tests.support.bridge_rig import Portal, Rig, RobotDouble, SocketPage, until
 from tests.support.patience import patient
+from tests.support.sessions.bridge_rig import Portal, Rig, RobotDouble, SocketPage, until
 
 pytestmark = pytest.mark.broker
 

@@ -12,7 +12,7 @@ from robots.models import Robot, RobotPermit
 from sessions import protocol
 from sessions.consumers.connection_check import LONGEST, MOST_ECHOES, CheckConsumer
 from telepresence_site import asgi
-from tests.support.pages import ORIGIN
+from tests.support.browsers.pages import ORIGIN
 from tests.support.patience import patient
 
 # a consumer looks after the connections of its thread, whoever opened them

@@ -13,8 +13,8 @@ from collections.abc import Iterator
 import pytest
 
 from tests.support.paths import ROOT
-from tests.support.postgres import running_postgres
-from tests.support.site import DATABASE, empty_database
+from tests.support.programs.postgres import running_postgres
+from tests.support.sessions.site import DATABASE, empty_database
 
 pytestmark = [pytest.mark.long, pytest.mark.nightly]
 
@@ -65,7 +65,7 @@ class Racers:
     """Two processes that ask at the same instant."""
 
     def __init__(self, environment: dict[str, str]) -> None:
-        command = [sys.executable, "-m", "tests.support.lease_racer"]
+        command = [sys.executable, "-m", "tests.support.sessions.lease_racer"]
         self.processes = [
             subprocess.Popen(
                 command,

@@ -16,9 +16,9 @@ from experiments.research import interventions
 from robots.models import Robot, RobotPermit
 from sessions import page_channel, protocol
 from sessions.models import Session
-from tests.support.pages import Page, until
+from tests.support.browsers.pages import Page, until
 from tests.support.patience import patient
-from tests.support.site import free_port
+from tests.support.sessions.site import free_port
 
 pytestmark = pytest.mark.django_db(transaction=True)
 AT_ONCE = 5.0  # s; a page asks by itself once a minute

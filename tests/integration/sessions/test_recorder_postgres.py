@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from tests.support.paths import ROOT
-from tests.support.postgres import running_postgres
+from tests.support.programs.postgres import running_postgres
 
 pytestmark = pytest.mark.postgres
 
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.postgres
 def test_a_crash_of_the_database_and_text_that_it_cannot_hold_cost_no_other_state(tmp_path):
     with running_postgres() as server:
         environment = {**os.environ, "VAR_DIR": str(tmp_path), "DATABASE_URL": server.url}
-        command = [sys.executable, "-m", "tests.support.record_exercise"]
+        command = [sys.executable, "-m", "tests.support.sessions.record_exercise"]
         with subprocess.Popen(
             command,
             cwd=ROOT,

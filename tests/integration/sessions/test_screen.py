@@ -19,7 +19,7 @@ from robots.models import Robot
 from robots.screens import cookie_of, make_screen_key, revoke_screen_key, screen_of
 from sessions import protocol
 from tests.support import words
-from tests.support.pages import Display, Page, until
+from tests.support.browsers.pages import Display, Page, until
 
 pytestmark = pytest.mark.django_db(transaction=True)
 

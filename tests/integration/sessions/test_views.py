@@ -14,7 +14,7 @@ from robots.bridge import bridge as mqtt_bridge
 from robots.models import FloorPlan, Robot, RobotPermit
 from sessions import views
 from sessions.models import Session, Snapshot
-from tests.support.memory_bridge import MemoryBridge
+from tests.support.sessions.memory_bridge import MemoryBridge
 
 pytestmark = pytest.mark.django_db
 

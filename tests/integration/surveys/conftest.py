@@ -7,7 +7,7 @@ from surveys.models import Answer, Response
 from surveys.questionnaires import store
 from surveys.responses import Context, Respondent, begin
 from tests.support.people import person
-from tests.support.questionnaires import NOW, defined
+from tests.support.studies.questionnaires import NOW, defined
 
 
 class Taking:

@@ -15,9 +15,9 @@ from accounts.models import User
 from surveys.models import Answer, Questionnaire, Response
 from surveys.questionnaires import current, freeze, store
 from surveys.responses import Context, Respondent, Saving, begin, finish, save_one, save_page
-from tests.support.html_page import faults, read
+from tests.support.browsers.html_page import faults, read
 from tests.support.people import person
-from tests.support.questionnaires import NOW, as_bytes, defined, document, item
+from tests.support.studies.questionnaires import NOW, as_bytes, defined, document, item
 
 pytestmark = pytest.mark.django_db
 LIST = "admin:surveys_questionnaire_changelist"

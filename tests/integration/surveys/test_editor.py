@@ -9,10 +9,10 @@ from surveys.documents import BadDefinitionError
 from surveys.models import Questionnaire
 from surveys.questionnaires import freeze, is_usable, problems_of, shipped, store
 from surveys.questions import TYPES
-from tests.support.html_page import faults, read
+from tests.support.browsers.html_page import faults, read
 from tests.support.people import person
-from tests.support.questionnaires import NOW, defined, item, rows
-from tests.support.study_pages import form_of
+from tests.support.studies.questionnaires import NOW, defined, item, rows
+from tests.support.studies.study_pages import form_of
 
 pytestmark = pytest.mark.django_db
 

@@ -13,10 +13,10 @@ from django.urls import reverse
 from accounts.models import AuditEntry
 from surveys.models import Questionnaire
 from surveys.questionnaires import freeze
-from tests.support.html_page import faults, read
+from tests.support.browsers.html_page import faults, read
 from tests.support.people import person
-from tests.support.questionnaires import NOW
-from tests.support.survey_files import displays, field, lime, lss, payload, qsf, redcap
+from tests.support.studies.questionnaires import NOW
+from tests.support.studies.survey_files import displays, field, lime, lss, payload, qsf, redcap
 
 pytestmark = pytest.mark.django_db
 CHOOSE = "admin:surveys_questionnaire_import"

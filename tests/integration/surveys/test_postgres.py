@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from tests.support.paths import ROOT
-from tests.support.postgres import running_postgres
+from tests.support.programs.postgres import running_postgres
 
 pytestmark = [pytest.mark.postgres, pytest.mark.nightly]
 SAME = ["test_questionnaires.py", "test_responses.py", "test_admin.py"]

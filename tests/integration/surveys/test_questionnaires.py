@@ -9,7 +9,7 @@ from surveys.definition import from_stored
 from surveys.documents import BadDefinitionError
 from surveys.models import Questionnaire
 from surveys.questionnaires import SHIPPED, current, freeze, next_version, shipped, store
-from tests.support.questionnaires import NOW, defined, item
+from tests.support.studies.questionnaires import NOW, defined, item
 
 LATER = NOW + datetime.timedelta(days=1)
 USABLE = {"ict": 7, "experience": 8, "sus": 10, "tlx": 6}

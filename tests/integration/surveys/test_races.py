@@ -12,12 +12,12 @@ from surveys.documents import BadDefinitionError, ChangedMeanwhileError
 from surveys.importing.report import ImportReport
 from surveys.models import Answer, Questionnaire, Response
 from surveys.questionnaires import begin_empty, freeze, save_draft, store, store_next
-from tests.support.database_race import just_before
-from tests.support.html_page import read
+from tests.support.browsers.html_page import read
 from tests.support.people import person
-from tests.support.questionnaires import NOW, defined, item
-from tests.support.study_pages import form_of
-from tests.support.survey_files import field, redcap
+from tests.support.sessions.database_race import just_before
+from tests.support.studies.questionnaires import NOW, defined, item
+from tests.support.studies.study_pages import form_of
+from tests.support.studies.survey_files import field, redcap
 
 pytestmark = pytest.mark.django_db
 # Rows are written inside of a savepoint of their own, which a rival's row must not be part of.

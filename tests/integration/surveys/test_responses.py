@@ -23,7 +23,7 @@ from surveys.responses import (
     save_page,
 )
 from tests.support.people import person
-from tests.support.questionnaires import NOW, defined, item
+from tests.support.studies.questionnaires import NOW, defined, item
 
 pytestmark = pytest.mark.django_db
 LATER = NOW + datetime.timedelta(minutes=10)

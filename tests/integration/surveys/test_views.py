@@ -14,9 +14,9 @@ from surveys.models import Response
 from surveys.questionnaires import current, store
 from surveys.questions import TYPES
 from surveys.responses import Context, Respondent, begin
-from tests.support.html_page import faults, read
+from tests.support.browsers.html_page import faults, read
 from tests.support.people import person
-from tests.support.questionnaires import NOW, defined, item, rows
+from tests.support.studies.questionnaires import NOW, defined, item, rows
 
 pytestmark = pytest.mark.django_db
 EVERY_KIND = [

@@ -7,7 +7,7 @@ from robots.broker import mosquitto
 from robots.broker.permissions import SERVER_ALLOWANCE, BrokerUser, Permissions
 from robots.enrol.credentials import hash_token, new_token
 from tests.support.clustered_brokers.node import Node, is_open, program
-from tests.support.site import free_port
+from tests.support.sessions.site import free_port
 
 HOST = "127.0.0.1"
 BRIDGE = "bridge"

@@ -8,7 +8,7 @@ from pathlib import Path
 from robots.broker.nats import user_file
 from robots.broker.permissions import MAX_PACKET
 from tests.support.clustered_brokers.node import Node, program
-from tests.support.site import free_port
+from tests.support.sessions.site import free_port
 
 HOST = "127.0.0.1"
 USERS = "users.conf"

@@ -4,7 +4,7 @@ import asyncio
 from dataclasses import dataclass, field
 
 from tests.support.clustered_brokers.nats import NatsNodes
-from tests.support.site import Site
+from tests.support.sessions.site import Site
 
 
 @dataclass

@@ -6,7 +6,7 @@ import signal
 
 import pytest
 
-from tests.support.demo_visitors import demo_with_people
+from tests.support.browsers.demo_visitors import demo_with_people
 
 pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 

@@ -12,13 +12,13 @@ from itertools import pairwise
 
 import pytest
 
-from tests.support.chromium import CHROMIUM
+from tests.support.agents.truth import Onlooker, Row
+from tests.support.browsers.chromium import CHROMIUM
+from tests.support.browsers.visitor import Visitor, chromium
 from tests.support.host_jitter import watched
-from tests.support.namespace import HERE, namespace
 from tests.support.patience import patient
-from tests.support.site import wait_for
-from tests.support.truth import Onlooker, Row
-from tests.support.visitor import Visitor, chromium
+from tests.support.programs.namespace import HERE, namespace
+from tests.support.sessions.site import wait_for
 
 pytestmark = pytest.mark.browser
 DEADLINE = 0.350  # s from the last accepted command to the first command that brakes

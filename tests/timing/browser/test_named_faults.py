@@ -10,7 +10,7 @@ import time
 import psutil
 import pytest
 
-from tests.support.site import DATABASE, wait_for
+from tests.support.sessions.site import DATABASE, wait_for
 
 pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 SOON = 2.0  # s

@@ -7,8 +7,8 @@ import time
 
 import pytest
 
-from tests.support.document_client import DocumentClient
-from tests.support.site import wait_for
+from tests.support.browsers.document_client import DocumentClient
+from tests.support.sessions.site import wait_for
 
 # In the lane that runs alone; it needs no browser itself.
 pytestmark = [pytest.mark.browser, pytest.mark.nightly]

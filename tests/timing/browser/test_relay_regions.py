@@ -9,9 +9,9 @@ import time
 import pytest
 from aioice import stun
 
-from tests.support.loopback_only import FIRST, SECOND, loopback_only
+from tests.support.browsers.visitor import chromium
 from tests.support.paths import ROOT
-from tests.support.visitor import chromium
+from tests.support.programs.loopback_only import FIRST, SECOND, loopback_only
 
 pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 NEAREST = """async (servers) => {

@@ -15,8 +15,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.media.sources import PACKAGES, python_files, text_of
 from tests.support.paths import ROOT
-from tests.support.sources import PACKAGES, python_files, text_of
 
 PAGE = (ROOT / "docs/explanation/architecture.md").read_text("utf-8")
 FOLDERS = (*PACKAGES, "static", "templates", "tests", "deploy", "docs", "benchmarks", "locale")

@@ -4,8 +4,8 @@ import ast
 import re
 from collections import Counter, defaultdict
 
+from tests.support.media.sources import python_files, text_of
 from tests.support.paths import ROOT
-from tests.support.sources import python_files, text_of
 
 PACKAGES = (
     "accounts",

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.media.sources import PACKAGES, python_files, text_of
 from tests.support.paths import ROOT
-from tests.support.sources import PACKAGES, python_files, text_of
 from tests.unit.site.test_templates import po_entries
 
 START = r"(?:^|(?<=[.!?:;] )|(?<=\n))"

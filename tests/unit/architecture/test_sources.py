@@ -5,8 +5,8 @@ import re
 import subprocess
 from pathlib import Path
 
+from tests.support.media.sources import text_of
 from tests.support.paths import ROOT
-from tests.support.sources import text_of
 
 BROAD = re.compile(r"\bexcept(?::|\s+(?:Base)?Exception\b)")
 TRACKED = [

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.media.sources import PACKAGES, python_files, text_of
 from tests.support.paths import ROOT
-from tests.support.sources import PACKAGES, python_files, text_of
 
 INSTEAD = {
     "believe": "what is set, such as set_turn_tls_context",

@@ -10,7 +10,7 @@ from benchmarks.traffic.verdicts import (
     shared_epochs,
     two_at_once,
 )
-from tests.support.scripted_robot import WATCHDOG
+from tests.support.agents.scripted_robot import WATCHDOG
 
 
 def states(*numbers, session="s1", boot="b", epoch=1):

@@ -10,7 +10,7 @@ from robots.api import floorplan
 from robots.plan_edits import EditError, checkpoints_of, edited, openings_of, with_new
 from robots.world.sites import SHIPPED
 from robots.world.tracing.joining import joined
-from tests.support.mapped_building import building
+from tests.support.agents.mapped_building import building
 
 WORDS = {"place": "Place", "dock": "Station", "checkpoint": "Checkpoint", "opening": "Opening"}
 

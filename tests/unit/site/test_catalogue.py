@@ -8,7 +8,7 @@ from pathlib import Path
 from django.conf import settings
 from django.utils.translation.template import templatize
 
-from tests.support.sources import PACKAGES, python_files, text_of
+from tests.support.media.sources import PACKAGES, python_files, text_of
 from tests.unit.site.test_templates import po_entries
 
 ROOT = settings.BASE_DIR

@@ -11,7 +11,8 @@ from django.core.management import get_commands, load_command_class
 from django.urls import resolve
 
 from telepresence_site.serving import APPLICATION, DAPHNE
-from tests.support.deployed import (
+from tests.support.paths import ROOT
+from tests.support.programs.deployed import (
     DEPLOY,
     KUBERNETES,
     OURS,
@@ -23,7 +24,6 @@ from tests.support.deployed import (
     pods,
     units,
 )
-from tests.support.paths import ROOT
 
 PLACES = {
     "compose": list(compose("compose.yaml").values()),

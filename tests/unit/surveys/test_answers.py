@@ -8,7 +8,7 @@ from django.utils import translation
 from surveys.answers import AnswerValue, Missing, check_complete, read_answer, response_statuses
 from surveys.conditions import Circumstances
 from surveys.item import RefusedError
-from tests.support.questionnaires import NOW, OPTIONS, defined, item
+from tests.support.studies.questionnaires import NOW, OPTIONS, defined, item
 
 ALONE = [*OPTIONS[:2], {"value": "none", "label": {"en": "None"}, "alone": True}]
 

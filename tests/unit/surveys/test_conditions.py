@@ -8,7 +8,7 @@ from surveys.answers import read_answer
 from surveys.conditions import Circumstances, shown_keys
 from surveys.page_form import Reader, page_form_of
 from tests.support.paths import GOLDEN
-from tests.support.questionnaires import NOW, defined, item
+from tests.support.studies.questionnaires import NOW, defined, item
 
 CASES = json.loads((GOLDEN / "survey_conditions.json").read_text())
 NAMES = [{"value": name, "label": {"en": name}} for name in ("x", "y", "z")]

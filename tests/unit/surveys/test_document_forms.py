@@ -56,7 +56,7 @@ def told(walk: dict) -> dict[str, str]:
 
 
 def test_points_are_written_one_a_line_and_read_again():
-    walk = read("path=1+2%0D%0A%0D%0A-0.5;3,25")
+    walk = read("path=1+2%0D%0A%0D%0A-0.5;3.25")
     assert walk["path"] == [[1.0, 2.0], [-0.5, 3.25]]
     assert msgspec.convert(walk, Walk).path == ((1.0, 2.0), (-0.5, 3.25))
     assert WalkForm(Walk, walk)["path"].value() == "1 2\n-0.5 3.25"

@@ -14,7 +14,7 @@ from surveys.editor.labels import READY, EditorForm, kind_name, ready_points
 from surveys.editor.overview import told
 from surveys.problems import problems
 from surveys.questions import TYPES
-from tests.support.questionnaires import document, item, rows
+from tests.support.studies.questionnaires import document, item, rows
 
 
 def whole(*pages: list[dict], **more) -> dict:

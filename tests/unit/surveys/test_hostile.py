@@ -13,7 +13,7 @@ from surveys.documents import BadDefinitionError
 from surveys.item import RefusedError
 from surveys.page_form import Reader, page_form_of
 from surveys.problems import parse
-from tests.support.questionnaires import NOW, as_bytes, defined, document, item, rows
+from tests.support.studies.questionnaires import NOW, as_bytes, defined, document, item, rows
 
 PAGES = (
     [

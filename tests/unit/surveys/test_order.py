@@ -1,7 +1,7 @@
 """Orders: as written, or shuffled by a recorded seed."""
 
 from surveys.item import Viewing
-from tests.support.questionnaires import NOW, OPTIONS, defined, item, rows
+from tests.support.studies.questionnaires import NOW, OPTIONS, defined, item, rows
 
 NONE = {"value": "none", "label": {"en": "None"}, "alone": True}
 

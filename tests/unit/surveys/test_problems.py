@@ -12,7 +12,15 @@ from surveys.item import ItemCondition, ScalePoint
 from surveys.problems import MAX_BYTES, parse
 from surveys.questions import TYPES
 from tests.support.paths import ROOT
-from tests.support.questionnaires import AGREE, OPTIONS, as_bytes, defined, document, item, rows
+from tests.support.studies.questionnaires import (
+    AGREE,
+    OPTIONS,
+    as_bytes,
+    defined,
+    document,
+    item,
+    rows,
+)
 
 
 def refused(content: bytes | dict) -> str:

@@ -7,9 +7,9 @@ import pytest
 from surveys.item import Item, Viewing
 from surveys.page_form import Control
 from surveys.questions import TYPES, UnknownQuestionTypeError, question_type
+from tests.support.media.sources import python_files, text_of
 from tests.support.paths import ROOT
-from tests.support.questionnaires import NOW, defined, item, rows
-from tests.support.sources import python_files, text_of
+from tests.support.studies.questionnaires import NOW, defined, item, rows
 
 FOLDER = ROOT / "surveys" / "questions"
 TEMPLATES = ROOT / "templates"

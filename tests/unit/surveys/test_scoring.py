@@ -4,7 +4,7 @@ import pytest
 
 from surveys.questionnaires import shipped
 from surveys.scoring import measured_scale, parts_of, scales_of, scores, sus, tlx_raw
-from tests.support.questionnaires import defined, item, rows
+from tests.support.studies.questionnaires import defined, item, rows
 
 
 @pytest.mark.parametrize(

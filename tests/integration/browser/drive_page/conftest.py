@@ -6,8 +6,8 @@ import pytest
 import pytest_asyncio
 from playwright.async_api import Browser, async_playwright
 
-from tests.support.chromium import CHROMIUM, FLAGS
-from tests.support.fake_robot_page import FakeRobotPage
+from tests.support.browsers.chromium import CHROMIUM, FLAGS
+from tests.support.browsers.fake_robot_page import FakeRobotPage
 
 
 @pytest.fixture

@@ -8,7 +8,17 @@ import pytest
 
 from robots.api.messages import VelocityCommand
 from sessions import protocol
-from tests.support.drive_page import LOW, UPRIGHT, WIDE, driving, hold, opened, stands, stops, until
+from tests.support.browsers.drive_page import (
+    LOW,
+    UPRIGHT,
+    WIDE,
+    driving,
+    hold,
+    opened,
+    stands,
+    stops,
+    until,
+)
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 # why a robot refuses what was under way for a while, and what was overtaken on the other way

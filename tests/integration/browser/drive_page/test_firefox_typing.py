@@ -2,10 +2,10 @@
 
 import pytest
 
-from tests.support.drive_page import moves
-from tests.support.firefox import firefox
-from tests.support.present_robot_page import CAPABILITIES, PresentRobotPage
-from tests.support.site import wait_for
+from tests.support.browsers.drive_page import moves
+from tests.support.browsers.firefox import firefox
+from tests.support.browsers.present_robot_page import CAPABILITIES, PresentRobotPage
+from tests.support.sessions.site import wait_for
 
 pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 TEXT = "Hello, is anybody there?"

@@ -11,8 +11,8 @@ from contextlib import asynccontextmanager
 import pytest
 from playwright.async_api import Browser, Page, Route
 
-from tests.support.drive_page import LOW, UPRIGHT, WIDE, driving, hold, moves
-from tests.support.fake_robot_page import FakeRobotPage
+from tests.support.browsers.drive_page import LOW, UPRIGHT, WIDE, driving, hold, moves
+from tests.support.browsers.fake_robot_page import FakeRobotPage
 from tests.support.patience import patient
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 from playwright.async_api import Browser, Page
 
-from tests.support import drive_page_scenes as scenes
+from tests.support.agents.told_task import guide
+from tests.support.browsers import drive_page_scenes as scenes
+from tests.support.browsers.present_robot_page import CAPABILITIES, PresentRobotPage
 from tests.support.patience import patient
-from tests.support.present_robot_page import CAPABILITIES, PresentRobotPage
-from tests.support.told_task import guide
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module"), pytest.mark.nightly]
 ABLE = (*CAPABILITIES, "goto", "dock", "undock", "relocalize", "scan", "assist")

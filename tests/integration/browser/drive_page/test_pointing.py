@@ -12,13 +12,13 @@ from robots.agent.safety.permissions import CommandSender
 from robots.api.geometry import wrap_angle
 from robots.api.messages import Goto, Stop
 from robots.world.sites import load_plan
-from tests.support.drive_page import UPRIGHT, WIDE, hold, opened, stands, stops
-from tests.support.drive_page import until as until_within
-from tests.support.fake_robot_page import FakeRobotPage
+from tests.support.browsers.drive_page import UPRIGHT, WIDE, hold, opened, stands, stops
+from tests.support.browsers.drive_page import until as until_within
+from tests.support.browsers.fake_robot_page import FakeRobotPage
+from tests.support.browsers.present_robot_page import CAPABILITIES, PresentRobotPage
+from tests.support.browsers.scripted_visitor import PAD
+from tests.support.media.scene_source import SceneSource
 from tests.support.patience import patient
-from tests.support.present_robot_page import CAPABILITIES, PresentRobotPage
-from tests.support.scene_source import SceneSource
-from tests.support.scripted_visitor import PAD
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 PATIENCE = 40.0  # s: the page's own seconds are slow on a busy computer

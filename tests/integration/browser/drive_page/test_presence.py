@@ -13,11 +13,11 @@ from axe_playwright_python.async_playwright import Axe
 from playwright.async_api import Browser, Page
 
 from robots.api import messages as m
-from tests.support.drive_page import driving, hold, until
+from tests.support.browsers.drive_page import driving, hold, until
+from tests.support.browsers.present_robot_page import PresentRobotPage
+from tests.support.media.photographs import kept
 from tests.support.paths import ROOT
 from tests.support.patience import patient
-from tests.support.photographs import kept
-from tests.support.present_robot_page import PresentRobotPage
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 HERTZ = 880.0

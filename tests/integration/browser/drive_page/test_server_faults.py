@@ -3,7 +3,7 @@
 import pytest
 
 from sessions import protocol
-from tests.support.drive_page import driving, hold, opened
+from tests.support.browsers.drive_page import driving, hold, opened
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 

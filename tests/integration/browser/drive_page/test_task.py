@@ -11,10 +11,10 @@ from playwright.async_api import Page, expect
 
 from robots.api.messages import Photo
 from sessions import protocol
-from tests.support.drive_page import LOW, UPRIGHT, WIDE, hold, opened
-from tests.support.drive_page import until as until_within
-from tests.support.fake_robot_page import FakeRobotPage
-from tests.support.told_task import guide, tell
+from tests.support.agents.told_task import guide, tell
+from tests.support.browsers.drive_page import LOW, UPRIGHT, WIDE, hold, opened
+from tests.support.browsers.drive_page import until as until_within
+from tests.support.browsers.fake_robot_page import FakeRobotPage
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 PATIENCE = 60_000  # ms: the page's own seconds are slow on a busy computer

@@ -11,9 +11,9 @@ import pytest_asyncio
 from playwright.async_api import Page, expect
 
 from robots.api.messages import Words
-from tests.support.drive_page import driving, hold, moves, stands, stops, until
+from tests.support.browsers.drive_page import driving, hold, moves, stands, stops, until
+from tests.support.browsers.present_robot_page import CAPABILITIES, PresentRobotPage
 from tests.support.patience import patient
-from tests.support.present_robot_page import CAPABILITIES, PresentRobotPage
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 TEXT = "Hello, is anybody there?"

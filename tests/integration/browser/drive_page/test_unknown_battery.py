@@ -6,7 +6,7 @@ import pytest
 from playwright.async_api import expect
 
 from robots.api.messages import Battery
-from tests.support.drive_page import driving, opened
+from tests.support.browsers.drive_page import driving, opened
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module"), pytest.mark.nightly]
 

@@ -20,8 +20,8 @@ from experiments.analysis.figures.trajectories import figure_6
 from experiments.analysis.metrics.sessions import measure_all
 from experiments.analysis.report import analyse, reports
 from experiments.definition.shipped import shipped
+from tests.support.analysis.study_dataset import made_up
 from tests.support.paths import ROOT
-from tests.support.study_dataset import made_up
 
 STUDY = shipped()["exploration"]
 ELSEWHERE = """

@@ -11,7 +11,7 @@ from surveys import questionnaires, responses
 from surveys.models import Response
 from surveys.responses import Context, Respondent
 from tests.support.people import person
-from tests.support.questionnaires import NOW, defined, item, rows
+from tests.support.studies.questionnaires import NOW, defined, item, rows
 
 pytestmark = pytest.mark.django_db
 EVERY_KIND = defined(

@@ -15,7 +15,7 @@ from robots.api.messages import Heartbeat
 from robots.world.sites import load_site
 from sessions import protocol
 from tests.support.patience import patient
-from tests.support.robot_socket import RobotSocket
+from tests.support.sessions.robot_socket import RobotSocket
 
 
 async def at_the_wheel(server):

@@ -8,7 +8,7 @@ from experiments.bots.cockpit import Cockpit
 from experiments.bots.crowd import BotGroup, Plan
 from robots.api.messages import Heartbeat
 from tests.support.patience import patient
-from tests.support.robot_socket import RobotSocket
+from tests.support.sessions.robot_socket import RobotSocket
 
 LATER = 1000.0  # seconds
 

@@ -11,14 +11,14 @@ from experiments.models import ParticipantKind, Study
 from surveys import questionnaires
 from surveys.document_forms.problem_text import sentences
 from tests.integration.experiments.test_publishing import NOW
-from tests.support.html_page import read
-from tests.support.participants import comer
+from tests.support.browsers.html_page import read
 from tests.support.people import person
-from tests.support.questionnaires import defined, item
-from tests.support.studies import STUDY, small_study
-from tests.support.study_pages import form_of
-from tests.support.study_site import cabin_with_giraff
-from tests.support.wizard_study import WIZARD, wizard_document
+from tests.support.studies.participants import comer
+from tests.support.studies.questionnaires import defined, item
+from tests.support.studies.studies import STUDY, small_study
+from tests.support.studies.study_pages import form_of
+from tests.support.studies.study_site import cabin_with_giraff
+from tests.support.studies.wizard_study import WIZARD, wizard_document
 
 pytestmark = pytest.mark.django_db
 SECTIONS = (

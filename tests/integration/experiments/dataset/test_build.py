@@ -9,8 +9,8 @@ import pytest
 
 from experiments.analysis.report import reports
 from experiments.dataset.build import dataset_of
-from tests.support.study_dataset import made_up
-from tests.support.study_rows import put
+from tests.support.analysis.study_dataset import made_up
+from tests.support.studies.study_rows import put
 
 pytestmark = pytest.mark.django_db
 

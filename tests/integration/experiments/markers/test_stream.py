@@ -18,10 +18,10 @@ from experiments.markers.marker import ForeignMarker
 from experiments.markers.outgoing import MarkerSource
 from experiments.models import Coding, StepVisit
 from sessions.models import SessionEvent
-from tests.support import replays
 from tests.support.paths import ROOT
 from tests.support.people import person
-from tests.support.site import wait_for
+from tests.support.sessions import replays
+from tests.support.sessions.site import wait_for
 
 pytestmark = pytest.mark.django_db
 SECOND = datetime.timedelta(seconds=1)

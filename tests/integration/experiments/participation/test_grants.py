@@ -17,11 +17,11 @@ from robots.models import Robot, RobotPermit
 from sessions.consumers import queries
 from sessions.leases import store, terms
 from sessions.models import Session
-from tests.support import participants as p
 from tests.support.people import person
-from tests.support.studies import STUDY, cabin, small_study
-from tests.support.study_site import cabin_with_giraff, robot_at
-from tests.support.task_drives import track
+from tests.support.studies import participants as p
+from tests.support.studies.studies import STUDY, cabin, small_study
+from tests.support.studies.study_site import cabin_with_giraff, robot_at
+from tests.support.studies.task_drives import track
 
 pytestmark = pytest.mark.django_db
 

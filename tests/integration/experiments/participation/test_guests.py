@@ -13,9 +13,9 @@ from experiments.models import Participant, PersonalLink, Study
 from experiments.participation import links
 from robots.access import may_drive, may_observe, robots_visible_to
 from robots.models import Robot, RobotPermit
-from tests.support import participants as p
-from tests.support.html_page import faults, read
+from tests.support.browsers.html_page import faults, read
 from tests.support.people import person
+from tests.support.studies import participants as p
 
 pytestmark = pytest.mark.django_db
 FRONT, STEP = "/studies/exploration/", "/studies/exploration/step/"

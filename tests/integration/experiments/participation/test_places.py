@@ -7,8 +7,8 @@ import pytest
 from experiments.models import Participant
 from experiments.participation import places
 from robots.models import Robot
-from tests.support import participants as p
 from tests.support.people import person
+from tests.support.studies import participants as p
 
 pytestmark = pytest.mark.django_db
 ORDERS = (("alone", "assisted"), ("assisted", "alone"))

@@ -7,8 +7,8 @@ from experiments.models import Participant, ParticipantKind, StepVisit, Study, S
 from experiments.participation import advance, completion, landing, progress
 from experiments.participation.journey import JourneyPlace
 from experiments.participation.questions import ask, context_key
-from tests.support import participants as p
 from tests.support.people import person
+from tests.support.studies import participants as p
 
 pytestmark = pytest.mark.django_db
 

@@ -10,11 +10,11 @@ from experiments.participation.drive_status import robot_for
 from experiments.participation.robot_eligibility import is_lent, is_shown
 from robots.access import may_drive
 from robots.models import Robot, RobotPermit
-from tests.support import participants as p
-from tests.support import replays
 from tests.support.people import person
-from tests.support.studies import STUDY, small_study
-from tests.support.study_site import cabin_with_giraff
+from tests.support.sessions import replays
+from tests.support.studies import participants as p
+from tests.support.studies.studies import STUDY, small_study
+from tests.support.studies.study_site import cabin_with_giraff
 
 pytestmark = pytest.mark.django_db
 

@@ -9,10 +9,10 @@ from robots.models import Robot
 from surveys import questionnaires
 from surveys.models import Response
 from surveys.responses import Context, Respondent, begin
-from tests.support import participants as p
-from tests.support.html_page import faults, read
+from tests.support.browsers.html_page import faults, read
 from tests.support.people import person
-from tests.support.study_walk import Walker
+from tests.support.studies import participants as p
+from tests.support.studies.study_walk import Walker
 
 pytestmark = pytest.mark.django_db
 PLACES = [

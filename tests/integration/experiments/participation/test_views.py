@@ -10,10 +10,10 @@ from experiments.participation import links
 from experiments.participation.withdrawal import deletion
 from sessions.models import Session
 from surveys.models import Response
-from tests.support import participants as p
-from tests.support.html_page import faults, read
+from tests.support.browsers.html_page import faults, read
 from tests.support.people import PASSWORD, person
-from tests.support.study_walk import Walker
+from tests.support.studies import participants as p
+from tests.support.studies.study_walk import Walker
 
 pytestmark = pytest.mark.django_db
 FRONT = "/studies/exploration/"

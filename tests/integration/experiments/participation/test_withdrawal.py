@@ -30,13 +30,14 @@ from sessions import system_log
 from sessions.models import NetworkSample, Session, SessionEvent, Snapshot, StateChunk
 from surveys.models import Answer, Response
 from telepresence_site.ops.log_lines import key_value_lines
-from tests.support import own_traces, replays
-from tests.support import participants as p
-from tests.support.html_page import faults, read
-from tests.support.jpegs import with_metadata
-from tests.support.own_traces import in_bytes, in_files, in_tables, rows_of, values_of
+from tests.support.browsers.html_page import faults, read
+from tests.support.media.jpegs import with_metadata
 from tests.support.people import person
-from tests.support.study_walk import Walker
+from tests.support.sessions import replays
+from tests.support.studies import own_traces
+from tests.support.studies import participants as p
+from tests.support.studies.own_traces import in_bytes, in_files, in_tables, rows_of, values_of
+from tests.support.studies.study_walk import Walker
 
 pytestmark = [pytest.mark.django_db, pytest.mark.long]
 BEGAN = datetime.datetime(2025, 3, 4, 10, 0, tzinfo=datetime.UTC)

@@ -9,11 +9,11 @@ from django.urls import reverse
 from accounts import audit
 from experiments.models import Participant, StudyMember
 from experiments.participation.withdrawal import receipt as receipts
-from tests.support import participants as p
-from tests.support.html_page import Page, faults, read
-from tests.support.own_traces import in_tables
+from tests.support.browsers.html_page import Page, faults, read
 from tests.support.people import person
-from tests.support.study_walk import Walker
+from tests.support.studies import participants as p
+from tests.support.studies.own_traces import in_tables
+from tests.support.studies.study_walk import Walker
 
 pytestmark = pytest.mark.django_db
 DOWNLOAD = "/taking-part/receipt.txt"

@@ -10,7 +10,7 @@ from experiments.rehearsal import runs
 from experiments.rehearsal.report import RehearsalReport
 from tests.integration.experiments.test_publishing import NOW
 from tests.support.people import person
-from tests.support.studies import small_study
+from tests.support.studies.studies import small_study
 
 pytestmark = pytest.mark.django_db
 LATER = NOW + runs.SILENT + datetime.timedelta(seconds=1)

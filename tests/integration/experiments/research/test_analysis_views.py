@@ -19,10 +19,10 @@ from experiments.models import Drive, Participant, StudyMember
 from experiments.research import analysis_cache
 from experiments.research.analysis_topics import TOPICS, topic_of
 from sessions.models import SystemLog
-from tests.support.html_page import read
+from tests.support.analysis.study_dataset import made_up
+from tests.support.browsers.html_page import read
 from tests.support.people import person
-from tests.support.study_dataset import made_up
-from tests.support.study_rows import put
+from tests.support.studies.study_rows import put
 
 pytestmark = pytest.mark.django_db
 PAGE = "/studies/exploration/analysis/"

@@ -14,8 +14,8 @@ from experiments.models import Coding, CodingEdit, CodingSchemeVersion, Particip
 from experiments.participation.own_data import gather
 from experiments.participation.withdrawal import receipt
 from experiments.participation.withdrawal.deletion import withdraw
-from tests.support import replays
 from tests.support.people import person
+from tests.support.sessions import replays
 
 pytestmark = pytest.mark.django_db
 SCHEME = {

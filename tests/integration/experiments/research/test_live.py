@@ -13,10 +13,10 @@ from robots.models import Robot
 from sessions.leases import store
 from sessions.models import Session, SessionEvent, SystemLog
 from sessions.protocol import OperatorMessage
-from tests.support import replays
-from tests.support.memory_bridge import MemoryBridge
 from tests.support.people import person
-from tests.support.studies import STUDY
+from tests.support.sessions import replays
+from tests.support.sessions.memory_bridge import MemoryBridge
+from tests.support.studies.studies import STUDY
 
 pytestmark = pytest.mark.django_db
 

@@ -12,11 +12,11 @@ from sessions import signals
 from sessions.manager.return_to_dock import ReturnToDock
 from sessions.manager.robot_liveness import RobotLiveness
 from sessions.models import Session, SystemLog
-from tests.support import participants as p
 from tests.support import words
 from tests.support.people import person
-from tests.support.studies import small_study
-from tests.support.task_session import cabin_robot
+from tests.support.studies import participants as p
+from tests.support.studies.studies import small_study
+from tests.support.studies.task_session import cabin_robot
 
 pytestmark = pytest.mark.django_db
 NOW = timezone.now()

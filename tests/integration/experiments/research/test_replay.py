@@ -17,10 +17,10 @@ from experiments.tasks.progress import EventType
 from robots.api.messages import Event
 from sessions.models import NetworkSample, StateChunk
 from sessions.protocol import NOTICES
-from tests.support import replays
-from tests.support.html_page import read
+from tests.support.browsers.html_page import read
 from tests.support.paths import ROOT
 from tests.support.people import person
+from tests.support.sessions import replays
 
 pytestmark = pytest.mark.django_db
 

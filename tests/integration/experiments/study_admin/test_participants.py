@@ -9,9 +9,9 @@ from experiments.models import Drive, Participant, Rehearsal, StudyMember
 from robots.models import Robot
 from sessions.models import Session
 from tests.integration.experiments.test_publishing import NOW
-from tests.support.html_page import read
+from tests.support.browsers.html_page import read
 from tests.support.people import person
-from tests.support.studies import small_study
+from tests.support.studies.studies import small_study
 
 pytestmark = pytest.mark.django_db
 NAME, PID = "Anna B.", "p-77"  # with signs that no random token of a page has

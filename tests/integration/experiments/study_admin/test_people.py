@@ -13,9 +13,9 @@ from experiments.models import PersonalLink, Study, StudyMember
 from experiments.participation import links
 from experiments.study_admin import opening_hours
 from tests.integration.experiments.test_publishing import NOW
-from tests.support.html_page import read
+from tests.support.browsers.html_page import read
 from tests.support.people import person
-from tests.support.studies import small_study
+from tests.support.studies.studies import small_study
 
 pytestmark = pytest.mark.django_db
 

@@ -11,10 +11,10 @@ from experiments import publishing
 from experiments.dataset.freeze import freeze_of
 from experiments.models import Participant, Study, StudyMember
 from tests.integration.experiments.test_publishing import NOW
-from tests.support.html_page import read
+from tests.support.analysis.planned import PLAN, planned_study
+from tests.support.browsers.html_page import read
 from tests.support.patience import patient
 from tests.support.people import person
-from tests.support.planned import PLAN, planned_study
 
 pytestmark = pytest.mark.django_db
 DAY = datetime.timedelta(days=1)

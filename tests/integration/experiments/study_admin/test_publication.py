@@ -13,9 +13,9 @@ from experiments import publishing
 from experiments.definition.publication import from_stored
 from experiments.models import Study, StudyMember
 from tests.integration.experiments.test_publishing import NOW
-from tests.support.html_page import read
+from tests.support.browsers.html_page import read
 from tests.support.people import person
-from tests.support.studies import small_study
+from tests.support.studies.studies import small_study
 
 pytestmark = pytest.mark.django_db
 FILLED = {

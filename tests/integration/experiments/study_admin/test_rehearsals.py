@@ -12,11 +12,11 @@ from experiments.models import Rehearsal, StudyMember
 from experiments.rehearsal import runs
 from experiments.rehearsal.issues import Issue
 from experiments.rehearsal.report import ConditionReport, RehearsalReport, StepReport
-from tests.support.html_page import faults, read
+from tests.support.browsers.html_page import faults, read
 from tests.support.people import person
-from tests.support.studies import small_study
-from tests.support.study_site import cabin_with_giraff
-from tests.support.wizard_study import wizard_document
+from tests.support.studies.studies import small_study
+from tests.support.studies.study_site import cabin_with_giraff
+from tests.support.studies.wizard_study import wizard_document
 
 pytestmark = pytest.mark.django_db
 REPORT = RehearsalReport(

@@ -10,10 +10,10 @@ from experiments.definition.shipped import shipped
 from experiments.models import StudyMember
 from experiments.participation import journey
 from tests.integration.experiments.test_publishing import NOW
-from tests.support import participants as p
-from tests.support.html_page import faults, read
+from tests.support.browsers.html_page import faults, read
 from tests.support.people import person
-from tests.support.studies import small_study
+from tests.support.studies import participants as p
+from tests.support.studies.studies import small_study
 
 pytestmark = pytest.mark.django_db
 

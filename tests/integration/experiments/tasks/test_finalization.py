@@ -26,11 +26,11 @@ from sessions.leases import store, terms
 from sessions.leases.absences import note_manager_absence, note_page_closed
 from sessions.models import Session, SessionEvent, StateChunk, SystemLog
 from sessions.protocol import PageEvent
-from tests.support import participants as p
-from tests.support import task_drives
-from tests.support.studies import STUDY, small_study
-from tests.support.task_drives import BACK, SECOND, THERE
-from tests.support.task_session import (
+from tests.support.studies import participants as p
+from tests.support.studies import task_drives
+from tests.support.studies.studies import STUDY, small_study
+from tests.support.studies.task_drives import BACK, SECOND, THERE
+from tests.support.studies.task_session import (
     AHEAD,
     begin,
     cabin_robot,

@@ -22,10 +22,10 @@ from sessions.consumers import relay
 from sessions.leases import store
 from sessions.manager import notices
 from sessions.models import Session
-from tests.support import task_drives
-from tests.support.studies import STUDY
-from tests.support.task_drives import BACK, FIRST, THERE
-from tests.support.task_session import (
+from tests.support.studies import task_drives
+from tests.support.studies.studies import STUDY
+from tests.support.studies.task_drives import BACK, FIRST, THERE
+from tests.support.studies.task_session import (
     AHEAD,
     begin,
     cabin_robot,

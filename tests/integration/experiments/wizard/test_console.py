@@ -23,16 +23,16 @@ from sessions.leases.store import change_lease
 from sessions.models import Lease, SessionEvent
 from sessions.wizard import protocol
 from sessions.wizard.leases import note
-from tests.support import participants as p
 from tests.support import words
-from tests.support.memory_bridge import MemoryBridge
-from tests.support.pages import SECONDS, Page, until
+from tests.support.browsers.pages import SECONDS, Page, until
+from tests.support.browsers.wizard_console import Console
 from tests.support.patience import patient
 from tests.support.people import person
-from tests.support.studies import STUDY
-from tests.support.study_site import ALL, cabin_with_giraff
-from tests.support.wizard_console import Console
-from tests.support.wizard_study import OPERATOR_TEXT, wizard_study
+from tests.support.sessions.memory_bridge import MemoryBridge
+from tests.support.studies import participants as p
+from tests.support.studies.studies import STUDY
+from tests.support.studies.study_site import ALL, cabin_with_giraff
+from tests.support.studies.wizard_study import OPERATOR_TEXT, wizard_study
 
 pytestmark = pytest.mark.django_db
 # A socket asks the database in a thread of its own; emptying all tables afterwards takes long.

@@ -7,8 +7,8 @@ from django.urls import reverse
 from robots.models import FloorPlan, Robot
 from sessions import system_log
 from sessions.models import Lease, Session, SessionEvent
-from tests.support import replays
 from tests.support.people import person
+from tests.support.sessions import replays
 
 pytestmark = pytest.mark.django_db
 SECRETS = ("Zaphod", "zaphod", "198.51.100.0", "Mozilla", "told by the page")

@@ -15,8 +15,8 @@ from robots.site_drafts import grid_of, propose, store_site
 from robots.world.grid import encode_png
 from robots.world.inspection import inspect_site
 from robots.world.sites import load_site
-from tests.support.html_page import Page
-from tests.support.mapped_building import building, mapped
+from tests.support.agents.mapped_building import building, mapped
+from tests.support.browsers.html_page import Page
 from tests.support.people import person
 
 pytestmark = pytest.mark.django_db

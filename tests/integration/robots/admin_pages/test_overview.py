@@ -15,8 +15,8 @@ from robots.enrol.credentials import make_credentials
 from robots.enrol.tokens import redeem
 from robots.models import Robot
 from robots.screens import make_screen_key
-from tests.support import replays
 from tests.support.people import person
+from tests.support.sessions import replays
 
 pytestmark = pytest.mark.django_db
 ADD = "/admin/robots/robot/add/"

@@ -19,14 +19,14 @@ from robots.agent.lab.in_force import Networks
 from robots.agent.robot_interface import AdapterError
 from robots.api import messages as m
 from robots.api import network_words
-from tests.support.agent_server import AgentServer
-from tests.support.control_rig import ListeningMedia
-from tests.support.mosquitto import Mosquitto
-from tests.support.mqtt_ear import Ear
+from tests.support.agents.agent_server import AgentServer
+from tests.support.agents.control_rig import ListeningMedia
+from tests.support.agents.scripted_robot import ScriptedRobot
+from tests.support.architectures.mqtt_ear import Ear
 from tests.support.paths import ROOT
 from tests.support.patience import patient
-from tests.support.scripted_robot import ScriptedRobot
-from tests.support.site import wait_for
+from tests.support.programs.mosquitto import Mosquitto
+from tests.support.sessions.site import wait_for
 
 
 @pytest.fixture

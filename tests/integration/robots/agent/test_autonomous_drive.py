@@ -9,9 +9,9 @@ import pytest
 from robots.agent.adapters import registry
 from robots.agent.robot_interface import AdapterError
 from robots.api import messages as m
-from tests.support.control_rig import ThreadedControlRig
+from tests.support.agents.control_rig import ThreadedControlRig
+from tests.support.agents.truth import Onlooker
 from tests.support.patience import patient
-from tests.support.truth import Onlooker
 
 
 @pytest.fixture

@@ -13,9 +13,9 @@ from robots.agent.media import MediaSide
 from robots.agent.ramp import ZERO
 from robots.api import messages as m
 from robots.api.codec import encode_frame
-from tests.support.control_rig import ThreadedControlRig
-from tests.support.loopback_peer import Exchange, LoopbackPage, until
-from tests.support.synthetic_camera import SyntheticCamera, SyntheticMicrophone
+from tests.support.agents.control_rig import ThreadedControlRig
+from tests.support.media.loopback_peer import Exchange, LoopbackPage, until
+from tests.support.media.synthetic_camera import SyntheticCamera, SyntheticMicrophone
 
 CASES = 420
 PACE = 1 / 100  # s, below what floods: every case shall reach the codec and the kernel

@@ -11,7 +11,7 @@ from robots.agent.config import ConfigError, add_arguments, load
 from robots.agent.lab.in_force import CLEAN
 from robots.agent.timing import Backoff
 from robots.api.messages import NetworkLab
-from tests.support.agent_server import AgentServer
+from tests.support.agents.agent_server import AgentServer
 
 
 def told(*arguments, environment=None):

@@ -19,9 +19,9 @@ from robots.bridge.bridge import REPORTS_FLYING, STOP_SECONDS, Bridge
 from robots.bridge.delivery import LINK, NOTICE
 from robots.bridge.failover import Failover
 from tests.support import words
-from tests.support.broker_rig import HOST, KINDS, BrokerRig
-from tests.support.pages import until
+from tests.support.browsers.pages import until
 from tests.support.patience import patient
+from tests.support.sessions.broker_rig import HOST, KINDS, BrokerRig
 
 pytestmark = pytest.mark.broker
 LEASE = m.Lease(session="s1", epoch=3, peer="p1", who="Ada", renewal=0, stamp=1.0)

@@ -9,10 +9,10 @@ import pytest
 
 from robots.api import messages as m
 from robots.bridge.bridge import Bridge
-from tests.support.mosquitto import Mosquitto
-from tests.support.mqtt_ear import Ear
-from tests.support.pages import until
+from tests.support.architectures.mqtt_ear import Ear
+from tests.support.browsers.pages import until
 from tests.support.patience import patient
+from tests.support.programs.mosquitto import Mosquitto
 
 pytestmark = pytest.mark.broker
 LEASE = m.Lease(session="s1", epoch=3, peer="p1", who="Ada", renewal=0, stamp=1.0)

@@ -12,7 +12,7 @@ import pytest
 from robots.bridge.quick_reading import CHUNK, _Pieces, read_quickly
 from robots.broker import packets
 from tests.support.patience import patient
-from tests.support.recorder_rig import HOST, running_mosquitto
+from tests.support.sessions.recorder_rig import HOST, running_mosquitto
 
 
 @pytest.mark.broker

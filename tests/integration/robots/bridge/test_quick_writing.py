@@ -12,9 +12,9 @@ from robots.api import messages as m
 from robots.bridge.bridge import Bridge
 from robots.bridge.quick_writing import MOST_WAITING, QuickWriter, writer_of
 from robots.broker.packets import PacketReader
-from tests.support.mqtt_ear import Ear
+from tests.support.architectures.mqtt_ear import Ear
 from tests.support.patience import patient
-from tests.support.recorder_rig import running_mosquitto
+from tests.support.sessions.recorder_rig import running_mosquitto
 from tests.support.words import velocity
 
 

@@ -4,9 +4,9 @@ soak run those of test_behaviour.py also run against other brokers, of one node 
 
 import pytest
 
-from tests.support.broker_rig import KINDS, BrokerRig, ClusterRig
 from tests.support.clustered_brokers import engines
 from tests.support.clustered_brokers.known_failures import KNOWN_FAILURES, SOME
+from tests.support.sessions.broker_rig import KINDS, BrokerRig, ClusterRig
 
 BEHAVIOUR = "test_behaviour"
 

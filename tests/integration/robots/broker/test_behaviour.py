@@ -10,7 +10,8 @@ import pytest
 from robots.api.topics import of, session_notices
 from robots.broker import packets
 from robots.broker.permissions import MAX_PACKET
-from tests.support.broker_rig import (
+from tests.support.patience import patient
+from tests.support.sessions.broker_rig import (
     RawClient,
     ReceivedPacket,
     connect_packet,
@@ -19,7 +20,6 @@ from tests.support.broker_rig import (
     text,
     until_thrown_out,
 )
-from tests.support.patience import patient
 
 pytestmark = pytest.mark.broker
 GIRAFF_STATE, GIRAFF_LEASE = of("giraff", "state"), of("giraff", "lease")

@@ -22,9 +22,9 @@ from robots.broker.embedded import ACCEPTED_A_TURN, EmbeddedBroker
 from robots.broker.permissions import ROBOT_ALLOWANCE, BrokerUser, of_robot, of_server
 from robots.broker.token_bucket import TokenBucket
 from robots.enrol.credentials import hash_token
-from tests.support.broker_rig import RawClient, connect_packet, framed
 from tests.support.patience import patient
-from tests.support.server import certificate
+from tests.support.programs.server import certificate
+from tests.support.sessions.broker_rig import RawClient, connect_packet, framed
 
 PING, PONG = b"\xc0\x00", (0xD0, b"")
 LEASE = of("giraff", "lease")

@@ -20,9 +20,9 @@ from robots.broker.mosquitto import find
 from robots.enrol.credentials import make_credentials, revoke, server_credentials
 from robots.management.commands.mosquitto_files import Files
 from robots.models import Robot
-from tests.support.broker_rig import until_thrown_out
 from tests.support.patience import patient
-from tests.support.site import free_port, wait_for
+from tests.support.sessions.broker_rig import until_thrown_out
+from tests.support.sessions.site import free_port, wait_for
 
 pytestmark = [pytest.mark.broker, pytest.mark.django_db(transaction=True)]
 SECONDS = 10.0

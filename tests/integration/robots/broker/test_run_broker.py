@@ -21,10 +21,10 @@ from django.utils import timezone
 from robots.api.topics import of
 from robots.enrol.credentials import make_credentials, revoke, server_credentials
 from robots.models import Robot
-from tests.support.broker_rig import KINDS, ReceivedPacket, until_thrown_out
 from tests.support.patience import patient
-from tests.support.server import certificate
-from tests.support.site import free_port
+from tests.support.programs.server import certificate
+from tests.support.sessions.broker_rig import KINDS, ReceivedPacket, until_thrown_out
+from tests.support.sessions.site import free_port
 
 pytestmark = [pytest.mark.broker, pytest.mark.django_db(transaction=True)]
 SECONDS = 60.0

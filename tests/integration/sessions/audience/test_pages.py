@@ -13,8 +13,8 @@ from robots.screens import make_screen_key
 from sessions import page_channel, protocol
 from sessions.audience import audience as audiences
 from sessions.leases.terms import Terms
-from tests.support.fixed_terms import provided
-from tests.support.pages import Display, Page, until
+from tests.support.browsers.pages import Display, Page, until
+from tests.support.studies.fixed_terms import provided
 
 pytestmark = pytest.mark.django_db(transaction=True)
 

@@ -21,7 +21,7 @@ from sessions.leases import store
 from sessions.models import Lease, Session
 from telepresence_site import asgi
 from tests.support import words
-from tests.support.pages import Page, until
+from tests.support.browsers.pages import Page, until
 from tests.support.patience import patient
 
 pytestmark = pytest.mark.django_db(transaction=True)

@@ -18,10 +18,10 @@ from sessions.models import Lease, SessionEvent
 from sessions.wizard import leases, operators, protocol
 from sessions.wizard.script import Script, ScriptStage, ScriptStep
 from tests.support import words
-from tests.support.fixed_terms import provided
-from tests.support.pages import SECONDS, Page, until
+from tests.support.browsers.pages import SECONDS, Page, until
+from tests.support.browsers.wizard_console import Console
 from tests.support.patience import patient
-from tests.support.wizard_console import Console
+from tests.support.studies.fixed_terms import provided
 
 pytestmark = pytest.mark.django_db(transaction=True)
 STEPS = (

@@ -19,9 +19,9 @@ from sessions.manager.scheduler import Scheduler
 from sessions.models import Lease, Session
 from sessions.protocol import Ended
 from tests.support import words
-from tests.support.fixed_terms import provided
-from tests.support.memory_bridge import MemoryBridge
-from tests.support.pages import Page
+from tests.support.browsers.pages import Page
+from tests.support.sessions.memory_bridge import MemoryBridge
+from tests.support.studies.fixed_terms import provided
 
 pytestmark = pytest.mark.django_db
 NOW = timezone.now()

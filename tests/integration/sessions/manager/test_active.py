@@ -20,7 +20,12 @@ from sessions.models import ManagerBeat
 from sessions.recording.builder import RecordBuilder
 from sessions.shards import rows
 from tests.support.patience import patient
-from tests.support.recorder_rig import ScriptedRobot, running_manager, running_mosquitto, wait_for
+from tests.support.sessions.recorder_rig import (
+    ScriptedRobot,
+    running_manager,
+    running_mosquitto,
+    wait_for,
+)
 
 pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.broker]
 

@@ -32,7 +32,7 @@ from sessions.models import (
 )
 from tests.support.host_jitter import watched
 from tests.support.patience import patient
-from tests.support.recorder_rig import (
+from tests.support.sessions.recorder_rig import (
     HOST,
     ManagerProcess,
     ScriptedRobot,

@@ -16,7 +16,7 @@ from sessions.leases import store
 from sessions.models import ManagerBeat, Session, SessionEvent, Shard, StateChunk
 from sessions.shards.hashing import preferred_slot, shard_of
 from sessions.shards.rows import name_of
-from tests.support.recorder_rig import (
+from tests.support.sessions.recorder_rig import (
     ManagerProcess,
     ScriptedRobot,
     running_manager,

@@ -6,10 +6,10 @@ from collections.abc import AsyncIterator, Iterator
 import pytest
 
 from sessions.sfu import broadcast as module
-from tests.support.janus import Janus
-from tests.support.loopback_peer import until
+from tests.support.media.loopback_peer import until
+from tests.support.media.sfu_rig import SfuRig
 from tests.support.patience import patient
-from tests.support.sfu_rig import SfuRig
+from tests.support.programs.janus import Janus
 
 pytestmark = pytest.mark.timeout(180)
 

@@ -8,7 +8,7 @@ from robots.api import messages as m
 from robots.models import Robot
 from sessions import protocol
 from sessions.sfu import broadcasts
-from tests.support.pages import Page, until
+from tests.support.browsers.pages import Page, until
 
 pytestmark = pytest.mark.django_db(transaction=True)
 

@@ -27,9 +27,9 @@ from sessions.shards.division import ALL, Holding
 from sessions.shards.hashing import shard_of
 from sessions.shards.ownership import Fenced, Ownership
 from tests.support.examples import repetitions
-from tests.support.fence_races import race
 from tests.support.paths import ROOT
-from tests.support.postgres import running_postgres
+from tests.support.programs.postgres import running_postgres
+from tests.support.sessions.fence_races import race
 
 NOW = timezone.now()
 SHARD = shard_of("giraff")
@@ -261,7 +261,7 @@ def test_of_racing_owners_no_write_is_accepted_after_one_of_a_later_owner():
 def test_on_postgresql_too_and_a_stopped_process_holds_nothing_up(tmp_path):
     with running_postgres() as server:
         environment = {**os.environ, "VAR_DIR": str(tmp_path), "DATABASE_URL": server.url}
-        command = [sys.executable, "-m", "tests.support.fence_races"]
+        command = [sys.executable, "-m", "tests.support.sessions.fence_races"]
         rounds = str(repetitions(300, thorough=100_000))
         done = subprocess.run(
             [*command, rounds], cwd=ROOT, env=environment, stdout=subprocess.PIPE, check=True

@@ -9,7 +9,7 @@ from sessions.leases import store
 from sessions.leases.terms import Terms
 from sessions.models import Lease, Session
 from sessions.wizard import leases
-from tests.support.fixed_terms import provided
+from tests.support.studies.fixed_terms import provided
 
 pytestmark = pytest.mark.django_db
 NOW = timezone.now()

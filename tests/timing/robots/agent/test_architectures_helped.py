@@ -8,10 +8,10 @@ import pytest
 
 from robots.agent.adapters import registry
 from robots.api import messages as m
-from tests.support.control_rig import ThreadedControlRig
+from tests.support.agents.control_rig import ThreadedControlRig
+from tests.support.architectures.ros1_robot import Ros1Rig
+from tests.support.architectures.ros2_robot import Ros2Rig
 from tests.support.patience import patient
-from tests.support.ros1_robot import Ros1Rig
-from tests.support.ros2_robot import Ros2Rig
 
 WALL = "5.0,1.0,1.5708"  # in the corridor, nose to its wall
 

@@ -7,9 +7,9 @@ import time
 import pytest
 
 from robots.agent.adapters.simulator.adapter import create
-from tests.support.control_rig import ThreadedControlRig
+from tests.support.agents.control_rig import ThreadedControlRig
+from tests.support.agents.truth import Onlooker
 from tests.support.host_jitter import pauses, watched
-from tests.support.truth import Onlooker
 
 WATCHDOG = 0.3  # s, the simulated base's own
 STEP = 0.02  # s: the simulator's step and the agent's tick are seen at this grain

@@ -11,9 +11,9 @@ import pytest
 
 from robots.agent.ramp import ZERO
 from robots.agent.thread_priority import nice, set_nice
-from tests.support.control_rig import ThreadedControlRig
+from tests.support.agents.control_rig import ThreadedControlRig
+from tests.support.agents.scripted_robot import WATCHDOG
 from tests.support.host_jitter import watched
-from tests.support.scripted_robot import WATCHDOG
 
 
 @pytest.fixture

@@ -12,9 +12,9 @@ import pytest
 
 from robots.agent.config import ConfigError
 from robots.agent.control.robot_check import RobotCheck, check_robot
+from tests.support.architectures.ros1_robot import Ros1Rig
 from tests.support.paths import ROOT
 from tests.support.patience import patient
-from tests.support.ros1_robot import Ros1Rig
 
 AGENT = [sys.executable, "-m", "robots.agent", "giraff", "--check", "--adapter", "simulator"]
 

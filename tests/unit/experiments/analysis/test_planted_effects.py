@@ -1,6 +1,7 @@
 """The report finds the effects that are planted into the answers of bots, and nothing else, and all
 of its statistics are those that R has computed from the dataset's files (numbers.csv; stranger.R
-says how). The same on a site, with drives and with R: tests/integration/site/test_planted_study.py.
+says how). The same on a site, with drives and with R:
+tests/integration/site/studies/test_planted_study.py.
 """
 
 import pytest
@@ -8,16 +9,16 @@ import pytest
 from experiments.analysis.dataset.folder import read
 from experiments.analysis.report import reports
 from experiments.analysis.tables.table import as_csv
-from tests.support.planted_effects.agreement import (
+from tests.support.analysis.planted_effects.agreement import (
     SCRIPT,
     by_the_report,
     differing,
     labels_of,
     numbers_of,
 )
-from tests.support.planted_effects.answers import planted_dataset, written
-from tests.support.planted_effects.findings import found_in, hypotheses_in
-from tests.support.planted_effects.study import PLANTED
+from tests.support.analysis.planted_effects.answers import planted_dataset, written
+from tests.support.analysis.planted_effects.findings import found_in, hypotheses_in
+from tests.support.analysis.planted_effects.study import PLANTED
 
 EXPECTED = SCRIPT.with_name("numbers.csv")
 pytestmark = pytest.mark.long

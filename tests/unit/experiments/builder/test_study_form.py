@@ -16,7 +16,7 @@ from experiments.definition.steps.task import TaskStep
 from experiments.definition.wizard import Wizard, WizardStage
 from surveys.document_forms import fields, parts
 from surveys.document_forms.part_form import Group
-from tests.support.wizard_study import WIZARD
+from tests.support.studies.wizard_study import WIZARD
 
 BOTH = ("en", "es")
 

@@ -29,10 +29,10 @@ from robots.api import messages
 from sessions import protocol
 from sessions.leases import transitions
 from sessions.wizard import leases as wizard_leases
-from tests.support.filled import Filler, as_stored, kinds
+from tests.support.analysis.filled import Filler, as_stored, kinds
+from tests.support.media.sources import python_files, text_of
 from tests.support.paths import ROOT
-from tests.support.sources import python_files, text_of
-from tests.support.traces import Known, traces
+from tests.support.studies.traces import Known, traces
 
 DECIDE = (
     "decide in experiments/dataset/allow_list.py what of it may leave in a pseudonymous dataset: "

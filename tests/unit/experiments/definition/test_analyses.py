@@ -4,7 +4,7 @@ import pytest
 
 from experiments.definition.problems import problems
 from surveys.document_forms.problem_text import sentences
-from tests.support.studies import small_study
+from tests.support.studies.studies import small_study
 
 GOOD = {"key": "doors", "title": {"en": "Doors"}, "measures": ["task_time", "experience.q1"]}
 SIDES = {"title": {"en": "Shut"}, "first": ["shut"], "second": ["all_open"]}

@@ -10,8 +10,8 @@ from experiments.definition.shipped import shipped
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.world.sites import load_plan
 from tests.support.examples import examples
-from tests.support.studies import cabin, small_study
-from tests.support.task_drives import START, Drive, cues, run, told
+from tests.support.studies.studies import cabin, small_study
+from tests.support.studies.task_drives import START, Drive, cues, run, told
 
 metres = st.floats(-5.0, 5.0)
 points = st.tuples(metres, metres)

@@ -13,7 +13,7 @@ from experiments.definition.problems import problems
 from experiments.definition.schema import digest
 from experiments.participation.assignment import cells
 from surveys.document_forms.problem_text import sentences
-from tests.support.studies import STUDY, small_study
+from tests.support.studies.studies import STUDY, small_study
 
 TASK = [{**STUDY["steps"][0], "repeat": True}, {**STUDY["steps"][1], "repeat": True}]
 

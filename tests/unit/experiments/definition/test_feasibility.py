@@ -3,7 +3,7 @@
 from experiments.definition.feasibility import NETWORK_LAB, Known, RobotFacts, obstacles
 from experiments.definition.reachability import unreachable
 from surveys.document_forms.problem_text import sentences
-from tests.support.studies import STUDY, cabin, small_study
+from tests.support.studies.studies import STUDY, cabin, small_study
 
 
 def found(network: dict[str, dict[str, float]], *capabilities: str) -> list[str]:

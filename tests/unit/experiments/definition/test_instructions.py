@@ -6,7 +6,7 @@ from experiments.analysis.plan.preregistration import preregistration
 from experiments.definition.problems import problems
 from experiments.participation.assignment import stage_now
 from surveys.document_forms.problem_text import sentences
-from tests.support.studies import STUDY, small_study
+from tests.support.studies.studies import STUDY, small_study
 
 SHARED, OWN = {"text": {"en": "Drive."}}, {"text": {"en": "A door is shut."}}
 

@@ -7,8 +7,8 @@ from experiments.definition.plan import StudyPlan, deciding_hypotheses
 from experiments.definition.problems import problems
 from experiments.definition.schema import digest, to_json
 from surveys.document_forms.problem_text import sentences
-from tests.support.planned import ANALYSES, PLAN, hypothesis, plan_with, planned_study
-from tests.support.studies import small_study
+from tests.support.analysis.planned import ANALYSES, PLAN, hypothesis, plan_with, planned_study
+from tests.support.studies.studies import small_study
 
 
 def told(study):

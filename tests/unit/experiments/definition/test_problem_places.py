@@ -8,9 +8,9 @@ from experiments.definition.problems import problems
 from experiments.definition.reachability import unreachable
 from surveys.document_forms.problem_text import sentences
 from surveys.documents import NOWHERE, ProblemPlace
-from tests.support.planned import PLAN, plan_with, planned_study
-from tests.support.studies import STUDY, small_study
-from tests.support.wizard_study import WIZARD, wizard_study
+from tests.support.analysis.planned import PLAN, plan_with, planned_study
+from tests.support.studies.studies import STUDY, small_study
+from tests.support.studies.wizard_study import WIZARD, wizard_study
 
 LEVELS = [{"key": key, "title": {"en": key}} for key in ("ajar", "closed")]
 DOORS = {"key": "doors", "title": {"en": "Doors"}, "levels": LEVELS}

@@ -14,7 +14,7 @@ from robots.world.sites import load_plan
 from surveys.document_forms.problem_text import sentences
 from surveys.documents import BadDefinitionError
 from surveys.questionnaires import shipped as shipped_questionnaires
-from tests.support.studies import PLAN, STUDY, cabin, small_study
+from tests.support.studies.studies import PLAN, STUDY, cabin, small_study
 
 ALL = frozenset({"velocity", "goto", "follow", "dock", "undock", "tilt", "assist"})
 GIRAFF = RobotFacts(ALL, 0.7)

@@ -10,8 +10,8 @@ from experiments.definition.schema import digest, to_json
 from experiments.wizard.script import script_of
 from sessions.wizard.script import TimedDrive
 from surveys.document_forms.problem_text import sentences
-from tests.support.studies import STUDY, cabin, small_study
-from tests.support.wizard_study import OPERATOR_TEXT, WIZARD, wizard_study
+from tests.support.studies.studies import STUDY, cabin, small_study
+from tests.support.studies.wizard_study import OPERATOR_TEXT, WIZARD, wizard_study
 
 ALL = frozenset({"velocity", "goto", "follow", "dock", "undock", "tilt", "assist", "say"})
 

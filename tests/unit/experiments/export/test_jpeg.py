@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from experiments.export.jpeg import JpegError, without_metadata
-from tests.support.jpegs import JPEG, with_metadata
+from tests.support.media.jpegs import JPEG, with_metadata
 
 SECRET = b"2026:05:04 09:00:00 zoe"
 

@@ -18,7 +18,7 @@ from experiments.participation.assignment import (
     stage_at_end,
 )
 from tests.support.examples import examples
-from tests.support.studies import STUDY, small_study
+from tests.support.studies.studies import STUDY, small_study
 
 NONE = Refill()
 

@@ -16,7 +16,7 @@ from experiments.models import Drive, Participant
 from experiments.models import Study as StudyRow
 from experiments.participation import drive_config
 from robots.world.sites import load_plan
-from tests.support.studies import STUDY, cabin, small_study
+from tests.support.studies.studies import STUDY, cabin, small_study
 
 NOW = datetime.datetime(2026, 3, 2, 9, 0, tzinfo=datetime.UTC)
 STEP = "/studies/cabin-study/step/"

@@ -5,7 +5,7 @@ from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped
 from experiments.participation import journey
 from experiments.participation.journey import JourneyPlace, NoPlaceError
-from tests.support.studies import STUDY
+from tests.support.studies.studies import STUDY
 
 
 def study(*steps: str, within: bool = False) -> StudyDefinition:

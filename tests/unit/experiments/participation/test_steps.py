@@ -12,7 +12,7 @@ from experiments.participation.step_page import StepPage
 from experiments.participation.steps import UnknownStepError, page_type
 from surveys.documents import BadDefinitionError
 from tests.support.paths import ROOT
-from tests.support.studies import STUDY
+from tests.support.studies.studies import STUDY
 
 
 def test_every_kind_has_a_definition_and_a_page_of_its_name():

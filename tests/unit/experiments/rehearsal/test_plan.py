@@ -6,7 +6,7 @@ from experiments.definition.shipped import shipped
 from experiments.rehearsal import plan
 from experiments.rehearsal.issues import NOTES, PROBLEMS, Issue
 from experiments.study_admin.rehearsal_report import place_of
-from tests.support.studies import small_study
+from tests.support.studies.studies import small_study
 
 STUDY = small_study()
 

@@ -19,7 +19,7 @@ from experiments.tasks.records import (
 )
 from robots.api.messages import Battery, Pose, State, Velocity
 from tests.support.examples import examples
-from tests.support.task_drives import (
+from tests.support.studies.task_drives import (
     BACK,
     BY_ARCHWAY,
     BY_DOOR,

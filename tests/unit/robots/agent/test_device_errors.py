@@ -1,7 +1,7 @@
 """What the robot's state says of devices that do not work."""
 
 from robots.api import messages as m
-from tests.support.control_rig import ControlRig
+from tests.support.agents.control_rig import ControlRig
 
 REASON = "the camera rtsp://10.0.0.4 cannot be read: connection refused"
 

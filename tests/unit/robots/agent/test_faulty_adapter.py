@@ -14,8 +14,8 @@ import pytest
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import ObstaclePoints, Sonar, SonarEcho
 from robots.api import messages as m
-from tests.support.control_rig import ControlRig, own, stamped
-from tests.support.scripted_robot import PROFILE, NavigatingRobot
+from tests.support.agents.control_rig import ControlRig, own, stamped
+from tests.support.agents.scripted_robot import PROFILE, NavigatingRobot
 
 REASONS = {"raises": "ZeroDivisionError: in its SDK", "hangs": "", "returns nonsense": ""}
 

@@ -8,8 +8,8 @@ import pytest
 
 from robots.agent.ramp import ZERO
 from robots.api import messages as m
-from tests.support.control_rig import ControlRig, own, staff, stamped
-from tests.support.scripted_robot import NavigatingRobot, still
+from tests.support.agents.control_rig import ControlRig, own, staff, stamped
+from tests.support.agents.scripted_robot import NavigatingRobot, still
 
 
 @pytest.fixture

@@ -19,8 +19,8 @@ from robots.agent.safety.kernel import KERNEL, Kernel
 from robots.agent.safety.lease import Remembered
 from robots.agent.safety.permissions import CommandSender
 from robots.api import messages as m
+from tests.support.agents.kernel_bench import DRIVER_CLOCK, LIMITS, TICK, Bench
 from tests.support.examples import examples, repetitions
-from tests.support.kernel_bench import DRIVER_CLOCK, LIMITS, TICK, Bench
 
 SLACK = 1e-9
 GOING = m.Velocity(linear=0.5, angular=0.2)  # how an architecture drives by itself

@@ -15,8 +15,8 @@ from robots.agent.ramp import ZERO
 from robots.agent.safety.kernel import KERNEL
 from robots.agent.safety.permissions import CommandSender
 from robots.api import messages as m
+from tests.support.agents.kernel_bench import LIMITS, Bench
 from tests.support.examples import examples
-from tests.support.kernel_bench import LIMITS, Bench
 
 pytestmark = pytest.mark.long
 

@@ -11,8 +11,8 @@ from robots.agent.robot_interface import Navigating
 from robots.api import messages as m
 from robots.api.examples import EXAMPLES
 from robots.api.geometry import Pose2D
-from tests.support.control_rig import ControlRig
-from tests.support.scripted_robot import PROFILE, ScriptedRobot, SelfDrivingRobot
+from tests.support.agents.control_rig import ControlRig
+from tests.support.agents.scripted_robot import PROFILE, ScriptedRobot, SelfDrivingRobot
 
 ABLE = replace(PROFILE, capabilities=(*PROFILE.capabilities, "assist"))
 

@@ -7,7 +7,7 @@ import pytest
 
 from robots.agent.control import supervised_adapter
 from robots.agent.control.supervised_adapter import AdapterLink
-from tests.support.scripted_robot import ScriptedRobot
+from tests.support.agents.scripted_robot import ScriptedRobot
 from tests.support.virtual_time import on_virtual_time
 
 

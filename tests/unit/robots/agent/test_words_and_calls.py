@@ -3,7 +3,7 @@
 import pytest
 
 from robots.api import messages as m
-from tests.support.control_rig import ControlRig
+from tests.support.agents.control_rig import ControlRig
 
 
 @pytest.fixture

@@ -16,8 +16,8 @@ from robots.broker.packets import (
     Subscribe,
     Unsubscribe,
 )
-from tests.support.broker_rig import connect_packet, framed, subscribe_packet, text
 from tests.support.examples import examples
+from tests.support.sessions.broker_rig import connect_packet, framed, subscribe_packet, text
 
 LIMIT = 4096
 TOPIC = st.text(

@@ -7,7 +7,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 from sessions.leases.policy import Deny, Grant, Resume, Wait
 from sessions.protocol import Offered
 from tests.support.examples import examples
-from tests.support.lease_world import RULES, World
+from tests.support.sessions.lease_world import RULES, World
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from sessions.leases.transitions import (
     Withdraw,
 )
 from sessions.protocol import AskedThere, Ended, FoundThere, Offered, TurnWarning
-from tests.support.lease_world import ASKING, RULES, World
+from tests.support.sessions.lease_world import ASKING, RULES, World
 
 
 @pytest.fixture

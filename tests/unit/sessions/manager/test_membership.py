@@ -14,7 +14,7 @@ from sessions.manager.membership import SHARED_INTERVAL_S, WAIT_SECONDS, Members
 from sessions.shards.division import ALL
 from sessions.shards.hashing import share_of
 from tests.support.examples import examples
-from tests.support.manager_rows import MemoryRows
+from tests.support.sessions.manager_rows import MemoryRows
 
 NOWHERE = Path("/nonexistent")  # no lock file: as if each had a computer of its own
 STEP = 0.1

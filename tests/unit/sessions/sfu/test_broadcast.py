@@ -17,7 +17,7 @@ from sessions.sfu.janus import HANGUP, UP, Handle
 from sessions.sfu.mountpoint import MOUNTPOINT_EXISTS, NO_SUCH_MOUNTPOINT, mountpoint_of
 from sessions.sfu.robot_leg import CONNECT_SECONDS, STAY_SECONDS, RobotLeg
 from tests.support import words
-from tests.support.memory_bridge import MemoryBridge
+from tests.support.sessions.memory_bridge import MemoryBridge
 
 ANSWER = m.SdpAnswer(sdp="v=0 answer")
 UNAUTHORIZED, INVALID = 458, 453  # of janus_streaming.c: a wrong secret, and a wrong value

@@ -8,7 +8,7 @@ from surveys.definition import to_json
 from surveys.documents import BadDefinitionError
 from surveys.importing.reading import read
 from surveys.importing.report import ImportOutcome
-from tests.support.survey_files import lime, lss, lss_of
+from tests.support.studies.survey_files import lime, lss, lss_of
 
 PARTS = [("SQ1", "First"), ("SQ2", "Second")]
 ANSWERS = [("A1", "Rarely"), ("A2", "Sometimes"), ("A3", "Often")]

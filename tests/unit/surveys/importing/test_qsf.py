@@ -8,7 +8,7 @@ from surveys.definition import to_json
 from surveys.documents import BadDefinitionError
 from surveys.importing.reading import read
 from surveys.importing.report import ImportOutcome
-from tests.support.survey_files import displays, forced, payload, qsf
+from tests.support.studies.survey_files import displays, forced, payload, qsf
 
 
 def items(document: bytes) -> list[dict]:

@@ -5,7 +5,7 @@ import pytest
 from surveys.documents import BadDefinitionError
 from surveys.importing.reading import read
 from surveys.importing.report import ImportOutcome
-from tests.support.survey_files import displays, payload, qsf
+from tests.support.studies.survey_files import displays, payload, qsf
 from tests.unit.surveys.importing.test_qsf import (
     FRUIT,
     block,

@@ -12,7 +12,7 @@ from surveys.documents import BadDefinitionError
 from surveys.importing.formats import FORMATS
 from surveys.importing.plain_text import plain
 from surveys.importing.reading import MAX_FILE, read, slug_for
-from tests.support.survey_files import (
+from tests.support.studies.survey_files import (
     displays,
     field,
     lime,

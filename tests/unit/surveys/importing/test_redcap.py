@@ -9,7 +9,7 @@ from surveys.documents import BadDefinitionError
 from surveys.importing.reading import read
 from surveys.importing.report import ImportOutcome
 from surveys.importing.survey_format import Wishes
-from tests.support.survey_files import field, redcap
+from tests.support.studies.survey_files import field, redcap
 
 YES_NO_MAYBE = "1, Yes | 2, No | 3, Perhaps, or not"
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.support.patient_adapters import make_patient
+from tests.support.architectures.patient_adapters import make_patient
 
 
 @pytest.fixture

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.acme_robot import EXAMPLE, AcmeRig
+from tests.support.architectures.acme_robot import EXAMPLE, AcmeRig
+from tests.support.architectures.rca_conformance import RcaConformance
 from tests.support.paths import ROOT
 from tests.support.patience import patient
-from tests.support.rca_conformance import RcaConformance
 
 
 class TestAcme(RcaConformance):
@@ -72,7 +72,7 @@ def run(python, *command, within=60.0):
 @pytest.mark.nightly
 def test_installed_it_is_driven_by_the_agent_as_ours_are(environment, tmp_path):
     found = json.loads(
-        run(environment, "-m", "tests.support.acme_drive", tmp_path).splitlines()[-1]
+        run(environment, "-m", "tests.support.architectures.acme_drive", tmp_path).splitlines()[-1]
     )
     assert found["adapters"].count("acme") == 1
     assert found["driven"] > 0.1, "metres"

@@ -5,9 +5,9 @@ import time
 
 import pytest
 
-from tests.support.adapter_conformance import AdapterConformance
+from tests.support.agents.scripted_robot import ScriptedRobot
+from tests.support.architectures.adapter_conformance import AdapterConformance
 from tests.support.loop_guard import guarded
-from tests.support.scripted_robot import ScriptedRobot
 
 
 class Blocking(ScriptedRobot):

@@ -11,12 +11,12 @@ from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import AdapterError
 from robots.api.messages import Velocity
 from tests.integration.robots.agent.adapters.test_whole_agent import agent
-from tests.support.adapter_conformance import drive, wait_for
-from tests.support.rca_conformance import connected
-from tests.support.ros1_robot import Ros1Rig
-from tests.support.ros2_robot import LOOPBACK, Ros2Rig
-from tests.support.ros_robot import STAMPED
-from tests.support.rosbridge_robot import RosbridgeRig
+from tests.support.architectures.adapter_conformance import drive, wait_for
+from tests.support.architectures.rca_conformance import connected
+from tests.support.architectures.ros1_robot import Ros1Rig
+from tests.support.architectures.ros2_robot import LOOPBACK, Ros2Rig
+from tests.support.architectures.ros_robot import STAMPED
+from tests.support.architectures.rosbridge_robot import RosbridgeRig
 
 AHEAD = Velocity(linear=0.2, angular=0.1)
 TWIST = "geometry_msgs/Twist"

@@ -8,12 +8,12 @@ from contextlib import contextmanager
 import pytest
 
 from robots.api import messages as m
-from tests.support.control_rig import ThreadedControlRig
-from tests.support.moos_robot import MoosRig
-from tests.support.openmora_robot import OpenMoraRig
-from tests.support.ros1_robot import Ros1Rig
-from tests.support.ros2_robot import LOOPBACK, Ros2Rig
-from tests.support.rosbridge_robot import RosbridgeRig
+from tests.support.agents.control_rig import ThreadedControlRig
+from tests.support.architectures.moos_robot import MoosRig
+from tests.support.architectures.openmora_robot import OpenMoraRig
+from tests.support.architectures.ros1_robot import Ros1Rig
+from tests.support.architectures.ros2_robot import LOOPBACK, Ros2Rig
+from tests.support.architectures.rosbridge_robot import RosbridgeRig
 
 RIGS = {
     "moos": lambda _: MoosRig("giraff"),

@@ -15,11 +15,11 @@ from robots.agent.adapters import registry
 from robots.agent.media.pixels import video_frame
 from robots.agent.robot_interface import AdapterError, Frame
 from robots.agent.safety.collision_monitor import monitor_of
-from tests.support.adapter_conformance import wait_for
+from tests.support.architectures.adapter_conformance import wait_for
+from tests.support.architectures.rca_conformance import RcaConformance, connected
+from tests.support.architectures.rca_world import RcaRig
 from tests.support.paths import ROOT
 from tests.support.patience import patient
-from tests.support.rca_conformance import RcaConformance, connected
-from tests.support.rca_world import RcaRig
 
 PAGE = ROOT / "docs" / "howto" / "write-an-adapter.md"
 

@@ -14,7 +14,7 @@ from robots.api import messages as m
 from robots.api.geometry import Pose2D
 from robots.world.robot_models import model_of
 from robots.world.sites import load_site
-from tests.support.headless_robot import HeadlessRobot, office
+from tests.support.agents.headless_robot import HeadlessRobot, office
 
 
 def goto(place="corridor-east", action_id="g"):

@@ -17,11 +17,11 @@ from robots.agent.timing import Backoff
 from robots.api import codec
 from robots.api import messages as m
 from telepresence_site.demo import lan
-from tests.support.mosquitto import Mosquitto
-from tests.support.mqtt_ear import Ear
+from tests.support.agents.scripted_robot import LIMITS
+from tests.support.architectures.mqtt_ear import Ear
 from tests.support.patience import patient
-from tests.support.scripted_robot import LIMITS
-from tests.support.site import free_port
+from tests.support.programs.mosquitto import Mosquitto
+from tests.support.sessions.site import free_port
 
 pytestmark = pytest.mark.broker
 

@@ -14,8 +14,8 @@ from robots.agent.media.capture.camera import CameraFeed
 from robots.agent.media.codecs.encoder import TIER_480P, PictureEncoder
 from robots.agent.media.rtp import RtpClock
 from robots.agent.robot_interface import AdapterError
-from tests.support.picture_server import PictureServer
-from tests.support.simulators import eventually
+from tests.support.agents.simulators import eventually
+from tests.support.media.picture_server import PictureServer
 
 
 def camera(said: str) -> DeviceCamera:

@@ -12,8 +12,8 @@ import textwrap
 
 import pytest
 
-from tests.support.simulators import ROOT
-from tests.support.sound_server import environment_of
+from tests.support.agents.simulators import ROOT
+from tests.support.programs.sound_server import environment_of
 
 POISONED = ("/tmp/vendor/etc/gnutls/config", "/tmp/vendor/share/alsa/alsa.conf")
 LOADS_AV = re.compile(r"^\s*(import|from) (av|aiortc)\b", re.MULTILINE)

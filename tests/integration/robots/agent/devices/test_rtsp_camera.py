@@ -16,8 +16,8 @@ from robots.agent.media.capture.camera import CameraFeed
 from robots.agent.media.capture.capture import CaptureState
 from robots.agent.media.rtp import RtpClock
 from robots.agent.robot_interface import AdapterError
-from tests.support.rtsp_server import rtsp_server
-from tests.support.simulators import eventually
+from tests.support.agents.simulators import eventually
+from tests.support.programs.rtsp_server import rtsp_server
 
 SECRET = "hunter2"
 

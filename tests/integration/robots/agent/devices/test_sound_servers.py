@@ -17,9 +17,15 @@ from robots.agent.devices.equipment import equipment_of
 from robots.agent.media.capture.outputs import OutputFeed
 from robots.agent.media.capture.sound import MicrophoneFeed, SoundEncoder
 from robots.agent.robot_interface import AdapterError
-from tests.support.scripted_robot import ScriptedRobot
-from tests.support.simulators import eventually
-from tests.support.sound_server import environment_of, is_tone, sine, sound_server, use_environment
+from tests.support.agents.scripted_robot import ScriptedRobot
+from tests.support.agents.simulators import eventually
+from tests.support.programs.sound_server import (
+    environment_of,
+    is_tone,
+    sine,
+    sound_server,
+    use_environment,
+)
 
 TONE = 440.0  # Hz
 

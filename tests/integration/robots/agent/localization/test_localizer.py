@@ -14,8 +14,8 @@ from robots.world.grid import MapError, OccupancyGrid
 from robots.world.robot_models import GIRAFF, RHODON, RobotModel
 from robots.world.sensing import Estimate, LaserScan
 from robots.world.sites import load_site
-from tests.support.drawn_map import beams_from, drawn_map, standing
-from tests.support.wanderer import TICK, Wanderer, Ways
+from tests.support.agents.drawn_map import beams_from, drawn_map, standing
+from tests.support.agents.wanderer import TICK, Wanderer, Ways
 
 OFFICE = load_site("office")
 WAYS = Ways(OFFICE.grid)

@@ -6,8 +6,8 @@ from collections.abc import AsyncIterator
 import pytest
 
 from robots.agent.media import MediaSide
-from tests.support.loopback_peer import Exchange, LoopbackPage
-from tests.support.synthetic_camera import SyntheticCamera, SyntheticMicrophone
+from tests.support.media.loopback_peer import Exchange, LoopbackPage
+from tests.support.media.synthetic_camera import SyntheticCamera, SyntheticMicrophone
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ import statistics
 import pytest
 
 from robots.api.messages import Heartbeat
-from tests.support.browser_page import BrowserPage, chromium
-from tests.support.loopback_peer import until
+from tests.support.browsers.browser_page import BrowserPage, chromium
+from tests.support.media.loopback_peer import until
 
 pytestmark = pytest.mark.browser
 

@@ -12,7 +12,7 @@ from robots.agent.media import MediaSide
 from robots.api import picture
 from robots.api.messages import NetworkLab, PictureRequest, Pose, PoseUpdate, Velocity
 from tests.integration.robots.agent.media.jpeg_fallback.test_stills import nothing
-from tests.support.loopback_peer import until
+from tests.support.media.loopback_peer import until
 
 
 def arrivals(page) -> dict[int, float]:

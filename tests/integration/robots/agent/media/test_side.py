@@ -28,8 +28,8 @@ from robots.api.messages import (
     Stay,
     Stop,
 )
-from tests.support.loopback_peer import LoopbackPage, until
-from tests.support.synthetic_camera import TICKS_PER_SECOND, apart, code_of, read_code
+from tests.support.media.loopback_peer import LoopbackPage, until
+from tests.support.media.synthetic_camera import TICKS_PER_SECOND, apart, code_of, read_code
 
 
 def step(before: tuple[int, bool], after: tuple[int, bool]) -> int:

@@ -18,7 +18,7 @@ from robots.world.grid import OccupancyGrid
 from robots.world.robot_models import GIRAFF, MODELS, RHODON, RobotModel
 from robots.world.sensing import CENTRE, Estimate
 from robots.world.sites import load_site
-from tests.support.navigation_rig import Rig
+from tests.support.agents.navigation_rig import Rig
 
 SITE = load_site("office")
 MODELS_BY_NAME = sorted(MODELS.items())

@@ -2,8 +2,8 @@
 
 from robots.agent.adapters.simulator.child import end, launch
 from robots.agent.simulator import wire
-from tests.support.simulators import eventually
-from tests.support.truth import Onlooker, SimulatorOperator
+from tests.support.agents.simulators import eventually
+from tests.support.agents.truth import Onlooker, SimulatorOperator
 
 
 def test_an_agents_robot_stands_in_the_site_with_the_people_and_doors_that_it_was_told() -> None:

@@ -18,9 +18,7 @@ from robots.agent.simulator import wire
 from robots.agent.simulator.faults import Faults
 from robots.agent.simulator.physics.realtime import LONGEST_LAG
 from robots.world.robot_models import GIRAFF
-from tests.support.host_jitter import pauses, watched
-from tests.support.patience import patient
-from tests.support.simulators import (
+from tests.support.agents.simulators import (
     ROOT,
     alive,
     driving_agent,
@@ -28,7 +26,9 @@ from tests.support.simulators import (
     memory_exists,
     simulator,
 )
-from tests.support.truth import SimulatorOperator
+from tests.support.agents.truth import SimulatorOperator
+from tests.support.host_jitter import pauses, watched
+from tests.support.patience import patient
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 QUIET = ("--no-camera", "--start", "corridor-centre")

@@ -22,14 +22,14 @@ import time
 
 import pytest
 
-from tests.support.frozen import ROOT, freeze
-from tests.support.moos_robot import MoosRig
-from tests.support.namespace import HERE, THERE, namespace
-from tests.support.openmora_robot import OpenMoraRig
-from tests.support.orders import OLD, DatedOrders, caught_at_most_one
-from tests.support.ros1_robot import Ros1Rig
-from tests.support.ros2_robot import Ros2Rig
-from tests.support.rosbridge_robot import RosbridgeRig
+from tests.support.agents.orders import OLD, DatedOrders, caught_at_most_one
+from tests.support.architectures.frozen import ROOT, freeze
+from tests.support.architectures.moos_robot import MoosRig
+from tests.support.architectures.openmora_robot import OpenMoraRig
+from tests.support.architectures.ros1_robot import Ros1Rig
+from tests.support.architectures.ros2_robot import Ros2Rig
+from tests.support.architectures.rosbridge_robot import RosbridgeRig
+from tests.support.programs.namespace import HERE, THERE, namespace
 
 pytestmark = pytest.mark.soak
 AWAY = 4.0  # s
@@ -86,7 +86,7 @@ class Agent:
             network.name,
             sys.executable,
             "-m",
-            "tests.support.driven_agent",
+            "tests.support.agents.driven_agent",
             json.dumps(wish),
         ]
         self.process = None

@@ -10,8 +10,8 @@ import time
 import pytest
 
 from tests.integration.robots.agent.adapters.test_whole_agent import RIGS, agent
-from tests.support.orders import OLD, DatedOrders, caught_at_most_one
-from tests.support.ros2_robot import LOOPBACK, Ros2Rig
+from tests.support.agents.orders import OLD, DatedOrders, caught_at_most_one
+from tests.support.architectures.ros2_robot import LOOPBACK, Ros2Rig
 
 FROZEN = 4.0
 

@@ -18,7 +18,7 @@ from sessions.devices import SYSTEMS
 from sessions.leases.fault_side import Side
 from surveys.answers import Missing
 from surveys.scoring import scales_of, sus
-from tests.support.study_dataset import questionnaires
+from tests.support.analysis.study_dataset import questionnaires
 
 
 def entries(dataset):

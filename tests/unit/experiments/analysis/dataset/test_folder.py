@@ -19,8 +19,8 @@ from experiments.analysis.dataset.records import (
     columns_of,
 )
 from experiments.definition.shipped import shipped
-from tests.support.questionnaires import defined, item
-from tests.support.study_dataset import made_up
+from tests.support.analysis.study_dataset import made_up
+from tests.support.studies.questionnaires import defined, item
 
 
 @pytest.fixture(scope="module")

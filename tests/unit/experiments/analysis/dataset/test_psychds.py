@@ -14,9 +14,9 @@ from experiments.analysis.dataset.names import keyword_values, questionnaire_pat
 from experiments.analysis.dataset.records import Dataset
 from experiments.definition.publication import Author, PublicationDetails
 from experiments.definition.shipped import shipped
-from tests.support import psychds_rules
-from tests.support.questionnaires import defined, item
-from tests.support.study_dataset import made_up
+from tests.support.analysis import psychds_rules
+from tests.support.analysis.study_dataset import made_up
+from tests.support.studies.questionnaires import defined, item
 
 DETAILS = PublicationDetails(
     authors=(

@@ -26,8 +26,8 @@ from experiments.analysis.figures.drawing import (
 from experiments.analysis.figures.opinions import figure_8a, figure_8b
 from experiments.analysis.figures.scores import score_figures
 from experiments.analysis.figures.trajectories import figure_6
-from tests.support.colours import SIMULATED, least_distance, least_step, lightness
-from tests.support.study_dataset import made_up
+from tests.support.analysis.colours import SIMULATED, least_distance, least_step, lightness
+from tests.support.analysis.study_dataset import made_up
 
 PALETTES = {"robots": ROBOTS, "sides": (NEGATIVE, POSITIVE), **{str(n): SCALE[n] for n in SCALE}}
 # In L*a*b*, 2.3 is the least difference that is noticed side by side (Mahy et al., 1994); across a

@@ -8,8 +8,8 @@ import pytest
 
 from experiments.analysis.figures.opinions import WHOLE, figure_8a, figure_8b
 from experiments.analysis.tables.paper_tables import table_5
-from tests.support.colours import lightness
-from tests.support.study_dataset import made_up
+from tests.support.analysis.colours import lightness
+from tests.support.analysis.study_dataset import made_up
 
 FLOOR = "#ffffff"
 

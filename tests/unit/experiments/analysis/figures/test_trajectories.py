@@ -8,7 +8,7 @@ import pytest
 from experiments.analysis.figures.floor import AROUND, view_of, whole_of
 from experiments.analysis.figures.trajectories import TALLEST, figure_7
 from experiments.analysis.metrics.sessions import measure_all
-from tests.support.study_dataset import made_up
+from tests.support.analysis.study_dataset import made_up
 
 
 @pytest.fixture(scope="module")

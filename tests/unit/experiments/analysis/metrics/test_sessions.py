@@ -22,7 +22,7 @@ from experiments.analysis.metrics.milestones import docking_attempts, milestones
 from experiments.analysis.metrics.motion import Trajectory
 from experiments.analysis.metrics.sessions import measure, measure_all
 from experiments.definition.shipped import shipped
-from tests.support.study_dataset import made_up
+from tests.support.analysis.study_dataset import made_up
 
 STUDY = shipped()["exploration"]
 DATASET = made_up(np.random.default_rng(8), 12)

@@ -12,7 +12,7 @@ from experiments.analysis.dataset.records import (
     SessionRecord,
 )
 from experiments.analysis.plan.exclusions import excluded_participants, exclusions
-from tests.support.planned import plan_with, planned_study
+from tests.support.analysis.planned import plan_with, planned_study
 
 
 def dataset(plan, *, seconds=(30.0, 32.0, 34.0), given=(2, 2, 2), **more):

@@ -13,8 +13,8 @@ from experiments.analysis.plan.sensitivity import exclusion_effects
 from experiments.analysis.report import report
 from experiments.analysis.statistics.comparisons import holm
 from experiments.analysis.tables.declared import declared
-from tests.support.planned import PLAN, hypothesis, plan_with
-from tests.support.planned_data import planned_data
+from tests.support.analysis.planned import PLAN, hypothesis, plan_with
+from tests.support.analysis.planned_data import planned_data
 
 
 def times(difference=30.0, people=12, seed=4):

@@ -10,8 +10,8 @@ from experiments.analysis.plan.exclusions import exclusions
 from experiments.analysis.plan.preregistration import NO_PLAN, UNANSWERED, preregistration
 from experiments.analysis.plan.reporting_sheet import UNKNOWN, as_markdown, reporting_sheet
 from experiments.definition.shipped import shipped
-from tests.support.planned import PLAN, plan_with, planned_study
-from tests.support.planned_data import planned_data
+from tests.support.analysis.planned import PLAN, plan_with, planned_study
+from tests.support.analysis.planned_data import planned_data
 
 FROZEN = FreezeRecord(sha256="ab" * 32, frozen_at="2026-05-01 09:00 UTC", before_data=True)
 TIMES = {"shut": [100.0, 110.0, 130.0], "all_open": [90.0, 95.0, 99.0]}

@@ -9,7 +9,7 @@ from experiments.analysis.dataset.records import Dataset, ParticipantRecord, Ses
 from experiments.analysis.power import assumptions
 from experiments.analysis.power.assumptions import Assumption, assumed, of_bots
 from experiments.analysis.power.simulation import simulate
-from tests.support.powered import expected, powered_study
+from tests.support.analysis.powered import expected, powered_study
 
 
 def test_a_plan_says_what_is_expected_and_defaults_say_the_rest():

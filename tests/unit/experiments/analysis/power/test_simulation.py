@@ -29,7 +29,7 @@ from experiments.analysis.statistics.mixed_model_batch import term_p_values
 from experiments.analysis.statistics.mixed_models import design_of, fit
 from experiments.definition.plan import StudyPlan
 from experiments.definition.shipped import shipped
-from tests.support.powered import expected, powered_study
+from tests.support.analysis.powered import expected, powered_study
 
 # effect in SD, correlation, participants (in all)
 PAIRED = [(0.5, 0.5, 34), (0.4, 0.7, 30), (0.8, 0.2, 24)]

@@ -1,4 +1,4 @@
-"""Mixed models agree with lme4 on 20 data sets that come with R (tests/support/lme4/).
+"""Mixed models agree with lme4 on 20 data sets that come with R (tests/support/analysis/lme4/).
 
 Both maximize the same restricted likelihood, so the optima are the same, also in Dyestuff2
 and CO2, whose groups do not differ beyond chance (the variance is 0).
@@ -13,7 +13,7 @@ import pytest
 from experiments.analysis.statistics.mixed_models import INTERCEPT, Design, design_of, fit
 from tests.support.paths import ROOT
 
-FOLDER = ROOT / "tests" / "support" / "lme4"
+FOLDER = ROOT / "tests" / "support" / "analysis" / "lme4"
 RELATIVE = 1e-4
 
 

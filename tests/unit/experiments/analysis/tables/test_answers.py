@@ -19,8 +19,8 @@ from experiments.analysis.tables.answers import compare_answers
 from experiments.analysis.tables.effects import compare_conditions
 from experiments.bots.persona import Effect, Persona
 from experiments.definition.shipped import shipped
+from tests.support.analysis.study_dataset import questionnaires, without
 from tests.support.examples import binomial_band, repetitions
-from tests.support.study_dataset import questionnaires, without
 
 BETWEEN = msgspec.structs.replace(
     shipped()["exploration"], conditions=shipped()["exploration"].conditions[:2]

@@ -24,7 +24,7 @@ from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped
 from experiments.participation.assignment import cells
-from tests.support.study_dataset import questionnaires
+from tests.support.analysis.study_dataset import questionnaires
 
 PAPER = shipped()["exploration"]
 ALONE, ASSISTED = "alone", "assisted"

@@ -24,7 +24,7 @@ from experiments.analysis.tables.effects import (
     outcomes_by_condition,
 )
 from experiments.definition.shipped import shipped
-from tests.support.study_dataset import made_up
+from tests.support.analysis.study_dataset import made_up
 
 STUDY = shipped()["exploration"]
 WITHIN = shipped()["assistance"]

@@ -17,7 +17,7 @@ from experiments.analysis.metrics.sessions import measure_all
 from experiments.analysis.report import reports
 from experiments.analysis.tables.flow import FLOW, fault_sides, flow, funnel
 from experiments.definition.shipped import shipped
-from tests.support.study_dataset import made_up
+from tests.support.analysis.study_dataset import made_up
 
 STUDY = shipped()["exploration"]
 

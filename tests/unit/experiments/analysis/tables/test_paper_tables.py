@@ -29,8 +29,8 @@ from experiments.analysis.tables.table import (
     words,
 )
 from experiments.definition.shipped import shipped
-from tests.support.questionnaires import defined, item
-from tests.support.study_dataset import made_up, questionnaires
+from tests.support.analysis.study_dataset import made_up, questionnaires
+from tests.support.studies.questionnaires import defined, item
 
 STUDY = shipped()["exploration"]
 DATASET = made_up(np.random.default_rng(21), 40)

@@ -13,7 +13,7 @@ from experiments.analysis.plan.reporting_sheet import as_markdown
 from experiments.analysis.report import reports, write
 from experiments.analysis.tables.paper_tables import table_1
 from experiments.analysis.tables.participant_kinds import counted, note_of, of_whom, title_of
-from tests.support.study_dataset import made_up
+from tests.support.analysis.study_dataset import made_up
 
 SAID = "Simulated participants (bots)"
 

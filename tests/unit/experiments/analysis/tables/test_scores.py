@@ -26,8 +26,8 @@ from experiments.analysis.tables.scores import score_tables
 from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped
 from experiments.research.analysis_topics import topic_of
-from tests.support.questionnaires import defined, item
-from tests.support.study_dataset import questionnaires
+from tests.support.analysis.study_dataset import questionnaires
+from tests.support.studies.questionnaires import defined, item
 
 PEOPLE = 24
 FIVE = [{"value": n, "label": {"en": f"{n}"}} for n in range(1, 6)]

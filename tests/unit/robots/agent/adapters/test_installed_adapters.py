@@ -10,7 +10,7 @@ from robots.agent.adapters.common.robot_profile import load_profile
 from robots.agent.config import ConfigError, add_arguments, load
 from robots.agent.robot_interface import AdapterError
 from robots.api import adapter_names
-from tests.support.installed_adapters import install
+from tests.support.architectures.installed_adapters import install
 
 
 @pytest.fixture

@@ -9,8 +9,8 @@ from robots.agent.broker_link.reconnection import SPREAD, Reconnection
 from robots.agent.control import attention, reports
 from robots.api import messages as m
 from robots.api.idle import WATCHER, is_news
-from tests.support.control_rig import ControlRig, staff
-from tests.support.scripted_robot import still
+from tests.support.agents.control_rig import ControlRig, staff
+from tests.support.agents.scripted_robot import still
 
 # s, shorter than in robots/api/idle.py because virtual time costs real time
 INTEREST, SILENCE = 1.0, 4.0

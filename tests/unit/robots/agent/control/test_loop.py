@@ -15,8 +15,8 @@ from robots.agent.ramp import ZERO
 from robots.api import messages as m
 from robots.api import picture
 from robots.api.geometry import Pose2D
-from tests.support.control_rig import ControlRig, own, staff, stamped
-from tests.support.scripted_robot import ScriptedRobot, still
+from tests.support.agents.control_rig import ControlRig, own, staff, stamped
+from tests.support.agents.scripted_robot import ScriptedRobot, still
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from robots.agent.control.robot_check import (
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import UNKNOWN_BATTERY, AdapterError
 from robots.api.geometry import Pose2D
-from tests.support.scripted_robot import PROFILE, ScriptedRobot, still
+from tests.support.agents.scripted_robot import PROFILE, ScriptedRobot, still
 from tests.support.virtual_time import VirtualTime
 
 QUICK = CheckParams(listening=0.2, driving=0.4, longest=1.5, picture=1.0, stood=0.2)

@@ -9,7 +9,7 @@ import pytest
 from robots.agent.lab.in_force import Networks
 from robots.agent.ramp import ZERO
 from robots.api import messages as m
-from tests.support.control_rig import ControlRig
+from tests.support.agents.control_rig import ControlRig
 
 DELAY = 0.12
 

@@ -11,7 +11,7 @@ from robots.agent.localization.field import field_of
 from robots.api.geometry import Pose2D
 from robots.world.grid import MapError
 from robots.world.raycaster import cast
-from tests.support.drawn_map import drawn_map, standing
+from tests.support.agents.drawn_map import drawn_map, standing
 from tests.support.examples import examples
 
 ROOM = """

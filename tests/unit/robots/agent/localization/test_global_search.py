@@ -10,7 +10,7 @@ from robots.agent.localization.global_search import Found, GlobalSearch, Searchi
 from robots.agent.localization.particle_filter import wrapped
 from robots.agent.localization.sensor_model import SensorModel, Sweep, sweep_of
 from robots.api.geometry import Pose2D
-from tests.support.drawn_map import beams_from, drawn_map, standing
+from tests.support.agents.drawn_map import beams_from, drawn_map, standing
 
 FLAT = """
 #################################

@@ -9,7 +9,7 @@ from robots.agent.localization.field import field_of
 from robots.agent.localization.scan_matching import Matching, refine
 from robots.agent.localization.sensor_model import sweep_of
 from robots.api.geometry import Pose2D
-from tests.support.drawn_map import beams_from, drawn_map, standing
+from tests.support.agents.drawn_map import beams_from, drawn_map, standing
 
 ROOM = """
 ################

@@ -16,7 +16,7 @@ from robots.agent.localization.sensor_model import (
 )
 from robots.api.geometry import Pose2D
 from robots.world.sensing import CENTRE, LaserScan
-from tests.support.drawn_map import beams_from, drawn_map, standing
+from tests.support.agents.drawn_map import beams_from, drawn_map, standing
 
 MAP = """
 ####################

@@ -6,7 +6,7 @@ import pytest
 from robots.agent.media.photos import develop
 from robots.agent.media.pixels import video_frame
 from robots.agent.robot_interface import Frame
-from tests.support.synthetic_camera import SyntheticCamera
+from tests.support.media.synthetic_camera import SyntheticCamera
 
 
 def test_both_formats_become_the_same_picture() -> None:

@@ -13,8 +13,8 @@ from robots.agent.safety.collision_monitor import CollisionMonitor, monitor_of, 
 from robots.agent.safety.obstacle_sources import LaserSource
 from robots.api.geometry import Pose2D
 from robots.api.messages import Laser, LeaseLimits, Pose, Scan, Velocity
-from tests.support.kernel_bench import LIMITS, TICK, Bench
-from tests.support.scripted_robot import PROFILE
+from tests.support.agents.kernel_bench import LIMITS, TICK, Bench
+from tests.support.agents.scripted_robot import PROFILE
 
 AHEAD = Velocity(linear=0.5, angular=0.0)
 FOOTPRINT = ((0.3, -0.25), (0.3, 0.25), (-0.3, 0.25), (-0.3, -0.25))

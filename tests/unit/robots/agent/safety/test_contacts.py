@@ -18,9 +18,9 @@ from robots.agent.safety.contacts import (
     sides_of,
 )
 from robots.api.messages import Velocity
-from tests.support.control_rig import ControlRig
-from tests.support.kernel_bench import Bench
-from tests.support.scripted_robot import still
+from tests.support.agents.control_rig import ControlRig
+from tests.support.agents.kernel_bench import Bench
+from tests.support.agents.scripted_robot import still
 
 SIDE_SETS = st.sets(st.sampled_from(SIDES))
 VELOCITIES = st.builds(

@@ -11,7 +11,7 @@ from robots.agent.safety.estop_latch import EStopLatch
 from robots.agent.safety.permissions import CommandSender
 from robots.api import messages as m
 from robots.api.age_limits import COMMAND_AGE_BOUND, FRAME_AGE_BOUND
-from tests.support.kernel_bench import DRIVER_CLOCK, LIMITS, TICK, Bench
+from tests.support.agents.kernel_bench import DRIVER_CLOCK, LIMITS, TICK, Bench
 
 
 @pytest.fixture

@@ -31,8 +31,8 @@ from robots.agent.safety.obstacle_sources import (
 )
 from robots.api.geometry import Pose2D
 from robots.api.messages import Laser, Scan, Velocity
-from tests.support.kernel_bench import LIMITS
-from tests.support.scripted_robot import PROFILE
+from tests.support.agents.kernel_bench import LIMITS
+from tests.support.agents.scripted_robot import PROFILE
 
 FOOTPRINT = ((0.3, -0.25), (0.3, 0.25), (-0.3, 0.25), (-0.3, -0.25))
 ORIGIN = Pose2D(0.0, 0.0, 0.0)

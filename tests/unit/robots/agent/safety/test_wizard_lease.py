@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from robots.agent.media.peers.registry import PeerRegistry
 from robots.agent.safety.permissions import CommandSender
 from robots.api import messages as m
-from tests.support.kernel_bench import DRIVER_CLOCK, Bench
+from tests.support.agents.kernel_bench import DRIVER_CLOCK, Bench
 
 WIZARD = CommandSender("datachannel", "w1")
 VISITOR = CommandSender("datachannel", "p1")

@@ -4,7 +4,7 @@ station, which has no help there.
 
 import pytest
 
-from tests.support.by_hand import Person
+from tests.support.agents.by_hand import Person
 
 CHECKPOINTS = 4
 

@@ -16,8 +16,8 @@ from robots.world.solids import furniture_solid, inside
 from robots.world.tracing.proposal import Titles, propose_plan
 from robots.world.tracing.structure import TracingError
 from robots.world.tracing.walls import Segment
+from tests.support.agents.mapped_building import building, mapped
 from tests.support.examples import repetitions
-from tests.support.mapped_building import building, mapped
 
 SEVEN = math.radians(7.0)
 NEAR = 0.1  # metres that a traced wall may be off

@@ -16,10 +16,10 @@ from robots.agent.adapters.moos.client import MoosClient
 from robots.agent.adapters.moos.wire import Mail
 from robots.agent.robot_interface import AdapterError
 from robots.api.messages import Goto
-from tests.support.adapter_conformance import some, wait_for
-from tests.support.moos_robot import NODES, VIA, MoosRig
-from tests.support.moosdb import MoosDb
-from tests.support.rca_conformance import RcaConformance, ended, heard
+from tests.support.architectures.adapter_conformance import some, wait_for
+from tests.support.architectures.moos_robot import NODES, VIA, MoosRig
+from tests.support.architectures.moosdb import MoosDb
+from tests.support.architectures.rca_conformance import RcaConformance, ended, heard
 
 REAL = os.environ.get("MOOSDB", "")
 
@@ -79,7 +79,7 @@ class TestGiraff(RcaConformance):
 @pytest.mark.nightly
 async def test_a_client_that_says_nothing_is_kept_for_it_speaks_of_the_time(monkeypatch):
     # longer than a busy machine holds up one process
-    monkeypatch.setattr("tests.support.moosdb.SILENCE", 2.0)
+    monkeypatch.setattr("tests.support.architectures.moosdb.SILENCE", 2.0)
     monkeypatch.setattr("robots.agent.adapters.moos.client.BEAT", 0.1)
     db, lost = MoosDb(), []
     await db.start()

@@ -13,10 +13,10 @@ from robots.agent.adapters.common.robot_profile import load_profile
 from robots.agent.adapters.moos import openmora, openmora_mqtt
 from robots.agent.robot_interface import AdapterError
 from robots.api.messages import Goto, Relocalize, Velocity
-from tests.support.adapter_conformance import some, wait_for
-from tests.support.openmora_robot import OpenMoraRig
+from tests.support.architectures.adapter_conformance import some, wait_for
+from tests.support.architectures.openmora_robot import OpenMoraRig
+from tests.support.architectures.rca_conformance import RcaConformance, drive, ended, heard, lost
 from tests.support.patience import patient
-from tests.support.rca_conformance import RcaConformance, drive, ended, heard, lost
 
 
 class TestGiraff(RcaConformance):

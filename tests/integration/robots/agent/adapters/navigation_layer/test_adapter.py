@@ -24,11 +24,11 @@ from robots.agent.simulator.faults import Faults
 from robots.api.geometry import Pose2D
 from robots.api.messages import Cancel, Dock, FloorPlanUpdate, Follow, Goto, Relocalize, Tilt
 from robots.world.sites import load_site
-from tests.support.adapter_conformance import AdapterConformance, some
-from tests.support.autonomous_drive import driving, made
-from tests.support.scripted_robot import ScriptedRobot, still
-from tests.support.simulators import alive
-from tests.support.truth import Onlooker, SimulatorOperator
+from tests.support.agents.autonomous_drive import driving, made
+from tests.support.agents.scripted_robot import ScriptedRobot, still
+from tests.support.agents.simulators import alive
+from tests.support.agents.truth import Onlooker, SimulatorOperator
+from tests.support.architectures.adapter_conformance import AdapterConformance, some
 
 pytestmark = pytest.mark.usefixtures("patient_adapters")
 NEAR = "3.0,1.0,3.1"  # two metres before

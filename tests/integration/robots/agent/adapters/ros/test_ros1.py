@@ -13,9 +13,15 @@ from robots.agent.adapters.common import remote_adapter
 from robots.agent.adapters.ros.graph import master_restarted
 from robots.agent.robot_interface import AdapterError
 from robots.api.messages import Velocity
-from tests.support.adapter_conformance import drive, some, wait_for
-from tests.support.rca_conformance import RcaConformance, again, lost, sees_grey, standing
-from tests.support.ros1_robot import RobotBus, Ros1Rig
+from tests.support.architectures.adapter_conformance import drive, some, wait_for
+from tests.support.architectures.rca_conformance import (
+    RcaConformance,
+    again,
+    lost,
+    sees_grey,
+    standing,
+)
+from tests.support.architectures.ros1_robot import RobotBus, Ros1Rig
 
 AHEAD = Velocity(linear=0.25, angular=0.0)
 

@@ -14,10 +14,16 @@ from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import AdapterError
 from robots.api.geometry import Pose2D
 from robots.api.messages import Goto, Velocity
-from tests.support.adapter_conformance import drive, some, stands
-from tests.support.rca_conformance import RcaConformance, connected, ended, heard, sees_grey
-from tests.support.ros2_robot import LOOPBACK, Ros2Rig
-from tests.support.ros_robot import STAMPED
+from tests.support.architectures.adapter_conformance import drive, some, stands
+from tests.support.architectures.rca_conformance import (
+    RcaConformance,
+    connected,
+    ended,
+    heard,
+    sees_grey,
+)
+from tests.support.architectures.ros2_robot import LOOPBACK, Ros2Rig
+from tests.support.architectures.ros_robot import STAMPED
 
 AHEAD = Velocity(linear=0.25, angular=0.0)
 

@@ -13,11 +13,11 @@ from robots.agent.adapters import registry
 from robots.agent.adapters.ros.rosbridge import _plain
 from robots.agent.robot_interface import AdapterError
 from robots.api.messages import Dock, Velocity
-from tests.support.adapter_conformance import some, wait_for
+from tests.support.architectures.adapter_conformance import some, wait_for
+from tests.support.architectures.rca_conformance import RcaConformance, connected, drive, sees_grey
+from tests.support.architectures.rosbridge_robot import RosbridgeRig
+from tests.support.architectures.rosbridge_server import RosbridgeServer
 from tests.support.patience import patient
-from tests.support.rca_conformance import RcaConformance, connected, drive, sees_grey
-from tests.support.rosbridge_robot import RosbridgeRig
-from tests.support.rosbridge_server import RosbridgeServer
 
 REAL = os.environ.get("ROSBRIDGE", "")
 REAL_ROS = int(os.environ.get("ROSBRIDGE_ROS", "2"))

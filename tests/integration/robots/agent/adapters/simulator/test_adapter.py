@@ -16,11 +16,17 @@ from robots.agent.robot_interface import NOWHERE, Adapter, AdapterError, VideoSo
 from robots.agent.simulator.physics.realtime import LONGEST_LAG
 from robots.api.geometry import Pose2D
 from robots.api.messages import Config, Tilt, Velocity
-from tests.support.adapter_conformance import AdapterConformance, drive, some, stands, wait_for
+from tests.support.agents.simulators import alive, eventually, simulator
+from tests.support.agents.truth import Onlooker
+from tests.support.architectures.adapter_conformance import (
+    AdapterConformance,
+    drive,
+    some,
+    stands,
+    wait_for,
+)
 from tests.support.host_jitter import pauses, watched
 from tests.support.patience import patient
-from tests.support.simulators import alive, eventually, simulator
-from tests.support.truth import Onlooker
 
 pytestmark = pytest.mark.usefixtures("patient_adapters")
 QUIET = {"camera": "no", "start": "corridor-centre"}

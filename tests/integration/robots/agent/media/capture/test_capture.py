@@ -7,7 +7,7 @@ from typing import Self
 
 from robots.agent.media.capture.capture import Capture, CaptureLimits, CaptureState
 from robots.agent.robot_interface import AdapterError
-from tests.support.simulators import eventually
+from tests.support.agents.simulators import eventually
 
 QUICK = CaptureLimits(
     opening=60.0, stall=0.2, linger=0.0, read=0.02, first_retry=0.02, last_retry=0.02

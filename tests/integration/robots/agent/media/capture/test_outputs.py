@@ -11,8 +11,8 @@ from robots.agent.media.capture.outputs import OutputFeed
 from robots.agent.media.capture.sound import BLOCK, SoundEncoder
 from robots.agent.robot_interface import AdapterError
 from robots.agent.simulator.outputs import MeasuringSpeaker
-from tests.support.simulators import eventually
-from tests.support.sound_server import sine
+from tests.support.agents.simulators import eventually
+from tests.support.programs.sound_server import sine
 
 
 class Loudspeaker:

@@ -9,8 +9,8 @@ from robots.agent.media import MediaSide
 from robots.agent.media.capture.page_sources import MISSING_VIDEO
 from robots.agent.media.pixels import video_frame
 from robots.agent.robot_interface import FROM_PAGE
-from tests.support.loopback_peer import Exchange, LoopbackPage, until
-from tests.support.visitor_tracks import SpeakingPage
+from tests.support.browsers.visitor_tracks import SpeakingPage
+from tests.support.media.loopback_peer import Exchange, LoopbackPage, until
 
 GREEN, BLUE = (30, 160, 40), (20, 40, 180)
 

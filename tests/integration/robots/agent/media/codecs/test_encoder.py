@@ -18,7 +18,7 @@ from robots.agent.media.codecs.key_frames import KeyFrames
 from robots.agent.media.pixels import video_frame
 from robots.agent.media.rtp import RtpClock
 from robots.agent.robot_interface import Frame
-from tests.support.synthetic_camera import SyntheticCamera, code_of, read_code
+from tests.support.media.synthetic_camera import SyntheticCamera, code_of, read_code
 
 
 class _Encoder(PictureEncoder):

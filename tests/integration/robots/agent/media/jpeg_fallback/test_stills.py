@@ -13,7 +13,7 @@ from robots.agent.media.jpeg_fallback.stills import LIMIT, JpegFallback
 from robots.agent.robot_interface import Frame
 from robots.api import picture
 from robots.api.messages import PictureRequest
-from tests.support.loopback_peer import until
+from tests.support.media.loopback_peer import until
 
 
 class Viewer:

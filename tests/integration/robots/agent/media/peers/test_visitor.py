@@ -11,9 +11,9 @@ import pytest
 from robots.agent.media import MediaSide
 from robots.agent.media.peers.visitor import Continuous
 from robots.agent.simulator.outputs import MeasuringDisplay, MeasuringSpeaker
-from tests.support.loopback_peer import Exchange, LoopbackPage, until
-from tests.support.synthetic_camera import SyntheticCamera, SyntheticMicrophone
-from tests.support.visitor_tracks import SpeakingPage
+from tests.support.browsers.visitor_tracks import SpeakingPage
+from tests.support.media.loopback_peer import Exchange, LoopbackPage, until
+from tests.support.media.synthetic_camera import SyntheticCamera, SyntheticMicrophone
 
 HERTZ, RED = 700.0, (200, 30, 30)
 

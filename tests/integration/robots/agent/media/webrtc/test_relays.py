@@ -11,8 +11,8 @@ from robots.agent.broker_link.broker_discovery import believed
 from robots.agent.media.webrtc.relays import FAILURE_HOLDS, HOLDS, Relays, answers
 from robots.agent.media.webrtc.signalling import PageConnection
 from robots.api.messages import IceServer, SdpOffer
-from tests.support.coturn import Coturn
-from tests.support.site import free_port
+from tests.support.programs.coturn import Coturn
+from tests.support.sessions.site import free_port
 from tests.support.virtual_time import on_virtual_time
 
 pytestmark = pytest.mark.broker

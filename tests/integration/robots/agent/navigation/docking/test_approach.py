@@ -14,7 +14,7 @@ from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.floorplan import Furniture
 from robots.world.robot_models import GIRAFF, MODELS, RobotModel
 from robots.world.sites import load_site
-from tests.support.navigation_rig import Rig
+from tests.support.agents.navigation_rig import Rig
 
 pytestmark = pytest.mark.long
 

@@ -9,7 +9,7 @@ import pytest
 from robots.agent.adapters.ros import messages, topic_camera
 from robots.agent.adapters.ros.topic_camera import TopicCamera
 from robots.agent.robot_interface import AdapterError
-from tests.support.picture_server import jpeg_of
+from tests.support.media.picture_server import jpeg_of
 
 
 def png_of(grey: int) -> bytes:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robots.agent.simulator.render.frame_ring import FrameReader, FrameWriter
-from tests.support.simulators import memory_exists
+from tests.support.agents.simulators import memory_exists
 
 
 @pytest.fixture

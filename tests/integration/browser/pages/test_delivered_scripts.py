@@ -1,0 +1,192 @@
+"""Every script of ours runs in a real browser as it is delivered: collected, under its hashed name,
+with its page's own content policy.
+"""
+
+import re
+
+import msgspec
+import pytest
+from django.contrib.staticfiles.storage import staticfiles_storage
+from django.test import Client
+from django.utils import timezone
+from playwright.sync_api import Page, expect
+
+from experiments.rehearsal import runs
+from robots.models import Robot
+from surveys.questionnaires import shipped, store
+from tests.integration.browser.pages.test_accessibility import driving, opened
+from tests.integration.browser.studies.test_replay import made
+from tests.support.agents.told_task import guide
+from tests.support.browsers.fake_robot_page import FakeRobotPage
+from tests.support.browsers.present_robot_page import PresentRobotPage
+from tests.support.paths import ROOT
+from tests.support.patience import patient
+from tests.support.people import person
+from tests.support.sessions import replays
+from tests.support.studies import participants as p
+from tests.support.studies.study_walk import Walker
+from tests.support.studies.wizard_study import wizard_document
+from tests.support.words import factsheet
+
+pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]
+
+ENTRY = re.compile(r"<script[^>]* src=\"{% static '(js/[^']+)' %}\"")
+LOAD = """async (urls) => {
+  const failed = [];
+  for (const url of urls) {
+    await import(url).catch((error) => failed.push(`${url}: ${error}`));
+  }
+  return failed;
+}"""
+
+
+def entries() -> set[str]:
+    """Return the scripts that pages name themselves."""
+    return {
+        name
+        for path in (ROOT / "templates").rglob("*.html")
+        for name in ENTRY.findall(path.read_text())
+    }
+
+
+class Complaints(list[str]):
+    """What a page's scripts complain of, and in `ran` which of them it asked for."""
+
+    def __init__(self, page: Page) -> None:
+        self.ran: set[str] = set()
+        page.on("pageerror", lambda error: self.append(f"{page.url}: {error}"))
+        # A page whose server has no WebSocket says so, and goes on trying.
+        page.on(
+            "console",
+            lambda line: (
+                self.append(f"{page.url}: {line.text}")
+                if line.type == "error" and "WebSocket" not in line.text
+                else None
+            ),
+        )
+        page.on("request", lambda request: self.ran.add(request.url.partition("/static/")[2]))
+
+    def check(self, *names: str) -> None:
+        """Nothing was complained of, and these scripts were asked for by their collected names."""
+        assert self == []
+        missing = {name for name in names if staticfiles_storage.stored_name(name) not in self.ran}
+        assert not missing
+
+
+@pytest.mark.nightly
+def test_every_module_that_no_page_names_can_be_loaded_by_itself(opened):
+    page = opened()
+    page.goto("/about/")
+    names = {
+        str(path.relative_to(ROOT / "static")) for path in (ROOT / "static/js").rglob("*.js")
+    } - entries()
+    assert len(names) > 100
+    assert (
+        page.evaluate(
+            LOAD, [f"/static/{staticfiles_storage.stored_name(name)}" for name in sorted(names)]
+        )
+        == []
+    )
+
+
+def test_every_script_that_a_page_names_runs_on_it(opened, browser, settings):
+    ran: set[str] = set()
+    settings.PRACTICE_ROBOTS = 1  # one can be tried
+    visit, robot = made(), p.site()
+    Robot.objects.update(factsheet=msgspec.to_builtins(factsheet(series="giraff")))
+    study = p.published(p.of("exploration"))
+    replays.study(slug="operated", definition=wizard_document(study={"slug": "operated"}))
+    rehearsal = runs.begin(study, "lab", timezone.now())
+    asked = store(shipped()["sus"], timezone.now())
+    owner = Client()
+    owner.force_login(person("owner", is_superuser=True, is_staff=True))
+    page = opened(owner)
+    complaints = Complaints(page)
+    for address, shows in {
+        "/try/": "#try [data-soon]",
+        "/": "[data-robot]",
+        "/check/": "#check:not([data-state=busy]) .check__line",
+        f"/studies/{study.slug}/live/": "main",
+        "/studies/operated/wizard/": "#video-wait",
+        f"/studies/replay/{visit.pk}/": "#replay[data-state=ready]",
+        f"/admin/experiments/study/{study.pk}/change/": "#content",
+        f"/admin/experiments/rehearsal/{rehearsal.pk}/change/": "[data-rehearsal]",
+        f"/admin/surveys/questionnaire/{asked.pk}/preview/": "main",
+        f"/admin/experiments/study/{study.pk}/build/courses/0/": "#course-map .course__handle",
+        f"/admin/robots/robot/{robot.pk}/change/": "#robot-overview",
+        f"/admin/robots/floorplan/{robot.floor_plan_id}/finish/": "#plan-map .course__handle",
+    }.items():
+        page.goto(address)
+        page.wait_for_selector(shows, state="attached", timeout=patient(20) * 1000)
+        page.wait_for_load_state("networkidle")
+    own = {
+        "js/pages/site.js",
+        "js/pages/robots.js",
+        "js/pages/try.js",
+        "js/pages/check/page.js",
+        "js/pages/live/page.js",
+        "js/pages/wizard/page.js",
+        "js/pages/replay/page.js",
+        "js/pages/copy.js",
+        "js/pages/admin/course.js",
+        "js/pages/admin/plan.js",
+        "js/pages/admin/rehearsal.js",
+        "js/pages/admin/robot.js",
+        "js/pages/survey/look.js",
+    }
+    complaints.check(*own)
+    ran |= own
+
+    walker = Walker(study, person("walker"), robot)
+    walker.come()
+    page = opened(walker.client)
+    complaints = Complaints(page)
+    while walker.participant.status == "active":
+        if type(walker.step).__name__ != "Task":  # the drive page is below
+            page.goto(walker.url())
+        walker.do()
+    page.goto(walker.url())
+    complaints.check(*(own := {"js/pages/survey/page.js", "js/pages/copy.js"}))
+    ran |= own
+
+    for site in (PresentRobotPage(), FakeRobotPage(study=guide())):
+        with site:
+            page = browser.new_context().new_page()
+            complaints = Complaints(page)
+            page.goto(f"{site.url}?go=1")
+            driving(page)
+            if site.study is None:
+                page.goto(site.screen_url)
+                page.wait_for_selector("#face[data-scene]", timeout=patient(20) * 1000)
+                complaints.check(
+                    *(
+                        own := {
+                            "js/drive/load_retry.js",
+                            "js/drive/page.js",
+                            "js/pages/screen/page.js",
+                        }
+                    )
+                )
+                ran |= own
+            page.context.close()
+            complaints.check("js/drive/page.js")
+
+    assert ran == entries(), "a script that no page of this test runs"
+
+
+def test_the_course_map_of_the_study_builder_is_drawn(opened):
+    p.site()
+    Robot.objects.update(factsheet=msgspec.to_builtins(factsheet(series="giraff")))
+    study = p.published(p.of("exploration"))
+    replays.study(slug="operated", definition=wizard_document(study={"slug": "operated"}))
+    owner = Client()
+    owner.force_login(person("owner", is_superuser=True, is_staff=True))
+    page = opened(owner)
+    complaints = Complaints(page)
+    for _ in range(2):
+        page.goto(f"/admin/experiments/study/{study.pk}/build/courses/0/")
+        rooms = page.locator("#course-map .course__room")
+        expect(rooms.first).to_be_visible()
+        expect(page.locator("#course-map .course__name")).to_have_count(rooms.count())
+        expect(page.locator("#course-map .course__wall").first).to_be_attached()
+    complaints.check("js/pages/admin/course.js", "js/pages/admin/course_ground.js")

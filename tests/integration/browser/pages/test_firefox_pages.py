@@ -1,0 +1,126 @@
+"""Firefox ESR shows every kind of page: no script fails, nothing is wider than the screen, and a
+study is taken part in and looked at.
+"""
+
+import msgspec
+import pytest
+from django.test import Client
+
+from robots.models import Robot
+from tests.integration.browser.studies.test_replay import made
+from tests.support.browsers.firefox import Firefox, firefox
+from tests.support.people import person
+from tests.support.sessions.site import wait_for
+from tests.support.studies import participants as p
+from tests.support.studies.study_walk import Walker
+from tests.support.words import factsheet
+
+pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True), pytest.mark.nightly]
+SIZES = [(1366, 768), (390, 844)]
+TOO_WIDE = """document.documentElement.scrollWidth > innerWidth
+    ? [document.documentElement.scrollWidth, innerWidth] : null"""
+COURSE = "document.querySelectorAll('#course-map *').length > 10"
+# A canvas is drawn when not all its points are alike.
+REPLAY = """(() => {
+  const canvas = document.getElementById("replay-map");
+  if (!canvas.width || document.getElementById("replay").dataset.state === "loading") return false;
+  const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+  const points = new Uint32Array(data.buffer);
+  return points.some((point) => point !== points[0]);
+})()"""
+
+
+@pytest.fixture(scope="module")
+def started():
+    with firefox() as browser:
+        yield browser
+
+
+@pytest.fixture
+def browser(started):
+    started.errors.clear()
+    return started
+
+
+def sign_in(browser: Firefox, client: Client) -> None:
+    browser.set_cookie("sessionid", client.cookies["sessionid"].value, "localhost")
+
+
+def faults(browser: Firefox, where: str) -> list[str]:
+    """Return what is wrong with the page that is open, a line each."""
+    found = []
+    for size in SIZES:
+        browser.resize(*size)
+        if wide := browser.evaluate(TOO_WIDE):
+            found.append(f"{where} at {size}: {wide[0]} of {wide[1]} wide")
+    found += [f"{where}: {error}" for error in browser.errors]
+    browser.errors.clear()
+    return found
+
+
+def look(browser: Firefox, site: str, *addresses: str) -> list[str]:
+    found = []
+    for address in addresses:
+        browser.goto(f"{site}{address}")
+        found += faults(browser, address)
+    return found
+
+
+def test_a_strangers_pages(browser, live_server):
+    p.site()
+    p.published(p.of("exploration"))
+    pages = ("/", "/about/", "/accounts/login/", "/accounts/signup/", "/studies/exploration/")
+    assert not look(browser, live_server.url, *pages)
+
+
+def test_the_check_of_browser_and_network_comes_to_its_end(browser, site):
+    browser.goto(f"{site.url}/check/")
+    done = "!!document.querySelector('#check:not([data-state=busy]) .check__line')"
+    wait_for(lambda: browser.evaluate(done), 60, "the end of the check")
+    assert not faults(browser, "/check/")
+
+
+def test_every_step_of_a_study(browser, live_server):
+    walker = Walker(p.published(p.of("exploration")), person(), p.site())
+    walker.come()
+    sign_in(browser, walker.client)
+    found, seen = [], set()
+    for _ in range(20):
+        found += look(browser, live_server.url, walker.url())
+        seen.add(walker.step.kind)
+        if walker.participant.status != "active":
+            break
+        walker.do()
+    assert {"consent", "form", "instructions", "task", "questionnaire"} <= seen
+    assert not found, "\n".join(found)
+
+
+def test_a_researchers_pages_and_what_they_draw(browser, live_server):
+    visit = made()
+    p.site()  # the course is drawn on its floor plan
+    Robot.objects.update(factsheet=msgspec.to_builtins(factsheet(series="giraff")))
+    study = p.published(p.of("exploration"))
+    client = Client()
+    client.force_login(person("owner", is_superuser=True, is_staff=True))
+    sign_in(browser, client)
+    built = f"/admin/experiments/study/{study.pk}/build"
+    found = look(
+        browser,
+        live_server.url,
+        "/admin/",
+        f"{built}/about/",
+        f"{built}/steps/0/",
+        f"{built}/conditions/0/",
+        f"/studies/{study.slug}/live/",
+        f"/studies/{study.slug}/analysis/",
+        f"/admin/robots/robot/{Robot.objects.earliest('pk').pk}/change/",
+    )
+    for address, drawn in (
+        (f"{built}/courses/0/", COURSE),
+        (f"/studies/replay/{visit.pk}/", REPLAY),
+    ):
+        browser.resize(*SIZES[0])
+        browser.goto(f"{live_server.url}{address}")
+        wait_for(lambda drawn=drawn: browser.evaluate(drawn), 30, f"a map on {address}")
+        found += faults(browser, address)
+    assert not found, "\n".join(found)

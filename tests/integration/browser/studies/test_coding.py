@@ -1,0 +1,159 @@
+"""Coding a replay in a real Chromium: keys and buttons, two tabs, a reload, a lost network."""
+
+import re
+
+import pytest
+from django.test import Client
+from django.urls import reverse
+from django.utils import timezone
+from playwright.sync_api import expect
+
+from experiments.coding import store
+from experiments.models import CodingEdit, StudyMember
+from tests.support.media.photographs import keep
+from tests.support.people import person
+from tests.support.sessions import replays
+
+pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]
+SIZES = {
+    "laptop": (1366, 768),
+    "tablet": (820, 1180),
+    "phone": (390, 844),
+    "phone-lying": (844, 390),
+}
+SAVED, KEPT = "All changes are saved.", "kept in this browser"
+SCHEME = {
+    "blind": True,
+    "codes": [
+        {
+            "code": "help",
+            "name": "Asks for help",
+            "kind": "point",
+            "key": "h",
+            "description": "Asks anybody, in words or by a gesture.",
+            "modifiers": [{"name": "whom", "values": ["the robot", "a visitor"]}],
+        },
+        {"code": "lost", "name": "Seems lost", "kind": "interval", "key": "l", "group": "route"},
+        {
+            "code": "sure",
+            "name": "Knows the route",
+            "kind": "interval",
+            "key": "r",
+            "group": "route",
+        },
+        {"code": "talk", "name": "Talks to somebody", "kind": "interval", "key": "t"},
+        {"code": "odd", "name": "Something else", "kind": "point"},
+    ],
+}
+
+
+@pytest.fixture
+def visit():
+    """A minute that was driven in a study with a coding scheme."""
+    visit = replays.session(replays.cabin_robot(), person("ada"), seconds=60)
+    replays.record(visit, seconds=60)
+    study = replays.study()
+    drive = replays.drive(replays.participant(study, visit.visitor), visit, outcome="completed")
+    replays.task_told(drive, 2.0, "checkpoint", number=1)
+    store.store_scheme(study, store.scheme_from(SCHEME), timezone.now())
+    return visit
+
+
+@pytest.fixture
+def context(browser, live_server):
+    user = person("carl")
+    StudyMember.objects.create(slug="cabin-study", user=user, role="coder")
+    client = Client()
+    client.force_login(user)
+    context = browser.new_context(
+        base_url=live_server.url, locale="en", viewport={"width": 1366, "height": 768}
+    )
+    context.add_cookies(
+        [{"name": "sessionid", "value": client.cookies["sessionid"].value, "url": live_server.url}]
+    )
+    context.problems = []
+    yield context
+    context.close()
+    assert context.problems == []
+
+
+def opened(context, visit, t: float = 0.0):
+    page = context.new_page()
+    page.on("pageerror", lambda error: context.problems.append(str(error)))
+    page.goto(reverse("code_session", args=[visit.pk]) + f"?t={t}")
+    expect(page.locator("#coding-codes button")).to_have_count(5)
+    return page
+
+
+def rows(page):
+    return page.locator("#coding-events .coding__row")
+
+
+def test_keys_code_what_happens_and_it_is_saved(context, visit):
+    page = opened(context, visit, 10.0)
+    page.keyboard.press("l")
+    expect(page.get_by_role("button", name="Seems lost").first).to_have_attribute(
+        "aria-pressed", "true"
+    )
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("r")  # of the same group: ends the other
+    page.keyboard.press("h")
+    expect(rows(page)).to_have_count(3)
+    expect(page.locator("#coding-saved")).to_have_text(SAVED)
+    page.get_by_label("whom").select_option("a visitor")
+    page.get_by_label("Comment").fill("waves")
+    page.get_by_label("Comment").press("Enter")
+    page.get_by_role("button", name="Starts + 0.1 s").click()
+    expect(rows(page).filter(has_text="a visitor · waves")).to_contain_text("0:11.1")
+    page.get_by_role("button", name="I am done").click()
+    expect(page.locator("#coding-message")).to_contain_text("must end after it begins")
+    page.get_by_role("button", name="Knows the route").first.click()
+    expect(rows(page).filter(has_text="still on")).to_have_count(0)
+    for name, (width, height) in SIZES.items():
+        page.set_viewport_size({"width": width, "height": height})
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), name
+        keep(page, f"coding-{name}", whole=True)
+    page.get_by_role("button", name="I am done").click()
+    expect(page.locator("#coding-status")).to_contain_text("You are done.")
+    expect(page.get_by_role("button", name="Asks for help").first).to_be_disabled()
+
+
+def test_nothing_is_lost_without_a_network_and_over_a_reload(context, visit):
+    page = opened(context, visit, 10.0)
+    page.route("**/save/*", lambda route: route.abort())
+    page.keyboard.press("h")
+    expect(page.locator("#coding-saved")).to_contain_text(KEPT)
+    page.reload()
+    expect(rows(page)).to_have_count(1)
+    expect(page.locator("#coding-saved")).to_contain_text(KEPT)
+    page.route("**/*.js", lambda route: route.abort())
+    page.reload()
+    assert page.locator("#coding-saved").inner_text() == "", "nobody has looked yet"
+    page.unroute("**/*.js")
+    page.unroute("**/save/*")
+    page.reload()
+    expect(page.locator("#coding-saved")).to_have_text(SAVED)
+    expect(rows(page)).to_have_count(1)
+    assert CodingEdit.objects.count() == 1
+
+
+def test_two_tabs_show_the_same_events_and_say_when_both_changed_one(context, visit):
+    one, two = opened(context, visit, 10.0), opened(context, visit, 20.0)
+    one.keyboard.press("h")
+    expect(rows(two)).to_have_count(1)
+    two.keyboard.press("h")
+    expect(rows(one)).to_have_count(2)
+    expect(one.locator("#coding-saved")).to_have_text(SAVED)
+    # the first tab changes an event while the second one has not heard of it
+    two.route("**/events.json*", lambda route: route.abort())
+    one.get_by_label("Comment").fill("first")
+    one.get_by_label("Comment").press("Enter")
+    expect(rows(one).filter(has_text="first")).to_have_count(1)
+    expect(one.locator("#coding-saved")).to_have_text(SAVED)
+    rows(two).filter(has_text="0:10.0").click()
+    two.get_by_label("Comment").fill("second")
+    two.get_by_label("Comment").press("Enter")
+    expect(two.locator("#coding-message")).to_contain_text("in another tab")
+    expect(rows(two).filter(has_text=re.compile("second"))).to_have_count(1)
+    comments = CodingEdit.objects.exclude(comment="").order_by("version")
+    assert [edit.comment for edit in comments] == ["first", "second"]

@@ -1,0 +1,208 @@
+"""What a visitor sees and does of a robot that drives by itself: the dock, a point on the map, help
+near obstacles, a lost robot, the way home.
+"""
+
+import math
+import re
+
+import pytest
+from playwright.sync_api import expect
+
+from robots.agent.simulator.wire import CarryTo
+from tests.support.agents.truth import SimulatorOperator
+from tests.support.media.photographs import keep_at_all_sizes
+from tests.support.patience import patient
+from tests.support.sessions.site import wait_for
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture(scope="module")
+def giraff(site):
+    return site.start_robot("giraff", "--seed", "5")
+
+
+@pytest.fixture(scope="module")
+def operator(giraff):
+    return SimulatorOperator(giraff.port)
+
+
+def on_the_map(visitor, x, y):
+    """Return where a point of the world is on the page, in CSS pixels."""
+    view, box = visitor.marker(), visitor.page.locator("#map").bounding_box()
+    left, top = (
+        box["width"] / 2 + (x - view["viewX"]) * view["viewScale"],
+        box["height"] / 2 - (y - view["viewY"]) * view["viewScale"],
+    )
+    return box["x"] + left, box["y"] + top
+
+
+def tap(visitor, x, y):
+    visitor.page.mouse.click(*on_the_map(visitor, x, y))
+
+
+def show_place(visitor, truth):
+    """Press on the map where the robot is, and drag to where it looks."""
+    x, y = on_the_map(visitor, truth.x, truth.y)
+    visitor.page.mouse.move(x, y)
+    visitor.page.mouse.down()
+    visitor.page.mouse.move(x + 60 * math.cos(truth.theta), y - 60 * math.sin(truth.theta), steps=4)
+    visitor.page.mouse.up()
+
+
+def press(visitor, name):
+    visitor.page.get_by_role("button", name=name, exact=True).click()
+
+
+def offer(visitor, word, within=15.0):
+    expect(visitor.page.locator("#offer")).to_have_attribute(
+        "data-word", word, timeout=patient(within) * 1000
+    )
+
+
+def alert_of(visitor):
+    return visitor.page.locator("#alert").get_attribute("data-word") or ""
+
+
+def newest_state(site):
+    return (site.states(site.sessions()[-1][0]) or [{}])[-1]
+
+
+@pytest.mark.nightly
+def test_a_robot_leaves_its_dock_by_the_button_and_pressing_forward_there_explains_itself(
+    visitor, giraff
+):
+    anna = visitor("anna").drive()
+    offer(anna, "dock.here")
+    keep_at_all_sizes(anna.page, "dock")
+    anna.page.keyboard.down("ArrowUp")
+    expect(anna.page.locator("#alert")).to_have_attribute("data-word", "alert.docked_forward")
+    anna.page.keyboard.up("ArrowUp")
+    press(anna, "Leave station")
+    offer(anna, "task.undock")
+    offer(anna, "task.done.undock", within=25)
+    assert not giraff.truth().docked
+
+
+@pytest.mark.nightly
+def test_it_goes_where_the_map_was_tapped_and_says_when_it_is_there(site, visitor, giraff):
+    ben = visitor("ben").drive()
+    goal = (2.6, 4.2)
+    tap(ben, *goal)
+    keep_at_all_sizes(ben.page, "goal")
+    assert giraff.truth().linear == 0.0, "a tap alone moves nothing"
+    tap(ben, *goal)
+    press(ben, "Go here")
+    offer(ben, "task.goto")
+    wait_for(lambda: abs(giraff.truth().linear) > 0.1, 15, "a drive")
+    keep_at_all_sizes(ben.page, "going")
+    offer(ben, "task.done.goto", within=60)
+    truth = giraff.truth()
+    assert math.hypot(truth.x - goal[0], truth.y - goal[1]) <= 0.3
+    assert truth.contacts == 0
+    wait_for(
+        lambda: "goto" in {state.get("mode") for state in site.states(site.sessions()[-1][0])},
+        5,
+        "the record of it",
+    )
+
+
+@pytest.mark.nightly
+def test_a_key_takes_over_at_once_and_a_place_of_the_menu_is_a_goal_too(visitor, giraff):
+    cora = visitor("cora").drive()
+    press(cora, "Go to…")
+    keep_at_all_sizes(cora.page, "menu")
+    press(cora, "Laboratory")
+    offer(cora, "task.place")
+    press(cora, "Go to…")
+    press(cora, "Corridor, west end")
+    wait_for(lambda: math.hypot(giraff.truth().linear, giraff.truth().angular) > 0.1, 15, "a drive")
+    cora.page.keyboard.down("ArrowLeft")
+    offer(cora, "task.yours")
+    before = giraff.truth().theta
+    cora.hold(
+        "ArrowLeft",
+        lambda: math.remainder(giraff.truth().theta - before, math.tau) > 0.2,
+        10,
+        "a turn to the left",
+    )
+    cora.page.keyboard.up("ArrowLeft")
+
+
+@pytest.mark.nightly
+def test_a_robot_that_cannot_get_there_says_why_and_offers_a_way_on(visitor, giraff):
+    dan = visitor("dan").drive()
+    tap(dan, 6.0, -1.0)  # below the southernmost wall
+    press(dan, "Go here")
+    offer(dan, "task.failed.goto")
+    expect(dan.page.locator("#offer-detail")).to_contain_text("outside the map")
+    keep_at_all_sizes(dan.page, "blocked")
+    press(dan, "Try again")
+    offer(dan, "task.failed.goto")
+    press(dan, "Drive yourself")
+    expect(dan.page.locator("#offer")).to_be_hidden()
+    assert dan.page.evaluate("document.activeElement.id") == "viewport"
+
+
+@pytest.mark.nightly
+def test_the_help_that_is_chosen_is_in_force_and_says_why_it_holds_back(site, visitor, giraff):
+    eva = visitor("eva").drive()
+    press(eva, "Steers around them")
+    expect(eva.page.locator("[data-action=assist-steer]")).to_have_attribute("aria-pressed", "true")
+    wait_for(
+        lambda: newest_state(site).get("assist") == "steer", 10, "the level in the robot's record"
+    )
+    contacts = giraff.truth().contacts
+    eva.hold(
+        "ArrowUp",
+        lambda: re.match(r"assist\.(slow|stop|steer)", alert_of(eva)),
+        20,
+        "why it holds back",
+    )
+    keep_at_all_sizes(eva.page, "assisted")
+    eva.page.keyboard.up("ArrowUp")
+    assert giraff.truth().contacts == contacts
+
+
+@pytest.mark.nightly
+def test_a_lost_robot_is_shown_its_place_on_the_map(visitor, giraff, operator):
+    fay = visitor("fay").drive()
+    assert operator.wish(CarryTo(8.6, 4.4, 1.57)) == ""
+    fay.hold(
+        "ArrowLeft", lambda: alert_of(fay) == "alert.lost", 30, "a robot that says that it is lost"
+    )
+    press(fay, "Set it")  # at once: it looks for itself all the while
+    fay.page.keyboard.up("ArrowLeft")
+    show_place(fay, giraff.truth())
+    keep_at_all_sizes(fay.page, "placing")
+    press(fay, "It is here")
+    offer(fay, "task.done.relocalize", within=20)
+    expect(fay.page.locator("#alert")).to_be_hidden()
+
+
+@pytest.mark.nightly
+def test_a_robot_goes_home_after_a_visit_and_whoever_waits_is_told_so_and_then_gets_it(
+    site, visitor, giraff, operator
+):
+    gil, hans, stranger = visitor("gil").drive(), visitor("hans").open(go=True), visitor()
+    assert operator.wish(CarryTo(1.9, 5.2, 0.0)) == ""
+    press(gil, "Go to…")
+    press(gil, "Set the robot's position")
+    show_place(gil, giraff.truth())
+    press(gil, "It is here")
+    offer(gil, "task.done.relocalize", within=20)
+    hans.wait_for("phase", "queued")
+    site.django("from robots.models import Robot; Robot.objects.update(returns_home=True)")
+    stranger.page.goto("/")  # before it sets out: its way is short
+    gil.leave()
+    expect(hans.page.locator("#card")).to_have_attribute(
+        "data-card", "queued.returning", timeout=40_000
+    )
+    expect(stranger.page.locator("[data-robot=giraff]")).to_contain_text("Returning to its station")
+    keep_at_all_sizes(hans.page, "queue")
+    hans.wait_for("phase", "turn", within=60)
+    assert giraff.truth().docked
+    hans.page.locator("#card-main").click()
+    hans.wait_for_picture()
+    offer(hans, "dock.here")
+    site.django("from robots.models import Robot; Robot.objects.update(returns_home=False)")

@@ -1,0 +1,44 @@
+"""Somebody without an account tries a simulated robot, from the first page of a demo to the
+invitation to sign up; and again.
+"""
+
+import re
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.support.browsers.running_demo import demo
+from tests.support.browsers.visitor import Visitor
+from tests.support.patience import patient
+from tests.support.sessions.site import Site, free_port
+
+pytestmark = [pytest.mark.browser, pytest.mark.nightly]
+STARTED = 60_000  # ms until a practice robot is there on a busy computer
+TURN = 15.0  # s; the default is a minute
+
+
+def test_a_stranger_drives_within_seconds_and_is_invited_to_sign_up_and_then_tries_again(
+    tmp_path, browser
+):
+    port = free_port()
+    with demo(
+        tmp_path / "var", "--port", str(port), PRACTICE_ROBOTS="1", TRIAL_SECONDS=str(TURN)
+    ) as running:
+        running.link()
+        stranger = Visitor(browser, Site(tmp_path / "var", web_port=port))
+        page = stranger.page
+        for attempt in range(2):
+            page.goto("/")
+            page.get_by_role("button", name="Try a simulated robot now").click()
+            expect(page).to_have_url(re.compile("/practice/practice-1/"), timeout=STARTED)
+            stranger.wait_for_picture()
+            stranger.wait_for("link", "live")
+            page.get_by_role("button", name="Leave station").click()
+            driven = page.locator("#dial-distance")
+            expect(driven).not_to_have_text(re.compile(r"^(–|0\.0)$"), timeout=STARTED)
+            if attempt:
+                stranger.leave()
+            card = page.get_by_role("heading", name="That was a simulated robot")
+            expect(card).to_be_visible(timeout=1000 * patient(TURN))
+        page.get_by_role("button", name="Sign up and drive").click()
+        expect(page).to_have_url(re.compile("/accounts/signup/"))

@@ -1,0 +1,111 @@
+"""manage.py demo as its user meets it: a link that drives, clear endings, nothing left behind."""
+
+import contextlib
+import re
+import signal
+import socket
+import urllib.request
+from html import unescape
+from pathlib import Path
+
+import psutil
+import pytest
+
+from tests.support.browsers.running_demo import demo
+from tests.support.patience import patient
+from tests.support.sessions.site import LOOPBACK, free_port, wait_for
+
+pytestmark = pytest.mark.long
+
+
+def sessions_of(var: Path) -> list[tuple[str, str]]:
+    import sqlite3
+
+    with contextlib.closing(
+        sqlite3.connect(var / "telepresence.sqlite3", timeout=20)
+    ) as connection:
+        return connection.execute(
+            "SELECT username, id FROM accounts_user ORDER BY username"
+        ).fetchall()
+
+
+@pytest.mark.nightly
+def test_a_busy_port_is_named_in_one_sentence(tmp_path):
+    with socket.socket() as taken:
+        taken.bind((LOOPBACK, 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with demo(tmp_path, "--port", str(port)) as running:
+            assert running.process.wait(patient(30.0)) == 1
+    assert f"Port {port} is in use" in running.said().strip().splitlines()[-1]
+
+
+@pytest.mark.parametrize("port", ["0", "65536", "eighty"])
+def test_a_port_that_is_none_is_refused_in_one_sentence(tmp_path, port):
+    with demo(tmp_path, "--port", port) as running:
+        assert running.process.wait(patient(30.0)) != 0
+    assert "PORT must be a number" in running.said()
+
+
+ENDINGS = [
+    pytest.param(signal.SIGINT, True, id="Ctrl-C in the background"),
+    pytest.param(signal.SIGTERM, False, id="SIGTERM", marks=pytest.mark.soak),
+]
+
+
+@pytest.mark.parametrize(("number", "background"), ENDINGS)
+def test_the_link_opens_the_robot_the_end_leaves_no_process_and_a_second_start_keeps_the_data(
+    tmp_path, number, background
+):
+    port = free_port()
+    with demo(tmp_path, "--port", str(port), background=background) as running:
+        jar = urllib.request.HTTPCookieProcessor()
+        page = urllib.request.build_opener(jar).open(running.link(), timeout=patient(20))
+        assert page.status == 200
+        assert page.url.endswith("/robots/giraff/?go=1")
+        assert "researcher" in running.said()
+        study = re.search(
+            r"Take part:\s+(\S+)",
+            wait_for(
+                lambda: running.said() if "Logs:" in running.said() else None, 10, "the last line"
+            ),
+        )
+        assert study is not None
+        stranger = urllib.request.build_opener()
+        front = unescape(stranger.open(study.group(1), timeout=patient(20)).read().decode())
+        assert "Explore an office with a robot" in front
+        assert "You don't need an account or a name." in front
+        family = running.family()
+        assert len(family) >= 5
+        running.process.send_signal(number)
+        running.waits_to_say("Stopping", 10)
+        assert running.end(number) == 0, "who thinks that it was not heard presses again"
+        _, alive = psutil.wait_procs(family, timeout=40)
+        assert alive == []
+    people = sessions_of(tmp_path)
+    with demo(tmp_path, "--port", str(port)) as again:
+        again.link()
+        assert sessions_of(tmp_path) == people
+
+
+@pytest.mark.nightly
+def test_a_demo_that_is_killed_takes_its_children_with_it(tmp_path):
+    with demo(tmp_path, "--port", str(free_port())) as running:
+        running.link()
+        family = running.family()
+        running.end(signal.SIGKILL)
+        _, alive = psutil.wait_procs(family, timeout=40)
+        assert alive == []
+
+
+@pytest.mark.nightly
+def test_starting_over_forgets_what_earlier_runs_stored(tmp_path):
+    port = str(free_port())
+    with demo(tmp_path, "--port", port) as running:
+        running.link()
+    before = dict(sessions_of(tmp_path))
+    with demo(tmp_path, "--port", port, "--reset") as running:
+        running.link()
+    after = dict(sessions_of(tmp_path))
+    assert before.keys() == after.keys()
+    assert before["visitor"] != after["visitor"]

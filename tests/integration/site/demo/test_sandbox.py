@@ -1,0 +1,121 @@
+"""A sandbox: what goes into it, and what becomes of it when not all parts live to its end."""
+
+from itertools import cycle
+from pathlib import Path
+
+import msgspec
+import pytest
+from django.core.management import CommandError, call_command
+from django.utils import timezone
+
+from accounts.models import User
+from experiments import publishing
+from experiments.definition.shipped import shipped
+from experiments.models import Rehearsal, Study
+from experiments.rehearsal import plan
+from robots.api.topics import ROBOT_NAME
+from robots.models import FloorPlan, Robot
+from surveys.models import Questionnaire
+from telepresence_site.children import StartFailed
+from telepresence_site.rehearsal import sandbox
+from tests.support.sessions.site import wait_for
+from tests.support.studies.wizard_study import wizard_study
+
+
+@pytest.mark.django_db(transaction=True)
+def test_a_published_study_is_played_where_nobody_knows_who_published_it(tmp_path, settings):
+    settings.VAR_DIR, settings.CREDENTIALS_DIR = tmp_path, tmp_path / "credentials"
+    row = publishing.store(shipped()["exploration"], timezone.now())
+    Study.objects.update(
+        status=Study.Status.PUBLISHED, published_by=User.objects.create(username="researcher")
+    )
+    published = Study.objects.get()
+    sandbox.pack(published, tmp_path)
+    assert published.published_by is not None
+    for model in (Study, Questionnaire, FloorPlan, User):
+        model.objects.all().delete()
+    unpacked = sandbox.unpack()
+    assert (unpacked.pk, unpacked.sha256, unpacked.status) == (
+        row.pk,
+        row.sha256,
+        Study.Status.DRAFT,
+    )
+    assert {robot.name for robot in Robot.objects.all()} == {"giraff", "rhodon"}
+
+
+def another(study, **renamed):
+    """The study with the words that stand for robots and sites replaced by others."""
+    written = msgspec.to_builtins(study)
+    for part in (*written["conditions"], *written["courses"]):
+        part |= {
+            field: renamed[part[field]] for field in ("robot", "site") if part[field] in renamed
+        }
+    return msgspec.convert({**written, "slug": "another"}, type(study))
+
+
+def test_every_robot_of_a_sandbox_has_a_name_that_a_robot_can_have():
+    study = shipped()["exploration"]
+    there = another(study, rhodon="giraff")
+    moved = [
+        msgspec.structs.replace(one, site=site)
+        for one, site in zip(there.conditions, cycle(["Old_Wing", "x" * 50]), strict=False)
+    ]
+    robots = sandbox._robots(msgspec.structs.replace(there, conditions=tuple(moved)))
+    assert sorted(robots.values()) == [("giraff", "Old_Wing"), ("giraff", "x" * 50)]
+    assert all(ROBOT_NAME.match(name) for name in robots)
+    assert sandbox._robots(study) == {
+        "giraff": ("giraff", "office"),
+        "rhodon": ("rhodon", "office"),
+    }
+
+
+@pytest.mark.django_db(transaction=True)
+def test_a_study_with_a_robot_that_nobody_simulates_is_refused_before_anything_is_started(
+    tmp_path, settings
+):
+    settings.VAR_DIR = tmp_path
+    publishing.store(another(shipped()["exploration"], rhodon="rosie"), timezone.now())
+    sentence = "There is no simulation of rosie: bots can rehearse only with giraff, rhodon."
+    for command in (["rehearse_study", "another"], ["run_bots", "another", "--speed", "5"]):
+        with pytest.raises(CommandError, match=sentence):
+            call_command(*command)
+    assert not list((tmp_path / "sandboxes").rglob("*.json"))
+    assert sentence in str(Rehearsal.objects.get().report)
+
+
+def test_a_study_with_a_hidden_operator_is_refused_with_what_it_needs():
+    told = plan.problems(wizard_study())
+    assert [text for text in told if "hidden operator" in text] == [plan.WITH_OPERATOR]
+
+
+def test_what_this_computers_own_agent_is_told_does_not_reach_the_simulated_ones(tmp_path):
+    inside = sandbox.environment(
+        tmp_path,
+        {
+            "PATH": "/bin",
+            "TELEPRESENCE_SERVER": "https://robots.example.org",
+            "TELEPRESENCE_VAR": "/var",
+        },
+    )
+    assert inside["PATH"] == "/bin"
+    assert not [name for name in inside if name.startswith("TELEPRESENCE_")]
+
+
+def test_a_part_that_ends_meanwhile_fails_the_play_with_its_last_words(
+    tmp_path, settings, monkeypatch
+):
+    settings.VAR_DIR = tmp_path
+    started = []
+
+    def start(children, _definition, _sites):
+        started.append(children)
+        children.start("web server", ["-c", "print('no memory left'); raise SystemExit(3)"])
+        return "http://127.0.0.1:1"
+
+    monkeypatch.setattr(sandbox, "_start", start)
+    with (
+        pytest.raises(StartFailed, match=r"The web server ended meanwhile \(3\): no memory left"),
+        sandbox.running(shipped()["exploration"], Path()),
+    ):
+        wait_for(started[0].ended, 20, "the end of the child")
+    assert started[0].running == []

@@ -1,0 +1,177 @@
+"""Parts that end are named and started again: real processes, and delays that need no wait."""
+
+import contextlib
+import os
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from telepresence_site.children import Child, Children, DemoPart, StartFailed
+from telepresence_site.demo.restart import RestartPolicy
+from telepresence_site.demo.supervision import PartLostError, ServiceSupervisor
+from tests.support.sessions.site import wait_for
+
+POLICY = RestartPolicy(first_delay=0.0, longest_delay=0.0, settled=1000.0, quick_deaths=3)
+LIVE = ["-c", "import time; print('ready', flush=True); time.sleep(600)"]
+DIES = ["-c", "print('the port is taken', flush=True); raise SystemExit(1)"]
+
+
+def says_ready(child: Child) -> bool:
+    return "ready" in child.output()
+
+
+@pytest.fixture
+def children(tmp_path: Path) -> Iterator[Children]:
+    family = Children(tmp_path / "log", dict(os.environ))
+    yield family
+    family.stop()
+
+
+@pytest.fixture
+def told() -> list[str]:
+    return []
+
+
+@pytest.fixture
+def supervisor(children, told) -> ServiceSupervisor:
+    return ServiceSupervisor(children, told.append, POLICY)
+
+
+def start(supervisor: ServiceSupervisor, *parts: DemoPart, within: float = 60.0) -> None:
+    supervisor.start(parts, within=within, step=lambda _name: contextlib.nullcontext())
+
+
+def look_until(supervisor: ServiceSupervisor, condition: Callable[[], object]) -> None:
+    def looked() -> object:
+        supervisor.look()
+        return condition()
+
+    wait_for(looked, 20, "what the supervisor is to do")
+
+
+def kill(child: Child) -> None:
+    child.process.kill()
+    child.process.wait()
+
+
+@pytest.mark.parametrize("is_essential", [True, False], ids=["essential", "not essential"])
+def test_a_part_that_is_killed_is_named_with_its_log_and_again_when_it_is_back_twice_in_a_row(
+    children, supervisor, told, is_essential
+):
+    start(supervisor, DemoPart("broker", LIVE, says_ready, is_essential))
+    for _ in range(2):
+        first = children.running[0]
+        kill(first)
+        told.clear()
+        look_until(supervisor, lambda: len(told) == 2)
+        assert (
+            told[0]
+            == f"The broker ended: it was ended by SIGKILL (its log: {first.log}). Starting it"
+            " again in 0 s."
+        )
+        assert told[1].startswith("The broker is back after ")
+        assert [child.process.poll() for child in children.running] == [None]
+        assert children.running[0] is not first
+
+
+def test_a_part_whose_log_cannot_be_written_is_tried_again_until_it_can(
+    children, supervisor, told, tmp_path
+):
+    start(supervisor, DemoPart("robot", LIVE, says_ready))
+    kill(children.running[0])
+    log = tmp_path / "log" / "robot.log"
+    log.unlink()
+    log.mkdir()
+    look_until(supervisor, lambda: len(told) > 3)
+    assert told[0].startswith("The robot ended: it was ended by SIGKILL")
+    assert told[1] == "The robot could not be started: Is a directory. Starting it again in 0 s."
+    log.rmdir()
+    look_until(supervisor, lambda: "The robot is back after" in told[-1])
+
+
+def test_an_essential_part_that_dies_again_and_again_is_lost_with_its_own_reason(supervisor, told):
+    with pytest.raises(
+        PartLostError,
+        match=r"The broker ended: the port is taken \(its log: .*\)\. It ended 3 times in a row",
+    ):
+        start(supervisor, DemoPart("broker", DIES, lambda _child: False, is_essential=True))
+    assert len(told) == 2
+
+
+def test_a_robot_that_does_not_live_keeps_nobody_waiting_and_is_tried_on(
+    children, supervisor, told, tmp_path
+):
+    repaired = tmp_path / "repaired"
+    robot = [
+        "-c",
+        f"import pathlib, sys, time\nif not pathlib.Path({str(repaired)!r}).exists(): sys.exit('no"
+        " such site')\n" + LIVE[1],
+    ]
+    start(
+        supervisor,
+        DemoPart("robot", robot, says_ready),
+        DemoPart("web server", LIVE, says_ready, is_essential=True),
+        within=2.0,
+    )
+    assert any(
+        "is not ready yet: " in sentence and "Continuing without it" in sentence
+        for sentence in told
+    )
+    look_until(
+        supervisor, lambda: len([sentence for sentence in told if "no such site" in sentence]) > 6
+    )
+    repaired.touch()
+    look_until(supervisor, lambda: "The robot is back after" in told[-1])
+    assert {child.name for child in children.running} == {"robot", "web server"}
+
+
+def test_an_essential_part_that_is_never_ready_is_named(supervisor):
+    with pytest.raises(StartFailed, match="The web server is not ready yet: ready"):
+        start(
+            supervisor,
+            DemoPart("web server", LIVE, lambda _child: False, is_essential=True),
+            within=1.0,
+        )
+
+
+def test_a_part_that_dies_while_another_is_waited_for_is_started_again(
+    children, supervisor, told, tmp_path
+):
+    second = tmp_path / "second"
+    once = [
+        "-c",
+        f"import pathlib, sys\nmark = pathlib.Path({str(second)!r})\nif not mark.exists():"
+        " mark.touch(); sys.exit('not yet')\n" + LIVE[1],
+    ]
+    start(
+        supervisor,
+        DemoPart("broker", LIVE, lambda _child: second.exists(), is_essential=True),
+        DemoPart("manager", once, says_ready, is_essential=True),
+    )
+    assert "The manager ended: not yet" in told[0]
+    assert all(child.process.poll() is None for child in children.running)
+
+
+def test_what_a_part_wrote_before_it_died_stays_in_its_log_and_is_not_taken_for_the_next_ones_words(
+    children,
+):
+    first = children.start("broker", ["-c", "print('ready', flush=True); raise SystemExit(1)"])
+    first.process.wait()
+    children.end(first)
+    second = children.start("broker", ["-c", ""])
+    second.process.wait()
+    assert (first.last_words(), second.last_words()) == ("ready", "it said nothing")
+    assert second.log.read_text() == "ready\n"
+
+
+def test_a_child_hears_ctrl_c_though_its_parent_was_started_with_it_ignored(children):
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        child = children.start("python", LIVE)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    wait_for(lambda: says_ready(child), 20, "a child that runs")
+    child.process.send_signal(signal.SIGINT)
+    assert child.process.wait(20) != 0

@@ -1,0 +1,304 @@
+"""The whole way of a visitor with only the adapter changed: page, drive, map, record; and an
+architecture that is killed under them.
+"""
+
+import asyncio
+import contextlib
+import json
+import math
+import time
+from http.cookiejar import Cookie
+from itertools import pairwise
+
+import pytest
+from playwright.sync_api import expect, sync_playwright
+
+from experiments.bots.browser import Browser
+from experiments.bots.cockpit import Cockpit
+from experiments.bots.steering import STAND, SpeedSetting
+from tests.support.architectures.ros2_robot import LOOPBACK as DDS
+from tests.support.browsers.visitor import Visitor, chromium
+from tests.support.patience import patient
+from tests.support.sessions.site import LOOPBACK, running_site, wait_for
+from tests.support.sessions.site_robots import ARCHITECTURES, robot_behind
+
+pytestmark = [pytest.mark.broker, pytest.mark.long, pytest.mark.nightly]
+AHEAD = SpeedSetting(0.3, 0.0)
+LOST = "adapter_lost: "
+FAULT = "The robot reports a fault and has stopped."
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as environment:
+        environment.setenv("CYCLONEDDS_URI", DDS)
+        with running_site(tmp_path_factory.mktemp("adapters")) as site:
+            yield site
+
+
+def signed_in(site, name) -> Browser:
+    browser = Browser(site.url)
+    value = site.sign_in(name)
+    browser.jar.set_cookie(
+        Cookie(
+            0,
+            "sessionid",
+            value,
+            None,
+            False,
+            LOOPBACK,
+            False,
+            False,
+            "/",
+            True,
+            False,
+            None,
+            True,
+            None,
+            None,
+            {},
+        )
+    )
+    return browser
+
+
+def card(browser, robot) -> dict:
+    """What the list of robots shows of it."""
+    return next(
+        one
+        for one in json.loads(browser.get("/robots.json").body)["robots"]
+        if one["name"] == robot
+    )
+
+
+async def until(cockpit, condition, seconds, what) -> None:
+    assert await cockpit.until(condition, patient(seconds)), (
+        f"{what} did not come within {seconds} s; {cockpit.view}"
+    )
+
+
+async def takes_the_robot(cockpit) -> None:
+    """Press the button, and again where the site has not yet heard of the robot that was started a
+    moment ago.
+    """
+    view, deadline = cockpit.view, time.monotonic() + patient(20)
+    while not view.granted:
+        assert time.monotonic() < deadline, f"the robot was not had: {view.refused}"
+        assert view.refused in {"", "offline"}
+        view.refused = ""
+        cockpit.take()
+        await cockpit.until(lambda: view.granted or view.refused, 5.0)
+        await asyncio.sleep(0.0 if view.granted else 0.5)
+
+
+@contextlib.asynccontextmanager
+async def whole_visit(cockpit):
+    """From the grant to the end, whatever happens between: the next visitor need not wait."""
+    view = cockpit.view
+    try:
+        await takes_the_robot(cockpit)
+        await until(
+            cockpit,
+            lambda: view.granted and view.frames and view.state and view.localized,
+            30,
+            "a picture and a place",
+        )
+        await until(
+            cockpit,
+            lambda: view.state.safety.inhibited is None,
+            10,
+            "a robot that lets itself be driven",
+        )
+        yield
+    finally:
+        cockpit.leave()
+        await until(cockpit, lambda: view.ended, 20, "the end")
+
+
+def lost(view) -> str:
+    return next(
+        (error.removeprefix(LOST) for error in view.state.errors if error.startswith(LOST)), ""
+    )
+
+
+def off_the_map(view, robot) -> float:
+    """Metres between where the page draws the robot and where it is."""
+    x, y = robot.place()
+    return math.hypot(view.pose.x - x, view.pose.y - y)
+
+
+def has_gone(robot, metres):
+    """Whether it has, since now."""
+    here = robot.place()
+    return lambda: math.dist(robot.place(), here) > metres
+
+
+async def pushes(cockpit, reached, what) -> None:
+    """Push on until that is so, as people do: a robot that held for a moment waits until they have
+    let go.
+    """
+    deadline = time.monotonic() + patient(20)
+    while not reached():
+        assert time.monotonic() < deadline, f"{what} did not come; {cockpit.view}"
+        cockpit.steer(AHEAD)
+        await cockpit.until(lambda: reached() or cockpit.view.state.safety.inhibited, 4.0)
+        if cockpit.view.state.safety.inhibited:
+            cockpit.steer(STAND)
+            await cockpit.until(lambda: cockpit.view.state.safety.inhibited is None, 4.0)
+
+
+async def stands_where_the_map_has_it(cockpit, robot) -> None:
+    cockpit.steer(STAND)
+    await until(
+        cockpit,
+        lambda: robot.speed() == 0.0 and off_the_map(cockpit.view, robot) < 0.15,
+        15,
+        "its place on the map",
+    )
+
+
+async def loses_and_finds_its_architecture(cockpit, robot, browser) -> None:
+    view = cockpit.view
+    await pushes(cockpit, lambda: robot.speed() > 0.15, "a robot at speed")
+    await asyncio.to_thread(robot.kill)
+    await until(
+        cockpit, lambda: robot.speed() == 0.0, 5, "a robot that stands, though its driver pushes on"
+    )
+    await until(cockpit, lambda: lost(view), 10, "the reason")
+    assert len(lost(view)) > 10
+    assert view.state.safety.inhibited == "fault"
+    shown = await asyncio.to_thread(
+        wait_for,
+        lambda: (it := card(browser, robot.series))["state"] == "stopped" and it,
+        10,
+        "a robot that is not available",
+    )
+    assert (shown["label"], shown["drives"]) == ("Not available", False)
+    assert robot.speed() == 0.0
+    cockpit.steer(STAND)
+    await asyncio.to_thread(robot.revive)
+    await until(
+        cockpit,
+        lambda: not lost(view) and view.state.safety.inhibited is None,
+        30,
+        "the robot, which waits until its driver has let go",
+    )
+    await pushes(cockpit, has_gone(robot, 0.1), "a robot that moves again")
+    cockpit.steer(STAND)
+    await asyncio.to_thread(
+        wait_for,
+        lambda: card(browser, robot.series)["state"] == "busy",
+        10,
+        "a robot that only its driver keeps others from",
+    )
+
+
+def is_recorded_whole(site, session) -> None:
+    def complete():
+        states = site.states(session)
+        closed = site.rows(
+            "SELECT 1 FROM telepresence_sessions_session WHERE id = ? AND closed_at IS NOT NULL",
+            session.replace("-", ""),
+        )
+        return closed and states
+
+    states = wait_for(complete, 20, "the record")
+    assert all(b["seq"] == a["seq"] + 1 for a, b in pairwise(states))
+    applied = [command for state in states for command in state.get("applied", ())]
+    assert {(command["method"], command["way"]) for command in applied} == {("keyboard", "mqtt")}
+    places = [(state["pose"]["x"], state["pose"]["y"]) for state in states]
+    assert max(math.dist(place, places[0]) for place in places) > 0.3
+    assert any(error.startswith(LOST) for state in states for error in state.get("errors", ()))
+    events = [
+        kind
+        for (kind,) in site.rows(
+            "SELECT type FROM telepresence_sessions_sessionevent WHERE session_id = ?",
+            session.replace("-", ""),
+        )
+    ]
+    assert {"adapter_lost", "adapter_back"} <= set(events)
+
+
+@pytest.mark.parametrize("adapter", ARCHITECTURES)
+async def test_a_visitor_drives_by_page_and_map_loses_the_architecture_gets_it_back_and_is_recorded(
+    adapter, site, tmp_path
+):
+    browser = await asyncio.to_thread(signed_in, site, f"visitor-of-{adapter}")
+    with robot_behind(adapter, site, tmp_path) as robot:
+        config = (await asyncio.to_thread(browser.get, f"/robots/{robot.series}/")).page.json[
+            "config"
+        ]
+        plan = json.loads((await asyncio.to_thread(browser.get, config["floorplan"])).body)
+        async with Cockpit(browser, config["socket"], "keyboard") as cockpit, whole_visit(cockpit):
+            view = cockpit.view
+            await pushes(cockpit, has_gone(robot, 0.4), "a robot that moves")
+            await stands_where_the_map_has_it(cockpit, robot)
+            assert 0.0 < view.pose.x - plan["origin"][0] < plan["width"] * plan["resolution"]
+            assert 0.0 < view.pose.y - plan["origin"][1] < plan["height"] * plan["resolution"]
+            await loses_and_finds_its_architecture(cockpit, robot, browser)
+        assert view.ended.outcome == "completed"
+        is_recorded_whole(site, view.session)
+
+
+MARKER = """() => {
+  const map = document.getElementById("map");
+  return { ...map.dataset, width: map.clientWidth, height: map.clientHeight };
+}"""
+
+
+def marker(page) -> tuple[float, float]:
+    """Where the map draws the robot, in metres."""
+    seen = page.evaluate(MARKER)
+    scale = float(seen["viewScale"])
+    x = float(seen["viewX"]) + (float(seen["markerX"]) - seen["width"] / 2) / scale
+    return x, float(seen["viewY"]) - (float(seen["markerY"]) - seen["height"] / 2) / scale
+
+
+def is_free(site, robot) -> bool:
+    """Whether the robot lets itself be driven, as the site has heard."""
+    ((report,),) = site.rows("SELECT report FROM robots_robot WHERE name = ?", robot.series)
+    return json.loads(report)["safety"].get("inhibited") is None
+
+
+def holds_the_key(page, site, robot, reached, what) -> None:
+    """Hold it until that is so; as above, with a keyboard."""
+    deadline = time.monotonic() + patient(20)
+    while not reached():
+        assert time.monotonic() < deadline, f"{what} did not come"
+        page.keyboard.up("ArrowUp")
+        wait_for(lambda: is_free(site, robot), 10, "a robot that lets itself be driven")
+        page.keyboard.down("ArrowUp")
+        waited = time.monotonic() + 4.0
+        while not reached() and time.monotonic() < waited:
+            page.wait_for_timeout(50)
+
+
+@pytest.mark.soak
+def test_in_a_real_browser_too(site, tmp_path):
+    with (
+        robot_behind("moos", site, tmp_path) as robot,
+        sync_playwright() as playwright,
+        chromium(playwright) as browser,
+    ):
+        visitor = Visitor(browser, site, "visitor-in-chromium").drive(robot.series)
+        page, alert = visitor.page, visitor.page.locator("#alert")
+        visitor.wait_for("link", "live")
+        holds_the_key(page, site, robot, has_gone(robot, 0.4), "a robot that moves")
+        page.keyboard.up("ArrowUp")
+        wait_for(
+            lambda: robot.speed() == 0.0 and math.dist(marker(page), robot.place()) < 0.15,
+            10,
+            "its place on the map",
+        )
+        holds_the_key(page, site, robot, lambda: robot.speed() > 0.15, "a robot at speed")
+        robot.kill()
+        wait_for(
+            lambda: robot.speed() == 0.0, 5, "a robot that stands, though its driver pushes on"
+        )
+        expect(alert).to_have_text(FAULT, timeout=patient(10) * 1000)
+        page.keyboard.up("ArrowUp")
+        robot.revive()
+        expect(alert).not_to_have_text(FAULT, timeout=patient(20) * 1000)
+        holds_the_key(page, site, robot, has_gone(robot, 0.1), "a robot that moves again")
+        visitor.leave()
+        assert visitor.problems == []

@@ -1,0 +1,234 @@
+"""A backup brings back everything, on both databases; a damaged one brings back nothing."""
+
+import gzip
+import io
+import json
+import os
+import tarfile
+from pathlib import Path
+
+import pytest
+from django.conf import settings as site
+
+from telepresence_site.ops.backup import archive
+from telepresence_site.ops.backup.archive import BackupError
+from tests.support.django_shell import DjangoShell
+from tests.support.programs.postgres import running_postgres
+
+FILES = {
+    "secrets/secret_key": "key-of-the-site",
+    "credentials/giraff.toml": "token",
+    "media/a/b.bin": "x" * 100_000,
+}
+COMMAND = """
+from django.core.management import CommandError, call_command
+try:
+    call_command(*{arguments!r})
+except CommandError as error:
+    print("refused:", error)
+"""
+FILL = (
+    "from accounts.models import User; from robots.models import *; u ="
+    " User.objects.create_user('ada', password='seven green kettles');"
+    " Robot.objects.create(name='giraff', title='Girafá', owner=u, report={'a': [1, None]});"
+    " FloorPlan.objects.create(name='p', title='P', resolution=0.05, origin_x=0, origin_y=0,"
+    " width=1, height=1, image=bytes(range(256)))"
+)
+SHOW = (
+    "from accounts.models import User; from robots.models import *; r = Robot.objects.get();"
+    " print(r.pk, r.title, r.report, r.owner.check_password('seven green kettles'),"
+    " bytes(FloorPlan.objects.get().image) == bytes(range(256)))"
+)
+
+
+class Site:
+    """Commands on a VAR_DIR and a database of their own, in one process."""
+
+    def __init__(self, var, database):
+        self.var = var
+        kept = {
+            name: value
+            for name, value in os.environ.items()
+            if name not in {"DATABASE_URL", "SECRET_KEY"}
+        }
+        changed = {
+            "VAR_DIR": str(var),
+            "DATABASE_URL": database,
+            "HTTP_ONLY": "1",
+            "LOG_LEVEL": "WARNING",
+        }
+        self.django_shell = DjangoShell(
+            Path(site.BASE_DIR),
+            kept | changed | {"DJANGO_SETTINGS_MODULE": "telepresence_site.settings"},
+        )
+        self.django_shell.ask("pass")  # its secret key is made before ours is put in its place
+
+    def call(self, *arguments):
+        return self.django_shell.ask(COMMAND.format(arguments=arguments)).strip()
+
+    def fill(self):
+        for name, text in FILES.items():
+            (self.var / name).parent.mkdir(parents=True, exist_ok=True)
+            (self.var / name).write_text(text)
+        self.call("migrate", "-v", "0")
+        self.django_shell.ask(FILL)
+
+    def show(self):
+        return self.django_shell.ask(SHOW), {name: (self.var / name).read_text() for name in FILES}
+
+
+@pytest.fixture(params=["sqlite", pytest.param("postgres", marks=pytest.mark.postgres)])
+def databases(request):
+    """Two empty ones."""
+    if request.param == "sqlite":
+        yield "", ""
+        return
+    with running_postgres() as server:
+        import psycopg
+
+        with psycopg.connect(server.url, autocommit=True) as connection:
+            connection.execute("CREATE DATABASE second")
+        yield server.url, f"{server.url.rpartition('/')[0]}/second"
+
+
+@pytest.fixture
+def sites(tmp_path, databases):
+    sites = [
+        Site(tmp_path / name, database)
+        for name, database in zip(("first", "second"), databases, strict=True)
+    ]
+    yield sites
+    for each in sites:
+        each.django_shell.close()
+
+
+@pytest.mark.nightly
+def test_what_was_backed_up_comes_back_and_nothing_is_ever_overwritten(tmp_path, sites):
+    first, second = sites
+    file = str(tmp_path / "backup.tar.gz")
+    first.fill()
+    assert "4 files" in first.call("backup", file)
+    assert Path(file).stat().st_mode & 0o077 == 0
+    assert "already exists" in first.call("backup", file)
+    assert "database is not empty" in first.call("restore", file)
+    assert "is sound" in second.call("restore", "--check", file)
+    assert "is restored" in second.call("restore", file)
+    assert second.show() == first.show()
+    assert (second.var / "secrets/secret_key").stat().st_mode & 0o077 == 0
+    assert second.call("migrate", "--check", "-v", "0") == ""
+    assert [
+        path.name for path in second.var.iterdir() if path.name.startswith(("backup-", "restore-"))
+    ] == []
+
+
+@pytest.fixture
+def backup(tmp_path):
+    (tmp_path / "a").write_bytes(b"a" * 3000)
+    (tmp_path / "b").write_bytes(os.urandom(3000))
+    archive.write(
+        tmp_path / "backup.tar.gz",
+        [("x/a", tmp_path / "a"), ("x/b", tmp_path / "b")],
+        {"made_at": "now"},
+    )
+    return tmp_path / "backup.tar.gz"
+
+
+def opened(source, tmp_path):
+    return archive.unpack(source, tmp_path / "out")
+
+
+def test_an_archive_is_read_as_it_was_written(backup, tmp_path):
+    manifest = opened(backup, tmp_path)
+    assert manifest["made_at"] == "now"
+    assert (tmp_path / "out/x/b").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+@pytest.mark.parametrize("share", [0.0, 0.2, 0.5, 0.9])
+def test_one_that_was_cut_off_is_refused(backup, tmp_path, share):
+    data = backup.read_bytes()
+    backup.write_bytes(data[: int(len(data) * share)])
+    with pytest.raises(BackupError, match=r"backup\.tar\.gz"):
+        opened(backup, tmp_path)
+
+
+@pytest.mark.parametrize("place", [0.3, 0.6, 0.9])
+def test_a_changed_byte_is_found(backup, tmp_path, place):
+    data = bytearray(gzip.decompress(backup.read_bytes()))
+    data[int(2000 + place * 5000)] ^= 1
+    backup.write_bytes(gzip.compress(bytes(data)))
+    with pytest.raises(BackupError):
+        opened(backup, tmp_path)
+
+
+def forged(path, members, manifest=True):
+    with tarfile.open(path, "w:gz") as made:
+        for info, content in members:
+            info.size = len(content)
+            made.addfile(info, io.BytesIO(content))
+        if manifest:
+            content = json.dumps({"format": 1, "files": {}}).encode()
+            info = tarfile.TarInfo("manifest.json")
+            info.size = len(content)
+            made.addfile(info, io.BytesIO(content))
+    return path
+
+
+def link(name):
+    info = tarfile.TarInfo(name)
+    info.type, info.linkname = tarfile.SYMTYPE, "/etc/passwd"
+    return info
+
+
+@pytest.mark.parametrize(
+    "info",
+    [
+        tarfile.TarInfo("../evil"),
+        tarfile.TarInfo("/etc/evil"),
+        tarfile.TarInfo("a/../../evil"),
+        link("media/x"),
+    ],
+    ids=lambda info: info.name,
+)
+def test_what_leads_out_of_its_place_is_refused(tmp_path, info):
+    with pytest.raises(BackupError, match=r"points outside its folder|is not a file"):
+        opened(forged(tmp_path / "f", [(info, b"")]), tmp_path)
+
+
+def test_what_the_manifest_does_not_name_is_refused(tmp_path):
+    with pytest.raises(BackupError, match="media/x is not what was written"):
+        opened(forged(tmp_path / "f", [(tarfile.TarInfo("media/x"), b"x")]), tmp_path)
+
+
+def test_without_a_manifest_it_is_none_of_ours(tmp_path):
+    with pytest.raises(BackupError, match="no manifest"):
+        opened(
+            forged(tmp_path / "f", [(tarfile.TarInfo("media/x"), b"x")], manifest=False), tmp_path
+        )
+
+
+def test_a_failed_backup_leaves_nothing_behind(tmp_path):
+    with pytest.raises(BackupError):
+        archive.write(tmp_path / "backup", [("x", tmp_path / "missing")], {})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_one_of_newer_code_or_of_another_engine_is_refused(monkeypatch):
+    from telepresence_site.ops.backup.whole import _fits
+
+    manifest = {
+        "engine": "sqlite",
+        "migrations": ["robots.9999_of_tomorrow"],
+        "files": {},
+        "key": "",
+    }
+    with pytest.raises(BackupError, match="one migration unknown here"):
+        _fits(manifest)
+    with pytest.raises(BackupError, match="of a postgresql database"):
+        _fits({**manifest, "engine": "postgresql"})
+    assert _fits({**manifest, "migrations": []}) == [
+        "The backup is from an older version: run manage.py migrate.",
+        (
+            "SECRET_KEY differs from that of the backup: everybody has to log in again, and "
+            "links that were sent no longer work."
+        ),
+    ]

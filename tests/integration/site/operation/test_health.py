@@ -1,0 +1,148 @@
+"""/readyz tells which part is missing, to anybody, in words that are nobody's secret."""
+
+import datetime
+from types import SimpleNamespace
+
+import pytest
+from channels.layers import get_channel_layer
+from django.db import OperationalError
+from django.test import AsyncClient
+from django.utils import timezone
+
+from robots.api import disk_space
+from robots.bridge import bridge as mqtt_bridge
+from sessions.models import ManagerBeat
+from sessions.shards.rows import NAME, beat, occupy
+from telepresence_site.ops.health import BEHIND, manager_state, managers_state
+from tests.support.sessions.memory_bridge import MemoryBridge
+
+pytestmark = pytest.mark.django_db(transaction=True)
+WELL = {"connected": True, "waiting": 3}
+
+
+@pytest.fixture
+def bridge():
+    double = MemoryBridge()
+    mqtt_bridge.use(double)
+    yield double
+    mqtt_bridge.use(None)
+
+
+async def ask():
+    response = await AsyncClient().get("/readyz")
+    return response.status_code, response.json()
+
+
+async def test_a_server_with_all_its_parts_is_ready(bridge):
+    await ManagerBeat.objects.acreate(
+        name=NAME, holder="here:1", beat_at=timezone.now(), report=WELL
+    )
+    ok = dict.fromkeys(("database", "broker", "channel_layer", "session_manager", "disk"), "ok")
+    assert await ask() == (200, {"ready": True, **ok})
+
+
+async def test_without_session_manager_and_broker_it_is_not_and_says_so(bridge):
+    bridge.connected = False
+    status, answer = await ask()
+    assert status == 503
+    assert answer == {
+        "ready": False,
+        "database": "ok",
+        "broker": "away",
+        "channel_layer": "ok",
+        "session_manager": "none",
+        "disk": "ok",
+    }
+
+
+async def test_a_database_that_is_away_is_a_word_and_no_failure(bridge, monkeypatch):
+    def broken(*_args, **_kwargs):
+        raise OperationalError("password authentication failed for hunter2")
+
+    monkeypatch.setattr(ManagerBeat.objects, "filter", broken)
+    status, answer = await ask()
+    assert (status, answer["database"], answer["session_manager"]) == (503, "away", "unknown")
+    assert "hunter2" not in str(answer)
+
+
+@pytest.mark.parametrize(("free", "status", "word"), [(499, 200, "low"), (1, 503, "full")])
+async def test_a_disk_is_named_before_it_is_full_and_turns_people_away_only_then(
+    bridge, monkeypatch, free, status, word
+):
+    await ManagerBeat.objects.acreate(
+        name=NAME, holder="here:1", beat_at=timezone.now(), report=WELL
+    )
+    monkeypatch.setattr(
+        disk_space.shutil, "disk_usage", lambda _: SimpleNamespace(free=free * disk_space.MIB)
+    )
+    code, answer = await ask()
+    assert (code, answer["ready"], answer["disk"]) == (status, status == 200, word)
+    response = await AsyncClient().get("/healthz")
+    assert (response.status_code, response.json()["disk"]) == (200, word)
+
+
+@pytest.mark.parametrize("error", [OSError("gone"), TimeoutError()])
+async def test_a_channel_layer_that_is_away_is_named_and_turns_nobody_away(
+    bridge, monkeypatch, error
+):
+    async def broken(*_):
+        raise error
+
+    await ManagerBeat.objects.acreate(
+        name=NAME, holder="here:1", beat_at=timezone.now(), report=WELL
+    )
+    monkeypatch.setattr(type(get_channel_layer()), "group_send", broken)
+    status, answer = await ask()
+    assert (status, answer["ready"], answer["channel_layer"]) == (200, True, "slow")
+
+
+@pytest.mark.parametrize(
+    ("holder", "age", "report", "state"),
+    [
+        ("here:1", 1, WELL, "ok"),
+        ("", 1, WELL, "none"),
+        ("here:1", 60, WELL, "silent"),
+        ("here:1", 1, {"connected": False}, "without_broker"),
+        ("here:1", 1, {}, "without_broker"),
+        ("here:1", 1, {"connected": True, "waiting": BEHIND + 1}, "behind"),
+    ],
+)
+def test_the_session_managers_state_follows_from_its_beat(holder, age, report, state):
+    now = timezone.now()
+    assert (
+        manager_state(
+            ManagerBeat(
+                holder=holder, beat_at=now - datetime.timedelta(seconds=age), report=report
+            ),
+            now,
+        )
+        == state
+    )
+
+
+def test_a_beat_carries_its_report():
+    now = timezone.now()
+    assert occupy(0, None, "here:1", now)
+    assert beat(0, "here:1", 2, now, WELL)
+    assert ManagerBeat.objects.get().report == WELL
+    assert not beat(0, "there:2", 2, now, {})
+    assert ManagerBeat.objects.get().report == WELL
+
+
+@pytest.mark.parametrize(
+    ("of_others", "state"),
+    [
+        ([("", 60, WELL)], "ok"),
+        ([("there:2", 60, WELL)], "ok"),
+        ([("there:2", 1, {"connected": False})], "without_broker"),
+        ([("there:2", 1, {"connected": True, "waiting": BEHIND + 1})], "behind"),
+    ],
+)
+def test_of_several_session_managers_the_worst_that_beats_counts(of_others, state):
+    now = timezone.now()
+    rows = [
+        ManagerBeat(holder=holder, beat_at=now - datetime.timedelta(seconds=age), report=report)
+        for holder, age, report in [("here:1", 1, WELL), *of_others]
+    ]
+    assert managers_state(rows, now) == state
+    assert managers_state([], now) == "none"

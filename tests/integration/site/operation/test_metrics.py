@@ -1,0 +1,146 @@
+"""/metrics: who may read it, what it says, and that it says nothing of persons."""
+
+import pytest
+from django.test import AsyncClient, Client
+from django.utils import timezone
+from prometheus_client.parser import text_string_to_metric_families
+
+from robots.bridge import bridge as mqtt_bridge
+from robots.models import Robot
+from sessions.models import Lease, ManagerBeat, Session
+from sessions.shards.rows import NAME, name_of
+from tests.support.people import person
+from tests.support.sessions.memory_bridge import MemoryBridge
+
+pytestmark = pytest.mark.django_db(transaction=True)
+TOKEN = "t" * 32
+BEARER = {"authorization": f"Bearer {TOKEN}"}
+
+
+@pytest.fixture(autouse=True)
+def bridge():
+    double = MemoryBridge()
+    mqtt_bridge.use(double)
+    yield double
+    mqtt_bridge.use(None)
+
+
+@pytest.fixture
+def site(settings):
+    settings.METRICS_TOKEN = TOKEN
+    giraff = Robot.objects.create(
+        name="giraff",
+        title="Giraff",
+        connection="ONLINE",
+        last_seen_at=timezone.now(),
+        report={"battery": {"charge": 0.5}},
+    )
+    Robot.objects.create(name="attic", title="Attic")
+    Robot.objects.create(name="practice-1", title="Practice", practice=True)
+    ada, bert, cleo = person("ada"), person("bert"), person("cleo")
+    rows = [(ada, "driving", ""), (bert, "waiting", ""), (cleo, "ended", "completed")]
+    made = [
+        Session.objects.create(
+            robot=giraff,
+            visitor=user,
+            state=state,
+            outcome=outcome,
+            live_key=f"{user.pk}",
+            queued_at=timezone.now(),
+        )
+        for user, state, outcome in rows
+    ]
+    Lease.objects.create(robot=giraff, session=made[0], changed_at=timezone.now())
+    report = {
+        "connected": True,
+        "waiting": 7,
+        "counts": {"states": 40},
+        "refused": {"stale": 2},
+        "rejected": {"malformed": 1},
+    }
+    now = timezone.now()
+    own = {"shards": 40, **report}
+    ManagerBeat.objects.create(name=NAME, holder="here:1", beat_at=now, report=own)
+    other = {"shards": 24, **report}
+    ManagerBeat.objects.create(name=name_of(1), holder="there:2", beat_at=now, report=other)
+    return made
+
+
+def samples(text):
+    return {
+        (s.name, *sorted(s.labels.items())): s.value
+        for family in text_string_to_metric_families(text)
+        for s in family.samples
+    }
+
+
+async def test_the_figures_of_site_and_process_stand_there(site, bridge):
+    bridge.counts["arrived"] = 5
+    response = await AsyncClient().get("/metrics", headers=BEARER)
+    assert response["Content-Type"].startswith("text/plain; version=")
+    found = samples(response.content.decode())
+    for name, label, value in [
+        ("sessions_ended", ("outcome", "completed"), 1),
+        ("sessions_ended", ("outcome", "timed_out"), 0),
+        ("sessions_live", ("state", "driving"), 1),
+        ("sessions_live", ("state", "waiting"), 1),
+        ("robot_online", ("robot", "giraff"), 1),
+        ("robot_online", ("robot", "attic"), 0),
+        ("robot_leased", ("robot", "giraff"), 1),
+        ("robot_queue_length", ("robot", "giraff"), 1),
+        ("robot_queue_length", ("robot", "attic"), 0),
+        ("robot_charge", ("robot", "giraff"), 0.5),
+        ("recorded_total", ("what", "states"), 80),
+        ("robot_refused_commands_total", ("reason", "stale"), 4),
+        ("rejected_messages_total", ("reason", "malformed"), 2),
+        ("session_manager_shards", ("manager", "session_manager"), 40),
+        ("session_manager_shards", ("manager", "session_manager-1"), 24),
+        ("bridge_total", ("what", "arrived"), 5),
+    ]:
+        assert found["telepresence_" + name, label] == value
+    assert not any(("robot", "practice-1") in name for name in found)
+    assert found[("telepresence_recorder_waiting",)] == 14
+    assert found[("telepresence_session_manager_well",)] == 1
+    assert found[("telepresence_broker_connected",)] == 1
+    assert ("telepresence_relay_to_page_seconds_count",) in found
+    assert ("telepresence_relay_to_robot_seconds_count",) in found
+
+
+def test_no_label_names_a_person_or_a_session(site):
+    text = Client().get("/metrics", headers=BEARER).content.decode()
+    for session in site:
+        for secret in (str(session.pk), str(session.visitor_id), session.visitor.username):
+            assert secret not in text
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {},
+        {"authorization": "Bearer wrong"},
+        {"authorization": "Basic dTpw"},
+        {"authorization": "Bearer "},
+    ],
+)
+def test_without_the_token_there_is_nothing_to_find(site, given):
+    assert Client().get("/metrics", headers=given).status_code == 404
+
+
+def test_without_any_setting_nobody_reads_it(settings):
+    settings.METRICS_TOKEN, settings.METRICS_ALLOWED = "", []
+    assert Client().get("/metrics", headers={"authorization": "Bearer "}).status_code == 404
+
+
+@pytest.mark.parametrize(
+    ("address", "headers", "status"),
+    [
+        ("10.1.2.3", {}, 200),
+        ("10.2.0.1", {}, 404),
+        ("10.1.2.3", {"x-forwarded-for": "10.1.2.3"}, 404),  # a proxy's own address is everybody's
+        ("10.1.2.3", {"forwarded": "for=10.1.2.3"}, 404),
+        ("", {}, 404),
+    ],
+)
+def test_an_address_counts_only_for_a_connection_of_its_own(settings, address, headers, status):
+    settings.METRICS_TOKEN, settings.METRICS_ALLOWED = "", ["10.1.0.0/16"]
+    assert Client(REMOTE_ADDR=address).get("/metrics", headers=headers).status_code == status

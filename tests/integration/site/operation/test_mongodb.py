@@ -1,0 +1,136 @@
+"""A site on MongoDB: what can be said without a server always, and the real thing where MONGODB_URL
+names one.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import uuid
+
+import pytest
+from django.conf import settings as site
+
+from telepresence_site import mongodb
+
+NOWHERE = "mongodb://127.0.0.1:1/telepresence?serverSelectionTimeoutMS=300"
+MONGODB_URL = os.environ.get("MONGODB_URL", "")
+NOT_GIVEN = (
+    "NOT TESTED ON MONGODB: set MONGODB_URL to a server's address (no package of Debian or PyPI has"
+    " one)"
+)
+# One visit after another on a real server: keys, unique constraints, JSON, binary, comparing and
+# setting, grouping.
+SCENARIO = """
+import datetime
+from django.core.management import call_command
+from django.db import connection
+from django.db.models import Count
+from django.utils import timezone
+from accounts.models import User
+from robots.models import FloorPlan, Robot
+from sessions.leases import store
+from sessions.models import Session, StateChunk
+from sessions.shards import rows
+from telepresence_site.ops.metrics import _of_the_site
+call_command("migrate", verbosity=0)
+try:
+    now = timezone.now()
+    ada, bob = (
+        User.objects.create_user(name, password="seven green kettles") for name in ("ada", "bob")
+    )
+    plan = FloorPlan.objects.create(
+        name="p", title="P", resolution=0.05, origin_x=0, origin_y=0, width=1, height=1,
+        image=bytes(range(256)),
+    )
+    robot = Robot.objects.create(
+        name="giraff", title="Giraff", floor_plan=plan, connection="ONLINE", last_seen_at=now,
+        report={"battery": {"charge": 0.5}},
+    )
+    assert bytes(FloorPlan.objects.get().image) == bytes(range(256))
+    first = store.take(robot, ada, "peer-a", now=now)
+    assert isinstance(first, store.Granted), first
+    assert isinstance(store.take(robot, bob, "peer-b", now=now), store.Queued)
+    assert store.seen({first.session}, now) == {first.session}
+    StateChunk.objects.bulk_create([
+        StateChunk(
+            session_id=first.session, boot="b", first_seq=n, last_seq=n, count=1,
+            first_stamp=n, last_stamp=n, received_at=n, states=[{"n": n}],
+        )
+        for n in range(3)
+    ])
+    chunks = StateChunk.objects.filter(session=first.session).order_by("first_stamp")
+    assert [chunk.first_seq for chunk in chunks] == [0, 1, 2]
+    assert store.end(first.session, Session.Outcome.COMPLETED, "", now)
+    assert rows.occupy(0, None, "here:1", now) and not rows.occupy(0, None, "there:2", now)
+    assert rows.beat(0, "here:1", 2, now, {"connected": True})
+    assert len(rows.holdings()) == 64
+    rows.take_over([1, 2], [""], "here:1")
+    assert [one.epoch for one in rows.holdings() if one.owner == "here:1"] == [1, 1]
+    states = Session.objects.values_list("state").annotate(n=Count("pk")).order_by()
+    assert dict(states) == {"ended": 1, "waiting": 1}
+    assert len(_of_the_site(now)) > 8
+    print("well")
+finally:
+    connection.database.client.drop_database(connection.settings_dict["NAME"])
+"""
+
+
+def run(*arguments, url=NOWHERE):
+    kept = {name: value for name, value in os.environ.items() if name != "DJANGO_SETTINGS_MODULE"}
+    environment = kept | {
+        "DATABASE_URL": url,
+        "DJANGO_SETTINGS_MODULE": "telepresence_site.settings",
+        "HTTP_ONLY": "1",
+    }
+    done = subprocess.run(
+        [sys.executable, *arguments],
+        cwd=site.BASE_DIR,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_an_address_of_mongodb_is_recognized():
+    assert mongodb.is_address("mongodb://db.example.org/robots")
+    assert mongodb.is_address("mongodb+srv://db.example.org")
+    assert not mongodb.is_address("postgres://db.example.org/robots")
+    assert (
+        mongodb.database("mongodb://u:p@db.example.org:27017/robots?tls=true")["NAME"] == "robots"
+    )
+    assert mongodb.database("mongodb://db.example.org")["NAME"] == "telepresence"
+
+
+@pytest.mark.nightly
+def test_the_backends_own_checks_find_nothing_wrong_with_any_model():
+    assert "no issues" in run("manage.py", "check")
+
+
+@pytest.mark.nightly
+def test_its_migrations_are_complete_and_make_no_key_that_mongodb_does_not_make():
+    found = json.loads(run("-m", "tests.support.programs.mongodb_migrations"))
+    assert found["vendor"] == "mongodb"
+    assert found["missing"] == {}, (
+        "python manage.py makemigrations, with DATABASE_URL naming a MongoDB"
+    )
+    assert set(found["keys"].values()) <= {
+        "ObjectIdAutoField",
+        "UUIDField",
+        "CharField",
+        "OneToOneField",
+    }
+    assert "RunSQL" not in found["operations"]
+
+
+@pytest.mark.skipif(not MONGODB_URL, reason=NOT_GIVEN)
+def test_visits_on_a_real_mongodb():
+    base, _, options = MONGODB_URL.partition("?")
+    host = "/".join(base.split("/")[:3])
+    url = f"{host}/telepresence-test-{uuid.uuid4().hex[:12]}" + (f"?{options}" if options else "")
+    code = f"import django; django.setup(); exec({SCENARIO!r})"
+    assert run("-c", code, url=url).strip().endswith("well")

@@ -1,0 +1,320 @@
+"""Two web processes, PostgreSQL, Redis, a mosquitto of the system and nginx with TLS: what a
+visitor does works wherever it lands.
+"""
+
+import asyncio
+import contextlib
+import json
+import signal
+import time
+
+import aiomqtt
+import pytest
+from django.contrib.staticfiles.storage import staticfiles_storage
+from websockets.asyncio.client import connect
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.protocol import State
+
+from robots.api import codec, topics
+from sessions import protocol
+from sessions.audience.audience import BEAT_SECONDS
+from sessions.audience.board import HAND_SECONDS
+from tests.support import words
+from tests.support.browsers.pages import decode
+from tests.support.patience import patient
+from tests.support.programs.server import running_server
+from tests.support.sessions.recorder_rig import ScriptedRobot
+from tests.support.sessions.site import wait_for
+
+pytestmark = [pytest.mark.broker, pytest.mark.postgres]
+SECONDS = 10.0
+WEB = ("web-0", "web-1")
+DRIVER = 'telepresence_pages{standing="driver"}'
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory):
+    with running_server(tmp_path_factory.mktemp("server")) as server:
+        yield server
+
+
+class Tab:
+    """A page's WebSocket through the proxy; `seen` is what came, oldest first."""
+
+    def __init__(self, server, name):
+        self.server, self.name, self.seen = server, name, []
+        self.cookie = server.site.sign_in(name)
+
+    async def __aenter__(self):
+        await self.open()
+        return self
+
+    async def __aexit__(self, *_):
+        await self.socket.close()
+
+    async def open(self):
+        """Connect; a web process that has just died is passed over by the proxy, at the second try
+        at the latest.
+        """
+        headers = {"Cookie": f"sessionid={self.cookie}", "X-Forwarded-For": "8.8.8.8"}
+        url = self.server.url.replace("https", "wss") + "/ws/robots/giraff/"
+        async with asyncio.timeout(patient(SECONDS)):
+            while True:
+                try:
+                    self.socket = await connect(
+                        url,
+                        ssl=self.server.tls,
+                        origin=self.server.url,
+                        additional_headers=headers,
+                        proxy=None,
+                    )
+                except (InvalidStatus, OSError):
+                    await asyncio.sleep(0.1)
+                else:
+                    break
+        self.hello = await self.expect("hello")
+
+    async def say(self, suffix, message):
+        await self.socket.send(codec.encode_frame(suffix, message))
+
+    async def expect(self, wanted, condition=lambda _: True):
+        """Return the first message of this kind that has not been waited for yet."""
+        async with asyncio.timeout(patient(SECONDS)):
+            while True:
+                suffix, message = decode(await self.socket.recv())
+                self.seen.append(suffix)
+                if suffix == wanted and condition(message):
+                    return message
+
+    async def listen(self, seconds):
+        """Take what comes for a while, as a page does: whoever reads nothing is cut off."""
+        with contextlib.suppress(TimeoutError, ConnectionClosed):
+            async with asyncio.timeout(seconds):
+                while True:
+                    await self.socket.recv()
+
+
+async def until(condition, what):
+    deadline = time.monotonic() + patient(SECONDS)
+    while not condition():
+        assert time.monotonic() < deadline, what
+        await asyncio.sleep(0.02)
+
+
+async def online(robot, server):
+    await robot.publish("factsheet", words.factsheet())
+    await asyncio.to_thread(
+        wait_for,
+        lambda: server.figure("web-0", 'telepresence_robot_online{robot="giraff"}') == 1,
+        SECONDS,
+        "the robot's presence",
+    )
+
+
+@pytest.mark.nightly
+async def test_hands_and_questions_reach_the_driver_on_the_other_process(server):
+    async with ScriptedRobot(
+        "giraff", server.site.mqtt_url, login=("giraff", server.token), period=0.1
+    ) as robot:
+        await online(robot, server)
+        async with Tab(server, "ada") as ada, Tab(server, "bob") as bob:
+            assert [server.figure(web, 'telepresence_websockets{kind="drive"}') for web in WEB] == [
+                1,
+                1,
+            ], "each process serves one of them"
+            await ada.say("session/take", protocol.Take())
+            await ada.expect("session/granted")
+            await bob.say("session/observe", protocol.Observe())
+            await bob.expect("audience", lambda audience: audience.open)
+            await bob.say("audience/hand", protocol.RaiseHand(raised=True))
+            await bob.say("audience/ask", protocol.AskQuestion(text="Why?"))
+            seen = await ada.expect("audience", lambda audience: audience.questions)
+            assert (seen.names, seen.questions[0].who) == (("bob",), "bob")
+            (question,) = seen.questions
+            await ada.say(
+                "audience/mark", protocol.MarkQuestion(question=question.id, state="answering")
+            )
+            await bob.expect(
+                "audience", lambda audience: audience.questions[0].state == "answering"
+            )
+            await bob.socket.close()
+            await ada.expect("audience", lambda audience: audience.hands == 0)
+            await ada.say("session/leave", protocol.Leave())
+            await ada.expect("session/ended")
+
+
+@pytest.mark.soak
+async def test_a_hand_is_up_as_long_as_its_page_though_a_web_process_dies(server):
+    async with ScriptedRobot(
+        "giraff", server.site.mqtt_url, login=("giraff", server.token), period=0.1
+    ) as robot:
+        await online(robot, server)
+        async with contextlib.AsyncExitStack() as stack:
+            tabs = [Tab(server, name) for name in ("ada", "bob", "cy", "dee", "eve")]
+            ada, *watchers = [await stack.enter_async_context(tab) for tab in tabs]
+            await ada.say("session/take", protocol.Take())
+            await ada.expect("session/granted")
+            for watcher in watchers:
+                await watcher.say("session/observe", protocol.Observe())
+                await watcher.expect("audience", lambda audience: audience.open)
+                await watcher.say("audience/hand", protocol.RaiseHand(raised=True))
+            await ada.expect("audience", lambda audience: audience.hands == len(watchers))
+            (dead,) = (web for web in WEB if server.figure(web, DRIVER) == 0)
+            server.site.stop(dead, signal.SIGKILL)
+            await asyncio.gather(*(watcher.listen(1.0) for watcher in watchers))
+            alive = [watcher for watcher in watchers if watcher.socket.state is State.OPEN]
+            back, *gone = (watcher for watcher in watchers if watcher not in alive)
+            await back.open()
+            await back.say("session/observe", protocol.Observe())
+            await back.expect("audience", lambda audience: audience.raised)
+            await back.say("audience/hand", protocol.RaiseHand(raised=True))
+            seconds = HAND_SECONDS + 2 * BEAT_SECONDS
+            await asyncio.gather(*(tab.listen(seconds) for tab in (ada, back, *alive)))
+            for watcher in alive:
+                await watcher.say("audience/hand", protocol.RaiseHand(raised=False))
+            assert gone, "somebody who does not come back"
+            await ada.expect("audience", lambda audience: audience.names == (back.name,))
+            server.site.start(dead)
+            port = server.ports[dead]
+            await until(lambda: server.site.listening(port), "the process that was killed")
+            await ada.say("session/leave", protocol.Leave())
+            await ada.expect("session/ended")
+
+
+@pytest.mark.nightly
+async def test_two_visitors_on_two_processes_share_one_robot(server):
+    async with ScriptedRobot(
+        "giraff", server.site.mqtt_url, login=("giraff", server.token), period=0.1
+    ) as robot:
+        await online(robot, server)
+        async with Tab(server, "ada") as ada, Tab(server, "bob") as bob:
+            assert [server.figure(web, 'telepresence_websockets{kind="drive"}') for web in WEB] == [
+                1,
+                1,
+            ], "each process serves one of them"
+
+            await ada.say("session/take", protocol.Take())
+            driving = await ada.expect("session/granted")
+            await until(lambda: robot.session == driving.session, "the robot hears of its driver")
+            await bob.say("session/observe", protocol.Observe())
+            await bob.expect("state", lambda state: state.session == driving.session)
+            await bob.expect("room", lambda room: room.driver == "ada" and room.driving)
+
+            await ada.say("command/velocity", words.velocity(stamp=time.time()))
+            await until(lambda: robot.driven, "the command arrives")
+            assert (robot.driven[-1].session, robot.driven[-1].epoch) == (
+                driving.session,
+                driving.epoch,
+            )
+            await bob.say("command/velocity", words.velocity(seq=2, stamp=time.time()))
+            assert (await bob.expect("denied")).suffix == "command/velocity"
+
+            await bob.say("session/take", protocol.Take())
+            assert (await bob.expect("session/queued")).place == 1
+            await ada.say("session/leave", protocol.Leave())
+            await bob.expect("session/offered")
+            await bob.say("session/take", protocol.Take())
+            second = await bob.expect("session/granted")
+            assert second.epoch > driving.epoch
+            await until(
+                lambda: robot.session == second.session, "the robot hears of its next driver"
+            )
+
+            # The process that serves bob is killed: his page comes back to the other one, to the
+            # same drive.
+            mine = next(web for web in WEB if server.figure(web, DRIVER) == 1)
+            server.site.processes[mine].kill()
+            server.site.processes.pop(mine).wait()
+            with pytest.raises((ConnectionClosed, TimeoutError)):
+                await bob.expect("never")
+            await bob.open()
+            await bob.say("session/take", protocol.Take(session=second.session, peer=second.peer))
+            again = await bob.expect("session/granted")
+            assert (again.session, again.epoch, again.resumed) == (
+                second.session,
+                second.epoch,
+                True,
+            )
+            count = len(robot.driven)
+            await bob.say("command/velocity", words.velocity(seq=7, stamp=time.time()))
+            await until(
+                lambda: len(robot.driven) > count, "the command arrives by the other process"
+            )
+            await bob.say("session/leave", protocol.Leave())
+            await bob.expect("session/ended")
+    states = server.site.django(
+        "from sessions.models import StateChunk; print(sum(chunk.count for chunk in"
+        " StateChunk.objects.all()))"
+    )
+    assert int(states) > 0
+    kept = server.site.django(
+        "from sessions.models import Session; print(*sorted({s.device['network'] for s in"
+        " Session.objects.all()}))"
+    )
+    assert kept.split() == ["127.0.0.0/24"], "nobody is believed about their own address"
+
+
+async def test_a_page_that_came_by_plain_http_opens_no_socket(server):
+    headers = {"Cookie": f"sessionid={server.site.sign_in('ada')}"}
+    ask = {"ssl": server.tls, "additional_headers": headers, "proxy": None}
+    url = server.url.replace("https", "wss") + "/ws/robots/giraff/"
+    with pytest.raises(InvalidStatus, match="403"):
+        await connect(url, origin=server.url.replace("https", "http"), **ask)
+    async with connect(url, origin=server.url, **ask) as page:
+        assert decode(await page.recv())[0] == "hello"
+
+
+async def test_a_robot_that_only_web_traffic_reaches_finds_the_broker_behind_the_proxy(server):
+    async def subscribed(password):
+        web = {
+            "transport": "websockets",
+            "websocket_path": "/mqtt",
+            "tls_context": server.tls,
+            "timeout": patient(SECONDS),
+        }
+        async with aiomqtt.Client(
+            "localhost", server.ports["https"], username="giraff", password=password, **web
+        ) as robot:
+            return await robot.subscribe(topics.of("giraff", "lease"), qos=1)
+
+    assert [code.value for code in await subscribed(server.token)] == [1]
+    with pytest.raises(aiomqtt.MqttError):
+        await subscribed("another")
+
+
+def test_the_proxy_speaks_tls_and_keeps_the_figures_to_the_house(server):
+    plain, hashed = "css/_global.css", staticfiles_storage.stored_name("css/_global.css")
+    assert server.get(f"{server.url}/metrics")[0] == 404
+    status, headers, text = server.get(
+        f"{server.url}/readyz", **{"X-Request-ID": "forged-request-id"}
+    )
+    assert (status, json.loads(text)["channel_layer"]) == (200, "ok")
+    assert headers["x-request-id"] != "forged-request-id"
+    assert "immutable" in server.get(f"{server.url}/static/{hashed}")[1]["cache-control"]
+    assert "immutable" not in server.get(f"{server.url}/static/{plain}")[1].get("cache-control", "")
+    status, headers, _ = server.get(f"{server.url}/accounts/login/")
+    assert status == 200
+    assert "max-age=" in headers["strict-transport-security"]
+    assert "Secure" in headers["set-cookie"]
+
+
+@pytest.mark.nightly
+def test_every_line_of_its_processes_is_json_and_names_its_request(server):
+    server.get(f"{server.url}/about/")
+
+    def asked():  # the line is written after the answer
+        lines = [
+            json.loads(line)
+            for web in WEB
+            for line in server.site.log(web).splitlines(keepends=True)
+            if line.endswith("\n")
+        ]
+        return [
+            line for line in lines if line["event"] == "request_done" and line["route"] == "about/"
+        ]
+
+    wait_for(asked, SECONDS, "the request's line")
+    assert all(len(line["request"]) == 32 for line in asked()), "nginx's own ids"
+    assert not [
+        line for line in server.site.log("session-manager").splitlines() if not line.startswith("{")
+    ]

@@ -1,0 +1,75 @@
+"""Attempts are counted, and people log in, also while Redis is away."""
+
+import subprocess
+
+import pytest
+from django.core.cache import cache
+from django.urls import reverse
+
+from accounts.attempts import Attempts
+from accounts.models import User
+from telepresence_site.web import shared_cache
+from telepresence_site.web.shared_cache import SharedCache
+from tests.support.agents.simulators import eventually
+from tests.support.sessions.site import free_port
+
+NOW = 1_800_000_000.0
+
+
+@pytest.fixture
+def redis(tmp_path, settings, monkeypatch):
+    """Redis, to be started and killed, as the cache of this process."""
+    port = free_port()
+    running: list[subprocess.Popen] = []
+
+    def start():
+        words = ["redis-server", "--port", str(port), "--bind", "127.0.0.1", "--save", ""]
+        running.append(subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.DEVNULL))
+
+    def kill():
+        running[-1].kill()
+        running[-1].wait()
+
+    monkeypatch.setattr(shared_cache, "AWAY_SECONDS", 0.0)
+    monkeypatch.setattr(SharedCache, "asked_again_at", 0.0)
+    backend = "telepresence_site.web.shared_cache.SharedCache"
+    settings.CACHES = {"default": {"BACKEND": backend, "LOCATION": f"redis://127.0.0.1:{port}"}}
+    start()
+    yield start, kill
+    kill()
+    cache.clear()
+
+
+def is_shared() -> bool:
+    """Tell whether Redis itself answers."""
+    cache.set("probe", "redis")
+    cache.memory.delete("probe")
+    return cache.get("probe") == "redis"
+
+
+def allowed(attempts: Attempts, times: int) -> list[bool]:
+    return [attempts.count("192.0.2.7", NOW) for _ in range(times)]
+
+
+def test_attempts_are_limited_with_redis_without_it_and_with_it_again(redis, caplog):
+    start, kill = redis
+    attempts = Attempts("test_of_the_cache", limit=3)
+    assert eventually(is_shared)
+    assert allowed(attempts, 4) == [True, True, True, False]
+    kill()
+    assert allowed(attempts, 4) == [True, True, True, False]
+    assert "cache_away" in caplog.text
+    start()
+    assert eventually(is_shared)
+    assert allowed(attempts, 4) == [True, True, True, False]  # Redis has forgotten what it knew
+
+
+@pytest.mark.django_db
+def test_people_log_in_while_redis_is_away(redis, client):
+    _start, kill = redis
+    assert eventually(is_shared)
+    kill()
+    User.objects.create_user("ada", password="a long password")
+    answer = client.post(reverse("account_login"), {"login": "ada", "password": "a long password"})
+    assert answer.status_code == 302
+    assert answer.headers["Location"] == reverse("home")

@@ -1,0 +1,69 @@
+"""Bots go through a study on a whole site: every process is real, and so is the time."""
+
+import json
+
+import pytest
+
+from tests.support.sessions.site import running_site
+from tests.support.studies.short_study import bots_command, store_in
+
+pytestmark = [pytest.mark.broker, pytest.mark.long, pytest.mark.nightly]
+ENDINGS = "completes,leaves_at_the_dock,refuses_consent"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    with running_site(tmp_path_factory.mktemp("bots")) as site:
+        site.start_robot("giraff", "--fps", "6")
+        store_in(site)
+        yield site
+
+
+@pytest.fixture(scope="module")
+def diaries(site):
+    report = site.var / "bots.json"
+    bots_command(
+        *(site, "run_bots", "short", "--participants", "3", "--seed", "4", "--url", site.url),
+        *("--endings", ENDINGS, "--report", str(report)),
+    )
+    return json.loads(report.read_text())
+
+
+def test_a_bot_completes_the_study_and_gets_its_code(diaries):
+    first = diaries[0]
+    assert first["code"], first
+    assert [leg["outcome"] for leg in first["legs"]] == ["completed"]
+    assert first["legs"][0]["passed"] == [1]
+
+
+def test_a_bot_that_leaves_at_the_dock_answers_without_having_driven(diaries):
+    assert diaries[1]["stuck"] == ""
+    assert [leg["passed"] for leg in diaries[1]["legs"]] == [[]]
+    assert diaries[1]["code"] not in {"", diaries[0]["code"]}
+
+
+def test_a_bot_that_refuses_is_asked_nothing_more(diaries):
+    assert diaries[2]["legs"] == []
+    assert diaries[2]["answered"] == {}
+
+
+def test_they_are_marked_as_bots_everywhere(site, diaries):
+    assert set(site.rows("SELECT DISTINCT kind FROM experiments_participant")) == {("bot",)}
+    assert site.rows(
+        "SELECT count(*) FROM experiments_personallink WHERE redeemed_at IS NOT NULL AND kind ="
+        " 'bot'"
+    ) == [(len(diaries) - sum(one["ending"] == "refuses_consent" for one in diaries),)]
+
+
+def test_the_record_of_the_drive_says_what_the_bot_says(site, diaries):
+    session = diaries[0]["legs"][0]["session"]
+    rows = site.rows(
+        "SELECT exposed, mismatches FROM experiments_drive WHERE session_id = ?",
+        session.replace("-", ""),
+    )
+    assert rows == [(1, "[]")]
+    methods = {
+        command["method"] for state in site.states(session) for command in state.get("applied", ())
+    }
+    assert len(methods) == 1
+    assert methods <= {"keyboard", "mouse", "touch"}

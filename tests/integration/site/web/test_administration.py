@@ -1,0 +1,75 @@
+"""The administration is loaded by those who show it, and checked by those who check."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from django.contrib import admin
+from django.core.checks import run_checks
+
+from robots.models import FloorPlan
+from tests.support.sessions.site import ROOT
+
+PARTS = {"accounts.admin", "robots.admin", "sessions.admin", "surveys.admin", "experiments.admin"}
+LOADED = """
+import os, sys
+os.environ["DJANGO_SETTINGS_MODULE"] = "telepresence_site.settings"
+import django
+django.setup()
+{then}
+print(*sys.modules)
+"""
+
+
+def loaded(then: str) -> set[str]:
+    """Return the modules of a process that did this, and nothing else."""
+    code = LOADED.format(then=then)
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    return set(done.stdout.split())
+
+
+@pytest.mark.nightly
+def test_broker_and_session_manager_start_without_the_administration():
+    there = loaded(
+        "import robots.management.commands.run_broker,"
+        " sessions.management.commands.run_session_manager"
+    )
+    assert not there & (PARTS | {"scipy"})
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(
+    "then",
+    [
+        "import telepresence_site.urls",
+        "from django.core.checks import run_checks; run_checks(tags=['admin'])",
+    ],
+)
+def test_whoever_shows_or_checks_it_has_every_part(then):
+    assert loaded(then) >= PARTS
+
+
+def test_a_mistake_in_it_is_found_by_the_checks(monkeypatch):
+    admin.autodiscover()
+    monkeypatch.setattr(
+        type(admin.site.get_model_admin(FloorPlan)), "list_display", ["no_such_thing"]
+    )
+    assert [found.id for found in run_checks(tags=["admin"])] == ["admin.E108"]
+
+
+def test_a_wrong_setting_still_ends_the_session_manager_before_it_starts(tmp_path):
+    environment = {**os.environ, "MQTT_URL": "nowhere", "VAR_DIR": str(tmp_path)}
+    command = [sys.executable, "manage.py", "run_session_manager"]
+    done = subprocess.run(
+        command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode != 0
+    assert "telepresence.E001" in done.stderr

@@ -1,0 +1,363 @@
+import datetime
+import io
+
+import pytest
+from django.core.exceptions import BadRequest, PermissionDenied
+from django.template.loader import render_to_string
+from django.test import Client
+from django.urls import path, reverse
+from django.utils import timezone, translation
+from PIL import Image
+
+from robots.models import Robot, RobotPermit
+from sessions.models import Session
+from telepresence_site.urls import urlpatterns as pages
+from telepresence_site.web.pages import PER_PAGE
+from tests.support.browsers.html_page import Page, faults, read
+from tests.support.people import person
+
+pytestmark = pytest.mark.django_db
+PUBLIC = [
+    "home",
+    "about",
+    "account_login",
+    "account_signup",
+    "account_reset_password",
+    "account_reset_password_done",
+    "account_reset_password_from_key_done",
+    "account_email_verification_sent",
+    "account_inactive",
+]
+OWN = [
+    "home",
+    "profile",
+    "account_email",
+    "account_change_password",
+    "account_logout",
+    "account_reauthenticate",
+]
+
+
+def refuse(_request):
+    raise PermissionDenied
+
+
+def misread(_request):
+    raise BadRequest
+
+
+def break_down(_request):
+    raise RuntimeError("of the test")
+
+
+urlpatterns = [
+    *pages,
+    path("refuse/", refuse),
+    path("misread/", misread),
+    path("break/", break_down),
+]
+
+
+@pytest.fixture
+def robots():
+    now = timezone.now()
+    here = {"connection": "ONLINE", "last_seen_at": now, "report": {"battery": {"charge": 0.5}}}
+    return {
+        "giraff": Robot.objects.create(name="giraff", title="Giraff", **here),
+        "rhodon": Robot.objects.create(name="rhodon", title="Rhodon", **here),
+        "attic": Robot.objects.create(
+            name="attic", title="Attic", last_seen_at=now - datetime.timedelta(hours=2)
+        ),
+    }
+
+
+def visit(robot: Robot, username: str, state: str) -> Session:
+    user = person(username)
+    return Session.objects.create(
+        robot=robot,
+        visitor=user,
+        state=state,
+        live_key=f"{robot.pk}:{user.pk}",
+        queued_at=timezone.now(),
+        seen_at=timezone.now(),
+    )
+
+
+def card_of(client, name: str) -> dict:
+    return next(c for c in client.get(reverse("robots_json")).json()["robots"] if c["name"] == name)
+
+
+@pytest.mark.parametrize("language", ["en", "es"])
+@pytest.mark.parametrize("name", PUBLIC)
+def test_every_public_page_is_sound_in_both_languages(client, robots, name, language):
+    response = client.get(reverse(name), headers={"accept-language": language})
+    page = read(response)
+    assert response.status_code == 200
+    assert page.all("html")[0].attributes["lang"] == language
+    assert faults(page) == []
+    assert {"en": "Skip to the content", "es": "Saltar al contenido"}[language] in page.text
+
+
+@pytest.mark.parametrize("language", ["en", "es"])
+@pytest.mark.parametrize("name", OWN)
+def test_every_page_of_a_visitor_is_sound_in_both_languages(client, robots, name, language):
+    client.force_login(person(email="ada@example.org"))
+    response = client.get(reverse(name), headers={"accept-language": language}, follow=True)
+    assert response.status_code == 200
+    assert faults(read(response)) == []
+
+
+def test_the_language_switch_is_a_form_that_comes_back_to_the_page(client):
+    response = client.post(reverse("set_language"), {"language": "es", "next": reverse("about")})
+    assert response.url == reverse("about")
+    page = read(client.get(reverse("about")))
+    assert "Qué registramos" in page.text
+    assert reverse("own_data") in [link.attributes.get("href") for link in page.all("a")]
+
+
+def test_the_landing_page_shows_each_robot_with_its_state_and_one_button(client, robots):
+    visit(robots["rhodon"], "driver", "driving")
+    visit(robots["rhodon"], "second", "waiting")
+    page = read(client.get(reverse("home")))
+    cards = {e.attributes["data-robot"]: e for e in page.all("article")}
+    assert list(cards) == ["giraff", "rhodon", "attic"]
+    assert [c.attributes["data-state"] for c in cards.values()] == ["available", "busy", "offline"]
+    assert "Free now" in cards["giraff"].text
+    assert "50 %" in cards["giraff"].text
+    assert "You'd be number 2 in the queue, with a wait of about " in cards["rhodon"].text
+    assert "Last seen 2" in cards["attic"].text
+
+
+def test_the_landing_page_calls_and_describes_robots_in_its_own_language(client, robots):
+    giraff = robots["giraff"]
+    giraff.description = "A slender robot."
+    giraff.translations = {"es": {"title": "Jirafa", "description": "Un robot esbelto."}}
+    giraff.save()
+    for language, said in (
+        ("en", ("Giraff", "A slender robot.")),
+        ("es", ("Jirafa", "Un robot esbelto.")),
+    ):
+        page = read(client.get(reverse("home"), headers={"accept-language": language}))
+        card = next(e for e in page.all("article") if e.attributes["data-robot"] == "giraff")
+        assert all(words in card.text for words in said), card.text
+
+
+@pytest.mark.parametrize("state", ["connecting", "driving", "reconnecting"])
+def test_a_robot_is_in_use_from_taking_it_to_leaving_it(client, robots, state):
+    session = visit(robots["giraff"], "driver", state)
+    assert card_of(client, "giraff")["state"] == "busy"
+    Session.objects.filter(pk=session.pk).update(state="ended")
+    assert card_of(client, "giraff")["state"] == "available"
+
+
+def test_a_stranger_is_led_through_the_sign_up_to_the_robot(client, robots):
+    assert card_of(client, "giraff")["url"] == "/accounts/signup/?next=%2Frobots%2Fgiraff%2F"
+    assert card_of(client, "attic")["url"] == "/accounts/signup/?next=%2Frobots%2Fattic%2F"
+
+
+def test_a_visitor_is_led_to_the_wheel(client, robots):
+    client.force_login(person())
+    assert card_of(client, "giraff")["url"] == "/robots/giraff/?go=1"
+    assert card_of(client, "attic")["url"] == "/robots/attic/"
+    assert client.get(reverse("home")).context["invitation"].label == "Drive Giraff"
+
+
+def test_who_has_never_driven_is_invited_to_an_easy_robot_even_if_it_is_in_use(client, robots):
+    def invited():
+        return client.get(reverse("home")).context["invitation"]
+
+    Robot.objects.filter(name="rhodon").update(for_experienced=True)
+    visit(robots["giraff"], "driver", "driving")
+    assert "giraff" in invited().url
+    newcomer = person()
+    client.force_login(newcomer)
+    assert (invited().label, invited().url) == ("Join the queue", "/robots/giraff/?go=1")
+    Session.objects.create(
+        robot=robots["giraff"],
+        visitor=newcomer,
+        state="ended",
+        live_key="before",
+        queued_at=timezone.now(),
+        first_motion_at=timezone.now(),
+    )
+    assert invited().label == "Drive Rhodon"
+
+
+def test_robots_by_invitation_are_shown_to_those_who_have_one(client, robots):
+    Robot.objects.filter(name="rhodon").update(access=Robot.Access.INVITATION)
+    assert "Rhodon" not in read(client.get(reverse("home"))).text
+    user = person()
+    RobotPermit.objects.create(
+        robot=robots["rhodon"], user=user, kind=RobotPermit.Privilege.INVITED
+    )
+    client.force_login(user)
+    assert card_of(client, "rhodon")["drives"]
+
+
+def test_the_list_tells_no_secrets(client, robots):
+    keys = set(card_of(client, "giraff"))
+    assert keys == {
+        "name",
+        "title",
+        "description",
+        "place",
+        "picture",
+        "state",
+        "label",
+        "detail",
+        "charge",
+        "battery",
+        "action",
+        "drives",
+        "for_experienced",
+        "url",
+    }
+
+
+def test_the_list_is_never_cached_and_speaks_the_visitors_language(client, robots):
+    response = client.get(reverse("robots_json"), headers={"accept-language": "es"})
+    assert "no-store" in response["Cache-Control"]
+    assert response.json()["robots"][0]["label"] == "Libre ahora"
+
+
+@pytest.mark.parametrize("count", [1, 12])
+def test_the_list_asks_the_database_no_more_for_many_robots(
+    client, django_assert_max_num_queries, count
+):
+    for n in range(count):
+        Robot.objects.create(name=f"robot-{n}", title=f"Robot {n}")
+    with django_assert_max_num_queries(2):
+        client.get(reverse("robots_json"))
+
+
+def many_robots(count: int, **fields) -> None:
+    Robot.objects.bulk_create(
+        Robot(name=f"many-{n:04}", title=f"Many {n:04}", **fields) for n in range(count)
+    )
+
+
+@pytest.mark.parametrize("count", [30, 300])
+def test_a_page_of_many_robots_asks_the_database_as_often_as_one_of_few(
+    client, django_assert_max_num_queries, count
+):
+    user = person("invited")
+    many_robots(count, access=Robot.Access.INVITATION)
+    invited = Robot.objects.filter(access=Robot.Access.INVITATION)
+    RobotPermit.objects.bulk_create(
+        RobotPermit(robot=robot, user=user, kind=RobotPermit.Privilege.INVITED) for robot in invited
+    )
+    client.force_login(user)
+    with django_assert_max_num_queries(8):
+        shown = client.get(reverse("robots_json")).json()["robots"]
+    assert len(shown) == PER_PAGE
+
+
+def test_many_robots_come_in_pages_with_those_that_are_there_first(client):
+    many_robots(60)
+    Robot.objects.filter(name="many-0059").update(connection="ONLINE", last_seen_at=timezone.now())
+    first = client.get(reverse("home"))
+    assert first.context["cards"][0].name == "many-0059"
+    assert "Page 1 of 3" in read(first).text
+    names = [
+        card["name"]
+        for page in ("1", "2", "3")
+        for card in client.get(reverse("robots_json"), {"page": page}).json()["robots"]
+    ]
+    assert len(names) == len(set(names)) == 60
+    for nearest in ("9", "99999999999999999999", "-1", "x"):
+        assert client.get(reverse("home"), {"page": nearest}).status_code == 200
+
+
+def test_robots_are_found_by_words_of_title_and_description(client):
+    many_robots(60)
+    Robot.objects.create(name="giraff", title="Giraff", description="In the museum of Málaga")
+    found = client.get(reverse("home"), {"q": "museum gir"})
+    assert [card.name for card in found.context["cards"]] == ["giraff"]
+    nothing = client.get(reverse("home"), {"q": "museum 0001"})
+    assert "No robot matches your search." in read(nothing).text
+
+
+def test_a_site_without_robots_says_what_will_come(client):
+    response = client.get(reverse("home"))
+    assert "No robots yet" in read(response).text
+    assert response.context["invitation"].url == "#robots"
+
+
+def test_names_are_shown_as_text(client):
+    Robot.objects.create(
+        name="giraff", title="<b>Giraff</b>", description="<script>alert(1)</script>"
+    )
+    html = client.get(reverse("home")).content.decode()
+    assert "<b>Giraff" not in html
+    assert "<script>alert" not in html
+
+
+@pytest.mark.parametrize("name", ["home", "robots_json", "about", "manifest"])
+def test_pages_to_read_take_no_post(client, name):
+    assert client.post(reverse(name)).status_code == 405
+
+
+def test_the_manifest_names_icons_that_are_there(client):
+    response = client.get(reverse("manifest"))
+    manifest = response.json()
+    assert response["Content-Type"] == "application/manifest+json"
+    assert {icon["purpose"] for icon in manifest["icons"]} == {"any", "maskable"}
+    assert manifest["start_url"] == "/"
+    for icon in manifest["icons"]:
+        assert client.get(icon["src"]).status_code == 200, icon["src"]
+
+
+def test_the_manifest_says_what_an_installed_page_is_and_shows_pictures_of_their_true_size(client):
+    manifest = client.get(reverse("manifest")).json()
+    assert (manifest["id"], manifest["scope"], manifest["display"], manifest["orientation"]) == (
+        "/",
+        "/",
+        "standalone",
+        "any",
+    )
+    assert all(
+        client.get(shortcut["url"].split("#")[0]).status_code == 200
+        for shortcut in manifest["shortcuts"]
+    )
+    assert {picture["form_factor"] for picture in manifest["screenshots"]} == {"wide", "narrow"}
+    for picture in manifest["screenshots"]:
+        with Image.open(
+            io.BytesIO(b"".join(client.get(picture["src"]).streaming_content))
+        ) as image:
+            assert (f"{image.width}x{image.height}", image.format) == (picture["sizes"], "WEBP")
+
+
+@pytest.mark.urls(__name__)
+@pytest.mark.parametrize(
+    ("address", "code", "words"),
+    [
+        ("/misread/", 400, "We couldn't process that"),
+        ("/refuse/", 403, "You don't have access"),
+        ("/nowhere/", 404, "Page not found"),
+        ("/break/", 500, "Something went wrong on our side"),
+    ],
+)
+def test_an_error_is_a_page_that_says_what_to_do(address, code, words):
+    response = Client(raise_request_exception=False).get(address)
+    page = read(response)
+    assert response.status_code == code
+    assert words in page.text
+    assert any(e.attributes.get("href") == "/" for e in page.all("a"))
+    assert faults(page) == []
+
+
+@pytest.mark.parametrize("language", ["en", "es"])
+@pytest.mark.parametrize(
+    "name", ["400.html", "403.html", "403_csrf.html", "404.html", "429.html", "500.html"]
+)
+def test_an_error_page_needs_no_context_no_database_and_no_collected_files(
+    name, language, settings, django_assert_num_queries
+):
+    settings.STORAGES = settings.STORAGES | {
+        "staticfiles": {"BACKEND": "telepresence_site.web.static_files.HashedModules"}
+    }
+    with translation.override(language), django_assert_num_queries(0):
+        page = Page()
+        page.feed(render_to_string(name))
+    assert faults(page) == []
+    assert page.all("html")[0].attributes["lang"] == language

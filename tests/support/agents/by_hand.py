@@ -1,0 +1,157 @@
+"""From a key to a robot that moves, without page and network: somebody at the keys, the page's ramp
+and steps, a simulated Giraff.
+"""
+
+import math
+import random
+from collections import deque
+from dataclasses import dataclass, field
+
+from experiments.bots.driver import Driver, Guide
+from experiments.bots.steering import SpeedSetting
+from experiments.bots.view import View
+from experiments.definition.cues import LEAVING, NEAR_HOME
+from experiments.definition.shipped import shipped
+from robots.agent.simulator.physics.drive import STILL
+from robots.agent.simulator.physics.simulation import Simulation
+from robots.api.docked import DOCKED, DockReading, DockState, follow
+from robots.api.geometry import Pose2D
+from robots.world.robot_models import GIRAFF
+from robots.world.sites import load_plan
+from sessions import protocol
+from tests.support.browsers.first_time_user import Keys, Mind
+
+DT = 0.02
+START, RISE = 0.35, 0.9  # static/js/input/speeds.js
+STEPS = {"Slow": 0.4, "Normal": 0.7}  # static/js/input/speeds.js
+
+
+@dataclass
+class Keyboard:
+    """The keys of a page, as Playwright presses them, and the speed that the page makes of them."""
+
+    held: set[str] = field(default_factory=set)
+    shares: list[float] = field(default_factory=lambda: [0.0, 0.0])
+
+    @property
+    def keyboard(self) -> "Keyboard":
+        return self
+
+    def down(self, key: str) -> None:
+        self.held.add(key)
+
+    def up(self, key: str) -> None:
+        self.held.discard(key)
+
+    def speed(self, step: str) -> tuple[float, float]:
+        """What is asked of the robot after another DT: m/s, rad/s."""
+        for axis, (more, less) in enumerate(
+            (("ArrowUp", "ArrowDown"), ("ArrowLeft", "ArrowRight"))
+        ):
+            way = (more in self.held) - (less in self.held)
+            before = abs(self.shares[axis]) if way and self.shares[axis] * way > 0 else 0.0
+            self.shares[axis] = way * min(1.0, max(START, before + (RISE * DT if before else 0.0)))
+        share, (ahead, left) = STEPS[step], self.shares
+        limits = GIRAFF.limits
+        return ahead * share * (limits.linear if ahead > 0.0 else limits.reverse), left * math.sqrt(
+            share
+        ) * limits.angular
+
+
+@dataclass
+class Person:
+    """Somebody on the paper's course. `late` are seconds, `blur` metres and radians by which they
+    misjudge what they see, `looks` seconds.
+    """
+
+    seed: int
+    start: str = "dock"
+    late: float = 0.15
+    blur: tuple[float, float] = (0.01, 0.01)
+    looks: float = 0.1
+    closed: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        self.rng = random.Random(self.seed)
+        plan, _ = load_plan("office")
+        course = next(
+            course for course in shipped()["exploration"].courses if course.robot == "giraff"
+        )
+        stops = [{"number": stop.number, "x": stop.x, "y": stop.y} for stop in course.checkpoints]
+        self.guide = Guide.of({"checkpoints": stops}, plan, "giraff")
+        self.node = Mind(Driver(plan, self.guide, SpeedSetting(0.6, 0.6)))
+        self.sim = Simulation(GIRAFF, plan, seed=self.seed, start=self.start)
+        self.sim.set_doors(
+            {door.name: "closed" if door.name in self.closed else "open" for door in plan.doors}
+        )
+        self.cue, self.step, self.dock = "", "Normal", DockState()
+
+    def drive(self, passed: int, within: float) -> float | None:
+        """Pass the checkpoints after `passed` and dock; return the seconds, None when it took
+        longer than `within`.
+        """
+        keyboard, seen, next_look = (
+            Keyboard(),
+            deque[Pose2D](maxlen=max(1, round(self.late / DT))),
+            0.0,
+        )
+        keys = Keys(keyboard)
+        while self.sim.time < within:
+            seen.append(self.sim.pose)
+            passed += self._at(passed)
+            self._follow_dock()
+            if passed == len(self.guide.stops) - 1 and self.dock.docked:
+                return self.sim.time
+            if self.sim.time >= next_look:
+                next_look = self.sim.time + self.rng.uniform(0.7, 1.3) * self.looks
+                self._look(seen[0], passed, keys)
+            self.sim.command(*keyboard.speed(self.step))
+            self.sim.step(DT)
+        return None
+
+    def _follow_dock(self) -> None:
+        motion, released = self.sim.motion, self.sim.commanded == STILL
+        reading = DockReading(
+            at=self.sim.time,
+            contact=self.sim.docked,
+            linear=motion.linear,
+            angular=motion.angular,
+            released=released,
+        )
+        self.dock = follow(DOCKED, self.dock, reading)
+
+    def _at(self, passed: int) -> bool:
+        stop = self.guide.stops.get(passed + 1)
+        return stop is not None and math.dist(stop, self.sim.pose[:2]) < 0.6
+
+    def _look(self, pose: Pose2D, passed: int, keys: Keys) -> None:
+        metres, radians = self.blur
+        gauss = self.rng.gauss
+        view = View(
+            pose=Pose2D(
+                pose.x + gauss(0, metres), pose.y + gauss(0, metres), pose.theta + gauss(0, radians)
+            ),
+            localized=True,
+        )
+        view.task = self._task(passed)
+        intent, self.step = self.node.decide(
+            view, self.sim.time, bumped=bool(self.sim.touching - {"giraff-dock"})
+        )
+        keys.steer(intent.speed, self.step)
+
+    def _task(self, passed: int) -> protocol.Task:
+        stop = self.guide.stops.get(passed + 1)
+        if stop is not None:
+            self.cue = "leave_station" if self.sim.docked else "go_to_checkpoint"
+            return protocol.Task(
+                session="s", stamp=0.0, cue=self.cue, number=passed + 1, x=stop[0], y=stop[1]
+            )
+        home = math.dist((self.guide.dock.x, self.guide.dock.y), self.sim.pose[:2])
+        if self.dock.touching:
+            return protocol.Task(session="s", stamp=0.0, cue="dock_hold")
+        self.cue = (
+            "dock_now"
+            if home <= NEAR_HOME * (LEAVING if self.cue == "dock_now" else 1.0)
+            else "return_home"
+        )
+        return protocol.Task(session="s", stamp=0.0, cue=self.cue)

@@ -1,0 +1,266 @@
+"""A control loop with a scripted robot, a broker in memory, and a media side that only listens; and
+a driver who does not tire.
+"""
+
+import random
+
+import msgspec
+import numpy as np
+
+from robots.agent.control.loop import ControlLoop
+from robots.agent.lab.in_force import CLEAN
+from robots.agent.media.webrtc.packet_gate import decoded
+from robots.agent.robot_interface import Frame
+from robots.agent.store import Store
+from robots.api import messages as m
+from robots.api.codec import encode_frame
+from tests.support.agents.scripted_robot import ScriptedRobot
+from tests.support.patience import patient
+from tests.support.sessions.memory_broker import MemoryLink
+from tests.support.virtual_time import RealTime, VirtualTime
+
+QUICK = 0.05  # s; half of it is what a clock may be wrong by
+
+
+class ListeningMedia:
+    """A media side (ways_out.Media) that keeps what it is told."""
+
+    def __init__(self):
+        self.signals, self.drivers, self.told, self.wanted, self.pointed = [], [], [], [], []
+        self.picture = Frame(
+            np.random.default_rng(1).integers(0, 255, (48, 64, 3), dtype=np.uint8), 123.0
+        )
+        self.connected, self.screens, self.passing, self.network = 0, 0, [], None
+        self.camera_status, self.errors = None, ()
+        self.audible, self.rings = False, 0
+
+    def start(self):
+        pass
+
+    def close(self):
+        pass
+
+    def signal(self, peer, message):
+        self.signals.append((peer, message))
+
+    def lease_changed(self, driver_peer):
+        self.drivers.append(driver_peer)
+
+    def let_through(self, **what):
+        self.passing.append(what)
+
+    def ring(self):
+        self.rings += 1
+
+    def impair(self, lab):
+        self.network = None if lab is None else m.LabReport(lab=lab)
+
+    def telemetry(self, suffix, message):
+        self.told.append((suffix, message))
+
+    def point(self, pointer):
+        self.pointed.append(pointer)
+
+    def picture_wanted(self, request):
+        self.wanted.append(request)
+
+    def snapshot(self):
+        return self.picture
+
+
+class ControlRig:
+    """Use as a context manager. Time is virtual: it passes only while the test waits.
+    `ThreadedControlRig` is the one in real time.
+    """
+
+    def __init__(self, directory, *, robot=None, boot="boot-1", media=None, networks=CLEAN):
+        self.time = self.clock()
+        self.robot = robot or ScriptedRobot()
+        if isinstance(self.robot, ScriptedRobot):
+            self.robot.times = self.time.times
+        self.link, self.media, self.store = (
+            MemoryLink(self.time),
+            media or ListeningMedia(),
+            Store(directory),
+        )
+        capabilities = frozenset((*self.robot.profile.capabilities, "photo", "say", "call"))
+        self.control = ControlLoop(
+            adapter=self.robot,
+            capabilities=capabilities,
+            link=self.link,
+            store=self.store,
+            boot=boot,
+            rng=random.Random(1),
+            times=self.time.times,
+            networks=networks,
+        )
+        self.seq = 0
+        self._beats = 0
+
+    clock = VirtualTime
+
+    def __enter__(self):
+        self.start()
+        self.wait(lambda: self.link.connected and self.control.kernel.fault is None)
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+        self.time.close()
+
+    def start(self):
+        self._running = self.time.loop.create_task(self.control.run(self.media))
+
+    def close(self):
+        self.control.close()
+        self.time.run(self._running)
+
+    @property
+    def kernel(self):
+        return self.control.kernel
+
+    def now(self):
+        return self.time.now()
+
+    def unix(self):
+        return self.time.unix()
+
+    def sleep(self, seconds):
+        self.time.sleep(seconds)
+
+    def wait(self, condition, within=5.0, what="what was waited for"):
+        self.time.wait(condition, within, what)
+
+    def post(self, call, *arguments):
+        """Have something done by the control loop."""
+        self.time.loop.call_soon_threadsafe(call, *arguments)
+
+    def lease(self, *, renewal=0, session="s1", epoch=1, peer="p1", retained=False, **fields):
+        fields = {"video": "none"} | fields
+        lease = m.Lease(
+            session=session,
+            epoch=epoch,
+            peer=peer,
+            who="Ada",
+            renewal=renewal,
+            stamp=self.unix(),
+            **fields,
+        )
+        self.link.say("lease", lease, retained=retained)
+
+    def grant(self, **fields):
+        """A lease, and a driver whose clock the robot knows and who holds no key."""
+        self.lease(**fields)
+        self.wait(lambda: self.kernel.leases.live(self.now()) is not None)
+        self.know_clock(fields.get("peer", "p1"))
+        self.push(
+            0.0,
+            peer=fields.get("peer", "p1"),
+            epoch=fields.get("epoch", 1),
+            session=fields.get("session", "s1"),
+        )
+        self.wait(lambda: not self.kernel.held)
+
+    def know_clock(self, peer="p1", within=5.0):
+        """Echo the robot's beats until it knows a clock well: an echo that a busy machine kept
+        waiting makes every command look old.
+        """
+        begun = self.now()
+        while True:
+            beat = self.link.wait("heartbeat", since=self.link.count)
+            for _ in range(3):
+                self.beat(peer, of=beat)
+                self.sleep(0.005)
+            # Of those that come while the loop is busy the newest counts, and three make a clock.
+            clock = self.kernel.clocks.of(peer)
+            if clock is not None and min(list(clock.samples))[0] < QUICK:
+                return
+            assert self.now() < begun + patient(within), "no echo comes back soon"
+
+    def beat(self, peer="p1", way="datachannel", of=None):
+        beat = of or self.link.wait("heartbeat")
+        self._beats += 1
+        now = self.unix()
+        answer = m.CommandHeartbeat(
+            n=self._beats,
+            stamp=now,
+            peer=peer,
+            echo=m.Echo(peer="robot", n=beat.n, stamp=beat.stamp, received=now),
+        )
+        if way == "mqtt":
+            self.link.say("command/heartbeat", answer)
+        else:
+            self.frame("command/heartbeat", answer, peer=peer)
+
+    def frame(self, suffix, message, *, peer="p1", role="driver"):
+        self.control.receive(peer, role, decoded(encode_frame(suffix, message)))
+
+    def command(self, linear=0.5, angular=0.0, **fields):
+        self.seq += 1
+        values = {
+            "session": "s1",
+            "epoch": 1,
+            "seq": self.seq,
+            "stamp": self.unix(),
+            "method": "keyboard",
+        } | fields
+        return m.VelocityCommand(linear=linear, angular=angular, **values)
+
+    def push(self, linear=0.5, *, peer="p1", role="driver", way="datachannel", **fields):
+        command = self.command(linear, **fields)
+        if way == "mqtt":
+            self.link.say("command/velocity", command)
+        else:
+            self.frame("command/velocity", command, peer=peer, role=role)
+        return command
+
+    def drive(self, linear=0.5, *, until=None, way="datachannel", within=5.0, every=0.05, **fields):
+        """Push at 20 Hz until the condition holds (by default: until the base is told so)."""
+        until = until or (lambda: abs(self.robot.told.linear - linear) < 1e-6)
+        begun = self.now()
+        while not until():
+            assert self.now() < begun + patient(within), (
+                f"never so: {getattr(self.robot, 'velocities', list)()[-3:]} {self.kernel.refused}"
+            )
+            self.push(linear, way=way, **fields)
+            self.sleep(every)
+
+    def act(self, action, *, way="mqtt", peer="p1"):
+        """Ask for an action, now unless it says when it was asked for."""
+        action = action if action.stamp else msgspec.structs.replace(action, stamp=self.unix())
+        if way == "mqtt":
+            self.link.say("command/action", action)
+        else:
+            self.frame("command/action", action, peer=peer)
+
+    def status(self, action_id, status, within=5.0):
+        return self.link.wait(
+            "action", lambda a: a.action_id == action_id and a.status == status, within=within
+        )
+
+
+class ThreadedControlRig(ControlRig):
+    """The control loop in its thread, as an agent runs it, in real time."""
+
+    clock = RealTime
+
+    def start(self):
+        self.control.start(self.media)
+
+    def close(self):
+        self.control.close()
+
+    def post(self, call, *arguments):
+        self.control._loop.call_soon_threadsafe(call, *arguments)
+
+
+def stamped(kind, action_id="a1", **fields):
+    return kind(action_id=action_id, stamp=0.0, **fields)  # the rig says when
+
+
+def staff(kind, action_id="a1", **fields):
+    return stamped(kind, action_id, role="staff", user="ops", **fields)
+
+
+def own(kind, action_id="a1", **fields):
+    return stamped(kind, action_id, session="s1", epoch=1, **fields)

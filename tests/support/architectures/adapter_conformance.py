@@ -1,0 +1,302 @@
+"""What every adapter must do. A test module of an adapter subclasses `AdapterConformance` and says
+how to make one.
+
+Written against robot_interface.Adapter alone: the same sentences hold for a simulator, for ROS and
+for MOOS.
+"""
+
+import asyncio
+import time
+from abc import abstractmethod
+from collections.abc import AsyncIterator, Iterator
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from robots.agent.media.pixels import video_frame
+from robots.agent.robot_interface import Adapter, AdapterError, RcaState
+from robots.api.messages import Config, Goto, Tilt, Velocity
+from tests.support.architectures.patient_adapters import make_patient
+from tests.support.host_jitter import HostJitter, pauses, watched
+from tests.support.loop_guard import ADVICE, guarded
+from tests.support.patience import patient
+
+STILL = Velocity(linear=0.0, angular=0.0)
+LONGEST_DELAY = 1.5  # s that a busy machine keeps one of several processes waiting
+SELDOM = 0.1  # s between two states, at most
+TICK = 0.02  # s between two turns of the control loop
+LATE = 0.15  # s that an adapter may keep it waiting
+
+
+async def some(states: AsyncIterator[RcaState], count: int) -> list[RcaState]:
+    found = []
+    async with asyncio.timeout(patient(10.0)):
+        async for state in states:
+            found.append(state)
+            if len(found) == count:
+                break
+    return found
+
+
+async def drive(adapter: Adapter, velocity: Velocity, until, seconds: float = 8.0) -> RcaState:
+    """Apply a velocity on every state until a condition on the state holds."""
+    return await _until(adapter, until, seconds, lambda: adapter.apply(velocity))
+
+
+async def wait_for(adapter: Adapter, until, seconds: float = 8.0) -> RcaState:
+    """Read states, saying nothing, until a condition holds."""
+    return await _until(adapter, until, seconds, lambda: None)
+
+
+async def _until(adapter: Adapter, until, seconds: float, act) -> RcaState:
+    state, count = None, 0
+    try:
+        async with asyncio.timeout(patient(seconds)):
+            async for state in adapter.states():
+                count += 1
+                act()
+                if until(state):
+                    return state
+    except TimeoutError:
+        told = f"the last of {count} states was {state}"
+        raise AssertionError(f"it never came to that; {told}") from None
+    raise AssertionError("the states ended")
+
+
+def stands(state: RcaState) -> bool:
+    return abs(state.velocity.linear) < 0.005 and abs(state.velocity.angular) < 0.005
+
+
+class AdapterConformance:
+    """Subclass me."""
+
+    @abstractmethod
+    def make(self) -> Adapter:
+        """Return a new adapter of a robot that stands where it can drive a metre ahead."""
+
+    def obeyed_at(self, adapter: Adapter) -> float:
+        """Return when the last velocity that moves reached the robot, Unix seconds; 0 where nobody
+        knows.
+        """
+        return 0.0
+
+    @pytest.fixture(autouse=True)
+    def _patience(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        make_patient(monkeypatch)
+
+    @pytest.fixture(autouse=True)
+    def _blocking_is_named(self) -> Iterator[None]:
+        """An adapter that blocks the control loop is named within seconds, instead of stalling."""
+        with guarded():
+            yield
+
+    @pytest.fixture
+    def computer(self) -> Iterator[HostJitter]:
+        """Bounds in seconds hold beyond what the computer itself is late."""
+        with watched() as jitter:
+            yield jitter
+
+    @pytest.fixture
+    async def adapter(self) -> AsyncIterator[Adapter]:
+        adapter = self.make()
+        await adapter.connect()
+        yield adapter
+        await adapter.close()
+
+    def test_its_profile_can_be_read_before_it_is_connected(self) -> None:
+        profile = self.make().profile
+        assert profile.watchdog > 0.0
+        assert profile.series
+        assert profile.rca
+        assert "velocity" in profile.capabilities
+        assert ("tilt" in profile.capabilities) == (profile.tilt is not None)
+        assert "video" not in profile.capabilities or profile.camera is not None
+        outline = np.array(profile.footprint)
+        along = np.roll(outline, -1, axis=0) - outline
+        turns = along[:, 0] * np.roll(along[:, 1], -1) - along[:, 1] * np.roll(along[:, 0], -1)
+        assert (turns > 0).all() or (turns < 0).all()  # convex
+
+    async def test_before_it_is_connected_it_refuses_to_drive(self) -> None:
+        adapter = self.make()
+        with pytest.raises(AdapterError):
+            adapter.apply(STILL)
+        with pytest.raises(AdapterError):
+            await some(adapter.states(), 1)
+        await adapter.close()
+
+    async def test_states_come_at_ten_hertz_and_more_stamped_now_and_in_order(
+        self, adapter: Adapter, computer: HostJitter
+    ) -> None:
+        begun = time.time()
+        states = await some(adapter.states(), 21)
+        now = time.time()
+        assert (now - begun) / 20 < 0.25 + computer.excuse(begun, now)
+        assert all(b.stamp > a.stamp for a, b in pairwise(states))
+        assert abs(states[-1].stamp - now) < patient(0.5) + computer.excuse(begun, now)
+        assert 0.0 <= states[-1].battery.charge <= 1.0
+
+    async def test_it_moves_as_it_is_told_and_says_what_it_sent(self, adapter: Adapter) -> None:
+        start = (await some(adapter.states(), 1))[0]
+        assert adapter.apply(Velocity(linear=0.2, angular=0.0)) == Velocity(linear=0.2, angular=0.0)
+
+        # Whoever is late in saying it is braked by the watchdog meanwhile, and begins again.
+        def goes_steadily(state: RcaState) -> bool:
+            return (
+                state.distance > start.distance + 0.17 and abs(state.velocity.linear - 0.2) < 0.05
+            )
+
+        await drive(adapter, Velocity(linear=0.2, angular=0.0), goes_steadily)
+
+    async def test_it_never_keeps_the_control_loop_waiting(
+        self, adapter: Adapter, computer: HostJitter
+    ) -> None:
+        begun = time.time()
+        latest, longest = time.monotonic(), 0.0
+        states = asyncio.ensure_future(some(adapter.states(), 10))
+        try:
+            for _ in range(round(1.0 / TICK)):
+                adapter.apply(Velocity(linear=0.1, angular=0.0))
+                await asyncio.sleep(TICK)
+                latest, before = time.monotonic(), latest
+                longest = max(longest, latest - before - TICK)
+            adapter.apply(STILL)
+            await states
+        finally:
+            states.cancel()
+        excuse = computer.excuse(begun, time.time())
+        assert longest < LATE + excuse, f"the adapter blocks the control loop. {ADVICE}"
+
+    async def test_it_never_sends_more_than_its_limits(self, adapter: Adapter) -> None:
+        limits = adapter.profile.limits
+        assert adapter.apply(Velocity(linear=9.0, angular=19.0)) == Velocity(
+            linear=limits.linear, angular=limits.angular
+        )
+        assert adapter.apply(Velocity(linear=-9.0, angular=-19.0)) == Velocity(
+            linear=-limits.reverse, angular=-limits.angular
+        )
+        adapter.apply(STILL)
+
+    async def test_zeros_brake(self, adapter: Adapter) -> None:
+        await drive(adapter, Velocity(linear=0.2, angular=0.0), lambda s: s.velocity.linear > 0.15)
+        await drive(adapter, STILL, stands, 3.0)
+
+    async def test_silence_brakes_within_the_watchdog_and_the_braking_time(
+        self, adapter: Adapter, computer: HostJitter
+    ) -> None:
+        limits = adapter.profile.limits
+        await drive(adapter, Velocity(linear=0.2, angular=0.0), lambda s: s.velocity.linear > 0.15)
+        adapter.apply(Velocity(linear=0.2, angular=0.0))
+        silent = time.time()
+        seen: list[RcaState] = []
+        stood = await wait_for(adapter, lambda s: seen.append(s) or stands(s), 5.0)
+        kept_waiting = max(0.0, self.obeyed_at(adapter) - silent) + pauses(
+            (state.stamp for state in seen), SELDOM
+        )
+        excuse = computer.excuse(silent, stood.stamp) + min(kept_waiting, LONGEST_DELAY)
+        assert (
+            stood.stamp - silent
+            <= adapter.profile.watchdog + 0.2 / limits.linear_braking + 0.25 + excuse
+        )
+
+    async def test_an_action_that_it_cannot_do_is_refused_with_a_sentence(
+        self, adapter: Adapter
+    ) -> None:
+        if "goto" in adapter.profile.capabilities:
+            action: object = Goto(action_id="g", stamp=0.0, place="a place that nobody knows")
+        else:
+            action = Goto(action_id="g", stamp=0.0, x=0.0, y=0.0)
+        with pytest.raises(AdapterError, match=r"."):
+            await adapter.start(action)
+
+    async def test_cancelling_what_does_not_run_is_nothing(self, adapter: Adapter) -> None:
+        await adapter.cancel("never-started")
+        assert await some(adapter.states(), 1)
+
+    async def test_a_head_tilts_to_the_angle_and_says_when_it_is_there(
+        self, adapter: Adapter
+    ) -> None:
+        tilt = adapter.profile.tilt
+        if tilt is None:
+            with pytest.raises(AdapterError):
+                await adapter.start(Tilt(action_id="t", stamp=0.0, angle=0.1))
+            return
+        goal = tilt.home + 0.5 * (tilt.maximum - tilt.home)
+        await adapter.start(Tilt(action_id="t", stamp=0.0, angle=goal))
+        found = []
+        async with asyncio.timeout(patient(10.0)):
+            async for news in adapter.progress():
+                found.append((news.action_id, news.status))
+                if news.status == "FINISHED":
+                    break
+        assert found == [("t", "RUNNING"), ("t", "FINISHED")]
+        assert (await wait_for(adapter, lambda s: s.tilt is not None)).tilt == pytest.approx(
+            goal, abs=0.02
+        )
+        with pytest.raises(AdapterError):
+            await adapter.start(Tilt(action_id="far", stamp=0.0, angle=tilt.maximum + 1.0))
+
+    async def test_its_camera_gives_pictures_of_the_promised_size_in_order(
+        self, adapter: Adapter, computer: HostJitter
+    ) -> None:
+        source, camera = adapter.video(), adapter.profile.camera
+        assert (source is not None) == ("video" in adapter.profile.capabilities)
+        if source is None or camera is None:
+            return
+        begun = time.time()
+        source.start()
+        source.start()
+        frames = []
+        async with asyncio.timeout(patient(30.0)):
+            while len(frames) < 4:
+                frame = await asyncio.to_thread(source.read, 1.0)
+                if frame is not None:
+                    frames.append(frame)
+        now = time.time()
+        source.stop()
+        source.stop()
+        assert all(
+            video_frame(frame).to_ndarray(format="rgb24").shape == (camera.height, camera.width, 3)
+            for frame in frames
+        )
+        assert all(b.stamp > a.stamp for a, b in pairwise(frames))
+        assert abs(frames[-1].stamp - now) < patient(1.0) + computer.excuse(begun, now)
+        assert frames[0].image.std() > 5
+        assert await asyncio.to_thread(source.read, 0.05) is None
+
+    async def test_its_microphone_gives_blocks_of_twenty_milliseconds(
+        self, adapter: Adapter
+    ) -> None:
+        source = adapter.audio()
+        if source is None:
+            return
+        source.start()
+        blocks = []
+        async with asyncio.timeout(patient(10.0)):
+            while len(blocks) < 5:
+                block = await asyncio.to_thread(source.read, 1.0)
+                if block is not None:
+                    blocks.append(block)
+        source.stop()
+        assert all(block.shape == (960,) and block.dtype == np.int16 for block in blocks)
+
+    async def test_configuration_is_taken_or_ignored_and_never_raises(
+        self, adapter: Adapter
+    ) -> None:
+        adapter.configure(Config(stamp=1.0, doors={"no-such-door": "closed"}))
+        adapter.configure(None)
+        adapter.configure({"doors": 7})
+        assert await some(adapter.states(), 2)
+
+    async def test_closed_it_refuses_to_drive_and_may_be_closed_again(
+        self, adapter: Adapter
+    ) -> None:
+        await adapter.close()
+        with pytest.raises(AdapterError):
+            adapter.apply(STILL)
+        await adapter.close()
+
+    async def test_it_can_be_connected_again(self, adapter: Adapter) -> None:
+        await adapter.close()
+        await adapter.connect()
+        assert await some(adapter.states(), 3)

@@ -1,0 +1,201 @@
+"""What the simulated robot says and hears as a robot of ROS, whatever carries it: messages as JSON
+objects, both generations.
+"""
+
+import base64
+import math
+import time
+
+from robots.agent.adapters.ros import messages
+from tests.support.media.picture_server import jpeg_of
+
+GREY = base64.b64encode(jpeg_of(128)).decode()
+BASE = ("/cmd_vel", "geometry_msgs/Twist")
+STAMPED = "geometry_msgs/TwistStamped"
+
+
+class RosRobot:
+    """Drives a world by what it `hears`, and `says` (topic, message) pairs; `version` is that of
+    ROS, `base` the topic and type of velocities.
+
+    Its move_base and Nav2 are the world's own way of going somewhere.
+    """
+
+    def __init__(self, world, version, base=BASE):
+        self.world, self.version, self.base = world, version, base
+        self.hears = dict([base]) | self.COMMANDS
+        self.goal, self._told, self._fixed = None, "", 0.0
+        self.located, self.stamps = [], []
+
+    TOPICS = {
+        "/odom": "nav_msgs/Odometry",
+        "/scan": "sensor_msgs/LaserScan",
+        "/battery_state": "sensor_msgs/BatteryState",
+        "/amcl_pose": "geometry_msgs/PoseWithCovarianceStamped",
+        "/joint_states": "sensor_msgs/JointState",
+        "/camera/compressed": "sensor_msgs/CompressedImage",
+    }
+    COMMANDS = {
+        "/initialpose": "geometry_msgs/PoseWithCovarianceStamped",
+        "/head/command": "std_msgs/Float64",
+    }
+    MOVE_BASE = {
+        "/move_base/goal": "move_base_msgs/MoveBaseActionGoal",
+        "/move_base/cancel": "actionlib_msgs/GoalID",
+        "/move_base/status": "actionlib_msgs/GoalStatusArray",
+        "/move_base/result": "move_base_msgs/MoveBaseActionResult",
+    }
+
+    def header(self, frame):
+        return messages.header(frame, time.time(), self.version)
+
+    def hear(self, topic, message):
+        world = self.world
+        if topic == self.base[0]:
+            self.stamps.append(messages.stamp_in(message, 0.0))
+            twist = message["twist"] if self.base[1] == STAMPED else message
+            world.drive(twist["linear"]["x"], twist["angular"]["z"])
+        elif topic == "/head/command":
+            world.tilt(message["data"])
+        elif topic == "/initialpose":
+            self.located.append(messages.fix_in(message))
+            self.relocalize(message)
+        elif topic == "/move_base/goal":
+            self.go(message["goal"]["target_pose"], message["goal_id"]["id"])
+        elif topic == "/move_base/cancel" and message["id"] in {"", self.goal}:
+            self.world.cancel()
+
+    def relocalize(self, message):
+        """As amcl: a pose in another frame is ignored (amcl_node.cpp, handleInitialPoseMessage;
+        nav2_amcl, initialPoseReceived).
+
+        What it believes is published once, with the next scan, and again when the robot has moved.
+        """
+        if message["header"]["frame_id"] == "map" and not self.world.deaf:
+            self.world.localize_at(messages.pose_in(message["pose"]["pose"]))
+            self._fixed = 0.0
+
+    def go(self, stamped, goal):
+        assert stamped["header"]["frame_id"] == "map"
+        place = messages.pose_in(stamped["pose"])
+        self.goal = goal
+        self._told = ""
+        self.world.go_to(place.x, place.y)
+
+    def says(self, count):
+        """What is due in this tick of 20 ms."""
+        sim = self.world.sim
+        said = [("/odom", self.odometry(sim))] if count % 2 == 0 else []
+        if count % 5 == 1:
+            said.append(("/scan", self.scan(sim)))
+        if count % 10 == 2:
+            said.append(("/battery_state", self.battery(sim)))
+        if count % 3 == 0:
+            said.append(("/joint_states", self.joints(sim)))
+        if count % 5 == 3:
+            said.append(
+                (
+                    "/camera/compressed",
+                    {"header": self.header("camera"), "format": "jpeg", "data": GREY},
+                )
+            )
+        # as amcl: only while it moves
+        if self.world.sim.distance - self._fixed > 0.2 or self._fixed == 0.0:
+            self._fixed = max(self.world.sim.distance, 1e-6)
+            said.append(("/amcl_pose", self.fix()))
+        return said
+
+    def restarted(self):
+        self._fixed = 0.0
+
+    def odometry(self, sim):
+        twist = {
+            "linear": {"x": sim.motion.linear, "y": 0.0, "z": 0.0},
+            "angular": {"x": 0.0, "y": 0.0, "z": sim.motion.angular},
+        }
+        where = {"pose": messages.pose(sim.odometry), "covariance": [0.0] * 36}
+        return {
+            "header": self.header("odom"),
+            "child_frame_id": "base_link",
+            "pose": where,
+            "twist": {"twist": twist, "covariance": [0.0] * 36},
+        }
+
+    def fix(self):
+        covariance = [0.0] * 36
+        covariance[0] = covariance[7] = 0.0025
+        covariance[35] = 0.001
+        return {
+            "header": self.header("map"),
+            "pose": {"pose": messages.pose(self.world.believed), "covariance": covariance},
+        }
+
+    def scan(self, sim):
+        laser = sim.model.laser
+        times = {
+            "time_increment": 0.0,
+            "scan_time": 0.1,
+            "range_min": 0.05,
+            "range_max": laser.range_max,
+        }
+        angles = {
+            "angle_min": laser.angle_min,
+            "angle_max": -laser.angle_min,
+            "angle_increment": laser.angle_increment,
+        }
+        ranges = [
+            float(value) if math.isfinite(value) else math.inf for value in self.world.ranges()
+        ]
+        return {
+            "header": self.header("laser"),
+            **angles,
+            **times,
+            "ranges": ranges,
+            "intensities": [],
+        }
+
+    def battery(self, sim):
+        return {
+            "header": self.header(""),
+            "voltage": sim.voltage(),
+            "percentage": sim.charge,
+            "power_supply_status": 1 if sim.docked else 2,
+            "present": True,
+        }
+
+    def joints(self, sim):
+        return {
+            "header": self.header(""),
+            "name": ["wheel", "head_tilt"],
+            "position": [0.0, sim.tilt],
+            "velocity": [],
+            "effort": [],
+        }
+
+    def goal_status(self):
+        """actionlib's status of the newest goal."""
+        return {"running": 1, "done": 3, "failed": 4}.get(self.world.journey, 9)
+
+    def move_base_says(self, count):
+        if self.goal is None:
+            return []
+        entry = {
+            "goal_id": {"stamp": {"secs": 0, "nsecs": 0}, "id": self.goal},
+            "status": self.goal_status(),
+            "text": "",
+        }
+        said = (
+            [("/move_base/status", {"header": self.header(""), "status_list": [entry]})]
+            if count % 10 == 0
+            else []
+        )
+        if self.over():
+            said.append(
+                ("/move_base/result", {"header": self.header(""), "status": entry, "result": {}})
+            )
+        return said
+
+    def over(self):
+        """Whether the journey has ended since this was asked last."""
+        before, self._told = self._told, self.world.journey
+        return before == "running" and self._told in {"done", "failed"}

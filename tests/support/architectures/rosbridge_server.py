@@ -1,0 +1,269 @@
+"""A rosbridge without ROS behind it: the same protocol (version 2), between its clients.
+
+Topics, services that a client advertises, and actions of ROS 2 that a client advertises are carried
+as the real one carries them: by type, latched where it was advertised so, without NaN, with a
+status message for whoever asks for nonsense. A robot is a client too.
+
+As rosbridge_suite has it: a type other than the established one is refused, with these words
+(rosbridge_library/internal/publishers.py, MultiPublisher; internal/topics.py,
+TypeConflictException); a publisher, and with it its type, stays for ten seconds after its last
+client has gone (PublisherManager.unregister_timeout); a message with a field that its type has not
+is refused (internal/message_conversion.py, NonexistentFieldException). rosapi says who has to do
+with a topic, by nodes, and all clients are one (rosapi/proxy.py). `python -m
+tests.support.architectures.rosbridge_server HOST PORT [no-rosapi]` is one in a process of its own.
+"""
+
+import asyncio
+import contextlib
+import itertools
+import json
+import math
+import sys
+import time
+
+from websockets.asyncio.server import serve
+from websockets.exceptions import ConnectionClosed
+
+UNREGISTER = 10.0
+FIELDS = {
+    "geometry_msgs/Twist": {"linear", "angular"},
+    "geometry_msgs/TwistStamped": {"header", "twist"},
+}
+
+
+class RosbridgeServer:
+    def __init__(self, host="127.0.0.1", port=0, *, rosapi=True):
+        self.host, self.port, self.rosapi = host, port, rosapi
+        self._server = None
+        self.types, self.latched, self._last = {}, set(), {}
+        self._publishers = {}  # topic: clients
+        self._leaving = {}  # topic: when its publisher goes
+        self._subscribers = {}  # topic: {client: ids}
+        self._services, self._actions = {}, {}  # name: client
+        self._waiting = {}  # our id: (client, its id)
+        self._ids = itertools.count(1)
+
+    @property
+    def url(self):
+        return f"ws://127.0.0.1:{self.port}"
+
+    async def start(self):
+        self._server = await serve(
+            self._client, self.host, self.port, max_size=None, compression=None
+        )
+        self.port = self._server.sockets[0].getsockname()[1]
+
+    async def stop(self):
+        self._server.close(close_connections=False)
+        for client in list(self._server.connections):
+            client.transport.abort()
+        await self._server.wait_closed()
+        self._subscribers.clear()
+        self._services.clear()
+        self._actions.clear()
+        self._last.clear()
+
+    async def _client(self, client):
+        try:
+            async for text in client:
+                await self._take(client, text)
+        except ConnectionClosed:
+            pass
+        finally:
+            for table in self._subscribers.values():
+                table.pop(client, None)
+            for topic in [
+                topic for topic, clients in self._publishers.items() if client in clients
+            ]:
+                self._unregister(client, topic)
+            for table in (self._services, self._actions):
+                for name in [name for name, owner in table.items() if owner is client]:
+                    del table[name]
+
+    async def _take(self, client, text):
+        try:
+            message = json.loads(text)
+            handler = getattr(self, f"_on_{message['op']}")
+        except (ValueError, KeyError, AttributeError):
+            await self._complain(client, f"unknown operation in {text[:80]!r}")
+            return
+        await handler(client, message)
+
+    async def _complain(self, client, why, of=None):
+        await self._send(
+            client, {"op": "status", "level": "error", "msg": why} | ({"id": of} if of else {})
+        )
+
+    async def _send(self, client, message):
+        with contextlib.suppress(ConnectionClosed):
+            await client.send(json.dumps(_json(message)))
+
+    async def _typed(self, client, message, of, op):
+        """The type of a topic is fixed by whoever names it first, for as long as anybody has to do
+        with it.
+        """
+        self._forget()
+        topic, kind = message["topic"], message.get("type")
+        if kind is not None and self.types.setdefault(topic, kind) != kind:
+            established = f"but it is already established with type {self.types[topic]}"
+            await self._complain(
+                client, f"{op}: Tried to register topic {topic} with type {kind} {established}", of
+            )
+            return False
+        return True
+
+    def _forget(self):
+        now = time.monotonic()
+        for topic in [topic for topic, at in self._leaving.items() if at < now]:
+            del self._leaving[topic]
+        for topic in [
+            topic
+            for topic in self.types
+            if not (
+                self._publishers.get(topic)
+                or self._subscribers.get(topic)
+                or topic in self._leaving
+            )
+        ]:
+            del self.types[topic]
+
+    def _unregister(self, client, topic):
+        self._publishers.get(topic, set()).discard(client)
+        if not self._publishers.get(topic):
+            self._leaving[topic] = time.monotonic() + UNREGISTER
+
+    async def _on_advertise(self, client, message):
+        if await self._typed(client, message, message.get("id"), "advertise"):
+            self._publishers.setdefault(message["topic"], set()).add(client)
+            if message.get("latch"):
+                self.latched.add(message["topic"])
+
+    async def _on_unadvertise(self, client, message):
+        self._unregister(client, message["topic"])
+
+    async def _on_publish(self, client, message):
+        topic = message["topic"]
+        if topic not in self.types:
+            why = f"publish: Cannot infer topic type for topic {topic} as it is not yet advertised"
+            await self._complain(client, why, message.get("id"))
+            return
+        kind = self.types[topic].replace("/msg/", "/")
+        strange = set(message["msg"]) - FIELDS.get(kind, set(message["msg"]))
+        if strange:
+            why = f"publish: Message type {self.types[topic]} does not have a field {min(strange)}"
+            await self._complain(client, why, message.get("id"))
+            return
+        self._publishers.setdefault(topic, set()).add(client)
+        out = {"op": "publish", "topic": topic, "msg": message["msg"]}
+        if topic in self.latched:
+            self._last[topic] = out
+        for subscriber in list(self._subscribers.get(topic, {})):
+            await self._send(subscriber, out)
+
+    async def _on_subscribe(self, client, message):
+        topic = message["topic"]
+        if await self._typed(client, message, message.get("id"), "subscribe"):
+            self._subscribers.setdefault(topic, {}).setdefault(client, set()).add(message.get("id"))
+            if topic in self._last:
+                await self._send(client, self._last[topic])
+
+    async def _on_unsubscribe(self, client, message):
+        self._subscribers.get(message["topic"], {}).pop(client, None)
+
+    async def _on_advertise_service(self, client, message):
+        self._services[message["service"]] = client
+
+    async def _on_call_service(self, client, message):
+        name = message["service"]
+        if self.rosapi and name.startswith("/rosapi/"):
+            answer = {
+                "op": "service_response",
+                "service": name,
+                "id": message.get("id"),
+                "result": True,
+            }
+            await self._send(
+                client,
+                answer
+                | {"values": self._rosapi(name.rpartition("/")[2], message.get("args") or {})},
+            )
+            return
+        if name not in self._services:
+            answer = {
+                "op": "service_response",
+                "service": name,
+                "values": f"Service {name} does not exist",
+                "result": False,
+            }
+            await self._send(client, answer | {"id": message.get("id")})
+            return
+        await self._pass_on(client, message, self._services[name])
+
+    def _rosapi(self, name, arguments):
+        self._forget()
+        if name == "topics":
+            return {"topics": list(self.types), "types": list(self.types.values())}
+        table = {"subscribers": self._subscribers, "publishers": self._publishers}[name]
+        return {name: ["/rosbridge_websocket"] if table.get(arguments["topic"]) else []}
+
+    async def _on_service_response(self, client, message):
+        await self._pass_back(message, last=True)
+
+    async def _on_advertise_action(self, client, message):
+        self._actions[message["action"]] = client
+
+    async def _on_send_action_goal(self, client, message):
+        name = message["action"]
+        if name not in self._actions:
+            answer = {
+                "op": "action_result",
+                "action": name,
+                "values": f"Action server {name} is not available",
+                "status": 6,
+                "result": False,
+            }
+            await self._send(client, answer | {"id": message.get("id")})
+            return
+        await self._pass_on(client, message, self._actions[name])
+
+    async def _on_cancel_action_goal(self, client, message):
+        for ours, (owner, theirs) in self._waiting.items():
+            if (
+                owner is client
+                and theirs == message.get("id")
+                and message["action"] in self._actions
+            ):
+                await self._send(self._actions[message["action"]], message | {"id": ours})
+
+    async def _on_action_feedback(self, client, message):
+        await self._pass_back(message, last=False)
+
+    async def _on_action_result(self, client, message):
+        await self._pass_back(message, last=True)
+
+    async def _pass_on(self, client, message, owner):
+        ours = f"server:{next(self._ids)}"
+        self._waiting[ours] = (client, message.get("id"))
+        await self._send(owner, message | {"id": ours})
+
+    async def _pass_back(self, message, *, last):
+        asked = self._waiting.pop(message["id"], None) if last else self._waiting.get(message["id"])
+        if asked is not None:
+            await self._send(asked[0], message | {"id": asked[1]})
+
+
+def _json(value):
+    if isinstance(value, dict):
+        return {key: _json(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [_json(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+async def main(host, port, *words):
+    await RosbridgeServer(host, port, rosapi="no-rosapi" not in words).start()
+    await asyncio.Event().wait()
+
+
+if __name__ == "__main__":
+    asyncio.run(main(sys.argv[1], int(sys.argv[2]), *sys.argv[3:]))

@@ -1,0 +1,91 @@
+"""A real Mosquitto on a free port of the loopback, anonymous, in memory: started, killed, stopped
+in its tracks, started again.
+
+Besides plain MQTT it speaks MQTT over WebSocket, and with a certificate both of them over TLS.
+"""
+
+import contextlib
+import getpass
+import shutil
+import signal
+import socket
+import subprocess
+import time
+
+from tests.support.patience import patient
+from tests.support.sessions.site import free_port
+
+BINARY = shutil.which("mosquitto") or "/usr/sbin/mosquitto"
+
+
+class Mosquitto:
+    """Use as a context manager. `ports` are by the scheme of the address; `certificate` is (key,
+    certificate) in PEM files.
+    """
+
+    def __init__(self, directory, certificate=None, host="127.0.0.1", *, anonymous=True):
+        self.host = host
+        self.ports = {
+            scheme: free_port()
+            for scheme in ("mqtt", "ws", *(("mqtts", "wss") if certificate else ()))
+        }
+        self.port = self.ports["mqtt"]
+        lines = [
+            f"allow_anonymous {str(anonymous).lower()}",
+            "persistence false",
+            "max_queued_messages 0",
+            f"user {getpass.getuser()}",
+        ]
+        for scheme, port in self.ports.items():
+            lines += [f"listener {port} {host}"] + (
+                ["protocol websockets"] if scheme.startswith("ws") else []
+            )
+            lines += (
+                [f"keyfile {certificate[0]}", f"certfile {certificate[1]}"]
+                if scheme in {"mqtts", "wss"}
+                else []
+            )
+        self._config = directory / "mosquitto.conf"
+        self._config.write_text("\n".join(lines) + "\n")
+        self._process = None
+
+    def __enter__(self):
+        self.start()
+        return self
+
+    def __exit__(self, *_):
+        self.kill()
+
+    @property
+    def url(self):
+        return self.url_of("mqtt")
+
+    def url_of(self, scheme):
+        return f"{scheme}://{self.host}:{self.ports[scheme]}"
+
+    def start(self):
+        self._process = subprocess.Popen(
+            [BINARY, "-c", str(self._config)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+        deadline = time.monotonic() + patient(10.0)
+        while not all(map(self._answers, self.ports.values())):
+            assert self._process.poll() is None, "mosquitto ended"
+            assert time.monotonic() < deadline, "mosquitto does not listen"
+            time.sleep(0.02)
+
+    def _answers(self, port):
+        with contextlib.suppress(OSError), socket.create_connection((self.host, port), timeout=1.0):
+            return True
+        return False
+
+    def kill(self):
+        """End it at once; what it retained is lost."""
+        if self._process is not None:
+            self.freeze(on=False)
+            self._process.kill()
+            self._process.wait()
+            self._process = None
+
+    def freeze(self, *, on):
+        """Stop it in its tracks, connections and all, or let it go on."""
+        self._process.send_signal(signal.SIGSTOP if on else signal.SIGCONT)

@@ -1,0 +1,286 @@
+"""A real broker of either kind with users that the test makes, a client for each user, and a client
+that breaks rules.
+"""
+
+import asyncio
+import contextlib
+import os
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import aiomqtt
+
+from robots.broker import packets
+from robots.broker.embedded import EmbeddedBroker
+from robots.broker.mosquitto import MosquittoBroker
+from robots.broker.permissions import BrokerUser, of_robot, of_server
+from robots.enrol.bcrypt import bcrypt_hash
+from robots.enrol.credentials import hash_token, new_token
+from tests.support.clustered_brokers import engines
+from tests.support.patience import patient
+from tests.support.sessions.site import free_port
+
+KINDS = tuple(os.environ.get("BROKERS", "embedded,mosquitto").split(","))
+POLL = 0.1
+HOST = "127.0.0.1"
+SECONDS = 30.0  # how long a test waits for what must come
+
+
+async def until_thrown_out(client: aiomqtt.Client) -> None:
+    """Read what a client hears until the broker hangs up on it, which it must."""
+    with contextlib.suppress(aiomqtt.MqttError):
+        async with asyncio.timeout(patient(SECONDS)):
+            async for _ in client.messages:
+                pass
+        raise AssertionError("its messages ended, and it may stay")
+
+
+@dataclass
+class BrokerRig:
+    """Start with `start`, end with `stop`. `web` is a server's user; robots are made by
+    `robot(name)`.
+    """
+
+    kind: str
+    directory: Path
+    users: dict[str, BrokerUser] = field(default_factory=dict)
+    tokens: dict[str, str] = field(default_factory=dict)
+    # nobody else is given it while a broker that starts again is away
+    port: int = field(default_factory=free_port)
+
+    async def start(self):
+        self.add("web", of_server())
+        await self._start()
+
+    async def _start(self):
+        self.broker = self._broker()
+        self.port = await self.broker.start(HOST, self.port)
+        self._running = asyncio.create_task(self.broker.wait())
+
+    def _broker(self):
+        if self.kind == "embedded":
+            return EmbeddedBroker(self._read, poll=POLL)
+        return MosquittoBroker(self._read, self.directory, poll=POLL)
+
+    async def stop(self):
+        self._running.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await self._running
+        await self.broker.stop()
+
+    async def restart(self):
+        await self.stop()
+        await self._start()
+
+    async def _read(self):
+        return dict(self.users)
+
+    def add(self, name, permissions):
+        self.tokens[name] = new_token()
+        token = self.tokens[name]
+        self.users[name] = BrokerUser(name, hash_token(token), permissions, bcrypt_hash(token))
+
+    async def robot(self, name):
+        """Add a robot and wait until the broker lets it in."""
+        self.add(name, of_robot(name))
+        await self.until(lambda: self.is_let_in(name))
+        return name
+
+    def revoke(self, name):
+        del self.users[name]
+
+    def client(self, user, *, token=None, client_id=None, **options):
+        """Return an aiomqtt client of a user, to be used with `async with`."""
+        return aiomqtt.Client(
+            HOST,
+            self.port,
+            username=user,
+            password=token or self.tokens[user],
+            identifier=client_id,
+            timeout=SECONDS,
+            max_queued_outgoing_messages=0,
+            max_inflight_messages=200,
+            **options,
+        )
+
+    async def is_let_in(self, user, token=None):
+        raw = await RawClient.open(self.port)
+        try:
+            return (
+                await raw.connect(
+                    user,
+                    token or self.tokens.get(user, "?"),
+                    client_id=f"probe-{time.monotonic_ns()}",
+                )
+                == packets.ACCEPTED
+            )
+        finally:
+            raw.abort()
+
+    @staticmethod
+    async def until(question):
+        """Wait until an async question is answered with yes."""
+        async with asyncio.timeout(patient(SECONDS)):
+            while not await question():
+                await asyncio.sleep(0.02)
+
+
+class ClusterRig(BrokerRig):
+    """A broker of one node or several; each question for its port names the next node, so that
+    those who talk to each other in a test do so across nodes.
+    """
+
+    _asked = 0
+
+    def _broker(self):
+        if self._kept is None:
+            self._kept = engines.make(self.kind, self._read, self.directory, POLL)
+        return self._kept
+
+    _kept = None
+
+    @property
+    def port(self):
+        self._asked += 1
+        ports = self._broker().ports
+        return ports[self._asked % len(ports)]
+
+    @port.setter
+    def port(self, _value):
+        """A node has its port from the beginning."""
+
+    async def robot(self, name):
+        """Add a robot and wait until every node lets it in."""
+        await super().robot(name)
+        for _ in self._broker().ports:
+            await self.until(lambda: self.is_let_in(name))
+        return name
+
+
+@dataclass
+class RawClient:
+    """A socket that speaks MQTT only as far as the test says."""
+
+    reader: asyncio.StreamReader
+    writer: asyncio.StreamWriter
+
+    @classmethod
+    async def open(cls, port):
+        return cls(*await asyncio.open_connection(HOST, port))
+
+    async def connect(self, user, token, *, client_id="raw", clean=True, keep_alive=60, will=None):
+        """Send a CONNECT and return the code of the CONNACK, or None when the broker hung up."""
+        self.writer.write(
+            connect_packet(client_id, user, token, clean=clean, keep_alive=keep_alive, will=will)
+        )
+        answer = await self.read(4)
+        return answer[3] if answer is not None else None
+
+    async def read(self, count):
+        """Return so many bytes, or None at the end."""
+        try:
+            return await asyncio.wait_for(self.reader.readexactly(count), SECONDS)
+        except (asyncio.IncompleteReadError, ConnectionError):
+            return None
+
+    async def packet(self):
+        """Return (first byte, body) of the next packet, or None when the broker has hung up."""
+        first, length, shift = await self.read(1), 0, 0
+        while first is not None and (byte := await self.read(1)) is not None:
+            length |= (byte[0] & 0x7F) << shift
+            shift += 7
+            if not byte[0] & 0x80:
+                body = await self.read(length)
+                return None if body is None else (first[0], body)
+        return None
+
+    def send(self, data):
+        self.writer.write(data)
+
+    async def is_hung_up(self):
+        """Wait until the broker closes the connection."""
+        with contextlib.suppress(ConnectionError):
+            while await asyncio.wait_for(self.reader.read(65536), SECONDS):
+                pass
+        return True
+
+    def abort(self):
+        """Vanish without a word."""
+        self.writer.transport.abort()
+
+
+def text(value):
+    data = value if isinstance(value, bytes) else value.encode()
+    return len(data).to_bytes(2, "big") + data
+
+
+def framed(first, body):
+    length, header = len(body), bytearray([first])
+    while True:
+        header.append((length & 0x7F) | (0x80 if length > 0x7F else 0))
+        length >>= 7
+        if not length:
+            return bytes(header) + body
+
+
+def connect_packet(
+    client_id, user=None, token=None, *, clean=True, keep_alive=60, will=None, level=4
+):
+    """Return a CONNECT; `will` is (topic, payload, qos, retain)."""
+    flags = (
+        (2 if clean else 0) | (0x80 if user is not None else 0) | (0x40 if token is not None else 0)
+    )
+    payload = text(client_id)
+    if will is not None:
+        topic, message, qos, retain = will
+        flags |= 4 | (qos << 3) | (0x20 if retain else 0)
+        payload += text(topic) + text(message)
+    payload += b"".join(text(part) for part in (user, token) if part is not None)
+    return framed(
+        0x10, text("MQTT") + bytes([level, flags]) + keep_alive.to_bytes(2, "big") + payload
+    )
+
+
+def subscribe_packet(packet_id, *filters):
+    """Return a SUBSCRIBE of (filter, QoS) pairs."""
+    return framed(
+        0x82,
+        packet_id.to_bytes(2, "big")
+        + b"".join(text(filter_) + bytes([qos]) for filter_, qos in filters),
+    )
+
+
+class ReceivedPacket:
+    """Collects what a client hears while the block runs."""
+
+    def __init__(self, client):
+        self.client, self.messages = client, []
+
+    async def __aenter__(self):
+        self._task = asyncio.create_task(self._listen())
+        return self
+
+    async def __aexit__(self, *_error):
+        self._task.cancel()
+        with contextlib.suppress(asyncio.CancelledError, aiomqtt.MqttError):
+            await self._task
+
+    async def _listen(self):
+        async for message in self.client.messages:
+            self.messages.append(message)
+
+    def payloads(self, topic):
+        return [bytes(message.payload) for message in self.messages if str(message.topic) == topic]
+
+    async def until(self, question):
+        async with asyncio.timeout(patient(SECONDS)):
+            while not question(self):
+                await asyncio.sleep(0.005)
+
+    async def payload(self, topic, payload):
+        """Wait for a payload on a topic and return the message."""
+        await self.until(lambda _: payload in self.payloads(topic))
+        return next(
+            m for m in self.messages if str(m.topic) == topic and bytes(m.payload) == payload
+        )

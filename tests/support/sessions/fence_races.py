@@ -1,0 +1,138 @@
+"""Session managers that race for one shard in a real database, and write under its fence. `python
+-m tests.support.sessions.fence_races` races on the database of DATABASE_URL.
+"""
+
+import json
+import os
+import random
+import signal
+import sys
+import threading
+import time
+from dataclasses import dataclass
+
+import django
+
+if __name__ == "__main__":
+    os.environ.setdefault("DJANGO_SETTINGS_MODULE", "tests.settings")
+    django.setup()
+
+from django.db import connection, transaction
+from django.utils import timezone
+
+from sessions.models import ManagerBeat, Shard
+from sessions.shards import rows
+from sessions.shards.hashing import shard_of
+from sessions.shards.ownership import Fenced, Ownership
+
+ROBOT = "giraff"
+SHARD = shard_of(ROBOT)
+ABREAST = (
+    10  # rounds after which all wait for each other: alone, one after another, none would race
+)
+WRITTEN = "written"  # a row whose `beats` are the epoch of whoever wrote it last
+
+
+@dataclass
+class Races:
+    """What the threads of one race did; `wrong` writes were accepted after one of a later owner."""
+
+    accepted: int = 0
+    refused: int = 0
+    taken: int = 0
+    wrong: int = 0
+
+
+class Racer(threading.Thread):
+    def __init__(
+        self, number: int, rounds: int, races: Races, lock: threading.Lock, line: threading.Barrier
+    ) -> None:
+        super().__init__(name=f"racer-{number}")
+        self._rng = random.Random(number)
+        self._rounds, self._races, self._lock, self._line = rounds, races, lock, line
+        self._ownership = Ownership()
+
+    def run(self) -> None:
+        try:
+            for number in range(self._rounds):
+                if number % ABREAST == 0:
+                    self._line.wait()
+                if self._rng.random() < 0.2:
+                    self._take()
+                elif self._ownership.epochs:
+                    self._write()
+        except BaseException:
+            self._line.abort()  # nobody waits for one that has failed
+            raise
+        finally:
+            connection.close()
+
+    def _take(self) -> None:
+        there = Shard.objects.get(number=SHARD)
+        rows.take_over([SHARD], [there.owner], self.name)
+        mine = {one.number: one.epoch for one in rows.holdings() if one.owner == self.name}
+        self._ownership.become(mine)
+        self._count(taken=len(mine))
+
+    def _write(self) -> None:
+        epoch = self._ownership.epochs[SHARD]
+        try:
+            with self._ownership.fenced(), self._ownership.about(ROBOT), transaction.atomic():
+                last = ManagerBeat.objects.select_for_update().get(name=WRITTEN).beats
+                ManagerBeat.objects.filter(name=WRITTEN).update(beats=epoch)
+        except Fenced:
+            self._count(refused=1)
+        else:
+            self._count(accepted=1, wrong=last > epoch)
+
+    def _count(self, **more: int) -> None:
+        with self._lock:
+            for name, n in more.items():
+                setattr(self._races, name, getattr(self._races, name) + n)
+
+
+def race(rounds: int, racers: int = 3) -> Races:
+    """Have so many session managers take a shard from each other, and write, so often."""
+    ManagerBeat.objects.create(name=WRITTEN, beat_at=timezone.now())
+    rows.holdings()
+    races, lock, line = Races(), threading.Lock(), threading.Barrier(racers)
+    threads = [Racer(number, rounds, races, lock, line) for number in range(racers)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return races
+
+
+def stop_within_a_transaction() -> int:
+    """Return a child that has stopped itself after a fenced write, before its end."""
+    pid = os.fork()
+    if pid == 0:
+        connection.connect()
+        ownership = Ownership()
+        ownership.become({SHARD: Shard.objects.get(number=SHARD).epoch})
+        with ownership.fenced(), ownership.about(ROBOT), transaction.atomic():
+            ManagerBeat.objects.filter(name=WRITTEN).update(beats=-1)
+            os.kill(os.getpid(), signal.SIGSTOP)
+        os._exit(0)
+    os.waitpid(pid, os.WUNTRACED)
+    return pid
+
+
+def main() -> None:
+    races = race(int(sys.argv[1]))
+    there = Shard.objects.get(number=SHARD)
+    connection.close()
+    pid = stop_within_a_transaction()
+    began = time.monotonic()
+    rows.take_over([SHARD], [there.owner], "successor")
+    waited = time.monotonic() - began
+    os.kill(pid, signal.SIGCONT)
+    _, code = os.waitpid(pid, 0)
+    written = ManagerBeat.objects.get(name=WRITTEN).beats
+    found = vars(races) | {"waited": waited, "code": code, "written": written}
+    print(json.dumps(found), flush=True)
+
+
+if __name__ == "__main__":
+    main()

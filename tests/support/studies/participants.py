@@ -1,0 +1,124 @@
+"""Studies in the database and people in them, driving by rows instead of robots."""
+
+import datetime
+import uuid
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from django.conf import settings
+from django.utils import timezone
+
+from accounts.models import User
+from experiments import publishing
+from experiments.definition.schema import StudyDefinition
+from experiments.definition.shipped import shipped
+from experiments.models import Drive, Participant, Study
+from experiments.participation import progress
+from robots.floorplans import store_floor_plan
+from robots.models import FloorPlan, Robot
+from sessions.models import Session
+from tests.support.agents.docked_robot import report_in_dock
+
+OFFICE = Path(settings.BASE_DIR) / "robots" / "world" / "plans" / "office"
+
+
+def site(name: str = "office", *, series: str = "giraff") -> Robot:
+    """A robot of a series that is online at a site; the only one is the office that comes with the
+    site.
+    """
+    place = FloorPlan.objects.filter(name=name).first() or store_floor_plan(OFFICE)
+    return Robot.objects.create(
+        name=f"{series}-{name}",
+        title=series.title(),
+        floor_plan=place,
+        factsheet={"series": series},
+        report=report_in_dock(place, series),
+        connection="ONLINE",
+        last_seen_at=later(3600),  # it is heard of for longer than any test takes
+    )
+
+
+def published(definition: StudyDefinition, **fields: Any) -> Study:
+    """A study that is open, whatever robots there are."""
+    now = timezone.now()
+    row = publishing.store(definition, now)
+    Study.objects.filter(pk=row.pk).update(
+        **{"status": Study.Status.PUBLISHED, "published_at": now, **fields}
+    )
+    return Study.objects.get(pk=row.pk)
+
+
+def of(name: str, **changes: Any) -> StudyDefinition:
+    """A shipped study with some of it replaced."""
+    return msgspec.convert({**msgspec.to_builtins(shipped()[name]), **changes}, StudyDefinition)
+
+
+def comer(study: Study, user: User, **more: Any) -> Participant:
+    """Somebody who came by the open link just now."""
+    return progress.enter(
+        study, user, **{"access": "open", "recruitment": {}, "now": timezone.now(), **more}
+    )
+
+
+def assign(participant: Participant, *conditions: str) -> Participant:
+    """Give somebody a cell, as the first grant does."""
+    Participant.objects.filter(pk=participant.pk).update(
+        cell="-".join(conditions), conditions=list(conditions), stage=Participant.Stage.UNDER_WAY
+    )
+    participant.refresh_from_db()
+    return participant
+
+
+def session_of(
+    robot: Robot,
+    participant: Participant,
+    *,
+    outcome: str = "",
+    granted: bool = True,
+    moved: bool = False,
+    reason: str = "",
+) -> Session:
+    """A session of a participant; with an outcome it is ended, and its record closed."""
+    now, key = timezone.now(), uuid.uuid4()
+    return Session.objects.create(
+        robot=robot,
+        visitor=participant.user,
+        live_key=str(key),
+        queued_at=now,
+        granted_at=now if granted else None,
+        first_motion_at=now if moved else None,
+        state="ended" if outcome else "driving",
+        outcome=outcome,
+        outcome_reason=reason,
+        ended_at=now if outcome else None,
+        closed_at=now if outcome else None,
+    )
+
+
+def drive_of(
+    robot: Robot, participant: Participant, *, outcome: str = "", moved: bool = False, **more: Any
+) -> Drive:
+    """A drive of a participant on the step where they stand."""
+    session = session_of(robot, participant, outcome=outcome, moved=moved)
+    participant.refresh_from_db()
+    fields = {
+        "step": participant.step,
+        "visit": participant.visit,
+        "round": participant.round,
+        "number": participant.drives.count() + 1,
+        "condition": (participant.conditions or [""])[
+            min(participant.round, len(participant.conditions) - 1)
+        ]
+        if participant.conditions
+        else "",
+        "seed": 1,
+        "granted_at": timezone.now(),
+        "settled_at": timezone.now() if outcome else None,
+        **more,
+    }
+    return Drive.objects.create(participant=participant, session=session, **fields)
+
+
+def later(seconds: float) -> datetime.datetime:
+    return timezone.now() + datetime.timedelta(seconds=seconds)

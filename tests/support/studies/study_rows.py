@@ -1,0 +1,358 @@
+"""A made-up study (tests/support/analysis/study_dataset.py) put into the database, as participants,
+robots and the session manager leave it there.
+"""
+
+import datetime
+import uuid
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from accounts.models import User
+from experiments.analysis.dataset.levels import METHODS, MODES, WAYS
+from experiments.analysis.dataset.records import Columns, Dataset, SessionRecord
+from experiments.definition.schema import digest
+from experiments.models import Drive, Participant, StepResponse, StepVisit, Study, TaskEvent
+from robots.api import floorplan
+from robots.models import FloorPlan, Robot
+from sessions.models import NetworkSample, SessionEvent, StateChunk
+from sessions.models import Session as Visit
+from surveys.models import Answer, Response
+from surveys.models import Questionnaire as QuestionnaireRow
+
+BEGUN = datetime.datetime(2026, 5, 4, 9, 0, tzinfo=datetime.UTC)
+MINUTE = datetime.timedelta(minutes=1)
+WEEK = datetime.timedelta(weeks=1)  # from publishing to the first participant
+AGENT = "Mozilla/5.0 (secret agent of nobody)"
+
+
+@dataclass
+class Stored:
+    """A study's rows, and the keys of the sessions by their names in the dataset."""
+
+    study: Study
+    people: dict[str, Participant] = field(default_factory=dict)
+    drives: dict[str, Drive] = field(default_factory=dict)
+
+
+def put(dataset: Dataset, *, now: datetime.datetime = BEGUN) -> Stored:
+    """Store a dataset; sessions of a participant are visits one after the other."""
+    study = Study.objects.create(
+        slug=dataset.study.slug,
+        version=dataset.study.version,
+        title="Study",
+        definition=msgspec.to_builtins(dataset.study),
+        sha256=digest(dataset.study),
+        status=Study.Status.PUBLISHED,
+        created_at=now,
+        published_at=now - WEEK,
+        secret="5e" * 32,
+    )
+    stored = Stored(study)
+    robots = _robots(dataset)
+    questionnaires = {one.slug: _questionnaire(one, now) for one in dataset.questionnaires}
+    for index, person in enumerate(dataset.participants):
+        stored.people[person.id] = _participant(stored.study, person, now + index * MINUTE)
+    for session in dataset.sessions:
+        stored.drives[session.id] = _drive(dataset, session, stored, robots[session.robot])
+    TaskEvent.objects.bulk_create(_task_events(dataset, stored))
+    StepVisit.objects.bulk_create(_visits(dataset, stored, now))
+    for response in dataset.responses:
+        _response(dataset, response, stored, questionnaires[response.questionnaire])
+    return stored
+
+
+def _robots(dataset: Dataset) -> dict[str, Robot]:
+    found = {}
+    for name, plan in dataset.plans.items():
+        size = {
+            "resolution": 0.05,
+            "origin_x": 0.0,
+            "origin_y": 0.0,
+            "width": 1,
+            "height": 1,
+            "image": b"",
+            "sha256": "",
+        }
+        FloorPlan.objects.create(
+            name=name, title=name, plan=msgspec.json.decode(floorplan.encode(plan)), **size
+        )
+    for robot in dataset.robots:
+        sheet = {
+            "series": robot.series,
+            "rca": robot.facts["RCA"],
+            "capabilities": ["velocity", "dock"],
+            "limits": {"linear": 0.6, "angular": 0.7},
+        }
+        found[robot.name] = Robot.objects.create(
+            name=robot.name,
+            title=robot.title,
+            factsheet=sheet,
+            floor_plan=FloorPlan.objects.first(),
+        )
+    return found
+
+
+def _questionnaire(definition, now: datetime.datetime) -> QuestionnaireRow:
+    about = {
+        "slug": definition.slug,
+        "version": definition.version,
+        "title": definition.slug,
+        "created_at": now,
+        "frozen_at": now,
+    }
+    return QuestionnaireRow.objects.create(
+        definition=msgspec.to_builtins(definition), sha256="", **about
+    )
+
+
+def _participant(study: Study, person, now: datetime.datetime) -> Participant:
+    user = User.objects.create(
+        username=f"name-of-{person.id}", email=f"{person.id}@example.org".lower()
+    )
+    status = (
+        Participant.Status.FINISHED
+        if person.finished
+        else Participant.Status.SCREENED_OUT
+        if person.left
+        else Participant.Status.ACTIVE
+    )
+    completion = "done" if person.finished else "screened_out" if person.left else ""
+    return Participant.objects.create(
+        study=study,
+        user=user,
+        slot=f"{study.pk}:{user.pk}",
+        code=person.id,
+        kind=person.kind,
+        status=status,
+        completion=completion,
+        cell=person.cell,
+        age=None if np.isnan(person.age) else int(person.age),
+        step=person.reached,
+        created_at=now,
+        seen_at=now,
+    )
+
+
+def _drive(dataset: Dataset, session: SessionRecord, stored: Stored, robot: Robot) -> Drive:
+    who = stored.people[session.participant]
+    granted = who.created_at + session.number * 30 * MINUTE
+    device = {
+        "os": session.os,
+        "browser": session.browser,
+        "network": session.network and f"10.0.{session.network[1:]}.0/24",
+        "user_agent": AGENT,
+    }
+    visit = Visit.objects.create(
+        robot=robot,
+        visitor=who.user,
+        state=Visit.State.ENDED,
+        outcome=session.outcome,
+        live_key=str(uuid.uuid4()),
+        queued_at=granted - MINUTE,
+        granted_at=granted,
+        first_motion_at=_at(granted, session.first_motion),
+        ended_at=_at(granted, session.ended),
+        closed_at=granted + 20 * MINUTE,
+        device=device,
+        summary={"missing": session.missing},
+    )
+    first = None if np.isnan(session.first_frame) else granted.timestamp() + session.first_frame
+    drive = Drive.objects.create(
+        participant=who,
+        session=visit,
+        step="task",
+        visit=session.number,
+        round=0,
+        number=session.number,
+        condition=session.condition,
+        seed=1,
+        mismatches=[session.mismatch] if session.mismatch else [],
+        granted_at=granted,
+        exposed=session.exposed,
+        outcome=session.outcome,
+        result={"started": first},
+        settled_at=granted + 21 * MINUTE,
+        excluded_reason=session.excluded,
+    )
+    states, network = dataset.states(session.id), dataset.network(session.id)
+    StateChunk.objects.bulk_create(chunks(visit, states, granted.timestamp()), batch_size=500)
+    NetworkSample.objects.bulk_create(samples(visit, network, granted.timestamp()), batch_size=500)
+    if session.operator and session.outcome != "stopped_by_operator":
+        about = {
+            "type": "operator_message",
+            "stamp": granted.timestamp() + 9.0,
+            "received_at": granted.timestamp() + 9.0,
+        }
+        SessionEvent.objects.create(
+            session=visit, source="server", data={"text": "Mind the cat, Ada!"}, **about
+        )
+    return drive
+
+
+def _at(granted: datetime.datetime, seconds: float) -> datetime.datetime | None:
+    return None if np.isnan(seconds) else granted + datetime.timedelta(seconds=seconds)
+
+
+def chunks(visit: Visit, states: Columns, granted: float) -> Iterator[StateChunk]:
+    """A session's states as the recorder stores them: a row a second."""
+    rows = [_state(states, index, granted) for index in range(len(states))]
+    for start in range(0, len(rows), 4):
+        part = rows[start : start + 4]
+        yield StateChunk(
+            session=visit,
+            boot="boot-1",
+            first_seq=part[0]["seq"],
+            last_seq=part[-1]["seq"],
+            count=len(part),
+            first_stamp=part[0]["stamp"],
+            last_stamp=part[-1]["stamp"],
+            received_at=granted + float(states["received"][start]),
+            clock_offset=float(states["clock_offset"][start]),
+            states=part,
+        )
+
+
+def _state(states: Columns, index: int, granted: float) -> dict:
+    row = dict(
+        zip([column.name for column in states.layout], states.values[index].tolist(), strict=True)
+    )
+    methods = [name for name in METHODS for _ in range(int(row[f"by_{name}"]))]
+    ways = [name for name in WAYS for _ in range(int(row[f"on_{name}"]))]
+    ages = _ages(row["age_sum"], row["age_max"], len(methods))
+    applied = [
+        {
+            "seq": n,
+            "stamp": granted + row["stamp"],
+            "method": method,
+            "way": way,
+            "age": age,
+            "linear": row["linear"],
+            "angular": 0.0,
+            "frameAge": None if np.isnan(row["answer_age"]) else row["answer_age"],
+            "asked": {"linear": row["asked_linear"], "angular": row["asked_angular"]},
+            "allowed": {"linear": row["allowed_linear"], "angular": row["allowed_angular"]},
+            "share": 1.0,
+        }
+        for n, (method, way, age) in enumerate(zip(methods, ways, ages, strict=True))
+    ]
+    return {
+        "stamp": granted + row["stamp"],
+        "boot": "boot-1",
+        "seq": int(row["seq"]),
+        "pose": {"x": row["x"], "y": row["y"], "theta": row["theta"], "score": row["score"]},
+        "velocity": {"linear": row["linear"], "angular": row["angular"]},
+        "battery": {"charge": row["charge"], "charging": bool(row["charging"])},
+        "docked": bool(row["docked"]),
+        "tilt": row["tilt"],
+        "mode": MODES[int(row["mode"])],
+        "clearance": row["clearance"],
+        "contacts": int(row["contacts"]),
+        "distance": row["distance"],
+        "visitorSilence": row["silence"],
+        "applied": applied,
+    }
+
+
+def _ages(total: float, greatest: float, count: int) -> list[float]:
+    """As many ages as there are commands, with this sum and this greatest one."""
+    if count < 2:
+        return [total] * count
+    return [greatest, *([(total - greatest) / (count - 1)] * (count - 1))]
+
+
+def samples(visit: Visit, network: Columns, granted: float) -> Iterator[NetworkSample]:
+    """A session's network samples; the page's clock is an hour wrong, and every sample arrives at
+    once.
+    """
+    names = {
+        "round_trip": "roundTrip",
+        "loss": "loss",
+        "fps": "fps",
+        "bitrate": "bitrate",
+        "freezes": "freezes",
+        "jitter": "jitter",
+        "frame_age": "frameAge",
+    }
+    for row in network.values.tolist():
+        values = dict(zip([column.name for column in network.layout], row, strict=True))
+        data = {name: values[column] for column, name in names.items()} | {"way": "datachannel"}
+        at = granted + values["stamp"]
+        yield NetworkSample(session=visit, stamp=at + 3600.0, received_at=at, data=data)
+
+
+def _task_events(dataset: Dataset, stored: Stored) -> Iterator[TaskEvent]:
+    numbers: dict[str, int] = {}
+    for event in dataset.events:
+        drive = stored.drives[event.session]
+        numbers[event.session] = numbers.get(event.session, -1) + 1
+        stamp = drive.granted_at.timestamp() + event.stamp
+        yield TaskEvent(
+            drive=drive,
+            number=numbers[event.session],
+            stamp=stamp,
+            type=event.type,
+            data=dict(event.data),
+        )
+
+
+def _visits(dataset: Dataset, stored: Stored, now: datetime.datetime) -> Iterator[StepVisit]:
+    for page in dataset.pages:
+        ended = None if np.isnan(page.seconds) else now + datetime.timedelta(seconds=page.seconds)
+        yield StepVisit(
+            participant=stored.people[page.participant],
+            visit=1,
+            round=0,
+            step=page.step,
+            began_at=now,
+            finished_at=ended,
+        )
+
+
+def _response(dataset: Dataset, response, stored: Stored, questionnaire: QuestionnaireRow) -> None:
+    who = stored.people[response.participant]
+    step = next(
+        one.key for one in dataset.study.asking if one.questionnaire == response.questionnaire
+    )
+    visit, robot, outcome = 1, [], ""
+    if response.session:
+        drive = stored.drives[response.session]
+        visit, robot, outcome = drive.visit, [drive.session.robot.name], drive.outcome
+    at = who.created_at + visit * 40 * MINUTE
+    row = Response.objects.create(
+        questionnaire=questionnaire,
+        user=who.user,
+        slot=str(uuid.uuid4()),
+        context=f"study/{who.pk}/{visit}.0.{step}",
+        robot=robot,
+        outcome=outcome,
+        seed=1,
+        language="en",
+        started_at=at,
+        seen_at=at,
+        finished_at=at if response.finished else None,
+        reached=9,
+    )
+    StepResponse.objects.create(response=row, participant=who, visit=visit, round=0, step=step)
+    about = {"language": "en", "text_version": "", "first_at": at, "answered_at": at}
+    stated = {key: {"value": value} for key, value in response.values.items()}
+    stated |= {
+        key: {"value": None, "missing": reason}
+        for key, reason in response.missing.items()
+        if reason != "not_reached"
+    }
+    rows = (
+        Answer(
+            response=row, item=key, position=n, seconds=response.seconds.get(key), **said, **about
+        )
+        for n, (key, said) in enumerate(stated.items())
+    )
+    Answer.objects.bulk_create(rows)
+
+
+def state_folder(path: Path) -> list[str]:
+    """The names of the files below a folder."""
+    return sorted(one.relative_to(path).as_posix() for one in path.rglob("*") if one.is_file())
