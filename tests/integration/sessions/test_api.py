@@ -66,9 +66,9 @@ def bearer(giraff):
 
 
 def at(giraff, state):
-    user = person(f"visitor-{state}")
+    user, now = person(f"visitor-{state}"), timezone.now()
     return Session.objects.create(
-        robot=giraff, visitor=user, state=state, live_key=str(user.pk), queued_at=timezone.now()
+        robot=giraff, visitor=user, state=state, live_key=str(user.pk), queued_at=now, seen_at=now
     )
 
 

@@ -96,7 +96,7 @@ def test_only_who_operates_the_robot_reads_which_part_of_the_server_fails(client
 
     parts = re.compile("service|database|disk|broker|manager")
     client.force_login(ada)
-    assert faults().count("The server has a problem.") == 11
+    assert faults().count("The server has a problem.") == 14
     assert not parts.search(faults())
     RobotPermit.objects.create(robot=robot, user=ada, kind=RobotPermit.Privilege.OPERATOR)
     assert "The server's control service isn't responding." in faults()
