@@ -395,7 +395,8 @@ const showRelease = (releasing) => {
   const asks = releasing === "sure";
   button.hidden = releasing === "" || asks;
   element("release-sure").hidden = element("release-not").hidden = !asks;
-  element("stop").hidden = releasing !== "";
+  // Back at once, for whoever sees somebody walk in while the robot releases it.
+  element("stop").hidden = releasing === "offered" || asks;
   button.disabled = releasing === "asked";
   write(button, words.say(button.disabled ? "release.asked" : "release.offered"));
 };
