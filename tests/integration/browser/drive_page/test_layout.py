@@ -63,7 +63,8 @@ FAULTS = """([selector, alert, share]) => {
   // What of an element is in sight: within everything around it that scrolls or cuts.
   const boxOf = (one) => {
     let { left, top, right, bottom } = one.getBoundingClientRect();
-    for (let around = one.parentElement; around; around = around.parentElement) {
+    const page = document.body; // is fixed: the root around it has no height
+    for (let around = one.parentElement; around !== page; around = around.parentElement) {
       if (getComputedStyle(around).overflowY !== "visible") {
         const box = around.getBoundingClientRect();
         [left, top] = [Math.max(left, box.left), Math.max(top, box.top)];
@@ -92,7 +93,7 @@ FAULTS = """([selector, alert, share]) => {
       && words.getBoundingClientRect().width > one.clientWidth + 1;
   };
   const name = (one) => one.id || one.dataset.action || one.className || one.textContent.trim();
-  const found = [];
+  const found = shown.length ? [] : ["nothing was looked at"];
   for (const [i, [one, a]] of shown.entries()) {
     if (a.left < -1 || a.top < -1 || a.right > innerWidth + 1 || a.bottom > innerHeight + 1) {
       found.push(`${name(one)} is outside`);
