@@ -20,6 +20,12 @@ def told(*arguments, environment=None):
     return load(vars(parser.parse_args(list(arguments))), environment or {})
 
 
+@pytest.fixture(autouse=True)
+def _nobodys_folder(tmp_path, monkeypatch):
+    """Where a demo has run there are credentials in `var`."""
+    monkeypatch.chdir(tmp_path)
+
+
 @pytest.fixture
 def credentials(tmp_path):
     file = tmp_path / "giraff.toml"
