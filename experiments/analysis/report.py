@@ -12,7 +12,7 @@ A selection is `all`, or `without-excluded` where a researcher has excluded sess
 """
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
@@ -124,9 +124,37 @@ def report(
     verdicts = {
         one.session.id: judge(one, dataset.study.quality) for one in (*measured, *ruled_out)
     }
+    people = dataset.participants
+    tables = tuple(
+        of_whom(marked_table(dataset.study, table), people)
+        for table in (*_tables(dataset, measured, ruled_out, verdicts), *also)
+    )
+    figures = tuple(
+        drawn_of_whom(marked_figure(dataset.study, one), people)
+        for one in _figures(dataset, measured)
+    )
+    titles = {one.key: dataset.say(one.title) or one.key for one in dataset.study.conditions}
+    return Report(
+        name,
+        (*tables, software_table()),
+        figures,
+        tuple(measured),
+        tuple(ruled_out),
+        verdicts,
+        titles,
+        note_of(people),
+    )
+
+
+def _tables(
+    dataset: Dataset,
+    measured: Sequence[Measured],
+    ruled_out: Sequence[Measured],
+    verdicts: Mapping[str, QualityVerdict],
+) -> tuple[Table, ...]:
     conditions = [one.key for one in dataset.study.conditions]
     tested = declared(dataset, measured)
-    tables = (
+    return (
         *(table_1(dataset), table_2(dataset), table_3(dataset), table_4(dataset), table_5(dataset)),
         *(table_5(dataset, key) for key in conditions if len(conditions) > 1),
         *(participants_table(dataset), flow(dataset), funnel(dataset, measured)),
@@ -154,25 +182,7 @@ def report(
             learnt(measured),
             *tested,
             hypotheses_table(dataset, tested),
-            *also,
         ),
-    )
-    people = dataset.participants
-    tables = tuple(of_whom(marked_table(dataset.study, table), people) for table in tables)
-    figures = tuple(
-        drawn_of_whom(marked_figure(dataset.study, one), people)
-        for one in _figures(dataset, measured)
-    )
-    titles = {one.key: dataset.say(one.title) or one.key for one in dataset.study.conditions}
-    return Report(
-        name,
-        (*tables, software_table()),
-        figures,
-        tuple(measured),
-        tuple(ruled_out),
-        verdicts,
-        titles,
-        note_of(people),
     )
 
 

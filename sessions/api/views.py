@@ -82,11 +82,12 @@ def robots(request: HttpRequest) -> JsonResponse:
     key = _key_or_problem(request)
     if isinstance(key, JsonResponse):
         return key
-    rows = _with_traffic(_visible(request, key), timezone.now()).order_by("name")
+    now = timezone.now()
+    rows = _with_traffic(_visible(request, key), now).order_by("name")
     return JsonResponse(
         {
             "apiVersion": VERSION,
-            "robots": [_told(request, row, key, timezone.now()) for row in rows],
+            "robots": [_told(request, row, key, now) for row in rows],
         }
     )
 
@@ -98,10 +99,11 @@ def robot(request: HttpRequest, robot: str) -> JsonResponse:
     key = _key_or_problem(request)
     if isinstance(key, JsonResponse):
         return key
-    row = _with_traffic(_visible(request, key), timezone.now()).filter(name=robot).first()
+    now = timezone.now()
+    row = _with_traffic(_visible(request, key), now).filter(name=robot).first()
     if row is None:
         return _problem(404, "no_such_robot", "There is no robot of this name that you can access.")
-    return JsonResponse({"apiVersion": VERSION, "robot": _told(request, row, key, timezone.now())})
+    return JsonResponse({"apiVersion": VERSION, "robot": _told(request, row, key, now)})
 
 
 def _visible(request: HttpRequest, key: ApiKey | None) -> Any:

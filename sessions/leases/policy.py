@@ -268,8 +268,8 @@ def offer_alive(session: ActiveSession, rules: Rules, now: float) -> bool:
 
 
 def place_in_queue(scene: Scene, session: str | None, now: float) -> int:
-    """Return the place of a session, or that of one that would join now; 1 is next. Whoever has
-    closed the page may come back to their place, and counts for nobody meanwhile.
+    """Return the place of a session, or that of one that would join now; 1 is next. A
+    visitor who has closed the page may come back to their place, and is not counted meanwhile.
     """
     ids = [waiting.id for waiting in scene.queue if waiting.id == session or waiting.page_open(now)]
     return ids.index(session) + 1 if session in ids else len(ids) + 1
