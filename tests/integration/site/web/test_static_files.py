@@ -18,6 +18,7 @@ COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
 IMPORTED = re.compile(r"(?:from|import)\s*\(?\s*[\"'](\.[^\"']+)[\"']")
 HASH = re.compile(r"\.[0-9a-f]{12}(?=\.js)")
 STATIC_IMPORT = re.compile(r"^(?:import|export)[^()]*?\bfrom \"([^\"]+)\";$", re.MULTILINE)
+LISTED_SHEET = re.compile(r'^@import "(.+)";$', re.MULTILINE)
 LARGEST = 168_500  # bytes of script that the drive page is sent
 FIRST = 98_500  # and of it what it needs to connect
 LATER = {
@@ -152,6 +153,21 @@ def test_the_drive_pages_script_stays_small_and_little_of_it_is_needed_to_connec
     later = size(*module_graph.later_modules_of("js/drive/features.js", "js/drive/page.js"))
     assert FIRST / 2 < first < FIRST, f"{first} bytes"
     assert LARGEST / 2 < first + later < LARGEST, f"{first + later} bytes"
+
+
+@pytest.mark.parametrize(
+    ("template", "sheet"), [("base.html", "base.css"), ("sessions/drive.html", "drive_page.css")]
+)
+def test_a_page_waits_for_one_style_sheet_which_holds_all_that_it_lists(collected, template, sheet):
+    linked = re.findall(r"{% static '(css/[^']+)' %}", (ROOT / "templates" / template).read_text())
+    assert linked == [f"css/{sheet}"]
+    names = json.loads((collected / "staticfiles.json").read_text())["paths"]
+    delivered = (collected / names[linked[0]]).read_text()
+    assert "@import" not in delivered
+    listed = LISTED_SHEET.findall((ROOT / "static/css" / sheet).read_text())
+    places = [delivered.index((ROOT / "static/css" / name).read_text()) for name in listed]
+    assert len(places) > 3
+    assert places == sorted(places)
 
 
 def test_no_style_sheet_points_at_a_file_that_is_not_there(collected):
