@@ -73,6 +73,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
     list_filter = (NowFilter, "enabled", "access", "connection", "floor_plan", "owner")
     linked = ("floor_plan__id__exact",)
     list_select_related = ("lease__session__visitor", "floor_plan", "owner")
+    list_per_page = 50
     search_fields = ("title", "name", "description", "owner__username")
     autocomplete_fields = ("owner",)
     actions = (
