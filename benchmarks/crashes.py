@@ -8,8 +8,9 @@ while things are down. Afterwards robots, bases and database are held against ea
 may be lost that a robot had, no two sessions may have had a robot at the same moment, and no base
 may have moved while nobody had its robot.
 
-`CRASH_PLACE` (demo, server-W[-managers-M][-nats]), `CRASH_PARTS`, `CRASH_ROBOTS` and
-`CRASH_AGENTS` choose what is run.
+`CRASH_PLACE` (demo, server-W[-managers-M][-nats], machines), `CRASH_PARTS`, `CRASH_ROBOTS` and
+`CRASH_AGENTS` choose what is run. On `machines`, the first of three is also cut off from the other
+two for half a minute, while robots and visitors reach all of them.
 """
 
 import json
@@ -35,6 +36,7 @@ ROBOTS, AGENTS = int(os.environ.get("CRASH_ROBOTS", "8")), int(os.environ.get("C
 VISITORS = 2  # at each robot
 STAYS = 12.0  # s that a visitor drives before making room
 RESTART = 1.0  # s, as RestartSec of the units in deploy/systemd
+PARTITION = 30.0  # s for which a cable between machines is cut
 RECOVERY = 60.0
 CALM = 3.0
 
@@ -66,7 +68,7 @@ def populate(place: RunningSite, robots: Hands, visitors: Hands, bases: Bases) -
             str(bases.port),
         ]
         place.site.start(name, ["-m", "benchmarks.traffic.based_robot", name, *words])
-    robots.ask("add", place.broker_ports, made[AGENTS:])
+    robots.ask("add", place.brokers, made[AGENTS:])
     each = [name for name in names for _ in range(VISITORS)]
     visitors.ask(
         "add",
@@ -98,9 +100,10 @@ def crash(place: RunningSite, part: str, names: list[str]) -> Crash:
     """Kill a part, start it again, and wait until everybody drives as before."""
     began, at = time.monotonic(), time.time()
     place.kill(part)
-    time.sleep(RESTART)
+    away = PARTITION if part in place.cables else RESTART
+    time.sleep(away)
     place.start(part)
-    recovered(place, names, at + RESTART)
+    recovered(place, names, at + away)
     done = Crash(part, time.monotonic() - began)
     print(f"{part:16} killed; every robot drives again after {done.seconds:5.1f} s", flush=True)
     time.sleep(CALM)
@@ -132,9 +135,9 @@ def main() -> int:
     """Crash everything, judge, print; return how much was wrong."""
     with (
         tempfile.TemporaryDirectory(prefix="telepresence-crashes-") as folder,
-        Bases() as bases,
         watched() as jitter,
-        running_place(PLACE, Path(folder)) as place,
+        running_place(PLACE, Path(folder)) as place,  # first, since it may have a network
+        Bases() as bases,
         Hands("benchmarks.traffic.robots") as robots,
         Hands("benchmarks.traffic.visitors") as visitors,
     ):
@@ -166,10 +169,9 @@ def main() -> int:
 
 
 def parts_of(place: RunningSite) -> list[str]:
-    """Return what is killed: everything of the server, and one agent."""
-    return [name for name in place.processes if not name.startswith("agent-")] + (
-        ["agent-0"] if AGENTS else []
-    )
+    """Return what is killed or cut: everything of the server, and one agent."""
+    server = [name for name in place.processes if not name.startswith("agent-")]
+    return [*server, *place.cables, *(["agent-0"] if AGENTS else [])]
 
 
 def report(

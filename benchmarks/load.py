@@ -118,7 +118,7 @@ def grow(place: RunningSite, robots: Hands, visitors: Hands, have: int, wanted: 
     as patience lasts.
     """
     names = [f"light-{number}" for number in range(have, wanted)]
-    robots.ask("add", place.broker_ports, place.make_robots(names))
+    robots.ask("add", place.brokers, place.make_robots(names))
     wait_for(lambda: robots.ask("online") == wanted, 60, f"{wanted} robots online")
     visitors.ask("add", place.make_visitors([f"visitor-{name}" for name in names], names), 1e9)
     until = time.monotonic() + 60.0

@@ -10,11 +10,10 @@ import contextlib
 import json
 import re
 import signal
-import subprocess
 import urllib.error
 import urllib.request
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from benchmarks.traffic.verdicts import DrivePeriod, NumberedState
@@ -22,8 +21,10 @@ from telepresence_site.serving import APPLICATION, DAPHNE
 from tests.support.clustered_brokers.nats import HOST, NatsNodes
 from tests.support.clustered_brokers.node import Node
 from tests.support.clustered_brokers.site import ClusterSite
+from tests.support.machines.machine import Partition
+from tests.support.machines.site import Placed, running_machines
 from tests.support.programs.postgres import Postgres, running_postgres
-from tests.support.programs.server import program
+from tests.support.programs.redis import Redis
 from tests.support.sessions.site import LOOPBACK, Site, free_port, wait_for
 
 ROBOTS = """
@@ -113,40 +114,6 @@ class StateRecord:
     missing: dict[str, int]
 
 
-class Redis:
-    """A Redis that keeps nothing, as the channel layer and the cache need none."""
-
-    def __init__(self, directory: Path) -> None:
-        self._directory, self._port = directory, free_port()
-        self.url = f"redis://{LOOPBACK}:{self._port}/0"
-
-    @property
-    def pid(self) -> int:
-        """Return the id of its process."""
-        return self._process.pid
-
-    def start(self) -> None:
-        """Start it."""
-        words = [
-            program("redis-server"),
-            "--port",
-            str(self._port),
-            "--bind",
-            LOOPBACK,
-            "--save",
-            "",
-            "--appendonly",
-            "no",
-        ]
-        with (self._directory / "redis.log").open("ab") as log:
-            self._process = subprocess.Popen(words, stdout=log, stderr=subprocess.STDOUT)
-
-    def kill(self) -> None:
-        """End it without a word."""
-        self._process.kill()
-        self._process.wait()
-
-
 @dataclass
 class Database:
     """PostgreSQL, which can crash."""
@@ -191,20 +158,21 @@ class BrokerNode:
 
 @dataclass
 class RunningSite:
-    """A running site and what can be asked of it. `webs` has the port of each web process,
-    `outside` what is not ours.
+    """A running site and what can be asked of it. `webs` has the host and port of each web process,
+    `outside` what is not ours, `cables` what can be cut.
     """
 
     site: Site
-    webs: dict[str, int]
-    outside: dict[str, Redis | Database | BrokerNode]
+    webs: dict[str, str]
+    outside: dict[str, Redis | Database | BrokerNode | Placed]
+    cables: dict[str, Partition] = field(default_factory=dict)
 
     @property
-    def broker_ports(self) -> list[int]:
-        """Return the port of each node of the broker."""
+    def brokers(self) -> list[tuple[str, int]]:
+        """Return host and port of each node of the broker."""
         if isinstance(self.site, ClusterSite):
-            return [place.mqtt for place in self.site.cluster.places]
-        return [self.site.mqtt_port]
+            return [(node.host, node.mqtt) for node in self.site.cluster.places]
+        return [(LOOPBACK, self.site.mqtt_port)]
 
     @property
     def processes(self) -> dict[str, int]:
@@ -213,15 +181,19 @@ class RunningSite:
         return {**ours, **{name: part.pid for name, part in self.outside.items()}}
 
     def kill(self, part: str) -> None:
-        """Kill a part."""
-        if part in self.outside:
+        """Kill a part, or cut a cable."""
+        if part in self.cables:
+            self.cables[part].begin()
+        elif part in self.outside:
             self.outside[part].kill()
         else:
             self.site.stop(part, signal.SIGKILL)
 
     def start(self, part: str) -> None:
-        """Start a part that was killed."""
-        if part in self.outside:
+        """Start a part that was killed, or mend a cable."""
+        if part in self.cables:
+            self.cables[part].end()
+        elif part in self.outside:
             self.outside[part].start()
         else:
             self.site.start(part)
@@ -239,9 +211,9 @@ class RunningSite:
         the web processes.
         """
         cookies: list[str] = json.loads(self.site.django(VISITORS.format(names=names)))
-        ports = list(self.webs.values())
+        webs = list(self.webs.values())
         addresses = [
-            f"http://{LOOPBACK}:{ports[number % len(ports)]}/ws/robots/{robot}/"
+            f"http://{webs[number % len(webs)]}/ws/robots/{robot}/"
             for number, robot in enumerate(robots)
         ]
         return [list(pair) for pair in zip(addresses, cookies, strict=True)]
@@ -285,12 +257,12 @@ class RunningSite:
         """Tell whether every web process says that broker, database and session
         manager are there.
         """
-        return all(_is_ready(port) for port in self.webs.values())
+        return all(_is_ready(web) for web in self.webs.values())
 
 
-def _is_ready(port: int) -> bool:
+def _is_ready(web: str) -> bool:
     try:
-        with urllib.request.urlopen(f"http://{LOOPBACK}:{port}/readyz", timeout=5) as answer:
+        with urllib.request.urlopen(f"http://{web}/readyz", timeout=5) as answer:
             return bool(answer.status == 200)
     except (urllib.error.URLError, OSError):
         return False
@@ -299,18 +271,32 @@ def _is_ready(port: int) -> bool:
 KIND = re.compile(r"demo|server-(?P<webs>\d+)(-managers-(?P<managers>\d+))?(?P<nats>-nats)?")
 
 
+# all visitors come from this computer
+SETTINGS = {"LOG_LEVEL": "WARNING", "SOCKETS_PER_ADDRESS": "10000"}
+
+
 @contextlib.contextmanager
 def running_place(kind: str, directory: Path) -> Iterator[RunningSite]:
     """Run a place: `demo`, or `server-W` with W web processes, `server-W-managers-M` with M session
-    managers, either with `-nats` for a broker of three nodes; everything is ended afterwards.
+    managers, either with `-nats` for a broker of three nodes, or `machines` for a cluster on three
+    machines; everything is ended afterwards.
     """
+    if kind == "machines":
+        with running_machines(directory, **SETTINGS) as on:
+            one, *others = on.machines
+            cables = {"partition": Partition([one], others)}
+            place = RunningSite(on.site, on.webs, dict(on.placed), cables)
+            _await(place, len(on.machines))
+            yield place
+        return
     found = KIND.fullmatch(kind)
     if found is None:
-        raise ValueError(f"there is no place {kind}: demo, or server-W[-managers-M][-nats]")
+        raise ValueError(
+            f"there is no place {kind}: demo, machines, or server-W[-managers-M][-nats]"
+        )
     with contextlib.ExitStack() as stack:
-        outside: dict[str, Redis | Database | BrokerNode] = {}
-        # all visitors come from this computer
-        settings = {"LOG_LEVEL": "WARNING", "SOCKETS_PER_ADDRESS": "10000"}
+        outside: dict[str, Redis | Database | BrokerNode | Placed] = {}
+        settings = dict(SETTINGS)
         if kind != "demo":
             database, redis = Database(stack.enter_context(running_postgres())), Redis(directory)
             redis.start()
@@ -319,11 +305,12 @@ def running_place(kind: str, directory: Path) -> Iterator[RunningSite]:
             settings |= {"DATABASE_URL": database.postgres.url, "REDIS_URL": redis.url}
         site = _site(directory, settings, is_clustered=bool(found["nats"]))
         stack.callback(site.stop_all)
-        webs = (
+        ports = (
             {"web": site.web_port}
             if kind == "demo"
             else {f"web-{n}": free_port() for n in range(int(found["webs"]))}
         )
+        webs = {name: f"{LOOPBACK}:{port}" for name, port in ports.items()}
         place = RunningSite(site, webs, outside)
         if kind == "demo":
             site.prepare()
@@ -362,7 +349,12 @@ def _start(place: RunningSite, managers: int) -> None:
     for n in range(managers):
         name = "session-manager" if n == 0 else f"session-manager-{n}"
         site.start(name, ["manage.py", "run_session_manager"])
-    for name, port in place.webs.items():
-        site.start(name, [*DAPHNE, "-b", LOOPBACK, "-p", str(port), APPLICATION])
+    for name, web in place.webs.items():
+        host, _, port = web.partition(":")
+        site.start(name, [*DAPHNE, "-b", host, "-p", port, APPLICATION])
+    _await(place, managers)
+
+
+def _await(place: RunningSite, managers: int) -> None:
     wait_for(place.is_ready, 60, "a site with all its parts")
     wait_for(lambda: place.managers() == managers, 60, f"{managers} session managers with shards")

@@ -340,14 +340,14 @@ class Robots:
         self._robots: list[LightRobot] = []
         self._living: set[asyncio.Task[None]] = set()
 
-    def add(self, ports: list[int], robots: list[list[str]]) -> int:
-        """Let robots live, given as [name, token], spread over the nodes of the broker, which
-        listen on these ports; returns how many there are.
+    def add(self, brokers: list[tuple[str, int]], robots: list[list[str]]) -> int:
+        """Let robots live, given as [name, token], spread over the nodes of the broker, each given
+        as [host, port]; returns how many there are.
         """
         for name, token in robots:
-            port = ports[len(self._robots) % len(ports)]
+            host, port = brokers[len(self._robots) % len(brokers)]
             self._robots.append(LightRobot(name, token, self._told, self._timers, self._rng))
-            self._living.add(asyncio.create_task(self._robots[-1].live("127.0.0.1", port)))
+            self._living.add(asyncio.create_task(self._robots[-1].live(host, port)))
         return len(self._robots)
 
     def online(self) -> int:

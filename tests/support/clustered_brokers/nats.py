@@ -1,6 +1,7 @@
 """NATS with JetStream: one node, or three that are one broker."""
 
 import asyncio
+import contextlib
 import urllib.request
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,11 +33,16 @@ class Place:
 
 
 class NatsNodes:
-    """Nodes on these hosts, which read their users from `users.conf` in the directory."""
+    """Nodes on these hosts or machines, which read their users from `users.conf` in the
+    directory.
+    """
 
     def __init__(self, directory: Path, hosts):
-        self.directory = directory
-        self.places = [Place(host, *(free_port() for _ in range(4))) for host in hosts]
+        self.directory, self._hosts = directory, hosts
+        self.places = [
+            Place(getattr(host, "address", host), *(free_port() for _ in range(4)))
+            for host in hosts
+        ]
         self.nodes = []
 
     @property
@@ -49,7 +55,8 @@ class NatsNodes:
             file = self.directory / f"node-{number}.conf"
             file.write_text(self._configuration(number, place))
             log = self.directory / f"node-{number}.log"
-            self.nodes.append(Node([nats, "-c", str(file)], log))
+            with getattr(self._hosts[number], "within", contextlib.nullcontext)():
+                self.nodes.append(Node([nats, "-c", str(file)], log))
 
     async def ready(self):
         """Wait until the nodes have found each other and keep messages together."""

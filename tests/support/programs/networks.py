@@ -49,9 +49,10 @@ NO_UDP, WEB_ONLY = Kind(nat="usual", passes="no udp"), Kind(nat="usual", passes=
 
 @dataclass(frozen=True)
 class Computer:
-    """One computer in a network; `name` is its namespace."""
+    """One computer in a network; `name` is its namespace, `address` where its cable ends."""
 
     name: str
+    address: str
 
     def wrapper(self, folder: Path, program: str) -> Path:
         """Return a script that runs a program on it."""
@@ -114,7 +115,7 @@ class Internet:
                 capture_output=True,
             )
         self._close(router, kind.passes)
-        return Computer(computer)
+        return Computer(computer, inner)
 
     def join_lan(self, name: str) -> Computer:
         """Put a computer on one cable with the server, at LAN_SERVER, and nothing else: no router,
@@ -139,8 +140,9 @@ class Internet:
         )
         ip("-n", self.name, "link", "set", f"port{number}", "addrgenmode", "none", "master", "lan")
         ip("-n", self.name, "link", "set", f"port{number}", "up")
-        self._address(computer, "eth0", f"10.177.9.{number + 1}/24")
-        return Computer(computer)
+        address = f"10.177.9.{number + 1}"
+        self._address(computer, "eth0", f"{address}/24")
+        return Computer(computer, address)
 
     def _add(self, name: str) -> None:
         ip("netns", "add", name)

@@ -12,7 +12,7 @@ import subprocess
 import tempfile
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -33,13 +33,15 @@ class PatroniNode(Postgres):
     """Patroni and the server that it runs; `kill` and `hold` mean the whole machine."""
 
     name: str = ""
-    etcd_port: int = 0
+    etcd: tuple[str, ...] = ()  # host:port
+    host: str = LOOPBACK
+    clients: str = f"{LOOPBACK}/32"  # the network of who may connect
     api_port: int = field(default_factory=free_port)
     patroni: list[subprocess.Popen[bytes]] = field(default_factory=list)
 
     @property
     def url(self) -> str:
-        return f"postgres://{OWNER}:{PASSWORD}@{LOOPBACK}:{self.port}/postgres"
+        return f"postgres://{OWNER}:{PASSWORD}@{self.host}:{self.port}/postgres"
 
     def start(self) -> None:
         """Start Patroni, which makes a primary, or a copy of the one that is there."""
@@ -50,12 +52,13 @@ class PatroniNode(Postgres):
     def adopt(self) -> None:
         """Have a server with all tables, and the roles that Patroni would make in an empty one."""
         subprocess.run(["cp", "-a", migrated(), self.data], check=True)
-        super().start()
+        alone = Postgres(self.directory, self.port)
+        alone.start()
         roles = {"replicator": "REPLICATION", "rewind": "SUPERUSER"}
         for role, may in roles.items():
-            self.ask(f"CREATE ROLE {role} {may} LOGIN PASSWORD '{PASSWORD}'")
-        self.ask(f"ALTER ROLE {OWNER} PASSWORD '{PASSWORD}'")
-        super().stop("fast")
+            alone.ask(f"CREATE ROLE {role} {may} LOGIN PASSWORD '{PASSWORD}'")
+        alone.ask(f"ALTER ROLE {OWNER} PASSWORD '{PASSWORD}'")
+        alone.stop("fast")
 
     def stop(self, mode: str = "") -> None:
         """End Patroni, which ends its server."""
@@ -68,6 +71,10 @@ class PatroniNode(Postgres):
         self.patroni.pop().wait(patient(10))
         self.start()
 
+    def begin(self) -> None:
+        """Start it, whether it ever ran or not."""
+        self.restart() if self.patroni else self.start()
+
     @property
     def is_running(self) -> bool:
         return bool(self.patroni) and self.patroni[-1].poll() is None
@@ -75,7 +82,7 @@ class PatroniNode(Postgres):
     def status(self) -> dict[str, Any]:
         """What Patroni says of its node."""
         with contextlib.suppress(OSError, urllib.error.URLError, json.JSONDecodeError):
-            url = f"http://{LOOPBACK}:{self.api_port}/cluster"
+            url = f"http://{self.host}:{self.api_port}/cluster"
             with urllib.request.urlopen(url, timeout=2) as answer:
                 members = json.load(answer)["members"]
                 return next((one for one in members if one["name"] == self.name), {})
@@ -84,6 +91,12 @@ class PatroniNode(Postgres):
     def log(self) -> str:
         """Return the end of what Patroni says."""
         return (self.directory / "patroni.log").read_text(errors="replace")[-3000:]
+
+    def is_leading(self) -> bool:
+        return self.has_role("leader")
+
+    def is_following(self) -> bool:
+        return self.has_role("sync_standby") or self.has_role("replica")
 
     def has_role(self, role: str) -> bool:
         status = self.status()
@@ -94,15 +107,15 @@ class PatroniNode(Postgres):
         for old, new in {
             "NAME": self.name,
             "SECRET": PASSWORD,
-            "ADDRESS:8008": f"{LOOPBACK}:{self.api_port}",
-            "ADDRESS:5432": f"{LOOPBACK}:{self.port}",
-            "[10.0.0.1:2379, 10.0.0.2:2379, 10.0.0.3:2379]": f"[{LOOPBACK}:{self.etcd_port}]",
+            "ADDRESS:8008": f"{self.host}:{self.api_port}",
+            "ADDRESS:5432": f"{self.host}:{self.port}",
+            "[10.0.0.1:2379, 10.0.0.2:2379, 10.0.0.3:2379]": f"[{', '.join(self.etcd)}]",
             "/var/lib/postgresql/15/telepresence": self.data,
             "/usr/lib/postgresql/15/bin": str(Path(program("postgres")).parent),
             "/var/lib/postgresql/telepresence.pgpass": str(self.directory / "pgpass"),
             "/var/run/postgresql": str(self.directory),
             "local all all peer": "local all all trust",
-            "10.0.0.0/24": f"{LOOPBACK}/32",
+            "10.0.0.0/24": self.clients,
         }.items():
             assert old in text, f"{CONFIG} has no {old}"
             text = text.replace(old, new)
@@ -138,7 +151,8 @@ def spawn(directory: Path, *command: str) -> subprocess.Popen[bytes]:
 
 
 @contextlib.contextmanager
-def _folder() -> Iterator[Path]:
+def owned_folder() -> Iterator[Path]:
+    """Make a folder for PostgreSQL's user, which its parents must not hide."""
     folder = Path(tempfile.mkdtemp(prefix="telepresence-patroni-"))
     if os.geteuid() == 0:
         shutil.chown(folder, OWNER)
@@ -148,32 +162,50 @@ def _folder() -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-@contextlib.contextmanager
-def _etcd() -> Iterator[int]:
-    port, among = free_port(), f"http://{LOOPBACK}:{free_port()}"
-    own = f"http://{LOOPBACK}:{port}"
-    with _folder() as folder:
-        process = spawn(
-            folder,
+@dataclass
+class EtcdNode:
+    """One node of etcd."""
+
+    name: str
+    directory: Path
+    host: str = LOOPBACK
+    port: int = field(default_factory=free_port)
+    peer_port: int = field(default_factory=free_port)
+
+    @property
+    def address(self) -> str:
+        return f"{self.host}:{self.port}"
+
+    @property
+    def member(self) -> str:
+        """What the others know it by."""
+        return f"{self.name}=http://{self.host}:{self.peer_port}"
+
+    def start(self, members: Iterable["EtcdNode"]) -> None:
+        """Start it as one of these; after `kill` as well."""
+        own, among = f"http://{self.address}", f"http://{self.host}:{self.peer_port}"
+        self.process = spawn(
+            self.directory,
             _found("etcd"),
-            *("--name", "etcd", "--data-dir", str(folder / "data")),
+            *("--name", self.name, "--data-dir", str(self.directory / "data")),
             *("--listen-client-urls", own, "--advertise-client-urls", own),
             *("--listen-peer-urls", among, "--initial-advertise-peer-urls", among),
-            *("--initial-cluster", f"etcd={among}"),
+            *("--initial-cluster", ",".join(node.member for node in members)),
         )
-        try:
-            yield port
-        finally:
-            process.terminate()
-            process.wait(patient(10))
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.wait(patient(10))
 
 
 @contextlib.contextmanager
 def running_patroni() -> Iterator[tuple[PatroniNode, PatroniNode]]:
     """Start a primary with all tables and nothing in them, and a synchronous standby."""
-    with _etcd() as etcd, _folder() as one, _folder() as other:
+    with owned_folder() as etcds, owned_folder() as one, owned_folder() as other:
+        etcd = EtcdNode("etcd", etcds)
+        etcd.start([etcd])
         nodes = tuple(
-            PatroniNode(folder, free_port(), name=name, etcd_port=etcd)
+            PatroniNode(folder, free_port(), name=name, etcd=(etcd.address,))
             for name, folder in (("one", one), ("other", other))
         )
         primary, standby = nodes
@@ -188,3 +220,4 @@ def running_patroni() -> Iterator[tuple[PatroniNode, PatroniNode]]:
             for node in reversed(nodes):
                 if node.is_running:
                     node.stop()
+            etcd.kill()
