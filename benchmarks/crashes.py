@@ -117,18 +117,23 @@ def everybody_leaves(place: RunningSite, robots: Hands, visitors: Hands) -> None
         lambda: all(drive.until for drive in place.sessions()), RECOVERY, "the end of every visit"
     )
     wait_for(lambda: robots.ask("driven") == 0, RECOVERY, "the robots' word that nobody drives")
-    wait_for(lambda: _complete(place, robots), RECOVERY, "a whole record")
-
-
-def _complete(place: RunningSite, robots: Hands) -> bool:
-    stored = place.stored()
-    return (
-        all(
-            stored.get(session, 0) >= count
-            for session, count in robots.ask("record")["states"].items()
-        )
-        and place.is_closed()
+    wait_for(
+        lambda: not _awaited(place, robots),
+        RECOVERY,
+        "a whole record",
+        lambda: _awaited(place, robots),
     )
+
+
+def _awaited(place: RunningSite, robots: Hands) -> dict[str, str]:
+    """Return what of the record is still awaited, by session."""
+    stored, numbered = place.stored(), robots.ask("record")["states"]
+    few = {
+        session: f"{stored.get(session, 0)} of {count} states"
+        for session, count in numbered.items()
+        if stored.get(session, 0) < count
+    }
+    return {**dict.fromkeys(place.unclosed(), "not closed"), **few}
 
 
 def main() -> int:

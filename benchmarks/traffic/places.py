@@ -98,6 +98,12 @@ print(json.dumps([
     for row in rows
 ]))
 """
+UNCLOSED = """
+import json
+from sessions.models import Session
+unclosed = Session.objects.filter(closed_at=None)
+print(json.dumps([str(pk) for pk in unclosed.values_list("pk", flat=True)]))
+"""
 MANAGERS = """
 from sessions.models import Shard
 print(len(set(Shard.objects.exclude(owner=None).values_list("owner", flat=True))))
@@ -235,15 +241,10 @@ class RunningSite:
         found: list[str] = json.loads(self.site.django(DRIVEN.format(since=since)))
         return found
 
-    def is_closed(self) -> bool:
-        """Tell whether nothing more is awaited for any session's record."""
-        return (
-            self.site.django(
-                "from sessions.models import Session;"
-                " print(Session.objects.filter(closed_at=None).count())"
-            ).strip()
-            == "0"
-        )
+    def unclosed(self) -> list[str]:
+        """Return the sessions of whose record something is still awaited."""
+        found: list[str] = json.loads(self.site.django(UNCLOSED))
+        return found
 
     def sessions(self) -> list[DrivePeriod]:
         """Return every session that had its robot, in order of their grants."""

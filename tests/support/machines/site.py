@@ -22,6 +22,17 @@ from tests.support.sessions.site import free_port, wait_for
 
 WEB_PORT = 8000
 MANAGER, WEB = "session-manager", "web"
+ONLINE = """
+import datetime
+from django.utils import timezone
+from robots.models import Robot
+heard = timezone.now() - datetime.timedelta(seconds=10)
+print(Robot.objects.filter(name={name!r}, connection="ONLINE", last_seen_at__gt=heard).exists())
+"""
+DOCKED = """
+from robots.models import Robot
+print(Robot.objects.filter(name={name!r}, report__docked=True).exists())
+"""
 
 
 @dataclass
@@ -55,6 +66,12 @@ class MachinesSite(ClusterSite):
                 super().start(name, arguments)
         finally:
             self.here = None
+
+    def robot_is_online(self, name: str) -> bool:
+        return self.django(ONLINE.format(name=name)).strip() == "True"
+
+    def robot_is_docked(self, name: str) -> bool:
+        return self.django(DOCKED.format(name=name)).strip() == "True"
 
     def start_processes(self) -> dict[str, str]:
         """Start a session manager and a web process on each machine; return the host and port of

@@ -1,0 +1,150 @@
+"""A drive in a browser over a whole cluster, each of whose engines is killed while somebody
+drives: three machines, each a network namespace with etcd, PostgreSQL run by Patroni, a node of
+NATS, a session manager and a web process, as docs/howto/run-a-cluster.md has it.
+
+The table says for how long the robot stood, and what the page said meanwhile. Pictures of the page
+are in benchmarks/results/cluster: `NAME-away.png` before an engine comes back, `NAME-back.png` when
+the robot turns again and nothing is wrong. `CLUSTER_PARTS` chooses what is killed; `partition`
+cuts the first machine off from the other two. Needs root.
+"""
+
+import json
+import os
+import re
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+from pathlib import Path
+
+from playwright.sync_api import sync_playwright
+
+from benchmarks.table import RESULTS
+from benchmarks.traffic.places import RunningSite, running_place
+from tests.support.agents.truth import Onlooker
+from tests.support.browsers.visitor import Visitor, chromium
+from tests.support.patience import patient
+
+ROBOT, START = "giraff", "lab-centre"
+AWAY = 15.0  # s for which an engine is away: longer than a lease
+RECOVERY = 60.0
+PRESSED = 1.0  # s after which the key is pressed again, as people do
+TURNS, STANDS = 0.2, 0.05  # rad/s
+SEED = """
+from robots.models import Robot
+from telepresence_site.demo.seed import seed
+seed({url!r})
+Robot.objects.update(returns_home=False, shown_to_visitors=True)
+"""
+SAID = """
+["#alert", "#card-title", "#status-text"].map((name) => document.querySelector(name)).filter(
+  (element) => element.checkVisibility() && element.textContent.trim(),
+).map((element) => element.textContent.trim())
+"""
+
+
+@dataclass(frozen=True)
+class Loss:
+    """An engine that was away: for how many seconds the robot stood, and what the page said, each
+    with the seconds since the loss.
+    """
+
+    part: str
+    stood: float
+    said: list[tuple[float, str]]
+
+
+@dataclass
+class Drive:
+    """Somebody who turns a robot on the spot, and who sees both page and robot."""
+
+    place: RunningSite
+    visitor: Visitor
+    onlooker: Onlooker
+    folder: Path
+
+    def lose(self, part: str) -> Loss:
+        """Kill an engine or cut a cable, bring it back, and wait until the robot turns again and
+        the page has no complaint.
+        """
+        self._turn_until(self._is_well, RECOVERY)
+        lost, said = time.monotonic(), []
+        stamp = self.onlooker.history(1.0)[-1].stamp
+        self.place.kill(part)
+        self._turn_until(lambda: time.monotonic() > lost + AWAY, AWAY, said, lost)
+        self.visitor.screenshot(self.folder / f"{part}-away.png")
+        self.place.start(part)
+        self._turn_until(self._is_well, RECOVERY, said, lost)
+        self.visitor.screenshot(self.folder / f"{part}-back.png")
+        return Loss(part, self._stood(stamp, time.monotonic() - lost), said)
+
+    def _is_well(self) -> bool:
+        return self.onlooker.history(0.5)[-1].angular > TURNS and not self.visitor.page.evaluate(
+            "document.querySelector('#alert').checkVisibility()"
+        )
+
+    def _turn_until(
+        self,
+        reached: Callable[[], bool],
+        within: float,
+        said: list[tuple[float, str]] | None = None,
+        since: float = 0.0,
+    ) -> None:
+        page, pressed, deadline = self.visitor.page, 0.0, time.monotonic() + patient(within)
+        while not reached():
+            if time.monotonic() > deadline:
+                raise RuntimeError(f"not well after {within} s: {page.evaluate(SAID)}")
+            if time.monotonic() > pressed + PRESSED:
+                page.keyboard.up("ArrowLeft")
+                page.keyboard.down("ArrowLeft")
+                pressed = time.monotonic()
+            for text in page.evaluate(SAID):
+                told = re.sub(r"\d+", "…", text)  # a countdown is one sentence
+                if said is not None and told not in [known for _, known in said]:
+                    said.append((round(time.monotonic() - since, 1), told))
+            page.wait_for_timeout(100)
+
+    def _stood(self, stamp: float, seconds: float) -> float:
+        rows = [row for row in self.onlooker.history(seconds + 1.0) if row.stamp >= stamp]
+        moved = [row.stamp for row in rows if abs(row.angular) > STANDS]
+        return max((later - earlier for earlier, later in pairwise(moved)), default=seconds)
+
+
+def main() -> int:
+    """Lose every engine in turn, print and keep what was seen."""
+    folder = RESULTS / "cluster"
+    folder.mkdir(parents=True, exist_ok=True)
+    with (
+        tempfile.TemporaryDirectory(prefix="telepresence-cluster-") as made,
+        running_place("machines", Path(made)) as place,
+        sync_playwright() as playwright,
+        chromium(playwright) as browser,
+    ):
+        place.site.django(SEED.format(url=place.site.mqtt_url))
+        place.site.write_users()
+        place.site.cluster.reload()
+        onlooker = place.site.start_robot(ROBOT, "--start", START)
+        visitor = Visitor(browser, place.site, "ana", url=f"http://{place.webs['web-0']}")
+        visitor.drive(ROBOT)
+        drive = Drive(place, visitor, onlooker, folder)
+        chosen = os.environ.get("CLUSTER_PARTS", "")
+        losses = [drive.lose(part) for part in chosen.split(",") if part] or [
+            drive.lose(part) for part in parts_of(place)
+        ]
+        visitor.close()
+    for loss in losses:
+        print(f"{loss.part:18} the robot stood for {loss.stood:5.1f} s")
+        print(*(f"{at:24.1f} s  {text}" for at, text in loss.said), sep="\n")
+    (RESULTS / "cluster.json").write_text(json.dumps([asdict(loss) for loss in losses], indent=1))
+    return 0
+
+
+def parts_of(place: RunningSite) -> list[str]:
+    """Return what is killed or cut: everything but the robot."""
+    return [name for name in place.processes if not name.startswith(ROBOT)] + list(place.cables)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
