@@ -46,7 +46,7 @@ SAID = """
 
 
 @dataclass(frozen=True)
-class Loss:
+class EngineLoss:
     """An engine that was away: for how many seconds the robot stood, and what the page said, each
     with the seconds since the loss.
     """
@@ -57,7 +57,7 @@ class Loss:
 
 
 @dataclass
-class Drive:
+class ClusterDrive:
     """Somebody who turns a robot on the spot, and who sees both page and robot."""
 
     place: RunningSite
@@ -65,7 +65,7 @@ class Drive:
     onlooker: Onlooker
     folder: Path
 
-    def lose(self, part: str) -> Loss:
+    def lose(self, part: str) -> EngineLoss:
         """Kill an engine or cut a cable, bring it back, and wait until the robot turns again and
         the page has no complaint.
         """
@@ -78,7 +78,7 @@ class Drive:
         self.place.start(part)
         self._turn_until(self._is_well, RECOVERY, said, lost)
         self.visitor.screenshot(self.folder / f"{part}-back.png")
-        return Loss(part, self._stood(stamp, time.monotonic() - lost), said)
+        return EngineLoss(part, self._stood(stamp, time.monotonic() - lost), said)
 
     def _is_well(self) -> bool:
         return self.onlooker.history(0.5)[-1].angular > TURNS and not self.visitor.page.evaluate(
@@ -128,7 +128,7 @@ def main() -> int:
         onlooker = place.site.start_robot(ROBOT, "--start", START)
         visitor = Visitor(browser, place.site, "ana", url=f"http://{place.webs['web-0']}")
         visitor.drive(ROBOT)
-        drive = Drive(place, visitor, onlooker, folder)
+        drive = ClusterDrive(place, visitor, onlooker, folder)
         chosen = os.environ.get("CLUSTER_PARTS", "")
         losses = [drive.lose(part) for part in chosen.split(",") if part] or [
             drive.lose(part) for part in parts_of(place)
