@@ -163,7 +163,7 @@ class StudyMember(models.Model):
         OWNER = "owner", _("owner: full access")
         RESEARCHER = "researcher", _("researcher: sees data, excludes drives, intervenes")
         VIEWER = "viewer", _("viewer: sees pseudonymous data")
-        WIZARD = "wizard", _("hidden operator: only operates as wizard")
+        WIZARD = "wizard", _("hidden operator: only operates the robot")
         CODER = "coder", _("coder: codes replays, sees nothing else")
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)

@@ -26,7 +26,7 @@ column of each file. Times are seconds since the robot was granted, by the clock
 names. An empty cell or `nan` is a missing value.
 {missing}
 The dataset is of {people}. It contains all sessions, including failed, empty, practice and excluded
-ones, and those of pilots and of bots (programs that took part in the place of people): the columns
+ones, and those of pilots and of bots (programs that took part in place of people): the columns
 `kind`, `practice`, `outcome` and `excluded` distinguish them. `questionnaires/` has the wording of
 each questionnaire, its scales and how it is scored; `study.json` has the study.
 

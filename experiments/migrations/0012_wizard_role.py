@@ -13,6 +13,6 @@ class Migration(migrations.Migration):
         migrations.AlterField(
             model_name='studymember',
             name='role',
-            field=models.CharField(choices=[('owner', 'owner: full access'), ('researcher', 'researcher: sees data, excludes drives, intervenes'), ('viewer', 'viewer: sees pseudonymous data'), ('wizard', 'hidden operator: only operates as wizard')], max_length=12, verbose_name='role'),
+            field=models.CharField(choices=[('owner', 'owner: full access'), ('researcher', 'researcher: sees data, excludes drives, intervenes'), ('viewer', 'viewer: sees pseudonymous data'), ('wizard', 'hidden operator: only operates the robot')], max_length=12, verbose_name='role'),
         ),
     ]

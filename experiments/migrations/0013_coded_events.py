@@ -18,7 +18,7 @@ class Migration(migrations.Migration):
         migrations.AlterField(
             model_name='studymember',
             name='role',
-            field=models.CharField(choices=[('owner', 'owner: full access'), ('researcher', 'researcher: sees data, excludes drives, intervenes'), ('viewer', 'viewer: sees pseudonymous data'), ('wizard', 'hidden operator: only operates as wizard'), ('coder', 'coder: codes replays, sees nothing else')], max_length=12, verbose_name='role'),
+            field=models.CharField(choices=[('owner', 'owner: full access'), ('researcher', 'researcher: sees data, excludes drives, intervenes'), ('viewer', 'viewer: sees pseudonymous data'), ('wizard', 'hidden operator: only operates the robot'), ('coder', 'coder: codes replays, sees nothing else')], max_length=12, verbose_name='role'),
         ),
         migrations.CreateModel(
             name='CodingSchemeVersion',

@@ -186,8 +186,8 @@ then.
   state.
 - Lose nothing of the record while the broker is unavailable: keep states and events, and send them
   in order. Keep the states of ten minutes for `resend_states`.
-- Publish `pose` while the robot moves, at most 15 times a second, and `heartbeat` five times a
-  second on both transports, with one echo for each peer and transport.
+- Publish `pose` while the robot moves, at most 15 times a second (30 while its head tilts), and
+  `heartbeat` five times a second on both transports, with one echo for each peer and transport.
 - Do not stop a drive when the broker is unavailable: commands on the data channel count until the
   lease ends.
 - Leave out what the robot does not know; never guess. A robot that reports nothing for 1 s, or

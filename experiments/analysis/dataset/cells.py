@@ -8,7 +8,7 @@ EXACT = 1e15  # whole numbers below it are exact
 
 
 def as_cell(value: Any) -> Any:
-    """Return a value of a record as a cell: 0 and 1, all digits of a number, parts divided by |."""
+    """Return a value of a record as a cell: 0 and 1, all digits of a number, parts between |."""
     if isinstance(value, bool):
         return int(value)
     if isinstance(value, float):

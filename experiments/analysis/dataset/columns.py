@@ -12,13 +12,14 @@ from experiments.analysis.dataset.levels import METHODS, MODES, WAYS
 from robots.api import docked
 
 TIMES = (
-    "Times are in seconds. Those of a session count from the moment in which the server granted the"
+    "Times are in seconds. Those of a session count from the moment at which the server granted the"
     " robot to the participant, by the clock that their column names; times before it are below 0."
     " An empty cell or nan is a missing value."
 )
 DOCKED = (
     "charger contact, standstill and no velocity from the driver for"
-    f" {docked.DOCKED.seconds:g} s, by the robot's word; a robot without contacts says it by itself"
+    f" {docked.DOCKED.seconds:g} s, as the robot reports; a robot without contacts decides it by"
+    " itself"
 )
 # The three series of a command, and what their columns say.
 SERIES = {
@@ -164,7 +165,7 @@ PARTICIPANTS = (
     Column("id", "", "code of the participant"),
     Column("kind", "", "who took part").one_of(levels.KINDS),
     amount_of("age", "years", "age, as told on the consent page"),
-    Column("cell", "", "assigned condition, or conditions in order, divided by -"),
+    Column("cell", "", "assigned condition, or conditions in order, separated by -"),
     Column("reached", "", "last step of the study that was begun"),
     Column(
         "left",
@@ -177,7 +178,7 @@ PARTICIPANTS = (
 
 SESSIONS = (
     Column("id", "", "code of the session"),
-    Column("participant", "", "whose it is"),
+    Column("participant", "", "code of its participant"),
     Column("kind", "", "who took part").one_of(levels.KINDS),
     amount_of(
         "number", "", "first, second … session of the participant in this study; 0 for practice"
@@ -191,7 +192,7 @@ SESSIONS = (
         levels.CONTROL_WAYS
     ),
     Column("assist", "", "assigned assistance").one_of(levels.ASSISTANCE),
-    Column("doors_closed", "", "doors that were closed, divided by |"),
+    Column("doors_closed", "", "doors that were closed, separated by |"),
     Column(
         "control_network",
         "",
@@ -298,7 +299,7 @@ EVENTS = (
         " that is a day or more); of the task when the state that it follows from was taken, or"
         " when the server heard from the page",
     ),
-    Column("source", "", "who told of it").one_of(levels.SOURCES),
+    Column("source", "", "what reported it").one_of(levels.SOURCES),
     Column("type", "", "what happened"),
     Column("data", "", "JSON: the rest; the levels of `type` name the fields of each"),
 )
@@ -310,8 +311,8 @@ PAGES = (
     amount_of(
         "seconds",
         "s",
-        "from its first display to the participant's going on, by the server's clock; empty when it"
-        " was not finished",
+        "from its first display until the participant continued, by the server's clock; empty when"
+        " it was not finished",
     ),
     flag("finished", "1 when the participant continued from it"),
 )
@@ -333,8 +334,8 @@ ANSWERS = (
     amount_of(
         "seconds",
         "s",
-        "how long the question was answered, by the page's clock; not longer than since the"
-        " questionnaire was opened, by the server's",
+        "time spent on the question, by the page's clock; at most the time since the questionnaire"
+        " was opened, by the server's",
     ),
 )
 

@@ -35,7 +35,7 @@ KINDS = explained(
     {
         "participant": "took part in the study",
         "pilot": "tried the study out; counts in no result",
-        "bot": "a program that took part in the place of a person; counts in no result",
+        "bot": "a program that took part in place of a person; counts in no result",
     },
 )
 OUTCOMES = explained(
@@ -119,7 +119,7 @@ MISSING = {
             Missing.PREFERRED_NOT: "“Prefer not to answer” was chosen",
             Missing.NOT_APPLICABLE: "“Does not apply” was chosen",
             Missing.NOT_ASKED: "not shown, by a condition of the questionnaire",
-            Missing.NOT_REACHED: "the participant did not come so far",
+            Missing.NOT_REACHED: "the participant did not get that far",
         },
     ),
     WITHHELD: "there is an answer, which would reveal too much",

@@ -17,7 +17,7 @@ TITLES: dict[Kind, str] = {
     "pilot": "pilots",
     "bot": "simulated participants (bots)",
 }
-BOTS = "bots are programs that took part in the place of people"
+BOTS = "bots are programs that took part in place of people"
 
 
 def counted(people: Sequence[ParticipantRecord], *always: Kind) -> str:

@@ -35,7 +35,7 @@ CODED = (
     *CODINGS[:3],
     Column("code", "", "code of the scheme"),
     Column("kind", "", "what the code marks").one_of(
-        {"point": "a moment", "interval": "a time with a begin and an end"}
+        {"point": "a moment", "interval": "a time with a beginning and an end"}
     ),
     Column("begin", "s", "since the grant, by the server's clock"),
     Column("end", "s", "since the grant, by the server's clock; empty for a point"),
@@ -53,7 +53,7 @@ AGREEMENT = (
             "event_kappa": "Cohen's κ by events that two coders matched",
         }
     ),
-    Column("coders", "", "numbers of the coders, divided by |"),
+    Column("coders", "", "numbers of the coders, separated by |"),
     Column("value", "", "of the figure"),
     Column("low", "", "lower end of the 95 % confidence interval"),
     Column("high", "", "upper end of the 95 % confidence interval"),

@@ -26,7 +26,7 @@ METRIC_TABLE = (
     Column(
         "problems",
         "",
-        "rules for the record's quality that are not kept, divided by |; empty: good. "
+        "rules for the record's quality that are not kept, separated by |; empty: good. "
         + "; ".join(f"{word}: {meaning}" for word, meaning in PROBLEMS.items()),
     ),
     *METRICS,

@@ -23,7 +23,7 @@ from experiments.models import Drive
 EXCLUSIONS = (
     Column("participant", "", "who is excluded"),
     Column("session", "", "session that is excluded; empty: the participant with all sessions"),
-    Column("rule", "", "rule by which").one_of(RULES),
+    Column("rule", "", "rule that excludes them").one_of(RULES),
     Column("value", "", "what was found"),
     flag("planned", "1 when the plan of the study has the rule"),
 )

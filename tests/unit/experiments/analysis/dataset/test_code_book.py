@@ -148,7 +148,7 @@ def test_every_instant_names_its_clock_its_unit_and_where_it_counts_from(book):
 
 def test_the_description_says_where_times_begin_and_the_metrics_between_which_events_they_are():
     about = description(Dataset(shipped()["exploration"]), {"metrics": METRICS})
-    assert "count from the moment in which the server granted the robot" in about["description"]
+    assert "count from the moment at which the server granted the robot" in about["description"]
     told = {one["name"]: one["description"] for one in about["variableMeasured"]}
     for name in ("total_time", "time_to_motion", "task_time", "docking_time"):
         assert told[name].endswith("by the server's clock")
