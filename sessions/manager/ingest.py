@@ -194,6 +194,8 @@ class Intake:
                 self._on_state(robot, last_received, message, payload, now)
             case messages.Heartbeat():
                 last_received.heartbeat(message, now)
+                if (refutation := last_received.refutation()) is not None:
+                    self._presence.append(PresenceNews(robot, refutation))
             case messages.ActionStatus():
                 last_received.answer(message)
                 session = last_received.state.session if last_received.state is not None else None

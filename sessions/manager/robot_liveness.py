@@ -12,6 +12,9 @@ from sessions.leases.transitions import RobotLink
 from sessions.manager.clock_offset import ClockOffset
 
 PEER = "server"
+# seconds from the word that a robot has gone after which a heartbeat shows that it has not: the
+# last ones of one that went may come after it
+DOUBT_SECONDS = 3.0
 AWAKE_SECONDS = 2.0  # an idle robot sends no heartbeats, any other five a second
 ANSWERS_KEPT = 50
 ECHO_SECONDS = 5.0
@@ -35,6 +38,7 @@ class RobotLiveness:
     active_at: float | None = None
     page: tuple[str, int] | None = None  # session and epoch of the page that drives, or drove last
     beat_at: float = 0.0
+    gone_at: float | None = None
     offset: ClockOffset = field(default_factory=lambda: ClockOffset(PEER))
     beats: int = 0
     answers: dict[str, ActionStatus] = field(default_factory=dict)
@@ -42,13 +46,26 @@ class RobotLiveness:
     def connection(self, message: Connection, now: float) -> None:
         """Note that the robot came or went; a new run of the agent may have another clock."""
         if message.state == "ONLINE":
-            self.last_received_at = now
+            self.last_received_at, self.gone_at = now, None
             self._new_run(message.boot)
+        elif message.boot == self.boot:
+            self.gone_at = now
 
     def heartbeat(self, message: Heartbeat, now: float) -> None:
         """Note a beat."""
         self.last_received_at = self.beat_at = now
         self.offset.on_heartbeat(message, now)
+
+    def refutation(self) -> Connection | None:
+        """Return what a robot that is said to have gone and still beats would say; once.
+
+        A broker may deliver a will late, or again after what the robot has said since (NATS, when
+        the session manager lost its connection before it could confirm it).
+        """
+        if self.gone_at is None or self.beat_at - self.gone_at < DOUBT_SECONDS:
+            return None
+        self.gone_at = None
+        return Connection(boot=self.boot, state="ONLINE", stamp=self.beat_at)
 
     def answer(self, status: ActionStatus) -> None:
         """Note how far an action is, of the last few."""

@@ -9,6 +9,7 @@ from robots.api import messages as m
 from sessions import protocol
 from sessions.manager import ingest as module
 from sessions.manager.ingest import EARLY_SECONDS, Intake, PresenceNews
+from sessions.manager.robot_liveness import DOUBT_SECONDS
 from sessions.shards.hashing import shard_of
 from sessions.shards.ownership import Ownership
 from tests.support import words
@@ -159,6 +160,31 @@ def test_what_robots_said_of_themselves_comes_again_in_order_when_it_was_not_sto
     manager.robot_says("connection", words.broken())
     manager.intake.repeat_news(news)
     assert manager.intake.presence_news() == [*news, PresenceNews("giraff", words.broken())]
+
+
+def test_a_robot_that_beats_on_is_there_whatever_a_late_will_says_of_it(manager):
+    manager.own("giraff")
+    manager.robot_says("connection", ONLINE)
+    manager.robot_says("connection", words.broken())
+    manager.now += DOUBT_SECONDS - 0.1
+    manager.robot_says("heartbeat", m.Heartbeat(n=1, stamp=1.0))
+    assert manager.intake.presence_news()[-1] == PresenceNews("giraff", words.broken())
+    for n in (2, 3):
+        manager.now += 0.2
+        manager.robot_says("heartbeat", m.Heartbeat(n=n, stamp=1.0))
+    found = [news.message for news in manager.intake.presence_news()]
+    assert [(message.state, message.boot) for message in found] == [("ONLINE", ONLINE.boot)]
+
+
+def test_a_robot_that_went_and_beats_no_more_is_gone(manager):
+    manager.own("giraff")
+    manager.robot_says("connection", ONLINE)
+    manager.robot_says("heartbeat", m.Heartbeat(n=1, stamp=1.0))
+    manager.robot_says("connection", words.broken())
+    manager.now += 2 * DOUBT_SECONDS
+    manager.robot_says("state", words.state())  # which the broker had kept
+    last = [news.message for news in manager.intake.presence_news()][-2:]
+    assert last == [words.broken(), words.state()]
 
 
 def test_of_signs_of_pages_the_newest_are_kept(manager, monkeypatch):
