@@ -167,4 +167,11 @@ def _bounded(column: Column, question: Question, language: str) -> Column:
     low, high = (spoken(end, language) for end in question.ends)
     if low and not levels:
         meaning += f" ({bounds[0]}: {low}; {bounds[1]}: {high})"
-    return replace(column, meaning=meaning, levels=levels, least=bounds[0], greatest=bounds[1])
+    return replace(
+        column,
+        meaning=meaning,
+        levels=levels,
+        least=bounds[0],
+        greatest=bounds[1],
+        divider="|" if levels and question.item.takes_several else "",
+    )
