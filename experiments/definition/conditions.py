@@ -114,6 +114,19 @@ class Applied:
         self.video_network = state.video_network or self.video_network
 
 
+# What of a condition is compared with what was in force, in the order of its fields.
+ASPECTS = (
+    "robot",
+    "site",
+    "control_way",
+    "controllers",
+    "actions",
+    "assist",
+    "interface",
+    "speed",
+    "doors_closed",
+    "network",
+)
 # What is a participant's to do, and in force for nobody while a hidden operator drives.
 OF_THE_DRIVER = frozenset({"control_way", "controllers", "actions"})
 
@@ -142,7 +155,7 @@ def mismatches(
         ),
     }
     skipped = OF_THE_DRIVER if by_wizard else frozenset()
-    return tuple(name for name, is_wrong in wrong.items() if is_wrong and name not in skipped)
+    return tuple(name for name in ASPECTS if wrong[name] and name not in skipped)
 
 
 def _impairment(report: LabReport | None) -> Impairment | None:

@@ -6,8 +6,10 @@ are left out: they are open today and closed tomorrow.
 
 import argparse
 import logging
+from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import numpy.typing as npt
 import structlog
@@ -16,11 +18,13 @@ from robots.api import floorplan
 from robots.api.floorplan import FloorPlan
 from robots.api.geometry import MapTransform, Pose2D
 from robots.world.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, write_grid
-from robots.world.solids import Floats, bar, fixed_solids, inside
+from robots.world.sensing import points_from_frame, points_in_frame
+from robots.world.solids import Floats, bar, fixed_solids, inside, station_solid
 
 RESOLUTION = 0.05
 MARGIN = 0.1
 SAMPLES = 4  # a side of a cell
+BEHIND = 0.15  # m behind a station, between it and its wall, that no laser sees into
 
 log = structlog.stdlib.get_logger(__name__)
 
@@ -43,6 +47,36 @@ def rasterise(plan: FloorPlan, resolution: float = RESOLUTION) -> OccupancyGrid:
     image[share >= 0.5] = OCCUPIED
     origin = Pose2D(round(float(low[0]) * resolution, 6), round(float(low[1]) * resolution, 6), 0.0)
     return OccupancyGrid(image, MapTransform(resolution, origin, rows))
+
+
+def with_stations(grid: OccupancyGrid, plan: FloorPlan) -> OccupancyGrid:
+    """Return a map with the charging stations of a plan, which come after a robot has made its map.
+
+    A docked robot sees little else: on a map without them it takes the station for the wall behind,
+    and the same where a gap is left between the two.
+    """
+    image, transform = grid.image.copy(), grid.transform
+    top = np.array([0.0, transform.height * transform.resolution])
+    scale = transform.resolution * np.array([1.0, -1.0])
+    for dock in plan.docks:
+        depth = dock.station.depth + BEHIND
+        station = msgspec.structs.replace(dock.station, depth=depth)
+        outline = station_solid(msgspec.structs.replace(dock, station=station)).outline
+        pixels = (points_in_frame(transform.origin, outline) - top) / scale
+        low = np.maximum(np.floor(pixels.min(axis=0)), 0).astype(int)
+        high = np.minimum(np.ceil(pixels.max(axis=0)), image.shape[::-1]).astype(int)
+        columns, rows = np.maximum(high - low, 0).tolist()
+        u, v = np.meshgrid(
+            low[0] + (np.arange(columns * SAMPLES) + 0.5) / SAMPLES,
+            low[1] + (np.arange(rows * SAMPLES) + 0.5) / SAMPLES,
+        )
+        world = points_from_frame(transform.origin, np.column_stack([u.flat, v.flat]) * scale + top)
+        covered = inside(outline, world[:, 0], world[:, 1])
+        share = covered.reshape(rows, SAMPLES, columns, SAMPLES).mean(axis=(1, 3))
+        image[low[1] : low[1] + rows, low[0] : low[0] + columns][share >= 0.5] = (
+            255 if grid.negate else OCCUPIED
+        )
+    return replace(grid, image=image)
 
 
 def _samples(

@@ -8,6 +8,7 @@ not: a range is `minValue` and `maxValue`, and each level is a PropertyValue in 
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 from experiments.analysis.dataset import columns
@@ -47,11 +48,12 @@ def description(
 
 def variable(file: str, column: Column) -> dict[str, Any]:
     """Return a column of a file as schema.org says it."""
+    divided = f"; several words are divided by {column.divider}" if column.divider else ""
     found: dict[str, Any] = {
         "@type": "PropertyValue",
         "name": column.name,
         "unitText": column.unit,
-        "description": f"{file}: {column.meaning}",
+        "description": f"{file}: {column.meaning}{divided}",
     }
     bounds = {"minValue": column.least, "maxValue": column.greatest}
     found |= {name: value for name, value in bounds.items() if value is not None}
@@ -81,8 +83,13 @@ def _named(dataset: Dataset) -> Mapping[str, Levels]:
     """Return the columns whose words are the study's own, with what these are called there."""
     study, say = dataset.study, dataset.say
     steps = {one.key: f"{one.kind}: {say(one.title)}" for one in study.steps}
+    conditions = {one.key: say(one.title) for one in study.conditions}
+    doors = chain.from_iterable(plan.doors for plan in dataset.plans.values())
+    closed = dict.fromkeys(chain.from_iterable(one.doors_closed for one in study.conditions), "")
     return {
-        "condition": {one.key: say(one.title) for one in study.conditions},
+        "condition": conditions,
+        "cell": conditions,
+        "doors_closed": closed | {door.name: door.title for door in doors},
         "step": steps,
         "reached": steps,
         "site": dict.fromkeys([*dataset.plans, *(one.site for one in study.courses)], ""),
@@ -160,4 +167,11 @@ def _bounded(column: Column, question: Question, language: str) -> Column:
     low, high = (spoken(end, language) for end in question.ends)
     if low and not levels:
         meaning += f" ({bounds[0]}: {low}; {bounds[1]}: {high})"
-    return replace(column, meaning=meaning, levels=levels, least=bounds[0], greatest=bounds[1])
+    return replace(
+        column,
+        meaning=meaning,
+        levels=levels,
+        least=bounds[0],
+        greatest=bounds[1],
+        divider="|" if levels and question.item.takes_several else "",
+    )

@@ -37,6 +37,7 @@ class Column:
     One that is `late` was added when datasets had been written already: those lack it, and are read
     all the same. `least` and `greatest` bound its numbers, None where nothing does; `levels` are
     all texts that its cells may have, each with what it means, and empty where they are not listed.
+    Where a cell holds several, `divider` stands between them.
     """
 
     name: str
@@ -46,6 +47,7 @@ class Column:
     least: float | None = None
     greatest: float | None = None
     levels: Mapping[str, str] = field(default_factory=dict)
+    divider: str = ""
 
     def within(self, least: float | None, greatest: float | None) -> "Column":
         """Return it with the range of its values, in its unit."""
@@ -54,6 +56,10 @@ class Column:
     def one_of(self, known: Mapping[str, str]) -> "Column":
         """Return it with all that its cells may say, and what each means."""
         return replace(self, levels=known)
+
+    def some_of(self, known: Mapping[str, str], divider: str = "|") -> "Column":
+        """Return it with all words of which its cells hold any number, and what each means."""
+        return replace(self, levels=known, divider=divider)
 
 
 def flag(name: str, meaning: str, *, late: bool = False) -> Column:
@@ -165,7 +171,7 @@ PARTICIPANTS = (
     Column("id", "", "code of the participant"),
     Column("kind", "", "who took part").one_of(levels.KINDS),
     amount_of("age", "years", "age, as told on the consent page"),
-    Column("cell", "", "assigned condition, or conditions in order, separated by -"),
+    Column("cell", "", "assigned condition, or conditions in order").some_of({}, "-"),
     Column("reached", "", "last step of the study that was begun"),
     Column(
         "left",
@@ -187,12 +193,14 @@ SESSIONS = (
     Column("robot", "", "name of the robot"),
     Column("site", "", "name of the floor plan"),
     Column("condition", "", "assigned condition"),
-    Column("mismatch", "", "what was not applied as assigned; empty when everything was"),
+    Column("mismatch", "", "what was not applied as assigned; empty when everything was").some_of(
+        levels.MISMATCHES
+    ),
     Column("control_way", "", "assigned control channel of the commands").one_of(
         levels.CONTROL_WAYS
     ),
     Column("assist", "", "assigned assistance").one_of(levels.ASSISTANCE),
-    Column("doors_closed", "", "doors that were closed, separated by |"),
+    Column("doors_closed", "", "doors that were closed; empty when none was").some_of({}),
     Column(
         "control_network",
         "",

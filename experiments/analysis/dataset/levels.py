@@ -5,6 +5,7 @@ enumerations in the code; one that is added there needs its meaning here before 
 from collections.abc import Iterable, Mapping
 from typing import Literal, get_args
 
+from experiments.definition.conditions import ASPECTS
 from experiments.definition.schema import ControlWay, Outcome
 from robots.api.messages import AssistLevel, InputMethod, Mode, Way
 from sessions.devices import OTHER, SYSTEMS, TABLE_3_BROWSERS
@@ -89,6 +90,21 @@ ASSISTANCE = explained(
         "off": "none: the participant drives",
         "slow": "slows down and stops at obstacles",
         "steer": "steers around obstacles and through doors",
+    },
+)
+MISMATCHES = explained(
+    ASPECTS,
+    {
+        "robot": "another robot was driven",
+        "site": "it was on another floor plan",
+        "control_way": "commands came over another channel than the condition's",
+        "controllers": "the participant drove with a controller that the condition does not allow",
+        "actions": "the participant used an action that the condition does not allow",
+        "assist": "the robot drove with another assistance",
+        "interface": "the page had another interface",
+        "speed": "a command was applied that is faster than the condition's speed",
+        "doors_closed": "other doors were closed",
+        "network": "the network had another impairment",
     },
 )
 SIDES = explained(

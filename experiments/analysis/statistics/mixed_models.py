@@ -10,11 +10,14 @@ A term is a factor or an interaction, whose levels are coded by treatment (the f
 reference) or as sums (effects around the grand mean; the last level is minus the sum of the
 others). Terms are tested together by Wald's F, coefficients by t.
 
-The denominator has the degrees of freedom of the between-within method (Pinheiro and Bates,
-Mixed-Effects Models in S and S-PLUS, 2000, section 2.4.2). For a term that changes within
-participants they are the observations less participants less the coefficients of such terms; for
-the others, the participants less the coefficients of those and the intercept. In a balanced study
-these are the degrees of freedom of the analysis of variance.
+The denominator has the degrees of freedom of the between-within method (Schluchter and Elashoff,
+1990) as R's nlme 3.1 computes them (`getFixDF`; its authors describe the rule in Pinheiro and
+Bates, Mixed-Effects Models in S and S-PLUS, 2000, section 2.4.2). For a coefficient whose column
+changes within participants they are the observations less participants less such coefficients; for
+the others, the participants less those and the intercept; for the intercept, the larger of the two.
+A term has the fewest that its coefficients have. In a balanced study these are the degrees of
+freedom of the analysis of variance. The tests compare them with nlme's, too. Of a term of which
+some coefficients change within participants and some do not, nlme counts all as changing.
 """
 
 import math
@@ -283,10 +286,8 @@ def freedom_of(design: Design, groups: Any, people: int) -> list[float]:
     n = len(design.columns)
     inner = float(n - people - sum(changes))
     outer = float(people - sum(not one for one in changes))  # the intercept among them
-    # nlme gives the intercept these: it pools information from all observations (Pinheiro and
-    # Bates, 2000, section 2.4.2)
     return [
-        inner if place == 0 or one else outer
+        max(inner, outer) if place == 0 else inner if one else outer
         for one, place in zip(changes, design.terms, strict=True)
     ]
 

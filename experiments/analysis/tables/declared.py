@@ -61,11 +61,10 @@ SPREADS = (
     " intraclass correlation."
 )
 FREEDOM = (
-    "df: by the between-within method. A coefficient that changes within participants has the"
+    "df: by the between-within method, as in R's nlme (Pinheiro and Bates, Mixed-Effects Models in"
+    " S and S-PLUS, 2000, section 2.4.2). A coefficient that changes within participants has the"
     " observations less participants less such coefficients; any other has the participants less"
-    " the others, the intercept among them. The intercept itself has the df of those that change"
-    " within participants, as in R's nlme, because it pools information from all observations"
-    " (Pinheiro and Bates, Mixed-Effects Models in S and S-PLUS, 2000, section 2.4.2)."
+    " the others, the intercept among them. The intercept itself has the larger of the two."
 )
 CODED = {
     "treatment": "Coefficients: treatment coding, against the first level.",

@@ -26,9 +26,8 @@ METRIC_TABLE = (
     Column(
         "problems",
         "",
-        "rules for the record's quality that are not kept, separated by |; empty: good. "
-        + "; ".join(f"{word}: {meaning}" for word, meaning in PROBLEMS.items()),
-    ),
+        "rules for the record's quality that are not kept; empty: good",
+    ).some_of(PROBLEMS),
     *METRICS,
 )
 

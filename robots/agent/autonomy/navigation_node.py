@@ -36,6 +36,7 @@ from robots.api.messages import (
     Velocity,
 )
 from robots.world.grid import MapError
+from robots.world.render_plan import with_stations
 from robots.world.sensing import Estimate
 
 PATH_PERIOD = 0.25  # seconds between two words about the path: it gets shorter all the time
@@ -74,12 +75,13 @@ class NavigationNode:
         """
         self._area = area
         self._dock = own_dock(area.plan, body.series)
+        grid = area.grid if area.plan is None else with_stations(area.grid, area.plan)
         try:
             self.localizer: Localizer | ReportedLocalizer = (
-                ReportedLocalizer() if body.localizes else Localizer(area.grid, rng)
+                ReportedLocalizer() if body.localizes else Localizer(grid, rng)
             )
             self.navigator = Navigator(
-                area.grid, area.plan, np.array(body.footprint), body.limits, body.series
+                grid, area.plan, np.array(body.footprint), body.limits, body.series
             )
         except (MapError, NoWayError) as error:
             raise AreaError(str(error)) from error
@@ -176,7 +178,10 @@ class NavigationNode:
         if isinstance(self.localizer, ReportedLocalizer):
             self.localizer.report(snapshot.pose)
         estimate = self.estimate = self.localizer.update(
-            snapshot.stamp, snapshot.odometry, snapshot.beams
+            snapshot.stamp,
+            snapshot.odometry,
+            snapshot.beams,
+            docked=snapshot.charger_contact,
         )
         self._watch_search(estimate)
         wanted = self._drive(estimate, snapshot)

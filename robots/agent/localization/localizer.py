@@ -165,13 +165,16 @@ class Localizer:
         self.believed = heaviest(self.particles, 3.0 * spread + 0.1, math.pi)
         self._weighed_from = self.track.newest()
 
-    def update(self, stamp: float, odometry: Pose2D, beams: LaserScan | None) -> Estimate:
+    def update(
+        self, stamp: float, odometry: Pose2D, beams: LaserScan | None, *, docked: bool = False
+    ) -> Estimate:
         """Take what the robot's sensors say and return where it is at `stamp`.
 
         Args:
             stamp: of the odometry, seconds by the robot's clock.
             odometry: pose in a frame of the wheels' own.
             beams: the newest sweep; None, or one that was there before, when nothing came since.
+            docked: the robot feels the contacts of a charging station.
         """
         here = self.track.add(stamp, odometry)
         if self.track.jumps != self._jumps:
@@ -179,12 +182,12 @@ class Localizer:
             self._open_up()
         if beams is not None and beams.stamp != self._seen_at and math.isfinite(beams.stamp):
             self._seen_at = beams.stamp
-            self._see(sweep_of(beams, self.settings.shortest), beams.stamp)
+            self._see(sweep_of(beams, self.settings.shortest), beams.stamp, docked=docked)
         if self._searching is not None:
             self._search_on()
         return self._estimate(stamp, here)
 
-    def _see(self, sweep: Sweep, stamp: float) -> None:
+    def _see(self, sweep: Sweep, stamp: float, *, docked: bool) -> None:
         if len(sweep) < self.settings.fewest_beams:
             return
         there = self.track.at(stamp)
@@ -197,7 +200,7 @@ class Localizer:
             self._stood = 0
             self._weigh(sweep, there, stamp)
         elif not 0.0 <= stamp - self._judged_at < self.settings.pause:
-            self._stand(sweep, there, stamp)
+            self._stand(sweep, there, stamp, docked=docked)
         if self._is_time_to_search(there, stamp):
             self._searching, self._searched_from, self._searched_at = (
                 self.search.begin(sweep),
@@ -215,12 +218,15 @@ class Localizer:
             < (self.settings.again if moved else self.settings.again_here)
         )
 
-    def _stand(self, sweep: Sweep, there: Pose2D, stamp: float) -> None:
+    def _stand(self, sweep: Sweep, there: Pose2D, stamp: float, *, docked: bool) -> None:
         """Of the sweeps of a robot that stands, weigh the first and those that say much: a door at
-        its nose would slowly bend the pose.
+        its nose would slowly bend the pose. So would a station that is not where the map has it,
+        close before a docked robot: there, none is weighed while they fit.
         """
         self._stood += 1
-        if self._stood <= self.settings.standing or self._telling() > self.settings.much:
+        fits = docked and self.match_score >= self.settings.scoring.lost
+        is_telling = self._stood <= self.settings.standing or self._telling() > self.settings.much
+        if is_telling and not fits:
             self._weigh(sweep, there, stamp)
         elif self.believed is not None:
             pose = Pose2D(*self.believed.mean.tolist()).compose(

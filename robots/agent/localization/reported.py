@@ -25,7 +25,9 @@ class ReportedLocalizer:
     def forget(self) -> None:
         """Do nothing: the architecture knows."""
 
-    def update(self, stamp: float, odometry: Pose2D, beams: LaserScan | None) -> Estimate:
+    def update(
+        self, stamp: float, odometry: Pose2D, beams: LaserScan | None, *, docked: bool = False
+    ) -> Estimate:
         """Return what was reported last, as lost when it was nothing."""
         pose = self._pose
         if pose is None or not pose.localized:

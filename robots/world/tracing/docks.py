@@ -1,4 +1,7 @@
-"""Charging stations proposed on a map: at a straight wall with the most room to back out."""
+"""Charging stations proposed on a map: at a straight wall with the most room to back out, which the
+map has where the plan has it. A docked robot sees little but its station and this wall, and finds
+itself by them.
+"""
 
 import math
 from collections.abc import Iterator
@@ -28,6 +31,8 @@ class DockParams:
     plenty: float = 1.0  # from which more clearance is of no use
     beside: float = 0.15  # along the wall beyond each side of the station
     apart: float = 1.8  # between two stations
+    off_map: float = 0.1  # of the plan's wall from the map's, or a cell if that is more
+    on_map: float = 0.8  # share of the wall along which it is no more
     step: float = 0.25  # between places that are tried
 
 
@@ -41,14 +46,15 @@ def propose_docks(
     docks: list[ChargingDock] = []
     taken: list[Pose2D] = []
     for model in MODELS.values():
-        best, most = None, 0.0
+        best, most = None, (False, 0.0)
         poses = list(_candidates(walls, model))
-        for pose, room in zip(poses, _clear_behind(structure, poses), strict=True):
-            is_better = room > most + 1e-9
+        on_map = _has_wall(structure, poses, model) if poses else []
+        for pose, room, wall in zip(poses, _clear_behind(structure, poses), on_map, strict=True):
+            is_better = room > 0.0 and (wall, room - 1e-9) > most
             if not is_better or any(pose.distance(other) < DOCK.apart for other in taken):
                 continue
             if _stands_free(structure, pose, model):
-                best, most = pose, room
+                best, most = pose, (wall, room)
         if best is not None:
             taken.append(best)
             docks.append(_dock(structure, best, model, f"{title} ({model.title})"))
@@ -111,6 +117,19 @@ def _clear_behind(structure: Structure, poses: list[Pose2D]) -> list[float]:
         least >= DOCK.clearance, np.minimum(least, DOCK.plenty), 0.0
     ).tolist()
     return rooms
+
+
+def _has_wall(structure: Structure, poses: list[Pose2D], model: RobotModel) -> list[bool]:
+    """Tell of each pose whether the map has the face of the wall behind the station."""
+    layers = structure.layers
+    half = DOCK.width / 2.0 + DOCK.beside
+    aside = np.linspace(-half, half, 1 + round(2.0 * half / layers.resolution))
+    ahead = np.full_like(aside, station_of(model).distance + DOCK.depth + DOCK.off_wall)
+    points = np.concatenate([_applied(pose, ahead, aside) for pose in poses])
+    off = layers.values_at(layers.clearance(~structure.building), points, math.inf)
+    near = off <= max(DOCK.off_map, layers.resolution)
+    found: list[bool] = (near.reshape(len(poses), len(aside)).mean(axis=1) >= DOCK.on_map).tolist()
+    return found
 
 
 def _stands_free(structure: Structure, pose: Pose2D, model: RobotModel) -> bool:

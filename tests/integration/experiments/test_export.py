@@ -278,20 +278,23 @@ def test_bots_and_pilots_are_exported_as_what_they_are(stored, tmp_path):
 def test_every_word_of_a_coded_column_is_in_the_code_book(stored, tmp_path):
     files = exported(stored.study, tmp_path)
     book = json.loads(files["dataset_description.json"])
-    known = {
-        (one["description"].split(":")[0], one["name"]): {
-            level["value"] for level in one["valueReference"]
-        }
-        for one in book["variableMeasured"]
-        if "valueReference" in one
-    }
+    known, dividers = {}, {}
+    for one in book["variableMeasured"]:
+        place = one["description"].split(":")[0], one["name"]
+        if "valueReference" in one:
+            known[place] = {level["value"] for level in one["valueReference"]}
+        if divided := re.search(r"words are divided by (.)$", one["description"]):
+            dividers[place] = divided[1]
+    assert {name for _, name in dividers} == {"cell", "mismatch", "doors_closed", "problems"}
+    assert set(dividers) <= set(known)
     checked = 0
     for name, content in files.items():
         table = re.search(r"(?:description|questionnaire)-(\w+)_data\.csv$", name)
         for row in csv.DictReader(io.StringIO(content.decode())) if table else ():
             for column, cell in row.items():
-                words = known.get((table[1], column))
-                assert words is None or cell in {"", *words}, (name, column, cell)
+                words, divider = (which.get((table[1], column)) for which in (known, dividers))
+                parts = cell.split(divider) if divider else [cell]
+                assert words is None or {"", *words} >= set(parts), (name, column, cell)
                 checked += words is not None
     assert checked > 500
 

@@ -19,6 +19,7 @@ from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Velocity
 from robots.world.grid import OccupancyGrid
+from robots.world.render_plan import with_stations
 from robots.world.sensing import Estimate, LaserScan
 
 DT = 0.02
@@ -62,6 +63,7 @@ class Rig:
         self, sim: Simulation, grid: OccupancyGrid, seed: int, *, localizer: bool = False
     ) -> None:
         self.sim = sim
+        grid = with_stations(grid, sim.plan)
         self.navigator = Navigator(
             grid, sim.plan, sim.footprint, sim.model.limits, sim.model.series
         )
@@ -159,7 +161,9 @@ class Rig:
 
     def _estimate(self) -> Estimate:
         if self.localizer:
-            return self.localizer.update(self.sim.time, self.sim.odometry, self.beams)
+            return self.localizer.update(
+                self.sim.time, self.sim.odometry, self.beams, docked=self.sim.docked
+            )
         score = 0.9 if self.knows_where else 0.1
         covariance = (0.002, 0.0, 0.0, 0.002, 0.0, 0.0003)
         return Estimate(

@@ -3,9 +3,14 @@
 #   data/<name>.csv   outcome, group, and the predictors of the model
 #   models.csv        a row a data set: where it comes from, the terms and their coding
 #   fits.csv          a row a coefficient, and the two standard deviations
+#   freedom.csv       the denominator degrees of freedom that nlme's lme gives the coefficients (its
+#                     summary) and the terms (its anova)
 # Run with: Rscript fit_with_lme4.R (Debian: r-base-core r-cran-lme4 r-cran-nlme r-cran-mass)
 
-suppressPackageStartupMessages(library(lme4))
+suppressPackageStartupMessages({
+  library(nlme)
+  library(lme4)
+})
 here <- dirname(sub("^--file=", "", grep("^--file=", commandArgs(FALSE), value = TRUE)))
 data_of <- function(package, name) {
   if (package == "nlme") return(as.data.frame(getExportedValue(package, name)))
@@ -40,11 +45,14 @@ models <- list(
   list("ChickWeight", "datasets", "weight", "Chick", "Diet", "Time", "Time Diet", "treatment"),
   list("CO2", "datasets", "uptake", "Plant", c("Type", "Treatment"), "conc",
        "conc Type Treatment Type:Treatment", "sum"),
-  list("sleep", "datasets", "extra", "ID", "group", c(), "group", "treatment")
+  list("sleep", "datasets", "extra", "ID", "group", c(), "group", "treatment"),
+  # pairs: more degrees of freedom between groups than within
+  list("Meat", "nlme", "score", "Pair", "Storage", c(), "Storage", "treatment")
 )
 
 told <- list()
 fits <- list()
+freedom <- list()
 for (one in models) {
   names(one) <- c("name", "package", "outcome", "group", "factors", "numbers", "terms", "coding")
   raw <- data_of(one$package, one$name)
@@ -70,13 +78,22 @@ for (one in models) {
     estimate = c(table[, "Estimate"], spread),
     error = c(table[, "Std. Error"], NA, NA)
   )
+  # of fixed effects, groups and counts alone: no matter where the search for variances ends
+  df <- lme(formula(terms(as.formula(paste("outcome ~", right)), keep.order = TRUE)), own,
+    random = ~ 1 | who, control = lmeControl(opt = "optim", returnObject = TRUE))$fixDF
+  freedom[[one$name]] <- data.frame(
+    name = one$name, what = rep(c("coefficient", "term"), c(length(df$X), length(df$terms))),
+    of = c(names(df$X), names(df$terms)), df = c(df$X, df$terms)
+  )
   told[[one$name]] <- data.frame(
     name = one$name, package = one$package, factors = paste(one$factors, collapse = " "),
     numbers = paste(one$numbers, collapse = " "), terms = one$terms, coding = one$coding,
-    R = paste(R.version$major, R.version$minor, sep = "."), lme4 = as.character(packageVersion("lme4"))
+    R = paste(R.version$major, R.version$minor, sep = "."), lme4 = as.character(packageVersion("lme4")),
+    nlme = as.character(packageVersion("nlme"))
   )
   write.csv(own, file.path(here, "data", paste0(one$name, ".csv")), row.names = FALSE, quote = FALSE)
 }
 options(digits = 15)
 write.csv(do.call(rbind, told), file.path(here, "models.csv"), row.names = FALSE, quote = FALSE)
 write.csv(do.call(rbind, fits), file.path(here, "fits.csv"), row.names = FALSE, quote = FALSE, na = "")
+write.csv(do.call(rbind, freedom), file.path(here, "freedom.csv"), row.names = FALSE, quote = FALSE)

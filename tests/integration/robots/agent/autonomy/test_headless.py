@@ -1,6 +1,7 @@
 """A whole robot's autonomy, stepped in a simulated office: what it does, and how it gives up."""
 
 import json
+from dataclasses import replace
 
 import msgspec
 import pytest
@@ -12,6 +13,7 @@ from robots.agent.autonomy.sensor_snapshot import Body
 from robots.agent.simulator.faults import Faults
 from robots.api import messages as m
 from robots.api.geometry import Pose2D
+from robots.world.render_plan import rasterise
 from robots.world.robot_models import model_of
 from robots.world.sites import load_site
 from tests.support.agents.headless_robot import HeadlessRobot, office
@@ -49,6 +51,20 @@ def test_a_robot_in_its_only_dock_knows_where_it_is_without_being_told():
     robot = HeadlessRobot(placed=False)
     assert robot.run(5.0, lambda: robot.autonomy.pose.localized)
     assert robot.error() < 0.1
+
+
+@pytest.mark.parametrize("series", ["giraff", "rhodon"])
+def test_a_docked_robot_leaves_a_station_that_its_map_does_not_show(series):
+    site = load_site("office")
+    bare = replace(site, grid=rasterise(msgspec.structs.replace(site.plan, docks=())))
+    robot = HeadlessRobot(series, area=area_of(update_of(bare)), placed=False)
+    for _ in range(30):
+        robot.run(0.1)
+        assert robot.autonomy.pose.localized
+        assert robot.error() < 0.1
+    assert robot.do(goto("corridor-west")).status == "FINISHED"
+    assert robot.error() < 0.15
+    assert robot.sim.contacts == 0
 
 
 def test_a_robot_that_was_told_where_it_stands_believes_it_though_other_places_look_alike():

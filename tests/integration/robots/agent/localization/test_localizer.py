@@ -3,6 +3,7 @@
 import dataclasses
 import math
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -11,6 +12,7 @@ from robots.agent.simulator.faults import Faults
 from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.geometry import MapTransform, Pose2D, wrap_angle
 from robots.world.grid import MapError, OccupancyGrid
+from robots.world.render_plan import rasterise
 from robots.world.robot_models import GIRAFF, RHODON, RobotModel
 from robots.world.sensing import Estimate, LaserScan
 from robots.world.sites import load_site
@@ -42,7 +44,9 @@ class Drive:
         self.localizer.set_pose(self.world_from_map.compose(self.simulation.pose), 0.1, 0.1)
         return self
 
-    def go(self, seconds: float, *, drive: bool = True) -> list[tuple[Estimate, float, float]]:
+    def go(
+        self, seconds: float, *, drive: bool = True, docked: bool = False
+    ) -> list[tuple[Estimate, float, float]]:
         """Return the estimates of so many seconds, at 10 Hz, and their errors in metres and
         radians.
         """
@@ -51,7 +55,10 @@ class Drive:
             for _ in range(EVERY):
                 self.wanderer.step() if drive else self.simulation.step(TICK)
             estimate = self.localizer.update(
-                self.simulation.time, self.simulation.odometry, self.simulation.beams()
+                self.simulation.time,
+                self.simulation.odometry,
+                self.simulation.beams(),
+                docked=docked,
             )
             truth = self.world_from_map.compose(self.simulation.pose)
             found.append(
@@ -345,3 +352,20 @@ def test_no_update_does_more_than_a_slice_of_a_search(monkeypatch: pytest.Monkey
         drive.go(0.1)
         assert len(slices) == number
     assert len({id(search) for search in slices}) == 1
+
+
+def test_a_docked_robot_does_not_take_its_station_for_the_wall_behind() -> None:
+    bare = rasterise(msgspec.structs.replace(OFFICE.plan, docks=()))
+    found = Drive(1, RHODON, start="dock", grid=bare).told().go(10.0, drive=False, docked=True)
+    assert all(estimate.localized for estimate, *_ in found)
+    assert worst(found)[0] < 0.05
+
+
+def test_a_robot_that_charges_elsewhere_than_it_was_told_finds_itself() -> None:
+    drive = Drive(1, RHODON)
+    dock = OFFICE.plan.dock_of("rhodon")
+    assert dock is not None
+    drive.localizer.set_pose(Pose2D(dock.x, dock.y, dock.theta), 0.05, 0.07)
+    estimate, away, _ = drive.go(20.0, drive=False, docked=True)[-1]
+    assert estimate.localized
+    assert away < 0.1

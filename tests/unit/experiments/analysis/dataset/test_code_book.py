@@ -11,6 +11,7 @@ from experiments.analysis.dataset.levels import END_REASONS, WITHHELD, Kind, exp
 from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.metrics.definitions import METRICS
 from experiments.analysis.metrics.milestones import ENDED, STARTED
+from experiments.definition.conditions import ASPECTS
 from experiments.definition.schema import ControlWay, Outcome
 from experiments.definition.shipped import shipped
 from robots.api import docked, messages
@@ -89,6 +90,7 @@ def levels(entry):
         ("sessions", "control_way", get_args(ControlWay)),
         ("sessions", "fault_side", [word for word in get_args(Side) if word]),
         ("sessions", "began_docked", ("0", "1")),
+        ("sessions", "mismatch", ASPECTS),
         ("answers", "missing", (*Missing, WITHHELD)),
         ("states", "mode", ("0", "1", "2", "3", "4")),
         ("ict", "gender_missing", (*Missing, WITHHELD)),
@@ -119,6 +121,22 @@ def test_what_the_study_names_is_listed_with_its_titles(book):
     assert conditions == {one.key: one.title["en"] for one in study.conditions}
     assert list(levels(book["pages", "step"])) == [one.key for one in study.steps]
     assert levels(book["answers", "questionnaire"])["sus"] == "Using the system"
+
+
+def test_a_column_whose_cells_hold_several_words_lists_each_and_what_divides_them(book):
+    study = shipped()["exploration"]
+    keys = [one.key for one in study.conditions]
+    assert list(levels(book["participants", "cell"])) == keys
+    assert set(levels(book["sessions", "doors_closed"])) == {
+        door for one in study.conditions for door in one.doors_closed
+    }
+    for (table, name), divider in {
+        ("participants", "cell"): "-",
+        ("sessions", "doors_closed"): "|",
+        ("sessions", "mismatch"): "|",
+    }.items():
+        told = book[table, name]["description"]
+        assert told.endswith(f"; several words are divided by {divider}")
 
 
 def test_a_word_without_a_meaning_is_an_error():

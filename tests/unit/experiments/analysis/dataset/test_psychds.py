@@ -106,7 +106,8 @@ def test_what_is_not_known_is_left_out_and_named(tmp_path):
 
 
 def test_columns_have_their_levels_and_ranges(tmp_path):
-    asked = (defined([item("likert", "l"), item("slider", "s"), item("single", "o")]),)
+    kinds = {"likert": "l", "slider": "s", "single": "o", "multiple": "m"}
+    asked = (defined([item(kind, key) for kind, key in kinds.items()]),)
     write(Dataset(shipped()["exploration"], questionnaires=asked), tmp_path)
     book = json.loads((tmp_path / "dataset_description.json").read_text())
     told = {
@@ -121,6 +122,8 @@ def test_columns_have_their_levels_and_ranges(tmp_path):
     assert own["s"]["minValue"] < own["s"]["maxValue"]
     assert own["l"]["valueReference"]
     assert own["o"]["valueReference"]
+    assert own["m"]["valueReference"]
+    assert own["m"]["description"].endswith("; several words are divided by |")
     assert {one["value"] for one in own["l_missing"]["valueReference"]} >= {"skipped", "withheld"}
 
 

@@ -1,4 +1,5 @@
-"""Mixed models agree with lme4 on 20 data sets that come with R (tests/support/analysis/lme4/).
+"""Mixed models agree with lme4 on 21 data sets that come with R (tests/support/analysis/lme4/), and
+the degrees of freedom of their tests with nlme.
 
 Both maximize the same restricted likelihood, so the optima are the same, also in Dyestuff2
 and CO2, whose groups do not differ beyond chance (the variance is 0).
@@ -53,8 +54,8 @@ def fitted(name):
     return fit(outcome, design(model, rows), model["terms"].split(), [row["who"] for row in rows])
 
 
-def test_there_are_twenty_data_sets():
-    assert len(MODELS) == 20
+def test_there_are_twenty_one_data_sets():
+    assert len(MODELS) == 21
     assert {one["package"] for one in MODELS.values()} == {"lme4", "nlme", "MASS", "datasets"}
 
 
@@ -74,6 +75,16 @@ def test_estimates_and_standard_errors_are_those_of_lme4(name):
     assert (found.sd_participants, found.sd_residual) == pytest.approx(
         [float(one["estimate"]) for one in spreads], rel=RELATIVE
     )
+
+
+@pytest.mark.parametrize("name", sorted(MODELS))
+def test_degrees_of_freedom_are_those_of_nlme(name):
+    expected = [one for one in table(FOLDER / "freedom.csv") if one["name"] == name]
+    found = fitted(name)
+    coefficients = [float(one["df"]) for one in expected if one["what"] == "coefficient"]
+    terms = [float(one["df"]) for one in expected if one["what"] == "term"]
+    assert [one.df for one in found.coefficients] == coefficients
+    assert [one.df[1] for one in found.terms] == terms[1:]  # no test of the intercept as a term
 
 
 @pytest.mark.parametrize("name", [n for n, one in MODELS.items() if not one["numbers"]])

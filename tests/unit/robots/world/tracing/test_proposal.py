@@ -13,8 +13,10 @@ from robots.api.geometry import MapTransform, Pose2D
 from robots.world.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from robots.world.inspection import inspect_site
 from robots.world.solids import furniture_solid, inside
+from robots.world.tracing.docks import propose_docks
+from robots.world.tracing.layers import Layers
 from robots.world.tracing.proposal import Titles, propose_plan
-from robots.world.tracing.structure import TracingError
+from robots.world.tracing.structure import TracingError, structure_of
 from robots.world.tracing.walls import Segment
 from tests.support.agents.mapped_building import building, mapped
 from tests.support.examples import repetitions
@@ -119,6 +121,27 @@ def test_furniture_that_stands_free_is_an_obstacle_and_no_wall():
         assert len(mine) > 20
         assert covered.mean() >= 0.95
     assert any(piece.shape == "cylinder" for piece in plan.furniture)
+
+
+@pytest.mark.parametrize("thick", range(6))
+def test_a_station_is_at_a_wall_that_the_map_has_where_the_plan_has_it(thick):
+    truth = building()
+    layers = Layers.of(mapped(truth, np.random.default_rng(0), noise=False))
+    origin = layers.world_from_map
+    walls = [
+        Segment(
+            origin.inverse().apply(*wall.start), origin.inverse().apply(*wall.end), wall.thickness
+        )
+        for wall in truth.walls
+    ]
+    walls[thick] = dataclasses.replace(walls[thick], thickness=0.6)
+    docks = propose_docks(structure_of(layers), walls, "Station")
+    assert len(docks) == 2
+    for dock in docks:
+        back = Pose2D(dock.x, dock.y, dock.theta).apply(
+            dock.station.distance + dock.station.depth, 0.0
+        )
+        assert walls[thick].distances(np.array([origin.inverse().apply(*back)])) > 0.5
 
 
 def test_a_robot_that_is_free_on_the_map_touches_no_obstacle():
