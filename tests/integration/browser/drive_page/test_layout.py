@@ -65,6 +65,8 @@ FAULTS = """([selector, alert, share]) => {
   // At once, before the page renders again: it knows of no alert.
   const [line, arrow] = ["alert", "pointer"].map((id) => document.getElementById(id));
   const [text, hidden] = [line?.textContent, line?.hidden];
+  const offered = [...document.querySelectorAll(".offer button")].filter((one) =>
+    one.checkVisibility());
   if (alert) {
     line.textContent = alert;
     line.hidden = false;
@@ -104,7 +106,8 @@ FAULTS = """([selector, alert, share]) => {
       && words.getBoundingClientRect().width > one.clientWidth + 1;
   };
   const name = (one) => one.id || one.dataset.action || one.className || one.textContent.trim();
-  const found = [];
+  const found = offered.filter((one) => !one.checkVisibility())
+    .map((one) => `${one.textContent} is hidden by the alert`);
   let pairs = 0;
   for (const [i, [one, a]] of shown.entries()) {
     if (a.left < -1 || a.top < -1 || a.right > innerWidth + 1 || a.bottom > innerHeight + 1) {
@@ -122,6 +125,11 @@ FAULTS = """([selector, alert, share]) => {
       const height = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
       if (width > 1 && height > 1) found.push(`${name(one)} / ${name(other)}`);
     }
+  }
+  const [ground, sign] = [".stage", ".pointer"]
+    .map((part) => document.querySelector(part)?.getBoundingClientRect());
+  if (sign?.height && sign.bottom > ground.top + 0.8 * ground.height) {
+    found.push("the arrow is at the foot of the video");
   }
   if (alert) [line.textContent, line.hidden] = [text, hidden];
   // A page that waits shows few, and one on which one drives many.
