@@ -106,9 +106,12 @@ FAULTS = """([selector, alert, share]) => {
       && words.getBoundingClientRect().width > one.clientWidth + 1;
   };
   const name = (one) => one.id || one.dataset.action || one.className || one.textContent.trim();
-  const found = offered.filter((one) => !one.checkVisibility())
-    .map((one) => `${one.textContent} is hidden by the alert`);
+  const found = [];
   let pairs = 0;
+  for (const one of offered) {
+    const { top, bottom } = boxOf(one);
+    if (bottom - top < 40) found.push(`${one.textContent} gives way to the alert`);
+  }
   for (const [i, [one, a]] of shown.entries()) {
     if (a.left < -1 || a.top < -1 || a.right > innerWidth + 1 || a.bottom > innerHeight + 1) {
       found.push(`${name(one)} is outside`);
