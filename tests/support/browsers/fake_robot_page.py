@@ -181,6 +181,11 @@ class FakeRobotPage:
         """End the visit, and offer the robot to the first who waits."""
         self.do(self._offer_turn, seconds)
 
+    @property
+    def are_waiting(self) -> int:
+        """How many pages wait; one whose link breaks on a busy computer waits again soon."""
+        return len(self._queue)
+
     def keep_waiting(self, reason: str) -> None:
         """Say to the first who waits why nobody can have the robot."""
         page = self._queue[0]
