@@ -145,14 +145,12 @@ async def waits(page: Page, site: PresentRobotPage, address: str) -> Scenes:
     await page.wait_for_selector("#drive-page[data-playing][data-phase=queued]")
     yield "queued"
     site.others = [{**FREE, "name": name, "action": f"Drive {name}"} for name in ("Rhodon", "Pepe")]
-    await until(lambda: site.are_waiting)
     site.keep_waiting("paused: something stands before the charging station")
     await page.wait_for_selector("#card[data-card='queued.paused'] #card-instead > a")
     yield "queued, others are free"
     site.others = []
     await page.wait_for_selector("#card-instead", state="hidden")
     stopped(site)
-    await until(lambda: site.are_waiting)
     site.keep_waiting("paused: estop")
     await page.wait_for_selector("#presence-talk:not([hidden])")
     yield "queued, stopped"
