@@ -110,6 +110,7 @@ class FakeRobotPage:
         self.practice: dict[str, Any] | None = None
         # what the landing page's list says of other robots
         self.others: list[dict[str, Any]] = []
+        self.reason = ""  # why those who wait cannot have the robot
         self.operates = False  # whether whoever looks operates the robot
         self.still: bytes | None = None  # the JPEG that comes through the server
         self.battery = m.Battery(charge=0.82)
@@ -182,10 +183,9 @@ class FakeRobotPage:
         self.do(self._offer_turn, seconds)
 
     def keep_waiting(self, reason: str) -> None:
-        """Say to the first who waits why nobody can have the robot."""
-        page = self._queue[0]
-        queued = protocol.Queued(session=page.peer, place=1, minutes=4.0, reason=reason)
-        self.do(page.say, "session/queued", queued)
+        """Say to those who wait, and will wait, why nobody can have the robot."""
+        self.reason = reason
+        self.do(lambda: [self._say_queued(place) for place in range(1, len(self._queue) + 1)])
 
     def tell(self, suffix: str, message: m.Message) -> None:
         """Say something to every page."""
@@ -348,10 +348,12 @@ class FakeRobotPage:
             )
         else:
             self._queue.append(page)
-            page.say(
-                "session/queued",
-                protocol.Queued(session=page.peer, place=len(self._queue), minutes=4.0),
-            )
+            self._say_queued(len(self._queue))
+
+    def _say_queued(self, place: int) -> None:
+        page = self._queue[place - 1]
+        queued = protocol.Queued(session=page.peer, place=place, minutes=4.0, reason=self.reason)
+        page.say("session/queued", queued)
 
     def _grant(self, page: "_Page", session: str, epoch: int, *, resumed: bool) -> None:
         limits = m.LeaseLimits()

@@ -58,13 +58,17 @@ SEEN = (
 )
 ALERT = "Video is delayed. Driving is paused until it catches up."
 SHARES = (-1, 0, 1)  # where in the video the checkpoint lies: at the left, ahead, at the right
-SETTLED = (
-    """() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"""
-)
+LOOKS = [("", 0), *((ALERT, share) for share in SHARES)]
+SETTLED = """async () => {
+  await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
+  return !document.querySelector("#card[data-busy]:not([hidden])");
+}"""
 FAULTS = """([selector, alert, share]) => {
   // At once, before the page renders again: it knows of no alert.
   const [line, arrow] = ["alert", "pointer"].map((id) => document.getElementById(id));
   const [text, hidden] = [line?.textContent, line?.hidden];
+  const offered = [...document.querySelectorAll(".offer button")].filter((one) =>
+    one.checkVisibility());
   if (alert) {
     line.textContent = alert;
     line.hidden = false;
@@ -106,6 +110,10 @@ FAULTS = """([selector, alert, share]) => {
   const name = (one) => one.id || one.dataset.action || one.className || one.textContent.trim();
   const found = [];
   let pairs = 0;
+  for (const one of offered) {
+    const { top, bottom } = boxOf(one);
+    if (bottom - top < 40) found.push(`${one.textContent} gives way to the alert`);
+  }
   for (const [i, [one, a]] of shown.entries()) {
     if (a.left < -1 || a.top < -1 || a.right > innerWidth + 1 || a.bottom > innerHeight + 1) {
       found.push(`${name(one)} is outside`);
@@ -122,6 +130,11 @@ FAULTS = """([selector, alert, share]) => {
       const height = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
       if (width > 1 && height > 1) found.push(`${name(one)} / ${name(other)}`);
     }
+  }
+  const [ground, sign] = [".stage", ".pointer"]
+    .map((part) => document.querySelector(part)?.getBoundingClientRect());
+  if (sign?.height && sign.bottom > ground.top + 0.8 * ground.height) {
+    found.push("the arrow is at the foot of the video");
   }
   if (alert) [line.textContent, line.hidden] = [text, hidden];
   // A page that waits shows few, and one on which one drives many.
@@ -165,20 +178,27 @@ FAULTS = """([selector, alert, share]) => {
   }
   return found;
 }"""
+EACH = f"""([selector, looks]) => {{
+  const faults = {FAULTS};
+  return looks.slice(0, document.getElementById("alert") ? looks.length : 1)
+    .map((look) => faults([selector, ...look]));
+}}"""
 
 
 async def look(page: Page, size: str, scene: str, kind: str) -> list[str]:
     width, height = SIZES[size]
     await page.set_viewport_size({"width": width, "height": height})
-    await page.evaluate(SETTLED)
-    # On a busy computer there is a card while it connects anew.
-    await page.locator("#card[data-busy]").wait_for(state="hidden", timeout=1000 * patient(30.0))
-    found = [f"{scene}, {size}: {one}" for one in await page.evaluate(FAULTS, [SEEN, "", 0])]
+    if not await page.evaluate(SETTLED):  # a busy computer's page connects anew
+        busy = page.locator("#card[data-busy]")
+        await busy.wait_for(state="hidden", timeout=1000 * patient(30.0))
+    faults = await page.evaluate(EACH, [SEEN, LOOKS])
+    found = [
+        f"{scene}, {size}{f', alert, arrow at {share}' * bool(alert)}: {one}"
+        for (alert, share), seen in zip(LOOKS, faults, strict=False)  # a screen has no alert
+        for one in seen
+    ]
     if folder := os.environ.get("SCREENSHOTS"):
         await page.screenshot(path=Path(folder) / f"{scene}-{size}-{kind}.png".replace(", ", "-"))
-    for share in SHARES if await page.locator("#alert").count() else ():
-        alerted = await page.evaluate(FAULTS, [SEEN, ALERT, share])
-        found += [f"{scene}, {size}, alert, arrow at {share}: {one}" for one in alerted]
     return found
 
 
