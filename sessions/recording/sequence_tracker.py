@@ -3,7 +3,8 @@
 An agent numbers its states without holes, whatever session they belong to. So a hole that touches a
 session is a loss on the way, and the agent, which keeps its last minutes, is asked for it again.
 What nobody can know after a restart (the states before the first that is seen, holes that a stored
-record already had) is asked for once and not missed when it does not come.
+record already had) is asked for as often, because a question can get lost, too, and not missed when
+it does not come.
 """
 
 from bisect import bisect_right
@@ -176,9 +177,7 @@ class SequenceTracker:
     @staticmethod
     def _is_hopeless(gap: Gap, now: float) -> bool:
         return (
-            gap.attempts >= (ATTEMPTS if gap.certain else 1)
-            and gap.asked_at is not None
-            and now - gap.asked_at >= REPEAT
+            gap.attempts >= ATTEMPTS and gap.asked_at is not None and now - gap.asked_at >= REPEAT
         )
 
     def owes(self, session: str) -> bool:
