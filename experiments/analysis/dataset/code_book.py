@@ -48,7 +48,7 @@ def description(
 
 def variable(file: str, column: Column) -> dict[str, Any]:
     """Return a column of a file as schema.org says it."""
-    divided = f"; several words are divided by {column.divider}" if column.divider else ""
+    divided = f"; several words are separated by {column.divider}" if column.divider else ""
     found: dict[str, Any] = {
         "@type": "PropertyValue",
         "name": column.name,

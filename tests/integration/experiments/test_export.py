@@ -283,7 +283,7 @@ def test_every_word_of_a_coded_column_is_in_the_code_book(stored, tmp_path):
         place = one["description"].split(":")[0], one["name"]
         if "valueReference" in one:
             known[place] = {level["value"] for level in one["valueReference"]}
-        if divided := re.search(r"words are divided by (.)$", one["description"]):
+        if divided := re.search(r"words are separated by (.)$", one["description"]):
             dividers[place] = divided[1]
     assert {name for _, name in dividers} == {"cell", "mismatch", "doors_closed", "problems"}
     assert set(dividers) <= set(known)

@@ -136,7 +136,7 @@ def test_a_column_whose_cells_hold_several_words_lists_each_and_what_divides_the
         ("sessions", "mismatch"): "|",
     }.items():
         told = book[table, name]["description"]
-        assert told.endswith(f"; several words are divided by {divider}")
+        assert told.endswith(f"; several words are separated by {divider}")
 
 
 def test_a_word_without_a_meaning_is_an_error():

@@ -123,7 +123,7 @@ def test_columns_have_their_levels_and_ranges(tmp_path):
     assert own["l"]["valueReference"]
     assert own["o"]["valueReference"]
     assert own["m"]["valueReference"]
-    assert own["m"]["description"].endswith("; several words are divided by |")
+    assert own["m"]["description"].endswith("; several words are separated by |")
     assert {one["value"] for one in own["l_missing"]["valueReference"]} >= {"skipped", "withheld"}
 
 
