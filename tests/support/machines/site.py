@@ -23,11 +23,9 @@ from tests.support.sessions.site import free_port, wait_for
 WEB_PORT = 8000
 MANAGER, WEB = "session-manager", "web"
 ONLINE = """
-import datetime
 from django.utils import timezone
 from robots.models import Robot
-heard = timezone.now() - datetime.timedelta(seconds=10)
-print(Robot.objects.filter(name={name!r}, connection="ONLINE", last_seen_at__gt=heard).exists())
+print(Robot.objects.get(name={name!r}).is_online(timezone.now()))
 """
 DOCKED = """
 from robots.models import Robot
@@ -119,11 +117,6 @@ class Machines:
     site: MachinesSite
     webs: dict[str, str] = field(default_factory=dict)
     placed: dict[str, Placed] = field(default_factory=dict)
-    databases: list[PatroniNode] = field(default_factory=list)
-
-    def primary(self) -> PatroniNode | None:
-        """Return the database server that is the primary, if there is one."""
-        return next((one for one in self.databases if one.has_role("leader")), None)
 
 
 @contextlib.contextmanager
@@ -163,7 +156,7 @@ def _databases(made: Machines, stack: contextlib.ExitStack) -> None:
         EtcdNode(f"etcd-{one.number}", stack.enter_context(owned_folder()), one.address)
         for one in on
     ]
-    made.databases = [
+    servers = [
         PatroniNode(
             stack.enter_context(owned_folder()),
             free_port(),
@@ -174,22 +167,22 @@ def _databases(made: Machines, stack: contextlib.ExitStack) -> None:
         )
         for one in on
     ]
-    for machine, etcd, server in zip(on, etcds, made.databases, strict=True):
+    for machine, etcd, server in zip(on, etcds, servers, strict=True):
         made.placed[etcd.name] = Placed(
             machine, partial(etcd.start, etcds), etcd.kill, lambda etcd=etcd: etcd.process.pid
         )
         made.placed[server.name] = Placed(
             machine, server.begin, server.kill, lambda server=server: server.patroni[-1].pid
         )
-    first, *others = made.databases
+    first, *others = servers
     first.adopt()
     for etcd in etcds:
         stack.callback(etcd.kill)
         made.placed[etcd.name].start()
-    for server in made.databases:
+    for server in servers:
         stack.callback(server.kill)
         made.placed[server.name].start()
         wait_for(first.is_leading, 90, "a primary", first.log)
     wait_for(lambda: all(one.is_following() for one in others), 120, "standbys", others[0].log)
-    hosts = ",".join(f"{one.host}:{one.port}" for one in made.databases)
+    hosts = ",".join(f"{one.host}:{one.port}" for one in servers)
     made.site.settings["DATABASE_URL"] = f"postgres://{OWNER}:{PASSWORD}@{hosts}/postgres"
