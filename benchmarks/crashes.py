@@ -26,6 +26,7 @@ from benchmarks.traffic import verdicts
 from benchmarks.traffic.bases import Bases
 from benchmarks.traffic.places import RunningSite, running_place
 from benchmarks.traffic.worker import Hands
+from sessions.recording.sequence_tracker import ASKING_SECONDS
 from tests.support.host_jitter import watched
 from tests.support.patience import patient
 from tests.support.sessions.site import wait_for
@@ -38,6 +39,7 @@ STAYS = 12.0  # s that a visitor drives before making room
 RESTART = 1.0  # s, as RestartSec of the units in deploy/systemd
 PARTITION = 30.0  # s for which a cable between machines is cut
 RECOVERY = 60.0
+RECORD = ASKING_SECONDS + 60.0  # s, after which nothing of the record is still asked for
 CALM = 3.0
 
 
@@ -119,7 +121,7 @@ def everybody_leaves(place: RunningSite, robots: Hands, visitors: Hands) -> None
     wait_for(lambda: robots.ask("driven") == 0, RECOVERY, "the robots' word that nobody drives")
     wait_for(
         lambda: not _awaited(place, robots),
-        RECOVERY,
+        RECORD,
         "a whole record",
         lambda: _awaited(place, robots),
     )

@@ -4,8 +4,9 @@ traffic of real ones that are being driven.
 Each has an MQTT connection of its own and speaks Robot API v1: presence with a will, factsheet,
 poses 15 times, heartbeats 5 times and states 4 times a second, with the commands that it took.
 Leases and what waits for the broker are decided by the agent's own code
-(robots/agent/safety/lease.py, outbox.py); there is no safety kernel and no base, so that nothing of
-what moves can be concluded from them.
+(robots/agent/safety/lease.py, outbox.py), and the nodes of a broker are used as the agent does
+(broker_link/mqtt.py); there is no safety kernel and no base, so that nothing of what moves can be
+concluded from them.
 
 What they measure is how long commands were on their way: the page's stamp is in the command, and
 all processes share one clock.
@@ -33,6 +34,7 @@ POSE, STATE, BEAT = 1 / 15, 1 / 4, 1 / 5
 STATES_KEPT = 9600
 WINDOW = 200  # letters that wait for the broker's word
 AGAIN = (0.2, 1.0)  # s until the next attempt to connect, drawn between
+WORD = 5.0  # s, as an agent waits for the broker's word
 LIMITS = m.Limits(
     linear=0.7,
     reverse=0.3,
@@ -94,7 +96,8 @@ class LightRobot:
         self.online = False
         self._leases, self._outbox = LeaseKeeper(), Outbox()
         self._kept: deque[tuple[int, bytes]] = deque(maxlen=STATES_KEPT)
-        self._flying: dict[int, OutboundMessage] = {}
+        self._flying: dict[int, tuple[OutboundMessage, float]] = {}  # and since when
+        self._knocked_at: float | None = None
         self._seq = self._beats = self._packet = 0
         self._applied: list[m.AppliedCommand] = []
         self._last = ("", 0, 0)  # session, epoch and number of the newest command
@@ -109,34 +112,52 @@ class LightRobot:
 
     # --- its connection ---------------------------------------------------------------------------
 
-    async def live(self, host: str, port: int) -> None:
-        """Connect, and again whenever the connection is lost, for ever."""
-        rings = [(POSE, self._say_pose), (STATE, self._say_state), (BEAT, self._say_beat)]
+    async def live(self, nodes: deque[tuple[str, int]]) -> None:
+        """Connect, and again whenever the connection is lost, for ever, each time with the next of
+        the broker's nodes.
+        """
+        rings = [
+            (POSE, self._say_pose),
+            (STATE, self._say_state),
+            (BEAT, self._say_beat),
+            (1.0, self._leave_a_mute_node),
+        ]
         for period, act in rings:
             self._timers.every(period, self._rng.random(), act)
         will = PublishPacket(
             topics.of(self.name, "connection"), self._presence("CONNECTIONBROKEN"), 1, retain=True
         )
         filters = [
-            (topics.of(self.name, line.suffix), line.qos)
+            (topics.of(self.name, line.suffix), 0 if len(nodes) > 1 else line.qos)
             for line in topics.TABLE
             if line.direction == "to_robot"
         ]
+        said = hello(f"{self.name}-{secrets.token_hex(8)}", self.name, self._token, will)
         while True:
             self._over.clear()
             try:
-                said = hello(f"light-{self.name}", self.name, self._token, will)
-                _, self._line = await asyncio.get_running_loop().create_connection(
-                    lambda said=said: MqttLine(self, said, filters), host, port
-                )
+                async with asyncio.timeout(WORD):
+                    _, self._line = await asyncio.get_running_loop().create_connection(
+                        lambda: MqttLine(self, said, filters), *nodes[0]
+                    )
+                self._knocked_at = time.monotonic()
                 await self._over.wait()
-            except OSError:
+            except OSError:  # a TimeoutError, too
                 self._told.counts["connection_refused"] += 1
+            nodes.rotate(-1)
             await asyncio.sleep(self._rng.uniform(*AGAIN))
+
+    def _leave_a_mute_node(self) -> None:
+        """Try another node where this one has not answered for too long."""
+        flying = next(iter(self._flying.values()), None)
+        since = flying[1] if flying is not None else self._knocked_at
+        if self._line is not None and since is not None and time.monotonic() - since > WORD:
+            self._told.counts["mute"] += 1
+            self._line.abort()
 
     def opened(self) -> None:
         """Say who we are, and what has waited."""
-        self.online = True
+        self.online, self._knocked_at = True, None
         self._put("connection", self._presence("ONLINE"))
         self._put("factsheet", codec.encode(factsheet_of(self.name, self.boot)))
 
@@ -144,16 +165,16 @@ class LightRobot:
         """Keep what the broker has not confirmed."""
         if self.online:
             self._told.counts["connection_lost"] += 1
-        self.online = False
+        self.online, self._line, self._knocked_at = False, None, None
         self._flying.clear()
         self._outbox.disconnected()
         self._over.set()
 
     def acknowledged(self, packet_id: int) -> None:
         """Send what waits for a place."""
-        said = self._flying.pop(packet_id, None)
-        if said is not None:
-            self._outbox.acknowledged(said)
+        flying = self._flying.pop(packet_id, None)
+        if flying is not None:
+            self._outbox.acknowledged(flying[0])
         self._flush()
 
     def _put(self, suffix: str, payload: bytes) -> None:
@@ -170,7 +191,7 @@ class LightRobot:
             said = self._outbox.take()
             if said.qos:
                 self._packet = self._packet % 0xFFFF + 1
-                self._flying[self._packet] = said
+                self._flying[self._packet] = said, time.monotonic()
             self._line.publish(
                 topics.of(self.name, said.suffix),
                 said.payload,
@@ -345,9 +366,10 @@ class Robots:
         as [host, port]; returns how many there are.
         """
         for name, token in robots:
-            host, port = brokers[len(self._robots) % len(brokers)]
+            nodes = deque((host, port) for host, port in brokers)
+            nodes.rotate(-len(self._robots))
             self._robots.append(LightRobot(name, token, self._told, self._timers, self._rng))
-            self._living.add(asyncio.create_task(self._robots[-1].live(host, port)))
+            self._living.add(asyncio.create_task(self._robots[-1].live(nodes)))
         return len(self._robots)
 
     def online(self) -> int:

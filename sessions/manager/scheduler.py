@@ -406,9 +406,9 @@ class Scheduler:
             self._closing[key] = closing.get(key, 0.0)
             if now.timestamp() - self._closing[key] >= CLOSE_AGAIN_SECONDS:
                 self._closing[key] = now.timestamp()
-                items.append(
-                    CloseItem(session.robot.name, key, (session.ended_at or now).timestamp())
-                )
+                ended_at = (session.ended_at or now).timestamp()
+                granted = session.granted_at is not None
+                items.append(CloseItem(session.robot.name, key, ended_at, granted))
         return items
 
     def _publish_end(self, session: Session, now: datetime.datetime) -> None:

@@ -31,7 +31,12 @@ from sessions.recording.items import (
     StateItem,
 )
 from sessions.recording.photos import Photos, RecordedPhoto
-from sessions.recording.sequence_tracker import Loss, SequenceTracker
+from sessions.recording.sequence_tracker import (
+    ASKING_SECONDS,
+    Ledger,
+    Loss,
+    SequenceTracker,
+)
 from sessions.recording.store import RecordStore, key_of, row_of
 from sessions.shards.hashing import shard_of
 
@@ -46,7 +51,7 @@ LOGGED = {
     "localization_lost": "warning",
 }
 SETTLE_SECONDS = 2.0
-GIVE_UP_SECONDS = 60.0
+GIVE_UP_SECONDS = ASKING_SECONDS + 15.0
 PRESENT_SECONDS = 5.0
 RUNS = 3  # ledgers kept of a robot
 # for which what pages say of another session manager's robots is kept, in case they become ours
@@ -82,6 +87,7 @@ class RecordBuilder:
         self._robots: dict[str, _Robot] = {}
         self._touched: set[str] = set()
         self._closing: dict[str, CloseItem] = {}
+        self._audited: set[str] = set()  # sessions of _closing
         self._early: deque[PageItem] = deque(maxlen=MOST_EARLY)
         self._version = store.ownership.version
         self._released: list[ReleaseItem] = []
@@ -156,18 +162,22 @@ class RecordBuilder:
         return None
 
     def _tracker(self, robot: str, boot: str, session: str | None, now: float) -> SequenceTracker:
-        stored = (
-            []
+        ledger = (
+            None
             if session is None or (session, boot) in self._restored
-            else self._store.stored(session, boot)
+            else self._store.ledger(session, boot)
         )
+        tracker = self._run(robot, boot)
+        if session is not None and ledger is not None:
+            self._restored.add((session, boot))
+            tracker.restore(session, ledger, now)
+        return tracker
+
+    def _run(self, robot: str, boot: str) -> SequenceTracker:
         runs = self._trackers.setdefault(robot, {})
         tracker = runs.setdefault(boot, SequenceTracker())
         for oldest in list(runs)[: max(0, len(runs) - RUNS)]:
             del runs[oldest]
-        if session is not None and (session, boot) not in self._restored:
-            self._restored.add((session, boot))
-            tracker.restore(session, stored, now)
         return tracker
 
     def _on_message(
@@ -344,8 +354,12 @@ class RecordBuilder:
     def settle(self, now: float) -> None:
         """Close the chunks that are due, ask for what is owed, write down what is lost."""
         self._follow_ownership(now)
+        self._audit(now)
         for chunk in self._chunks.ripe(now):
             self._keep(chunk)
+        for session in self._closing:  # what comes late belongs into the summary that is made next
+            for chunk in self._chunks.close(session):
+                self._keep(chunk)
         for robot, runs in self._trackers.items():
             known = self._robots.get(robot)
             if known is None:
@@ -367,6 +381,22 @@ class RecordBuilder:
                 now,
                 action=action,
             )
+
+    def _audit(self, now: float) -> None:
+        """Look for states of ended sessions that an earlier session manager received and did not
+        store, of which it could be that no later message tells.
+        """
+        for session, item in self._closing.items():
+            known = self._robots.get(item.robot)
+            if session in self._audited or known is None:
+                continue
+            ledger = self._store.ledger(session, known.boot)
+            tracker = self._run(item.robot, known.boot)
+            tracker.restore(session, ledger, now)
+            if ledger == Ledger() and item.granted:
+                tracker.suspect_before(session, now)
+            self._restored.add((session, known.boot))
+            self._audited.add(session)
 
     def _follow_ownership(self, now: float) -> None:
         """Take what pages have just said of robots that are ours by now."""
@@ -391,6 +421,7 @@ class RecordBuilder:
         self._closing = {
             key: one for key, one in self._closing.items() if shard_of(one.robot) not in item.shards
         }
+        self._audited &= self._closing.keys()
         self._released.append(item)
 
     def tell_released(self) -> None:
@@ -429,6 +460,7 @@ class RecordBuilder:
         for item in [item for item in self._closing.values() if self._is_settled(item, now)]:
             self._store.close(item.session, datetime.datetime.fromtimestamp(now, datetime.UTC))
             del self._closing[item.session]
+            self._audited.discard(item.session)
 
     def _is_settled(self, item: CloseItem, now: float) -> bool:
         if now - item.ended_at > GIVE_UP_SECONDS:

@@ -63,12 +63,13 @@ class PageItem:
 @dataclass(frozen=True, slots=True)
 class CloseItem:
     """The session ended at `ended_at`: close its record when nothing is owed any more. Said again
-    until `closed_at` is set.
+    until `closed_at` is set. `granted`: the robot was given to it.
     """
 
     robot: str
     session: str
     ended_at: float
+    granted: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,9 @@ from dataclasses import dataclass, field
 
 PATIENCE = 1.0  # a buffered message may still be on its way
 REPEAT = 5.0
-ATTEMPTS = 3
+ATTEMPTS = 3  # at least, however long the robot was away
+# at least: a robot is heard but does not hear while its broker's node is being replaced
+ASKING_SECONDS = 60.0
 HEAD = 240  # a minute of states
 # A jump this wide is a robot that counts strangely, not a loss: no agent keeps so many.
 WIDEST = 100_000
@@ -49,6 +51,11 @@ class Intervals:
         self._firsts[low:high] = [first]
         self._lasts[low:high] = [last]
 
+    def after(self, number: int) -> int | None:
+        """Return the first number of the set that is larger than `number`, outside of its range."""
+        at = bisect_right(self._firsts, number)
+        return self._firsts[at] if at < len(self._firsts) else None
+
     def missing(self, first: int, last: int) -> list[Range]:
         """Return the ranges between first and last that are not in the set."""
         found, at = [], first
@@ -63,6 +70,17 @@ class Intervals:
         if at <= last:
             found.append((at, last))
         return found
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """What is stored of one session and run: ranges of states, and the numbers of the session's
+    first and last one, as far as the robot's events say them.
+    """
+
+    ranges: tuple[Range, ...] = ()
+    begins: int | None = None
+    ends: int | None = None
 
 
 @dataclass
@@ -102,25 +120,45 @@ class SequenceTracker:
     reached: int | None = None
     session: str | None = None
 
-    def restore(self, session: str, ranges: list[Range], now: float) -> None:
-        """Take over what an earlier session manager has stored of a session."""
-        for first, last in ranges:
+    def restore(self, session: str, ledger: Ledger, now: float) -> None:
+        """Take over what is stored of a session, and look for what an earlier session manager had
+        received and could not store any more: between what is stored, before it where the beginning
+        is not known, and after it up to what was seen next.
+        """
+        for first, last in ledger.ranges:
             self.seen.add(first, last)
-        if ranges:
-            first, last = min(first for first, _ in ranges), max(last for _, last in ranges)
-            for hole in self.seen.missing(first, last):
-                self.gaps.append(Gap(*hole, frozenset({session}), certain=False, found_at=now))
-            if self.reached is None or last > self.reached:
-                self.reached, self.session = last, session
+        numbers = [
+            *(number for both in ledger.ranges for number in both),
+            *(number for number in (ledger.begins, ledger.ends) if number is not None),
+        ]
+        if not numbers:
+            return
+        first, last = min(numbers), max(numbers)
+        following = self.seen.after(last)
+        until = last if following is None or following - last > WIDEST else following - 1
+        holes = self.seen.missing(first, until)
+        if ledger.begins is None:
+            holes += self.seen.missing(max(0, first - HEAD), first - 1)
+        self._suspect(holes, session, now)
+        if self.reached is None or last > self.reached:
+            self.reached, self.session = last, session
+
+    def suspect_before(self, session: str, now: float) -> None:
+        """Look for a session of which nothing is known, in the minute before all that was seen."""
+        earliest = next(iter(self.seen), (0, 0))[0]
+        self._suspect(self.seen.missing(max(0, earliest - HEAD), earliest - 1), session, now)
+
+    def _suspect(self, holes: list[Range], session: str, now: float) -> None:
+        self.gaps += [
+            Gap(*hole, frozenset({session}), certain=False, found_at=now) for hole in holes
+        ]
 
     def arrive(self, seq: int, session: str | None, now: float) -> bool:
         """Note a state; False when it was there before."""
         if seq in self.seen:
             return False
         if self.reached is None and session is not None and seq > 0:
-            self.gaps.append(
-                Gap(max(0, seq - HEAD), seq - 1, frozenset({session}), certain=False, found_at=now)
-            )
+            self._suspect([(max(0, seq - HEAD), seq - 1)], session, now)
         self.seen.add(seq, seq)
         self._reach(seq, session, now, to=seq - 1)
         return True
@@ -132,9 +170,7 @@ class SequenceTracker:
     def ends(self, seq: int, session: str, now: float) -> None:
         """Note that the session's last state is `seq`."""
         if self.reached is None:
-            self.gaps.append(
-                Gap(max(0, seq - HEAD), seq, frozenset({session}), certain=False, found_at=now)
-            )
+            self._suspect([(max(0, seq - HEAD), seq)], session, now)
         self._reach(seq, session, now, to=seq)
 
     def _reach(self, seq: int, session: str | None, now: float, *, to: int) -> None:
@@ -177,7 +213,10 @@ class SequenceTracker:
     @staticmethod
     def _is_hopeless(gap: Gap, now: float) -> bool:
         return (
-            gap.attempts >= ATTEMPTS and gap.asked_at is not None and now - gap.asked_at >= REPEAT
+            gap.asked_at is not None
+            and now - gap.asked_at >= REPEAT
+            and gap.attempts >= ATTEMPTS
+            and now - gap.found_at >= ASKING_SECONDS
         )
 
     def owes(self, session: str) -> bool:

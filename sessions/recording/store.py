@@ -22,7 +22,7 @@ from django.db.models import Model, Q
 from robots.models import Robot
 from sessions.models import NetworkSample, Session, SessionEvent, Snapshot, StateChunk
 from sessions.recording.chunks import Chunk
-from sessions.recording.sequence_tracker import Intervals, Range
+from sessions.recording.sequence_tracker import Intervals, Ledger, Range
 from sessions.recording.summary import summarise
 from sessions.shards.ownership import EVERYTHING, Fenced, Ownership
 
@@ -157,6 +157,22 @@ class RecordStore:
             StateChunk.objects.filter(session=session, boot=boot)
             .order_by("first_seq")
             .values_list("first_seq", "last_seq")
+        )
+
+    def ledger(self, session: str, boot: str) -> Ledger:
+        """Return which states are stored of a session, and where the robot said that it began and
+        ended.
+        """
+        said = SessionEvent.objects.filter(
+            session=session,
+            source=SessionEvent.Source.ROBOT,
+            type__in=["lease_taken", "session_closed"],
+        ).values_list("type", "data")
+        of_run = [(kind, data) for kind, data in said if data.get("boot") == boot]
+        return Ledger(
+            tuple(self.stored(session, boot)),
+            min((data["seq"] for kind, data in of_run if kind == "lease_taken"), default=None),
+            max((data["lastSeq"] for _, data in of_run if "lastSeq" in data), default=None),
         )
 
     def insert(self, rows: list[Model], *, careful: bool = False) -> None:

@@ -3,6 +3,7 @@
 import hashlib
 import threading
 import time
+from dataclasses import replace
 
 import msgspec
 import pytest
@@ -15,7 +16,7 @@ from robots.models import Robot
 from sessions import protocol
 from sessions.models import Session, SessionEvent, Snapshot, StateChunk, SystemLog
 from sessions.recording import store as record_store
-from sessions.recording.builder import RecordBuilder
+from sessions.recording.builder import GIVE_UP_SECONDS, RecordBuilder
 from sessions.recording.items import (
     CloseItem,
     EventItem,
@@ -326,15 +327,81 @@ def test_a_record_is_closed_when_something_later_was_heard_and_nothing_is_owed(s
     assert Session.objects.get().summary["states"] == 5
 
 
-def test_a_record_of_a_robot_that_is_gone_is_closed_after_a_minute(session):
+def test_a_record_of_a_robot_that_is_gone_is_closed_after_a_while(session):
     record = builder()
     record.take(state_item(session, 1))
     record.take(end(session))
     record.write()
-    record.close_sessions(NOW + 60)
+    ended = NOW + 10
+    record.close_sessions(ended + GIVE_UP_SECONDS)
     assert Session.objects.get().closed_at is None
-    record.close_sessions(NOW + 71)
+    record.close_sessions(ended + GIVE_UP_SECONDS + 1)
     assert Session.objects.get().summary["states"] == 1
+
+
+def test_a_record_waits_for_states_that_a_robot_hears_of_only_after_forty_seconds(session):
+    asked = []
+    record = RecordBuilder(RecordStore(), lambda *words: asked.append(words))
+    record.take(state_item(session, 0))
+    record.take(state_item(session, 3))
+    record.take(end(session))
+    for seconds in range(1, 40):
+        record.take(replace(state_item(None, 3 + seconds), received_at=NOW + seconds))
+        record.settle(NOW + seconds)
+        record.write()
+        record.close_sessions(NOW + seconds)
+    assert set(asked) == {("giraff", "b", 1, 2)}
+    assert Session.objects.get().closed_at is None
+    record.take(state_item(session, 1))
+    record.take(state_item(session, 2))
+    record.settle(NOW + 40)
+    record.write()
+    record.close_sessions(NOW + 40)
+    assert Session.objects.get().summary["states"] == 4
+    assert stored(session) == [0, 1, 2, 3]
+
+
+def test_states_that_a_former_manager_could_not_store_are_asked_for_by_the_next(session):
+    """The database was away when the first one was replaced, and the session was over by then."""
+    former = builder()
+    former.take(event_item(session, "lease_taken", seq=0))
+    for seq in range(10):
+        former.take(state_item(session, seq))
+    former.close_all()
+    former.write()
+    for seq in range(10, 20):
+        former.take(state_item(session, seq))  # and never written
+    asked = []
+    following = RecordBuilder(RecordStore(), lambda *words: asked.append(words))
+    following.take(state_item(None, 25))
+    following.take(end(session))
+    following.settle(NOW + 8)
+    following.settle(NOW + 10)
+    assert asked == [("giraff", "b", 10, 24)]
+    following.take(state_item(None, 50))
+    following.close_sessions(NOW + 13)
+    assert Session.objects.get().closed_at is None
+    for seq in range(10, 25):
+        following.take(state_item(session if seq < 20 else None, seq))
+    following.settle(NOW + 14)
+    following.write()
+    following.close_sessions(NOW + 14)
+    assert stored(session) == list(range(20))
+    assert Session.objects.get().summary["states"] == 20
+
+
+@pytest.mark.parametrize(("granted", "asked_for"), [(True, [(260, 499)]), (False, [])])
+def test_a_session_of_which_nothing_was_stored_is_looked_for_if_it_had_the_robot(
+    session, granted, asked_for
+):
+    asked = []
+    record = RecordBuilder(RecordStore(), lambda *words: asked.append(words[2:]))
+    record.take(state_item(None, 500))
+    record.take(replace(end(session), granted=granted))
+    last = NOW + 500 * 0.25
+    record.settle(last)
+    record.settle(last + 2)
+    assert asked == asked_for
 
 
 def test_a_closed_record_is_opened_again_when_states_come_late(session):

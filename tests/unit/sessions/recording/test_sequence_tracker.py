@@ -7,11 +7,13 @@ import pytest
 from hypothesis import given
 
 from sessions.recording.sequence_tracker import (
+    ASKING_SECONDS,
     ATTEMPTS,
     HEAD,
     PATIENCE,
     REPEAT,
     Intervals,
+    Ledger,
     SequenceTracker,
 )
 from tests.support.examples import examples
@@ -75,12 +77,20 @@ def test_a_hole_is_asked_for_after_a_moment_and_again_until_it_is_filled(tracker
     assert not tracker.owes("s")
 
 
+def asked_in_vain(tracker, hole, *, first_at):
+    """Ask for a hole that nobody fills until it is given up; return what is lost."""
+    now = first_at
+    while now < ASKING_SECONDS:
+        assert due(tracker, now) == ([hole], [])
+        now += REPEAT
+    asks, losses = due(tracker, now)
+    assert asks == []
+    return losses
+
+
 def test_a_hole_that_is_never_filled_is_a_loss_of_the_sessions_that_it_touches(tracker):
     tracker.arrive(13, "t", 0.0)
-    for attempt in range(ATTEMPTS):
-        asks, losses = due(tracker, PATIENCE + attempt * REPEAT)
-        assert (asks, losses) == ([(11, 12)], [])
-    _, losses = due(tracker, PATIENCE + ATTEMPTS * REPEAT)
+    losses = asked_in_vain(tracker, (11, 12), first_at=PATIENCE)
     assert [(loss.ranges, loss.sessions, loss.count) for loss in losses] == [
         (((11, 12),), frozenset("st"), 2)
     ]
@@ -90,7 +100,10 @@ def test_a_hole_that_is_never_filled_is_a_loss_of_the_sessions_that_it_touches(t
 def test_nobody_is_asked_while_the_robot_is_away_and_nothing_is_given_up(tracker):
     tracker.arrive(12, "s", 0.0)
     assert due(tracker, 1000.0, present=False) == ([], [])
-    assert due(tracker, 1001.0) == ([(11, 11)], [])
+    for attempt in range(ATTEMPTS):
+        assert due(tracker, 1001.0 + attempt * REPEAT) == ([(11, 11)], [])
+    _, losses = due(tracker, 1001.0 + ATTEMPTS * REPEAT)
+    assert [loss.count for loss in losses] == [1]
 
 
 def test_what_an_earlier_run_of_the_agent_had_is_lost_at_once(tracker):
@@ -132,7 +145,7 @@ def test_a_session_that_ends_where_it_was_seen_owes_nothing(tracker):
 
 def test_after_a_restart_the_stored_states_count_and_what_came_since_is_owed():
     tracker = SequenceTracker()
-    tracker.restore("s", [(1, 10), (11, 20)], 0.0)
+    tracker.restore("s", Ledger(((1, 10), (11, 20)), begins=1), 0.0)
     assert not tracker.arrive(15, "s", 0.0)
     assert tracker.arrive(31, "s", 0.0)
     assert due(tracker, 2.0) == ([(21, 30)], [])
@@ -140,28 +153,75 @@ def test_after_a_restart_the_stored_states_count_and_what_came_since_is_owed():
 
 def test_a_hole_that_was_stored_is_asked_for_again_and_not_missed():
     tracker = SequenceTracker()
-    tracker.restore("s", [(1, 10), (15, 20)], 0.0)
-    for attempt in range(ATTEMPTS):
-        assert due(tracker, 2.0 + attempt * REPEAT) == ([(11, 14)], [])
-    assert due(tracker, 2.0 + ATTEMPTS * REPEAT) == ([], [])
+    tracker.restore("s", Ledger(((1, 10), (15, 20)), begins=1), 0.0)
+    assert asked_in_vain(tracker, (11, 14), first_at=2.0) == []
     assert not tracker.owes("s")
 
 
 def test_a_hole_that_was_stored_is_filled_by_the_second_answer_where_the_first_was_lost():
     tracker = SequenceTracker()
-    tracker.restore("s", [(1, 10), (12, 20)], 0.0)
+    tracker.restore("s", Ledger(((1, 10), (12, 20)), begins=1), 0.0)
     assert due(tracker, 2.0) == ([(11, 11)], [])
     assert due(tracker, 2.0 + REPEAT) == ([(11, 11)], [])
     assert tracker.arrive(11, "s", 3.0 + REPEAT)
     assert due(tracker, 2.0 + 2 * REPEAT) == ([], [])
 
 
+def test_what_was_received_and_not_stored_is_asked_for_though_its_session_is_over():
+    """The next session manager hears only states of nobody: the session's last ones were in the
+    memory of the one before, the beginning is known by an event.
+    """
+    tracker = SequenceTracker()
+    tracker.arrive(40, None, 0.0)
+    tracker.restore("s", Ledger(((11, 20),), begins=11), 0.0)
+    assert due(tracker, 2.0) == ([(21, 39)], [])
+    assert tracker.owes("s")
+    for seq in range(21, 40):
+        tracker.arrive(seq, "s" if seq < 31 else None, 3.0)
+    assert not tracker.owes("s")
+
+
+def test_what_was_received_out_of_order_after_a_takeover_leaves_no_hole():
+    tracker = SequenceTracker()
+    tracker.arrive(30, None, 0.0)
+    tracker.restore("s", Ledger(((11, 20),), begins=11), 0.0)
+    for seq in range(25, 30):
+        tracker.arrive(seq, "s", 0.0)
+    assert due(tracker, 2.0) == ([(21, 24)], [])
+
+
+def test_where_the_beginning_is_not_known_the_minute_before_is_asked_for():
+    tracker = SequenceTracker()
+    tracker.restore("s", Ledger(((1000, 1010),)), 0.0)
+    assert due(tracker, 2.0) == ([(1000 - HEAD, 999)], [])
+
+
+def test_events_tell_of_states_none_of_which_is_stored():
+    tracker = SequenceTracker()
+    tracker.arrive(500, None, 0.0)
+    tracker.restore("s", Ledger(begins=300, ends=350), 0.0)
+    assert due(tracker, 2.0) == ([(300, 499)], [])
+
+
+def test_of_a_session_of_which_nothing_is_known_the_minute_before_all_is_asked_for():
+    tracker = SequenceTracker()
+    tracker.arrive(500, None, 0.0)
+    tracker.suspect_before("s", 0.0)
+    assert due(tracker, 2.0) == ([(500 - HEAD, 499)], [])
+    assert tracker.owes("s")
+
+
+def test_a_restart_in_the_middle_of_a_calm_session_asks_for_nothing():
+    tracker = SequenceTracker()
+    tracker.restore("s", Ledger(((11, 20),), begins=11), 0.0)
+    tracker.arrive(21, "s", 0.0)
+    assert due(tracker, 2.0) == ([], [])
+
+
 def test_without_any_knowledge_the_last_minute_is_asked_for_and_not_missed():
     tracker = SequenceTracker()
     tracker.arrive(1000, "s", 0.0)
-    for attempt in range(ATTEMPTS):
-        assert due(tracker, 2.0 + attempt * REPEAT) == ([(1000 - HEAD, 999)], [])
-    assert due(tracker, 2.0 + ATTEMPTS * REPEAT) == ([], [])
+    assert asked_in_vain(tracker, (1000 - HEAD, 999), first_at=2.0) == []
 
 
 def test_a_robot_that_counts_strangely_costs_nothing(tracker):
