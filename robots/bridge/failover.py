@@ -52,10 +52,10 @@ class Failover:
         return KEEPALIVE_OF_NODES_SECONDS if self.has_nodes else KEEPALIVE_SECONDS
 
     def qos(self, wanted: int) -> int:
-        """Return the QoS to subscribe with in a session that ends with its connection.
+        """Return the QoS to subscribe with to what may be lost with a connection.
 
-        Over one TCP connection QoS 1 then adds nothing but acknowledgements; and a cluster makes a
-        replicated queue of each subscription at QoS 1, for which page and robot would wait.
+        A cluster makes a replicated queue of each subscription at QoS 1, for which page and robot
+        would wait; over one TCP connection QoS 1 adds nothing but acknowledgements.
         """
         return 0 if self.has_nodes else wanted
 

@@ -219,7 +219,7 @@ class ActiveManager:
             clean_session=False,
         ) as client:
             read_quickly(client)
-            connection = BrokerConnection(client, self._work, self._clock)
+            connection = BrokerConnection(client, self._work, self._clock, self._failover.qos(1))
             await connection.begin()
             self._connected.set()
             node = self._failover.node

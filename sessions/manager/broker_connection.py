@@ -1,8 +1,8 @@
 """What the session manager does while it is connected to the broker.
 
 The connection is a persistent session at QoS 1, so that what robots say while this process
-restarts is delivered afterwards; what is missing even then is asked for again by its number
-(sessions/recording/sequence_tracker.py).
+restarts is delivered afterwards (of a cluster: what they say seldom); what is missing even then is
+asked for again by its number (sessions/recording/sequence_tracker.py).
 
 A lease that the broker has kept from before a crash permits nothing (robots act only on a fresh
 copy) and is replaced at the beginning.
@@ -16,7 +16,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import aiomqtt
 import structlog
@@ -47,6 +47,8 @@ from sessions.recording.recorder import Recorder
 from sessions.shards.ownership import Ownership
 
 logger = structlog.stdlib.get_logger(__name__)
+
+Filter = TypeVar("Filter", str, tuple[str, int])
 
 IDENTIFIER = "session-manager"
 POLL_INTERVAL_S = 0.5
@@ -88,12 +90,22 @@ class BrokerConnection:
         client: connected.
         work: outlives the connection.
         clock: Unix seconds.
+        often_qos: the highest QoS of subscriptions to what robots say often. A cluster makes a
+            replicated queue of each subscription at QoS 1; so many take it a minute to get in order
+            after a partition.
     """
 
-    def __init__(self, client: aiomqtt.Client, work: Work, clock: Callable[[], float]) -> None:
+    def __init__(
+        self,
+        client: aiomqtt.Client,
+        work: Work,
+        clock: Callable[[], float],
+        often_qos: int = 1,
+    ) -> None:
         self._client = client
         self._work = work
         self._clock = clock
+        self._often_qos = often_qos
         self._since = clock()
         self._desired_state = DesiredState(work.ownership)
         self._presence_version = work.ownership.version
@@ -108,7 +120,7 @@ class BrokerConnection:
         await self._subscribe()
         if self._work.ownership.was_shared:
             # the broker may have kept subscriptions of another division
-            kept = await self._work.thread.run(_every_filter) - self._subscribed
+            kept = await self._work.thread.run(_every_topic) - dict(self._subscribed).keys()
             await self._unsubscribe(kept)
         await self._work.thread.run(self._work.scheduler.begin)
 
@@ -117,19 +129,20 @@ class BrokerConnection:
         ownership = self._work.ownership
         slots = ownership.slots
         if ownership.is_whole:
-            wanted = filters()
+            wanted = filters(often_qos=self._often_qos)
         else:
-            wanted = filters(await self._work.thread.run(_names_of, ownership.wants))
+            names = await self._work.thread.run(_names_of, ownership.wants)
+            wanted = filters(names, often_qos=self._often_qos)
         for packet in packets_of(wanted - self._subscribed):
             granted = await self._client.subscribe(packet, timeout=SUBSCRIBE_SECONDS)
             broker_address.check_subscribed(granted)
-        await self._unsubscribe(self._subscribed - wanted)
+        await self._unsubscribe(dict(self._subscribed).keys() - dict(wanted).keys())
         self._subscribed = wanted
         self.prepared = slots
 
-    async def _unsubscribe(self, stale: set[tuple[str, int]]) -> None:
+    async def _unsubscribe(self, stale: set[str]) -> None:
         for packet in packets_of(stale):
-            await self._client.unsubscribe([topic for topic, _ in packet])
+            await self._client.unsubscribe(packet)
 
     async def serve(self) -> None:
         """Do everything that goes on while connected, until the connection is lost."""
@@ -312,7 +325,7 @@ class BrokerConnection:
             logger.info("states_not_requested", reason=str(error))
 
 
-def packets_of(filters_: set[tuple[str, int]]) -> Iterator[list[tuple[str, int]]]:
+def packets_of(filters_: set[Filter]) -> Iterator[list[Filter]]:
     """Yield filters in as many packets as a broker wants for them."""
     in_order = sorted(filters_)
     for first in range(0, len(in_order), MOST_FILTERS):
@@ -324,9 +337,9 @@ def _names_of(is_wanted: Callable[[str], bool]) -> list[str]:
     return list(filter(is_wanted, Robot.objects.values_list("name", flat=True)))
 
 
-def _every_filter() -> set[tuple[str, int]]:
-    """Return everything that may ever have been subscribed to. In the scheduler's thread."""
-    return filters(["+", *Robot.objects.values_list("name", flat=True)])
+def _every_topic() -> set[str]:
+    """Return all that may ever have been subscribed to. In the scheduler's thread."""
+    return set(dict(filters(["+", *Robot.objects.values_list("name", flat=True)])))
 
 
 class Publishing(Protocol):

@@ -44,20 +44,28 @@ _NOTICES = topics.session_notices("")
 _REPORTS = protocol.page_reports("")
 
 
-def filters(robots: Iterable[str] = ("+",)) -> set[tuple[str, int]]:
-    """Return the (filter, QoS) pairs that a session manager subscribes to, for these robots."""
+def filters(robots: Iterable[str] = ("+",), *, often_qos: int = 1) -> set[tuple[str, int]]:
+    """Return the (filter, QoS) pairs that a session manager subscribes to, for these robots.
+
+    Args:
+        robots: their names.
+        often_qos: the highest QoS for what comes often. It may be 0, because of what is lost then a
+            state is asked for by its number, and the rest is said again or retained.
+    """
     return {
-        *_of_robots(("+",), SELDOM),
-        *_of_robots(robots, OFTEN),
+        *_of_robots(("+",), SELDOM, 1),
+        *_of_robots(robots, OFTEN, often_qos),
         (topics.session_notices("+"), 1),
         (protocol.page_reports("+"), 1),
     }
 
 
-def _of_robots(robots: Iterable[str], suffixes: Iterable[str]) -> set[tuple[str, int]]:
+def _of_robots(
+    robots: Iterable[str], suffixes: Iterable[str], highest_qos: int
+) -> set[tuple[str, int]]:
     lines = [(suffix, topics.find(suffix.replace("+", "x"))) for suffix in suffixes]
     return {
-        (topics.of(robot, suffix), line.qos)
+        (topics.of(robot, suffix), min(line.qos, highest_qos))
         for robot in robots
         for suffix, line in lines
         if line is not None
