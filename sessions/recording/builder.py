@@ -8,7 +8,6 @@ DatabaseError the same item can be taken again.
 import datetime
 from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import msgspec
@@ -31,12 +30,8 @@ from sessions.recording.items import (
     StateItem,
 )
 from sessions.recording.photos import Photos, RecordedPhoto
-from sessions.recording.sequence_tracker import (
-    ASKING_SECONDS,
-    Ledger,
-    Loss,
-    SequenceTracker,
-)
+from sessions.recording.robot_runs import RobotRuns
+from sessions.recording.sequence_tracker import ASKING_SECONDS, Loss
 from sessions.recording.store import RecordStore, key_of, row_of
 from sessions.shards.hashing import shard_of
 
@@ -52,21 +47,9 @@ LOGGED = {
 }
 SETTLE_SECONDS = 2.0
 GIVE_UP_SECONDS = ASKING_SECONDS + 15.0
-PRESENT_SECONDS = 5.0
-RUNS = 3  # ledgers kept of a robot
 # for which what pages say of another session manager's robots is kept, in case they become ours
 EARLY_SECONDS = 5.0
 MOST_EARLY = 5000
-
-
-@dataclass
-class _Robot:
-    """What was last heard of a robot: its newest run, when, and the session that it named."""
-
-    boot: str
-    last_received_at: float
-    session: str | None = None
-    session_at: float = 0.0
 
 
 class RecordBuilder:
@@ -82,12 +65,9 @@ class RecordBuilder:
         self._ask = ask
         self._chunks = Chunks()
         self._photos = Photos()
-        self._trackers: dict[str, dict[str, SequenceTracker]] = {}
-        self._restored: set[tuple[str, str]] = set()
-        self._robots: dict[str, _Robot] = {}
+        self._runs = RobotRuns(store)
         self._touched: set[str] = set()
         self._closing: dict[str, CloseItem] = {}
-        self._audited: set[str] = set()  # sessions of _closing
         self._early: deque[PageItem] = deque(maxlen=MOST_EARLY)
         self._version = store.ownership.version
         self._released: list[ReleaseItem] = []
@@ -122,8 +102,8 @@ class RecordBuilder:
     def _state(self, item: StateItem) -> None:
         state = item.state
         session = self._own(item.robot, state.session, item.received_at)
-        tracker = self._tracker(item.robot, state.boot, session, item.received_at)
-        self._on_message(
+        tracker = self._runs.tracker(item.robot, state.boot, session, item.received_at)
+        self._runs.heard(
             item.robot,
             state.boot,
             item.received_at,
@@ -161,33 +141,6 @@ class RecordBuilder:
         self.counts["foreign_session"] += 1
         return None
 
-    def _tracker(self, robot: str, boot: str, session: str | None, now: float) -> SequenceTracker:
-        ledger = (
-            None
-            if session is None or (session, boot) in self._restored
-            else self._store.ledger(session, boot)
-        )
-        tracker = self._run(robot, boot)
-        if session is not None and ledger is not None:
-            self._restored.add((session, boot))
-            tracker.restore(session, ledger, now)
-        return tracker
-
-    def _run(self, robot: str, boot: str) -> SequenceTracker:
-        runs = self._trackers.setdefault(robot, {})
-        tracker = runs.setdefault(boot, SequenceTracker())
-        for oldest in list(runs)[: max(0, len(runs) - RUNS)]:
-            del runs[oldest]
-        return tracker
-
-    def _on_message(
-        self, robot: str, boot: str, now: float, *, session: str | None, fresh: bool
-    ) -> None:
-        known = self._robots.setdefault(robot, _Robot(boot, now))
-        known.last_received_at = now
-        if fresh:
-            known.boot, known.session, known.session_at = boot, session, now
-
     # --- events -----------------------------------------------------------------------------------
 
     def _event(self, item: EventItem) -> None:
@@ -195,7 +148,7 @@ class RecordBuilder:
         session = self._own(item.robot, event.session, now)
         robot_key = self._store.robot_key(item.robot) if event.type in LOGGED else None
         if session is not None and event.type in {"lease_taken", "session_closed"}:
-            tracker = self._tracker(item.robot, event.boot, session, now)
+            tracker = self._runs.tracker(item.robot, event.boot, session, now)
             if event.type == "lease_taken":
                 tracker.begins(event.seq, session, now)
             elif event.last_seq is not None:
@@ -354,24 +307,18 @@ class RecordBuilder:
     def settle(self, now: float) -> None:
         """Close the chunks that are due, ask for what is owed, write down what is lost."""
         self._follow_ownership(now)
-        self._audit(now)
+        self._runs.audit(self._closing.values(), now)
         for chunk in self._chunks.ripe(now):
             self._keep(chunk)
         for session in self._closing:  # what comes late belongs into the summary that is made next
             for chunk in self._chunks.close(session):
                 self._keep(chunk)
-        for robot, runs in self._trackers.items():
-            known = self._robots.get(robot)
-            if known is None:
-                continue
-            for boot, tracker in runs.items():
-                present = now - known.last_received_at < PRESENT_SECONDS
-                asks, losses = tracker.due(now, present=present, alive=known.boot == boot)
-                for first, last in asks:
-                    self.counts["asked"] += last - first + 1
-                    self._ask(robot, boot, first, last)
-                for loss in losses:
-                    self._lose(boot, loss, now)
+        for due in self._runs.due(now):
+            for first, last in due.asks:
+                self.counts["asked"] += last - first + 1
+                self._ask(due.robot, due.boot, first, last)
+            for loss in due.losses:
+                self._lose(due.boot, loss, now)
         for robot, action in self._photos.forgotten(now):
             self._log(
                 "photo_incomplete",
@@ -381,22 +328,6 @@ class RecordBuilder:
                 now,
                 action=action,
             )
-
-    def _audit(self, now: float) -> None:
-        """Look for states of ended sessions that an earlier session manager received and did not
-        store, of which it could be that no later message tells.
-        """
-        for session, item in self._closing.items():
-            known = self._robots.get(item.robot)
-            if session in self._audited or known is None:
-                continue
-            ledger = self._store.ledger(session, known.boot)
-            tracker = self._run(item.robot, known.boot)
-            tracker.restore(session, ledger, now)
-            if ledger == Ledger() and item.granted:
-                tracker.suspect_before(session, now)
-            self._restored.add((session, known.boot))
-            self._audited.add(session)
 
     def _follow_ownership(self, now: float) -> None:
         """Take what pages have just said of robots that are ours by now."""
@@ -411,17 +342,12 @@ class RecordBuilder:
         """Make rows of all that is known of the robots of some shards, and forget them: whoever
         serves them next writes on, and what was stored meanwhile must be read anew.
         """
-        gone = {robot for robot in self._robots if shard_of(robot) in item.shards}
         for chunk in self._chunks.close():
             self._keep(chunk)
-        for robot in gone:
-            boots = self._trackers.pop(robot, {}).keys()
-            self._restored = {pair for pair in self._restored if pair[1] not in boots}
-            del self._robots[robot]
-        self._closing = {
-            key: one for key, one in self._closing.items() if shard_of(one.robot) not in item.shards
-        }
-        self._audited &= self._closing.keys()
+        self._runs.forget(item.shards)
+        for one in list(self._closing.values()):
+            if shard_of(one.robot) in item.shards:
+                self._forget(one.session)
         self._released.append(item)
 
     def tell_released(self) -> None:
@@ -459,20 +385,15 @@ class RecordBuilder:
         """Close the records of ended sessions to which nothing more will come."""
         for item in [item for item in self._closing.values() if self._is_settled(item, now)]:
             self._store.close(item.session, datetime.datetime.fromtimestamp(now, datetime.UTC))
-            del self._closing[item.session]
-            self._audited.discard(item.session)
+            self._forget(item.session)
+
+    def _forget(self, session: str) -> None:
+        del self._closing[session]
+        self._runs.closed(session)
 
     def _is_settled(self, item: CloseItem, now: float) -> bool:
-        if now - item.ended_at > GIVE_UP_SECONDS:
-            return True
-        known = self._robots.get(item.robot)
-        later = (
-            known is not None and known.session != item.session and known.session_at > item.ended_at
-        )
-        owed = any(
-            tracker.owes(item.session) for tracker in self._trackers.get(item.robot, {}).values()
-        )
-        return later and not owed and now - item.ended_at > SETTLE_SECONDS
+        since = now - item.ended_at
+        return since > GIVE_UP_SECONDS or (since > SETTLE_SECONDS and self._runs.is_over(item))
 
 
 def _fields_of(event: Event) -> dict[str, Any]:

@@ -17,6 +17,7 @@ ATTEMPTS = 3  # at least, however long the robot was away
 # at least: a robot is heard but does not hear while its broker's node is being replaced
 ASKING_SECONDS = 60.0
 HEAD = 240  # a minute of states
+FIRST = 1  # number of an agent's first state
 # A jump this wide is a robot that counts strangely, not a loss: no agent keeps so many.
 WIDEST = 100_000
 
@@ -73,7 +74,7 @@ class Intervals:
 
 
 @dataclass(frozen=True)
-class Ledger:
+class StoredStates:
     """What is stored of one session and run: ranges of states, and the numbers of the session's
     first and last one, as far as the robot's events say them.
     """
@@ -120,16 +121,16 @@ class SequenceTracker:
     reached: int | None = None
     session: str | None = None
 
-    def restore(self, session: str, ledger: Ledger, now: float) -> None:
+    def restore(self, session: str, stored: StoredStates, now: float) -> None:
         """Take over what is stored of a session, and look for what an earlier session manager had
         received and could not store any more: between what is stored, before it where the beginning
         is not known, and after it up to what was seen next.
         """
-        for first, last in ledger.ranges:
+        for first, last in stored.ranges:
             self.seen.add(first, last)
         numbers = [
-            *(number for both in ledger.ranges for number in both),
-            *(number for number in (ledger.begins, ledger.ends) if number is not None),
+            *(number for both in stored.ranges for number in both),
+            *(number for number in (stored.begins, stored.ends) if number is not None),
         ]
         if not numbers:
             return
@@ -137,16 +138,16 @@ class SequenceTracker:
         following = self.seen.after(last)
         until = last if following is None or following - last > WIDEST else following - 1
         holes = self.seen.missing(first, until)
-        if ledger.begins is None:
-            holes += self.seen.missing(max(0, first - HEAD), first - 1)
+        if stored.begins is None:
+            holes += self.seen.missing(max(FIRST, first - HEAD), first - 1)
         self._suspect(holes, session, now)
         if self.reached is None or last > self.reached:
             self.reached, self.session = last, session
 
     def suspect_before(self, session: str, now: float) -> None:
         """Look for a session of which nothing is known, in the minute before all that was seen."""
-        earliest = next(iter(self.seen), (0, 0))[0]
-        self._suspect(self.seen.missing(max(0, earliest - HEAD), earliest - 1), session, now)
+        earliest = next(iter(self.seen), (FIRST, FIRST))[0]
+        self._suspect(self.seen.missing(max(FIRST, earliest - HEAD), earliest - 1), session, now)
 
     def _suspect(self, holes: list[Range], session: str, now: float) -> None:
         self.gaps += [
@@ -157,8 +158,8 @@ class SequenceTracker:
         """Note a state; False when it was there before."""
         if seq in self.seen:
             return False
-        if self.reached is None and session is not None and seq > 0:
-            self._suspect([(max(0, seq - HEAD), seq - 1)], session, now)
+        if self.reached is None and session is not None and seq > FIRST:
+            self._suspect([(max(FIRST, seq - HEAD), seq - 1)], session, now)
         self.seen.add(seq, seq)
         self._reach(seq, session, now, to=seq - 1)
         return True
@@ -170,7 +171,7 @@ class SequenceTracker:
     def ends(self, seq: int, session: str, now: float) -> None:
         """Note that the session's last state is `seq`."""
         if self.reached is None:
-            self._suspect([(max(0, seq - HEAD), seq)], session, now)
+            self._suspect([(max(FIRST, seq - HEAD), seq)], session, now)
         self._reach(seq, session, now, to=seq)
 
     def _reach(self, seq: int, session: str | None, now: float, *, to: int) -> None:

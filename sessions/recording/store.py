@@ -22,7 +22,7 @@ from django.db.models import Model, Q
 from robots.models import Robot
 from sessions.models import NetworkSample, Session, SessionEvent, Snapshot, StateChunk
 from sessions.recording.chunks import Chunk
-from sessions.recording.sequence_tracker import Intervals, Ledger, Range
+from sessions.recording.sequence_tracker import Intervals, Range, StoredStates
 from sessions.recording.summary import summarise
 from sessions.shards.ownership import EVERYTHING, Fenced, Ownership
 
@@ -159,7 +159,7 @@ class RecordStore:
             .values_list("first_seq", "last_seq")
         )
 
-    def ledger(self, session: str, boot: str) -> Ledger:
+    def stored_of(self, session: str, boot: str) -> StoredStates:
         """Return which states are stored of a session, and where the robot said that it began and
         ended.
         """
@@ -169,7 +169,7 @@ class RecordStore:
             type__in=["lease_taken", "session_closed"],
         ).values_list("type", "data")
         of_run = [(kind, data) for kind, data in said if data.get("boot") == boot]
-        return Ledger(
+        return StoredStates(
             tuple(self.stored(session, boot)),
             min((data["seq"] for kind, data in of_run if kind == "lease_taken"), default=None),
             max((data["lastSeq"] for _, data in of_run if "lastSeq" in data), default=None),
@@ -225,7 +225,7 @@ class RecordStore:
 
     def _without_known(self, model: type[Model], rows: list[Model]) -> list[Model]:
         if model is StateChunk:
-            return rows  # the ledger has seen to it
+            return rows  # the tracker has seen to it
         unique = {row.pk: row for row in rows}
         known = set(model.objects.filter(pk__in=unique).values_list("pk", flat=True))
         self.counts["duplicates"] += len(rows) - len(unique.keys() - known)

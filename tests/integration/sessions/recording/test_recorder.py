@@ -124,7 +124,7 @@ def test_rows_are_kept_while_the_database_is_away_and_written_when_it_is_back(se
     assert stored(session) == list(range(1, 101))
 
 
-def test_a_full_buffer_counts_what_it_drops_and_the_ledger_misses_it(session, monkeypatch, caplog):
+def test_a_full_buffer_counts_what_it_drops_and_the_record_misses_it(session, monkeypatch, caplog):
     database, asked = Flaky(monkeypatch), []
     database.away.set()
     clock = [NOW]
@@ -550,7 +550,7 @@ def test_of_a_robot_that_restarts_again_and_again_the_last_runs_are_followed(ses
     record = RecordBuilder(RecordStore(), lambda *words: asked.append(words))
     for number in range(1, 11):
         record.take(state_item(session, 0, boot=f"run-{number}"))
-    assert list(record._trackers["giraff"]) == ["run-8", "run-9", "run-10"]
+    assert list(record._runs._trackers["giraff"]) == ["run-8", "run-9", "run-10"]
     record.take(state_item(session, 4, boot="run-10"))
     record.settle(NOW + 3)
     assert asked == [("giraff", "run-10", 1, 3)]

@@ -13,8 +13,8 @@ from sessions.recording.sequence_tracker import (
     PATIENCE,
     REPEAT,
     Intervals,
-    Ledger,
     SequenceTracker,
+    StoredStates,
 )
 from tests.support.examples import examples
 
@@ -51,7 +51,7 @@ def due(tracker: SequenceTracker, now: float, *, present: bool = True, alive: bo
 
 @pytest.fixture
 def tracker() -> SequenceTracker:
-    """A ledger in the middle of the session `s`, whose last state was 10."""
+    """A tracker in the middle of the session `s`, whose last state was 10."""
     tracker = SequenceTracker()
     tracker.begins(1, "s", 0.0)
     for seq in range(1, 11):
@@ -145,7 +145,7 @@ def test_a_session_that_ends_where_it_was_seen_owes_nothing(tracker):
 
 def test_after_a_restart_the_stored_states_count_and_what_came_since_is_owed():
     tracker = SequenceTracker()
-    tracker.restore("s", Ledger(((1, 10), (11, 20)), begins=1), 0.0)
+    tracker.restore("s", StoredStates(((1, 10), (11, 20)), begins=1), 0.0)
     assert not tracker.arrive(15, "s", 0.0)
     assert tracker.arrive(31, "s", 0.0)
     assert due(tracker, 2.0) == ([(21, 30)], [])
@@ -153,14 +153,14 @@ def test_after_a_restart_the_stored_states_count_and_what_came_since_is_owed():
 
 def test_a_hole_that_was_stored_is_asked_for_again_and_not_missed():
     tracker = SequenceTracker()
-    tracker.restore("s", Ledger(((1, 10), (15, 20)), begins=1), 0.0)
+    tracker.restore("s", StoredStates(((1, 10), (15, 20)), begins=1), 0.0)
     assert asked_in_vain(tracker, (11, 14), first_at=2.0) == []
     assert not tracker.owes("s")
 
 
 def test_a_hole_that_was_stored_is_filled_by_the_second_answer_where_the_first_was_lost():
     tracker = SequenceTracker()
-    tracker.restore("s", Ledger(((1, 10), (12, 20)), begins=1), 0.0)
+    tracker.restore("s", StoredStates(((1, 10), (12, 20)), begins=1), 0.0)
     assert due(tracker, 2.0) == ([(11, 11)], [])
     assert due(tracker, 2.0 + REPEAT) == ([(11, 11)], [])
     assert tracker.arrive(11, "s", 3.0 + REPEAT)
@@ -173,7 +173,7 @@ def test_what_was_received_and_not_stored_is_asked_for_though_its_session_is_ove
     """
     tracker = SequenceTracker()
     tracker.arrive(40, None, 0.0)
-    tracker.restore("s", Ledger(((11, 20),), begins=11), 0.0)
+    tracker.restore("s", StoredStates(((11, 20),), begins=11), 0.0)
     assert due(tracker, 2.0) == ([(21, 39)], [])
     assert tracker.owes("s")
     for seq in range(21, 40):
@@ -184,7 +184,7 @@ def test_what_was_received_and_not_stored_is_asked_for_though_its_session_is_ove
 def test_what_was_received_out_of_order_after_a_takeover_leaves_no_hole():
     tracker = SequenceTracker()
     tracker.arrive(30, None, 0.0)
-    tracker.restore("s", Ledger(((11, 20),), begins=11), 0.0)
+    tracker.restore("s", StoredStates(((11, 20),), begins=11), 0.0)
     for seq in range(25, 30):
         tracker.arrive(seq, "s", 0.0)
     assert due(tracker, 2.0) == ([(21, 24)], [])
@@ -192,14 +192,14 @@ def test_what_was_received_out_of_order_after_a_takeover_leaves_no_hole():
 
 def test_where_the_beginning_is_not_known_the_minute_before_is_asked_for():
     tracker = SequenceTracker()
-    tracker.restore("s", Ledger(((1000, 1010),)), 0.0)
+    tracker.restore("s", StoredStates(((1000, 1010),)), 0.0)
     assert due(tracker, 2.0) == ([(1000 - HEAD, 999)], [])
 
 
 def test_events_tell_of_states_none_of_which_is_stored():
     tracker = SequenceTracker()
     tracker.arrive(500, None, 0.0)
-    tracker.restore("s", Ledger(begins=300, ends=350), 0.0)
+    tracker.restore("s", StoredStates(begins=300, ends=350), 0.0)
     assert due(tracker, 2.0) == ([(300, 499)], [])
 
 
@@ -213,7 +213,7 @@ def test_of_a_session_of_which_nothing_is_known_the_minute_before_all_is_asked_f
 
 def test_a_restart_in_the_middle_of_a_calm_session_asks_for_nothing():
     tracker = SequenceTracker()
-    tracker.restore("s", Ledger(((11, 20),), begins=11), 0.0)
+    tracker.restore("s", StoredStates(((11, 20),), begins=11), 0.0)
     tracker.arrive(21, "s", 0.0)
     assert due(tracker, 2.0) == ([], [])
 

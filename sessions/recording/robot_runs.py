@@ -1,0 +1,130 @@
+"""Which robots the record is written of: what was last heard of each, and which states of each run
+of its agent were seen and are owed.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from sessions.recording.items import CloseItem
+from sessions.recording.sequence_tracker import Loss, Range, SequenceTracker, StoredStates
+from sessions.recording.store import RecordStore
+from sessions.shards.hashing import shard_of
+
+PRESENT_SECONDS = 5.0
+RUNS = 3  # of a robot that are kept
+
+
+@dataclass
+class _LastHeard:
+    """A robot's newest run, when it was heard of, and the session that it named."""
+
+    boot: str
+    at: float
+    session: str | None = None
+    session_at: float = 0.0
+
+
+@dataclass(frozen=True)
+class Due:
+    """States of one run that are to be asked for now, and those that are given up."""
+
+    robot: str
+    boot: str
+    asks: list[Range]
+    losses: list[Loss]
+
+
+class RobotRuns:
+    """The runs of all robots. Belongs to the recorder's thread.
+
+    Args:
+        store: tells what earlier session managers have stored.
+    """
+
+    def __init__(self, store: RecordStore) -> None:
+        self._store = store
+        self._trackers: dict[str, dict[str, SequenceTracker]] = {}
+        self._restored: set[tuple[str, str]] = set()
+        self._audited: set[str] = set()
+        self._heard: dict[str, _LastHeard] = {}
+
+    def tracker(self, robot: str, boot: str, session: str | None, now: float) -> SequenceTracker:
+        """Return the states of a run; the first time that it names a session, with those of it that
+        are stored.
+        """
+        stored = (
+            None
+            if session is None or (session, boot) in self._restored
+            else self._store.stored_of(session, boot)
+        )
+        tracker = self._run(robot, boot)
+        if session is not None and stored is not None:
+            self._restored.add((session, boot))
+            tracker.restore(session, stored, now)
+        return tracker
+
+    def _run(self, robot: str, boot: str) -> SequenceTracker:
+        runs = self._trackers.setdefault(robot, {})
+        tracker = runs.setdefault(boot, SequenceTracker())
+        for oldest in list(runs)[: max(0, len(runs) - RUNS)]:
+            del runs[oldest]
+        return tracker
+
+    def heard(self, robot: str, boot: str, now: float, *, session: str | None, fresh: bool) -> None:
+        """Note a state; `fresh` when it is newer than all before."""
+        known = self._heard.setdefault(robot, _LastHeard(boot, now))
+        known.at = now
+        if fresh:
+            known.boot, known.session, known.session_at = boot, session, now
+
+    def audit(self, ended: Iterable[CloseItem], now: float) -> None:
+        """Look for states of ended sessions that an earlier session manager received and did not
+        store, of which it could be that no later message tells.
+        """
+        for item in ended:
+            known = self._heard.get(item.robot)
+            if item.session in self._audited or known is None:
+                continue
+            stored = self._store.stored_of(item.session, known.boot)
+            tracker = self._run(item.robot, known.boot)
+            tracker.restore(item.session, stored, now)
+            if stored == StoredStates() and item.granted:
+                tracker.suspect_before(item.session, now)
+            self._restored.add((item.session, known.boot))
+            self._audited.add(item.session)
+
+    def due(self, now: float) -> Iterator[Due]:
+        """Yield what is to be asked for or given up now."""
+        for robot, runs in self._trackers.items():
+            known = self._heard.get(robot)
+            if known is None:
+                continue
+            present = now - known.at < PRESENT_SECONDS
+            for boot, tracker in runs.items():
+                yield Due(robot, boot, *tracker.due(now, present=present, alive=known.boot == boot))
+
+    def is_over(self, item: CloseItem) -> bool:
+        """Tell whether the robot has said since the session's end that it is over, and owes nothing
+        of it.
+        """
+        known = self._heard.get(item.robot)
+        return (
+            known is not None
+            and known.session != item.session
+            and known.session_at > item.ended_at
+            and not any(
+                tracker.owes(item.session)
+                for tracker in self._trackers.get(item.robot, {}).values()
+            )
+        )
+
+    def closed(self, session: str) -> None:
+        """Forget that a session was audited, since its record may be opened again."""
+        self._audited.discard(session)
+
+    def forget(self, shards: frozenset[int]) -> None:
+        """Forget the robots of some shards; what is stored of them must be read anew."""
+        for robot in [robot for robot in self._heard if shard_of(robot) in shards]:
+            boots = self._trackers.pop(robot, {}).keys()
+            self._restored = {pair for pair in self._restored if pair[1] not in boots}
+            del self._heard[robot]
