@@ -352,8 +352,8 @@ def test_a_record_waits_for_states_that_a_robot_hears_of_only_after_forty_second
         record.close_sessions(NOW + seconds)
     assert set(asked) == {("giraff", "b", 1, 2)}
     assert Session.objects.get().closed_at is None
-    record.take(state_item(session, 1))
-    record.take(state_item(session, 2))
+    for seq in (1, 2):
+        record.take(replace(state_item(session, seq), received_at=NOW + 39.9))
     record.settle(NOW + 40)
     record.write()
     record.close_sessions(NOW + 40)

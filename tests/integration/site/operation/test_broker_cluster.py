@@ -7,6 +7,7 @@ agent, and as a rule the session manager, are connected to the node that fails.
 
 import json
 import time
+import urllib.request
 from dataclasses import dataclass
 
 import pytest
@@ -79,6 +80,28 @@ def drive(site, tmp_path):
         wait_for(lambda: drive.moved_since(0.0) > 5.0, 60, "a drive", drive.spans)
         yield drive
         visitors.ask("leave")
+
+
+def queues_of(places):
+    """Return the names of the queues that the cluster keeps for subscriptions at QoS 1."""
+    found = set()
+    for place in places:
+        url = f"http://{place.host}:{place.monitor}/jsz?accounts=true&streams=true&consumers=true"
+        with urllib.request.urlopen(url, timeout=5) as answer:
+            accounts = json.load(answer)["account_details"]
+        found |= {
+            queue["name"]
+            for account in accounts
+            for stream in account["stream_detail"]
+            if stream["name"] == "$MQTT_msgs"
+            for queue in stream.get("consumer_detail", ())
+        }
+    return found
+
+
+def test_a_driven_robot_costs_the_cluster_no_queue(drive):
+    """Those five are of the session manager, for what robots and pages say rarely."""
+    assert len(queues_of(drive.site.cluster.places)) == 5
 
 
 def judge(drive, failed_at, late, record):
