@@ -251,11 +251,10 @@ class Journey:
         if self._held is None:
             return self._running(followed.velocity, "")
         waited = sense.now - self._held.now
-        if (
-            followed.why == "thing"
-            and waited >= params.held_after
-            and self._back_offs < params.back_offs
-        ):
+        holds = followed.why == "thing" and waited >= params.held_after
+        if holds and self._follower.rest(sense.pose):
+            return self._running(ZERO, "")
+        if holds and self._back_offs < params.back_offs:
             self._obstacle_map.note(
                 sense.pose, np.vstack([sense.hazards.things, sense.hazards.strangers]), sense.now
             )

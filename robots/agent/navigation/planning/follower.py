@@ -41,7 +41,7 @@ class FollowerParams:
     tight_from: float = 0.25
     abreast: tuple[float, float] = (-0.2, 0.6)  # m along the robot where it looks to both sides
     arrived: float = 0.06  # m from the end
-    nearly: float = 0.15  # m from the end of a path that is used up
+    nearly: float = 0.15  # m from the end of a path that is used up, or that something blocks
     drifted: float = 0.25  # m from the end, beyond which the robot has left it again
     heading: float = 0.04  # rad from the heading wanted
     keeps_side: float = 2.5  # rad beyond which a turn keeps its side
@@ -106,6 +106,14 @@ class Follower:
             return self._finish(pose, velocity, hazards)
         self._at_end = False
         return self._pursue(pose, velocity, hazards, left)
+
+    def rest(self, pose: Pose2D) -> bool:
+        """End the path here, because something keeps the robot from its last centimetres; tell
+        whether its end is near enough for that.
+        """
+        rests = math.dist(self.path.end, (pose.x, pose.y)) <= self._params.nearly
+        changed, self._at_end = rests and not self._at_end, self._at_end or rests
+        return changed
 
     def turn(
         self, error: float, velocity: Velocity, hazards: Hazards, tolerance: float

@@ -39,3 +39,14 @@ def test_what_stands_beside_it_on_one_side_only_does_not_draw_it_aside() -> None
 
 def test_what_stands_before_the_robot_is_no_side_of_a_tight_place() -> None:
     assert followed((0.55, 0.1), (0.4, -HALF - 0.03)).velocity.angular == 0.0
+
+
+def test_an_end_that_something_blocks_is_good_enough_from_nearby_only() -> None:
+    follower = Follower(BrakeCheck(np.array(GIRAFF.footprint), GIRAFF.limits), GIRAFF.limits)
+    follower.take(PlannedPath(resampled(np.array([[0.0, 0.0], [3.0, 0.0]]))), None)
+    assert not follower.rest(Pose2D(2.8, 0.0, 0.0))
+    near = Pose2D(2.88, 0.0, 0.0)
+    assert follower.rest(near)
+    assert not follower.rest(near)  # it rests already
+    follower.way = 2.8
+    assert follower.step(near, ZERO, Hazards(NONE, NONE, NONE)).state == "arrived"
