@@ -165,7 +165,7 @@ class LightRobot:
         """Keep what the broker has not confirmed."""
         if self.online:
             self._told.counts["connection_lost"] += 1
-        self.online, self._line, self._knocked_at = False, None, None
+        self.online, self._knocked_at = False, None
         self._flying.clear()
         self._outbox.disconnected()
         self._over.set()

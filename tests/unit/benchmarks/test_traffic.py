@@ -170,6 +170,17 @@ async def test_a_light_robot_keeps_states_while_the_broker_is_away_and_says_old_
     assert [message.seq for suffix, message in said(robot) if suffix == "state"] == [1]
 
 
+async def test_a_light_robot_leaves_a_node_that_confirms_nothing(robot, monkeypatch):
+    robot.acknowledged(1)
+    robot.acknowledged(2)  # presence and factsheet
+    monkeypatch.setattr(robots, "WORD", -1.0)
+    robot._leave_a_mute_node()
+    assert not robot.wire.aborted, "nothing waits for its word"
+    robot._say_state()
+    robot._leave_a_mute_node()
+    assert robot.wire.aborted
+
+
 async def test_commands_that_are_missing_are_counted_by_their_numbers(robot):
     robot.heard(topics.of("light-0", "lease"), lease(1), retained=False)
     for seq in (5, 6, 9):
