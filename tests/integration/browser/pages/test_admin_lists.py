@@ -77,7 +77,10 @@ def test_no_list_is_cut_off_on_a_laptop_with_the_menu_open(opened, world, live_s
         keep(page, f"list-{model._meta.model_name}-{language}")
         assert page.locator("html").get_attribute("lang") == language
         found += [f"{name}: {line}" for line in page.evaluate(CUT)]
-        found += [f"{name}: the title is covered"] * page.evaluate(COVERED)
+        for width, height in ((1366, 768), (820, 1180), (844, 390)):
+            page.set_viewport_size({"width": width, "height": height})
+            found += [f"{name}, {width}: the title is covered"] * page.evaluate(COVERED)
+        page.set_viewport_size({"width": 1366, "height": 768})
     page.goto(reverse("admin:robots_robot_change", args=[world["robot"].pk]))
     assert not page.evaluate(COVERED)
     assert found == []
