@@ -66,6 +66,7 @@ def test_no_list_is_cut_off_on_a_laptop_with_the_menu_open(opened, world, live_s
         [{"name": settings.LANGUAGE_COOKIE_NAME, "value": language, "url": live_server.url}]
     )
     page.set_viewport_size({"width": 1366, "height": 768})
+    page.goto(reverse("admin:index"))  # the models are registered with the addresses
     found, seen = [], 0
     for model in admin.site._registry:
         name = f"admin:{model._meta.app_label}_{model._meta.model_name}_changelist"
