@@ -13,11 +13,13 @@ from typing import Any
 
 from django.conf import settings
 from django.db import models
+from django.utils.translation import get_language
 from django.utils.translation import gettext_lazy as _
 
 from accounts.passwordless import CODE_LETTERS
 from experiments.definition.schema import StudyDefinition, digest, from_stored
 from sessions.models import Session
+from surveys.documents import spoken
 
 CODE_LENGTH = 8
 # How taking part ended, for whoever recruited the participant.
@@ -148,6 +150,12 @@ class Study(models.Model):
                 "change: make a new version"
             )
         super().save(**options)
+
+    @property
+    def shown_title(self) -> str:
+        """Return the title in the language of the page that is being made."""
+        titles = (self.definition or {}).get("title") or {}
+        return (spoken(titles, get_language() or "") if titles else "") or self.title
 
     def as_definition(self) -> StudyDefinition:
         """Return what the study says."""

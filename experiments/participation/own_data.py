@@ -48,7 +48,7 @@ def _participation(one: Participant) -> dict[str, Any]:
     return {
         "study": one.study.slug,
         "version": one.study.version,
-        "title": one.study.title,
+        "title": one.study.shown_title,
         "code": one.code,
         "status": one.status,
         "language": one.language,

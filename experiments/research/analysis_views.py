@@ -18,7 +18,7 @@ from django.http import (
 from django.shortcuts import get_object_or_404, render
 from django.urls import NoReverseMatch, reverse
 from django.utils.safestring import SafeString, mark_safe
-from django.utils.translation import gettext
+from django.utils.translation import gettext, gettext_lazy
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
 
@@ -33,6 +33,11 @@ from experiments.research.figure_links import linked
 from sessions.models import Session
 
 OUTCOMES = dict(Session.Outcome.choices)
+SESSIONS_OF = {
+    ParticipantKind.PARTICIPANT: gettext_lazy("participants"),
+    ParticipantKind.PILOT: gettext_lazy("pilots"),
+    ParticipantKind.BOT: gettext_lazy("bots"),
+}
 SHORT = 60  # rows of a table that stands on the page as it is
 ROWS_A_PAGE = 100
 TYPES = {
@@ -109,7 +114,9 @@ def _about(asked: AnalysisQuery, stored: Stored) -> dict[str, Any]:
         "stored": stored,
         "back": asked.address("analysis"),
         "versions": versions_of(study),
-        "kinds": [(kind.value, kind.label, kind.value in asked.kinds) for kind in ParticipantKind],
+        "kinds": [
+            (kind.value, SESSIONS_OF[kind], kind.value in asked.kinds) for kind in SESSIONS_OF
+        ],
     }
 
 
@@ -117,7 +124,7 @@ def _table(asked: AnalysisQuery, stored: Stored, head: dict[str, Any]) -> dict[s
     is_short = head["rows"] <= SHORT
     name = head["name"]
     rows = _rows(asked, stored, stored.read(asked.selection, f"table-{name}")) if is_short else None
-    return head | {
+    return _headed(head) | {
         "shown": rows,
         "whole": asked.address("analysis_table", name),
         "files": _files(asked, stored, "tables", name, ("csv", "tex", "docx")),
@@ -155,10 +162,15 @@ def _figure(asked: AnalysisQuery, stored: Stored, about: dict[str, Any]) -> dict
         lambda part: _address(asked, stored, behind.get(part)),
         lambda number: gettext("Sessions behind part %(number)d") % {"number": number},
     )
-    return about | {
+    return _headed(about) | {
         "svg": _safe(drawn),
         "files": _files(asked, stored, "figures", name, ("svg", "pdf", "csv")),
     }
+
+
+def _headed(part: dict[str, Any]) -> dict[str, Any]:
+    """Return a part of the report with its caption, a sentence in papers, as a heading."""
+    return part | {"title": part["title"].removesuffix(".")}
 
 
 def _safe(svg: str) -> SafeString:
@@ -187,7 +199,7 @@ def table(request: HttpRequest, slug: str, name: str) -> HttpResponse:
     }
     context = _about(asked, stored) | {
         "back": _page_of(asked, topic_of(name)),
-        "table": head | {"shown": _rows(asked, stored, list(here))},
+        "table": _headed(head) | {"shown": _rows(asked, stored, list(here))},
         "here": here,
         "steps": steps,
     }

@@ -43,7 +43,9 @@ def now_in(slug: str, language: str, now: datetime.datetime) -> dict[str, Any]:
     return {
         "stamp": now.timestamp(),
         "participants": _people(slug, definitions, language, now),
-        "robots": [_robot(robot, now) | {"unready": unready[robot.pk]} for robot in robots],
+        "robots": [
+            _robot(robot, language, now) | {"unready": unready[robot.pk]} for robot in robots
+        ],
         "queues": _queues(robots, slug),
         "drives": [
             _drive(drive, definitions[drive.participant.study_id], language, now)
@@ -209,7 +211,7 @@ def _unready(robots: list[Robot], now: datetime.datetime) -> dict[Any, str]:
     }
 
 
-def _robot(robot: Robot, now: datetime.datetime) -> dict[str, Any]:
+def _robot(robot: Robot, language: str, now: datetime.datetime) -> dict[str, Any]:
     report = robot.report or {}
     return {
         "name": robot.name,
@@ -224,13 +226,13 @@ def _robot(robot: Robot, now: datetime.datetime) -> dict[str, Any]:
         "turnaround": robot.turnaround if robot.returns_home else Robot.Turnaround.READY,
         "reason": in_words(robot.turnaround_reason),
         "held": robot.held,
-        "doors": _doors(robot, now),
+        "doors": _doors(robot, language, now),
     }
 
 
-def _doors(robot: Robot, now: datetime.datetime) -> list[dict[str, Any]]:
+def _doors(robot: Robot, language: str, now: datetime.datetime) -> list[dict[str, Any]]:
     """Return each door as it was set, and as the robot last said it is, with its stamp."""
-    plan = robot.floor_plan.plan if robot.floor_plan else {}
+    plan = robot.floor_plan.plan_in(language) if robot.floor_plan else {}
     if not plan.get("doors"):
         return []
     changed = SessionEvent.objects.filter(

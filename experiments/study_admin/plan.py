@@ -12,14 +12,15 @@ from django.core.validators import MaxLengthValidator
 from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
 from django.urls import URLPattern, path, reverse
 from django.utils.translation import gettext as _
-from django.utils.translation import gettext_lazy
+from django.utils.translation import gettext_lazy, ngettext
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_POST, require_safe
 
 from accounts import audit
 from experiments import publishing
 from experiments.access import may
-from experiments.analysis.plan.preregistration import before_data, preregistration
+from experiments.analysis.dataset.records import FreezeRecord
+from experiments.analysis.plan.preregistration import preregistration
 from experiments.dataset.freeze import freeze_of
 from experiments.models import Study
 from experiments.research.analysis_cache import command, environment
@@ -142,7 +143,7 @@ class PlanPages:
             "analyses": definition.analyses,
             "text": preregistration(definition, freeze),
             "freeze": freeze,
-            "before_data": before_data(freeze),
+            "data_then": data_when_frozen(freeze),
             "form": form,
             "may_research": may(request.user, row.slug, "researcher"),
             "is_owner": may(request.user, row.slug, "owner"),
@@ -153,6 +154,25 @@ class PlanPages:
         )
         response.status_code = status
         return response
+
+
+def data_when_frozen(freeze: FreezeRecord) -> str:
+    """Return in the page's language who had joined a study when it was frozen."""
+    if freeze.before_data is None:
+        return ""
+    told = (
+        _("No participant of this version had joined before that.")
+        if freeze.before_data
+        else _("A participant of this version had already joined.")
+    )
+    if not freeze.earlier:
+        return told
+    earlier = ngettext(
+        "%(n)d participant had joined an earlier version, whose data were known.",
+        "%(n)d participants had joined earlier versions, whose data were known.",
+        freeze.earlier,
+    )
+    return f"{told} {earlier % {'n': freeze.earlier}}"
 
 
 def _simulated(row: Study, sizes: str) -> tuple[dict[str, Any] | None, str]:

@@ -46,8 +46,18 @@ def state_text(row: Rehearsal, now: datetime.datetime) -> str:
             return _("Failed: %(reason)s") % told
     if row.passed:
         return _("Passed.")
-    n = len(row.report.get("problems", ()))
+    n = _problem_count(row)
     return ngettext("%(n)d problem found.", "%(n)d problems found.", n) % {"n": n}
+
+
+def _problem_count(row: Rehearsal) -> int:
+    """Return how many problems the page lists."""
+    issues = _issues(row)
+    return sum(one.is_problem for one in issues) or len(row.report.get("problems") or ())
+
+
+def _issues(row: Rehearsal) -> list[Issue]:
+    return [msgspec.convert(one, Issue) for one in row.report.get("issues", ())]
 
 
 def _waiting(row: Rehearsal, now: datetime.datetime) -> str:
@@ -82,7 +92,7 @@ def _running(progress: dict[str, int], host: str) -> str:
 
 def issues_of(row: Rehearsal, language: str) -> tuple[Groups, Groups]:
     """Return the problems and the notes of a rehearsal; of an old one the sentences alone."""
-    found = [msgspec.convert(one, Issue) for one in row.report.get("issues", ())]
+    found = _issues(row)
     if not found:
         whole = _("The whole study")
         plain = (row.report.get("problems"), row.report.get("notes"))

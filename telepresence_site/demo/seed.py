@@ -39,7 +39,7 @@ def seed(mqtt_url: str) -> str:
     _visitor()
     owner = _researcher(password)
     for name, title, description, spanish, for_experienced in ROBOTS:
-        robot, _ = Robot.objects.get_or_create(
+        robot, made = Robot.objects.get_or_create(
             name=name,
             defaults={
                 "title": title,
@@ -50,6 +50,9 @@ def seed(mqtt_url: str) -> str:
                 "floor_plan": plan,
             },
         )
+        # A database that an earlier version made has it unmarked.
+        if not made and robot.for_experienced != for_experienced:
+            Robot.objects.filter(pk=robot.pk).update(for_experienced=for_experienced)
         keep_credentials_here(robot, mqtt_url)
     return password
 

@@ -47,6 +47,25 @@ export const isOffered = ({ visit, audience, room }) => {
 export const countOf = ({ moderates, hands, questions }) =>
   moderates ? hands + questions.filter(({ state }) => state === "waiting").length : 0;
 
+const BETWEEN_NEWS = 10; // s, so that a lively audience does not talk over everything else
+
+/** Tells a screen reader how much waits: when it has become more, and not for each of many. */
+export class WaitingNews {
+  said = 0;
+  at = -Infinity;
+
+  /** Whether to say it now. @param {number} count @param {number} now seconds */
+  hear(count, now) {
+    this.said = Math.min(this.said, count); // fewer are what the listener has dealt with
+    const isNews = count > this.said && now - this.at >= BETWEEN_NEWS;
+    if (isNews) {
+      this.said = count;
+      this.at = now;
+    }
+    return isNews;
+  }
+}
+
 /**
  * Who has a hand up, in words.
  * @param {{hands: number, names: string[]}} audience
@@ -71,6 +90,7 @@ export const createPanel = (page) => {
     connection.send("audience/mark", { question, state });
     backToDriving(element);
   });
+  const news = new WaitingNews();
   let isOpen = false;
   /** @type {Audience | null} when the connection was lost, and with it the hand that was up */
   let before = null;
@@ -113,6 +133,10 @@ export const createPanel = (page) => {
         }
       }
       renderTexts(page, audience);
+      const n = countOf(audience);
+      if (news.hear(n, state.now)) {
+        write(element("audience-said"), words.say("audience.waiting", { n }));
+      }
       form.render(audience.questions);
       list.render(audience.questions, audience.moderates);
     },

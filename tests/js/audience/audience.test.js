@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { describe, test } from "node:test";
 
-import { countOf, handsText, isOffered } from "../../../static/js/audience/panel.js";
+import { WaitingNews, countOf, handsText, isOffered } from "../../../static/js/audience/panel.js";
 import { createWords } from "../../../static/js/lib/words.js";
 
 const question = (state) => ({ id: state, text: "Why?", state, who: "", own: false });
@@ -37,6 +37,22 @@ describe("the audience on the drive page", () => {
     };
     assert.equal(countOf(audience({ ...waits, moderates: true })), 3);
     assert.equal(countOf(audience(waits)), 0);
+  });
+
+  test("is told when more waits, not while it is dealt with, and not for each of many", () => {
+    const news = new WaitingNews();
+    const heard = [
+      [0, 0],
+      [1, 1],
+      [2, 2], // another at once
+      [3, 10.9],
+      [3, 11], // both together
+      [3, 30],
+      [1, 31], // two have been answered
+      [1, 50],
+      [2, 51],
+    ].map(([count, now]) => news.hear(count, now));
+    assert.deepEqual(heard, [false, true, false, false, true, false, false, false, true]);
   });
 
   test("says who has a hand up, and of many how many more", () => {

@@ -37,11 +37,11 @@ def respondent(browser, live_server, client):
     """Open a questionnaire as ada; no page may have raised."""
     opened = []
 
-    def open_(questionnaire, viewport=DESKTOP, **context):
+    def open_(questionnaire, viewport=DESKTOP, language="en", **context):
         user = person()
         client.force_login(user)
         page = browser.new_context(
-            base_url=live_server.url, locale="en", viewport=viewport, **context
+            base_url=live_server.url, viewport=viewport, **{"locale": "en", **context}
         ).new_page()
         page.context.add_cookies(
             [
@@ -67,7 +67,7 @@ def respondent(browser, live_server, client):
             questionnaire,
             Respondent(user=user),
             Context(key="c", robot=("giraff",)),
-            language="en",
+            language=language,
             seed=1,
             now=NOW,
         )
@@ -97,6 +97,30 @@ def test_no_page_is_wider_than_its_screen_and_every_choice_is_large_enough_for_a
     ).evaluate_all("all => all.map(e => e.getBoundingClientRect().height)")
     assert sizes
     assert min(sizes) >= 44
+
+
+OVERLAPS = """() => {
+  const boxes = [...document.querySelectorAll(".choice label, .reason label")].map((one) => {
+    const words = document.createRange();
+    words.selectNodeContents(one);
+    const [box, text] = [one.getBoundingClientRect(), words.getBoundingClientRect()];
+    return { name: `${one.htmlFor} ${one.textContent}`, top: box.top, bottom: box.bottom,
+      left: Math.min(box.left, text.left), right: Math.max(box.right, text.right) };
+  });
+  return boxes.flatMap((one, i) => boxes.slice(i + 1)
+    .filter((two) => one.left < two.right - 1 && two.left < one.right - 1
+      && one.top < two.bottom - 1 && two.top < one.bottom - 1)
+    .map((two) => `${one.name} / ${two.name}`));
+}"""
+
+
+@pytest.mark.parametrize("width", [844, 1024, 1366])
+def test_no_choice_lies_over_another_where_its_words_are_long(respondent, width):
+    page = respondent(
+        current("experience", NOW), {"width": width, "height": 768}, language="es", locale="es"
+    )
+    expect(page.get_by_text("Muy en desacuerdo").first).to_be_visible()
+    assert page.evaluate(OVERLAPS) == []
 
 
 def test_every_answer_is_saved_when_it_is_given(respondent):

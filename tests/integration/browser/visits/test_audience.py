@@ -1,6 +1,7 @@
 """Hands and questions on the real pages: two who watch, who drives, and the robot's screen."""
 
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -69,6 +70,8 @@ def test_an_audience_asks_and_who_drives_answers_without_losing_the_keys(site, v
     asks(eve, "Is it cold there?")
     driver.bring_to_front()
     expect(driver.locator("#audience-count")).to_have_text("3")
+    said = driver.locator("#audience-said")
+    expect(said).to_have_text(re.compile("Audience: .* waiting"), timeout=30_000)
     assert driver.evaluate(FOCUS) != "audience-open"
 
     driver.get_by_role("button", name="Audience").click()

@@ -305,3 +305,20 @@ async def test_the_dataset_is_sent_as_it_is_made_and_it_is_written_down_who_took
         )
     log = await SystemLog.objects.aget(event="study_exported")
     assert (log.fields["user"], log.fields["chosen"]) == (str(member.pk), [])
+
+
+def test_a_page_has_headings_not_captions_and_says_in_what_language_they_are(
+    stored, member, client
+):
+    computed(stored.study)
+    client.cookies["django_language"] = "es"
+    page = read(client.get(PAGE))
+    headings = [one.text.strip() for one in page.all("h2")]
+    assert headings
+    assert not [one for one in headings if one.endswith(".")]
+    parts = [one for one in page.all("section") if "analysis__part" in one.attributes["class"]]
+    assert {one.attributes["lang"] for one in parts} == {"en"}
+    assert "Las tablas y figuras están en inglés" in page.text
+    assert "participantes" in page.text
+    client.cookies["django_language"] = "en"
+    assert "are in English" not in read(client.get(PAGE)).text

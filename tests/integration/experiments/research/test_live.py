@@ -265,3 +265,18 @@ def test_a_robot_of_another_site_is_not_held(client, drive):
     assert act(client, act="hold", robot="elsewhere", text="no").status_code == 404
     assert act(client, act="dance", robot="giraff", text="no").status_code == 409
     assert act(client, act="end", session="not-an-id", text="no").status_code == 404
+
+
+def test_the_page_calls_study_and_doors_by_their_names_in_its_language(drive, robot, client):
+    study, plan = drive.participant.study, robot.floor_plan
+    study.definition = study.definition | {"title": {"en": "Cabin", "es": "Cabaña"}}
+    study.save()
+    plan.plan = plan.plan | {"translations": {"es": {"Door": "Puerta"}}}
+    plan.save()
+    client.force_login(member("viewer"))
+    for language, title, door in (("en", "Cabin", "Door"), ("es", "Cabaña", "Puerta")):
+        client.cookies["django_language"] = language
+        page = client.get(reverse("study_live", args=["cabin-study"])).content.decode()
+        assert f"<h1>{title}</h1>" in page
+        told = client.get(reverse("study_live_data", args=["cabin-study"])).json()
+        assert [one["title"] for one in told["robots"][0]["doors"]] == [door]

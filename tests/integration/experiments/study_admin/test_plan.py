@@ -72,6 +72,20 @@ def test_a_version_knows_whether_it_was_frozen_before_its_data(study):
     assert not freeze_of(second).before_data
 
 
+def test_the_page_says_in_its_language_whether_there_were_data(client, study):
+    researcher(client, study, "viewer")
+    frozen = published(study)
+    joined(frozen, NOW + DAY)
+    second = published(publishing.new_version(frozen, NOW), NOW + 2 * DAY)
+    text = read(client.get(page(second))).text
+    assert "No participant of this version had joined before that." in text
+    assert "1 participant had joined an earlier version, whose data were known." in text
+    client.cookies["django_language"] = "es"
+    spanish = read(client.get(page(second))).text
+    assert "Hasta entonces no se había unido nadie a esta versión." in spanish
+    assert "participant of this version" not in spanish.partition("# Preregistration")[0]
+
+
 def test_owners_state_deviations_after_publishing_and_others_do_not(client, study):
     researcher(client, study, "owner")
     frozen = published(study)

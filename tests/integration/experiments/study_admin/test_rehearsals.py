@@ -152,6 +152,7 @@ def test_a_report_is_read_by_condition_with_the_pages_of_the_builder(client, own
     step = reverse("admin:experiments_study_part", args=[study.pk, "steps", 1])
     assert links["Bot 4 got stuck: “Experience” does not continue."] == step
     assert "No bot gave a value for states.charge." in page.text
+    assert "2 problems found." in page.text
     assert "A participant needs about 4.4 minutes." in page.text
     assert "a difference of 0.5 standard deviations: 128" in page.text
     assert "This rehearsal is of the study as it is now." in page.text
@@ -162,6 +163,7 @@ def test_a_report_of_before_issues_were_kept_is_read_too(client, owner, study):
     row = running(study, report={"problems": ["Condition shut: slow."], "notes": ["Hm."]})
     Rehearsal.objects.filter(pk=row.pk).update(status="done", finished_at=timezone.now())
     text = page_text(client, row)
+    assert "1 problem found." in text
     assert "Condition shut: slow." in text
     assert "Hm." in text
 

@@ -5,7 +5,8 @@ from django.utils import timezone
 
 from experiments.models import Participant
 from robots.floorplans import store_floor_plan
-from telepresence_site.demo.seed import RESEARCHER
+from robots.models import Robot
+from telepresence_site.demo.seed import RESEARCHER, seed
 from telepresence_site.demo.study import publish_study
 from tests.support.browsers.html_page import read
 from tests.support.people import person
@@ -37,3 +38,12 @@ def test_whoever_follows_the_link_takes_part_without_an_account(client):
         assert "profile" not in consent, "guests have none"
     assert "simulated" in front.text
     assert publish_study(timezone.now()) == slug
+
+
+def test_a_database_of_an_earlier_version_gets_the_marks_of_todays_robots(settings, tmp_path):
+    settings.VAR_DIR = tmp_path
+    seed("mqtt://127.0.0.1:1")
+    Robot.objects.update(for_experienced=False)
+    seed("mqtt://127.0.0.1:1")
+    marked = Robot.objects.order_by("name").values_list("name", "for_experienced")
+    assert list(marked) == [("giraff", False), ("rhodon", True)]
