@@ -24,8 +24,10 @@ async def test_everything_arrives_in_order_whatever_its_size(chunk):
     sizes = [1, 20, 70_000, 3, 200_000, *([500] * 2000), 65_535, 65_536, 2]
     with running_mosquitto() as broker:
         async with (
-            aiomqtt.Client(HOST, broker.port) as reader,
-            aiomqtt.Client(HOST, broker.port, max_inflight_messages=100) as writer,
+            aiomqtt.Client(HOST, broker.port, timeout=patient(30)) as reader,
+            aiomqtt.Client(
+                HOST, broker.port, timeout=patient(30), max_inflight_messages=100
+            ) as writer,
         ):
             assert read_quickly(reader, chunk)
             await reader.subscribe("t", 1)
