@@ -24,6 +24,7 @@ from typing import Any
 from benchmarks.traffic import worker
 from benchmarks.traffic.every import Timers
 from benchmarks.traffic.mqtt_line import MqttLine, hello
+from robots.agent.broker_link.mqtt import TIMEOUT
 from robots.agent.broker_link.outbox import OutboundMessage, Outbox, outbound
 from robots.agent.safety.lease import LeaseKeeper
 from robots.api import codec, topics
@@ -34,7 +35,7 @@ POSE, STATE, BEAT = 1 / 15, 1 / 4, 1 / 5
 STATES_KEPT = 9600
 WINDOW = 200  # letters that wait for the broker's word
 AGAIN = (0.2, 1.0)  # s until the next attempt to connect, drawn between
-WORD = 5.0  # s, as an agent waits for the broker's word
+WORD = TIMEOUT  # s for which it waits for the broker's word
 LIMITS = m.Limits(
     linear=0.7,
     reverse=0.3,

@@ -124,7 +124,8 @@ class RobotRuns:
 
     def forget(self, shards: frozenset[int]) -> None:
         """Forget the robots of some shards; what is stored of them must be read anew."""
-        for robot in [robot for robot in self._heard if shard_of(robot) in shards]:
-            boots = self._trackers.pop(robot, {}).keys()
-            self._restored = {pair for pair in self._restored if pair[1] not in boots}
+        gone = [robot for robot in self._heard if shard_of(robot) in shards]
+        boots = {boot for robot in gone for boot in self._trackers.pop(robot, {})}
+        self._restored = {pair for pair in self._restored if pair[1] not in boots}
+        for robot in gone:
             del self._heard[robot]

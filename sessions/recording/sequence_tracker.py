@@ -112,6 +112,10 @@ class Loss:
         return sum(last - first + 1 for first, last in self.ranges)
 
 
+def _minute_before(number: int) -> Range:
+    return max(FIRST, number - HEAD), number - 1
+
+
 @dataclass
 class SequenceTracker:
     """The states of one run (`boot`) of one robot's agent."""
@@ -139,7 +143,7 @@ class SequenceTracker:
         until = last if following is None or following - last > WIDEST else following - 1
         holes = self.seen.missing(first, until)
         if stored.begins is None:
-            holes += self.seen.missing(max(FIRST, first - HEAD), first - 1)
+            holes += self.seen.missing(*_minute_before(first))
         self._suspect(holes, session, now)
         if self.reached is None or last > self.reached:
             self.reached, self.session = last, session
@@ -147,7 +151,7 @@ class SequenceTracker:
     def suspect_before(self, session: str, now: float) -> None:
         """Look for a session of which nothing is known, in the minute before all that was seen."""
         earliest = next(iter(self.seen), (FIRST, FIRST))[0]
-        self._suspect(self.seen.missing(max(FIRST, earliest - HEAD), earliest - 1), session, now)
+        self._suspect(self.seen.missing(*_minute_before(earliest)), session, now)
 
     def _suspect(self, holes: list[Range], session: str, now: float) -> None:
         self.gaps += [
@@ -159,7 +163,7 @@ class SequenceTracker:
         if seq in self.seen:
             return False
         if self.reached is None and session is not None and seq > FIRST:
-            self._suspect([(max(FIRST, seq - HEAD), seq - 1)], session, now)
+            self._suspect([_minute_before(seq)], session, now)
         self.seen.add(seq, seq)
         self._reach(seq, session, now, to=seq - 1)
         return True

@@ -109,11 +109,12 @@ class Follower:
 
     def rest(self, pose: Pose2D) -> bool:
         """End the path here, because something keeps the robot from its last centimetres; tell
-        whether its end is near enough for that.
+        whether that ends it now: its end is near enough, and the robot does not rest there yet.
         """
-        rests = math.dist(self.path.end, (pose.x, pose.y)) <= self._params.nearly
-        changed, self._at_end = rests and not self._at_end, self._at_end or rests
-        return changed
+        if self._at_end or math.dist(self.path.end, (pose.x, pose.y)) > self._params.nearly:
+            return False
+        self._at_end = True
+        return True
 
     def turn(
         self, error: float, velocity: Velocity, hazards: Hazards, tolerance: float
