@@ -186,7 +186,8 @@ HINTS: dict[str, Words] = {
         "Passed in this order. Every task begins and ends at checkpoint 0, the charging station."
     ),
     "actions": _(
-        "Without “undock automatically”, participants drive out of the station themselves."
+        "With “undock automatically”, the robot leaves its station by itself when the drive "
+        "begins. Without it, participants drive out themselves."
     ),
     "dock": _("Required if the site has several for this robot."),
     "quota": _("Leave blank for no limit. A cell is one condition or one order of conditions."),

@@ -13,7 +13,7 @@ import { maySend } from "../study/restrictions.js";
 import { wrap } from "../view/overlay/transforms.js";
 import { HeldHelp, NO_HELP, helpFrom } from "./assistance.js";
 import { createMapBar, showsLaser } from "./map_bar.js";
-import { can } from "./offer.js";
+import { can, leavesByItself } from "./offer.js";
 import { createOfferPanel } from "./offer_panel.js";
 import { ask, heard, isUnderWay, pass, wishOf } from "./robot_action.js";
 
@@ -82,6 +82,7 @@ const setUp = (page) => {
     on: {
       ...newListeners(page),
       poll: (/** @type {number} */ now) => {
+        arrive(page);
         pursue(page, now);
         showHelp(held.tick(now));
       },
@@ -118,6 +119,23 @@ const newAiming = ({ store, element, map }) =>
       });
     },
   });
+
+/**
+ * Begin a visit with the room in sight. In a tab that nobody sees nothing is begun.
+ * @param {import("../drive/registry.js").Page} page
+ */
+const arrive = ({ store, act }) => {
+  const leaves = document.hidden ? null : leavesByItself(store.get());
+  if (leaves !== null) {
+    const { visit, arrivedIn } = store.get();
+    if (arrivedIn !== visit.session) {
+      store.update({ arrivedIn: visit.session });
+    }
+    if (leaves) {
+      act("undock");
+    }
+  }
+};
 
 /**
  * What time does to the robot's action.

@@ -75,6 +75,28 @@ export const wayOut = (state) => {
       : null;
 };
 
+/**
+ * Whether the robot is to leave its station for a visitor who has just arrived, so that they see
+ * the room and not the wall: yes, no, or null while that cannot be told. Once a visit, and not for
+ * who has been here before, nor where the visitor steers nothing: then who does decides.
+ * @param {import("../drive/features.js").State} state
+ * @returns {boolean | null}
+ */
+export const leavesByItself = (state) => {
+  const { visit, robot, factsheet, playing, arrivedIn } = state;
+  if (roleOf(visit) !== "driver" || !playing || !robot || !factsheet) {
+    return null;
+  }
+  return (
+    arrivedIn !== visit.session &&
+    !visit.returning &&
+    robot.docked &&
+    !robot.safety.estop &&
+    wayOut(state) === "undock" &&
+    controllersOf(state)?.length !== 0
+  );
+};
+
 /** @param {import("../drive/features.js").State} state @returns {Offer | null} */
 const inStation = (state) => {
   const action = wayOut(state);

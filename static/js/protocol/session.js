@@ -31,7 +31,7 @@
  * @property {string | null} session the visit's id at the server
  * @property {string | null} peer this page's id while it drives; secret
  * @property {number} epoch of the lease
- * @property {boolean} returning the session comes from before a reload
+ * @property {boolean} returning the visitor drove before: on another page, or before a reload
  * @property {boolean} takeover this very tab left the session a moment ago, so it may take it back
  *   without asking
  * @property {boolean} fresh start again without a session when the remembered one is over
@@ -255,7 +255,7 @@ const HANDLERS = {
         sfu: false,
         sfuLost: false,
         link: kept ? "live" : "connecting",
-        returning: false,
+        returning: visit.returning || message.resumed,
         takeover: false,
         fresh: false,
         startBy: null,
@@ -279,6 +279,7 @@ const HANDLERS = {
       minutes: message.minutes,
       pause: message.reason ?? "",
       startBy: null,
+      returning: false,
     };
     // Whoever waits may watch meanwhile.
     const first = [
@@ -405,7 +406,7 @@ const HANDLERS = {
   here: ({ askedUntil, signingUntil }) => [
     { askedUntil: null, signingUntil: askedUntil ?? signingUntil },
   ],
-  take_over: (visit) => ask(visit, { peer: null, takeover: true, reason: "" }),
+  take_over: (visit) => ask(visit, { peer: null, takeover: true, returning: true, reason: "" }),
   start: (visit) => ask(visit),
   watch: (visit) => [
     { phase: "taking", wanted: "watch", reason: "" },

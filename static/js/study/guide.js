@@ -4,6 +4,7 @@
  * sentences stand in the page.
  */
 
+import { isUnderWay } from "../autonomy/robot_action.js";
 import { roleOf } from "../protocol/session.js";
 
 /**
@@ -32,6 +33,8 @@ import { roleOf } from "../protocol/session.js";
  * @property {number | null} driven seconds since the drive began, null before
  */
 
+/** Cues to drive out of the station, while the robot does so by itself. */
+const LEAVE = new Set(["leave_station", "docked_early"]);
 const PRACTICE_LAST = 60; // s: a practice drive says how long it goes on when it is about to end
 
 /**
@@ -50,7 +53,7 @@ export const hear = (message, now) => ({
  * @returns {Guide | null} null when there is nothing to guide
  */
 export const guideFor = (state) => {
-  const { study, visit, told } = state;
+  const { study, visit, told, task } = state;
   if (!study || roleOf(visit) !== "driver") {
     return null;
   }
@@ -65,8 +68,10 @@ export const guideFor = (state) => {
     };
   }
   const number = told?.number ?? null;
+  const cue = told?.cue ?? "wait_for_picture";
+  const leaves = LEAVE.has(cue) && isUnderWay(task) && task?.type === "undock";
   return {
-    cue: `cue.${told?.cue ?? "wait_for_picture"}`,
+    cue: leaves ? "cue.leaving_station" : `cue.${cue}`,
     number,
     place: study.checkpoints.find((/** @type {any} */ stop) => stop.number === number)?.title ?? "",
     stops: stopsOf(study, told),

@@ -16,7 +16,7 @@ import {
 } from "../../../static/js/autonomy/assistance.js";
 import { cardFor } from "../../../static/js/view/hud/card.js";
 import { hintFor, menuFor, showsLaser } from "../../../static/js/autonomy/map_bar.js";
-import { mayWriteWaiting, offerFor } from "../../../static/js/autonomy/offer.js";
+import { leavesByItself, mayWriteWaiting, offerFor } from "../../../static/js/autonomy/offer.js";
 import { reasonFor } from "../../../static/js/autonomy/reasons.js";
 import { ellipseOf, scanPoints } from "../../../static/js/view/map/layers.js";
 import { newState } from "../../../static/js/drive/features.js";
@@ -159,6 +159,52 @@ describe("what is offered", () => {
       [offer.word, offer.main.action, offer.other],
       ["dock.here", "undock", undefined],
     );
+  });
+
+  test("who arrives finds the robot leaving its station, once, where they may ask it to", () => {
+    const docked = { robot: robotOf({ docked: true }) };
+    const arriving = driving({ ...docked, visit: { ...driving().visit, session: "s1" } });
+    const changed = (more) => leavesByItself({ ...arriving, ...more });
+    assert.equal(leavesByItself(arriving), true);
+    assert.equal(changed({ arrivedIn: "s0" }), true);
+    assert.equal(changed({ arrivedIn: "s1" }), false, "once a visit");
+    assert.equal(changed({ visit: { ...arriving.visit, returning: true } }), false, "a reload");
+    assert.equal(changed({ robot: robotOf() }), false, "it stands in the room");
+    const stopped = { estop: true, inhibited: null, collision: false };
+    assert.equal(changed({ robot: robotOf({ docked: true, safety: stopped }) }), false);
+    assert.equal(changed({ factsheet: { capabilities: ["velocity"] } }), false);
+    for (const [study, leaves] of [
+      [{ actions: ["undock"], controllers: null }, true],
+      [{ actions: ["tilt"], controllers: null }, false],
+      [{ actions: null, controllers: [] }, false], // somebody else drives: a hidden operator
+    ]) {
+      assert.equal(changed({ study }), leaves);
+    }
+    for (const early of [{ playing: false }, { robot: null }, { factsheet: null }]) {
+      assert.equal(changed(early), null, "not known yet");
+    }
+    assert.equal(changed({ visit: { ...arriving.visit, phase: "watching" } }), null);
+  });
+
+  test("a visitor who came back is known as such until the next visit", () => {
+    const granted = (visit, resumed = false) =>
+      reduce(visit, {
+        type: "session/granted",
+        message: { session: "s1", epoch: 1, peer: "p", limits: {}, iceServers: [], resumed },
+      }).visit;
+    const from = (...happenings) =>
+      happenings.reduce((visit, happening) => reduce(visit, happening).visit, newVisit());
+    const reloaded = { type: "loaded", session: "s1", now: 1 };
+    const queued = { type: "session/queued", message: { session: "s1", place: 1, minutes: 1 } };
+    assert.equal(
+      granted(from({ type: "loaded", session: null, go: true, now: 1 })).returning,
+      false,
+    );
+    assert.equal(granted(from(reloaded)).returning, true);
+    assert.equal(granted(from(reloaded, queued)).returning, false, "the visit begins later");
+    assert.equal(granted(newVisit(), true).returning, true);
+    assert.equal(granted(from({ type: "take_over" })).returning, true);
+    assert.equal(granted(from(reloaded, { type: "drive", now: 2 })).returning, false);
   });
 
   test("what a robot cannot do is not offered; the page drives it out of its dock instead", () => {

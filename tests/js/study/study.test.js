@@ -225,6 +225,17 @@ describe("the arrow", () => {
     assert.deepEqual([at(0, 2, 0).share, at(0, -2, 0).share], [-1, 1]);
   });
 
+  test("asks nobody to leave the station while the robot does so", () => {
+    const leaves = (status) =>
+      guideFor(state({ told: told({ cue: "leave_station" }), task: { type: "undock", status } }))
+        .cue;
+    assert.deepEqual(["ASKED", "RUNNING", "CANCELLED"].map(leaves), [
+      "cue.leaving_station",
+      "cue.leaving_station",
+      "cue.leave_station",
+    ]);
+  });
+
   test("leads nowhere while docked, while a photo is judged, and once it is over", () => {
     assert.deepEqual(targetOf(state()), { x: 2, y: 0, number: 1 });
     for (const more of [

@@ -63,7 +63,6 @@ class People:
         return self._turns(self.ana, "simulated-Giraff", within)
 
     def _leaves_the_dock(self, visitor: Visitor) -> None:
-        visitor.page.get_by_role("button", name="Leave station", exact=True).click()
         expect(visitor.page.locator("#offer")).to_have_attribute(
             "data-word", "task.done.undock", timeout=patient(25) * 1000
         )
@@ -116,7 +115,6 @@ class People:
         """
         began = time.monotonic()
         self.cy_begins_to_practise()
-        self._frame.get_by_role("button", name="Leave station", exact=True).click()
         moving = self._frame.locator(
             "#offer[data-word='task.undock'], #offer[data-word='task.done.undock']"
         )

@@ -9,6 +9,7 @@ import pytest
 from playwright.sync_api import expect
 
 from robots.agent.simulator.wire import CarryTo
+from robots.api.geometry import wrap_angle
 from tests.support.agents.truth import SimulatorOperator
 from tests.support.media.photographs import keep_at_all_sizes
 from tests.support.patience import patient
@@ -68,11 +69,36 @@ def newest_state(site):
     return (site.states(site.sessions()[-1][0]) or [{}])[-1]
 
 
+def test_a_visitor_arrives_facing_the_room_and_a_reload_sends_nobody_out_of_the_station(
+    visitor, giraff
+):
+    zoe = visitor("zoe").drive()
+    docked = giraff.truth()
+    offer(zoe, "task.undock")
+    expect(zoe.page.locator("#offer-progress")).to_be_visible()
+    offer(zoe, "task.done.undock", within=30)
+    truth = giraff.truth()
+    assert not truth.docked
+    assert abs(wrap_angle(truth.theta - docked.theta - math.pi)) < 0.2, "it looks into the room"
+    assert truth.contacts == docked.contacts
+    press(zoe, "Go to…")
+    press(zoe, "Return to station")
+    offer(zoe, "dock.here", within=60)
+    zoe.page.reload()
+    zoe.wait_for_picture()
+    offer(zoe, "dock.here")
+    zoe.page.wait_for_timeout(2000)
+    offer(zoe, "dock.here")
+    assert giraff.truth().docked, "who drove into the station stays there"
+
+
 @pytest.mark.nightly
 def test_a_robot_leaves_its_dock_by_the_button_and_pressing_forward_there_explains_itself(
     visitor, giraff
 ):
     anna = visitor("anna").drive()
+    offer(anna, "task.undock")
+    press(anna, "Cancel drive")
     offer(anna, "dock.here")
     keep_at_all_sizes(anna.page, "dock")
     anna.page.keyboard.down("ArrowUp")
@@ -204,5 +230,5 @@ def test_a_robot_goes_home_after_a_visit_and_whoever_waits_is_told_so_and_then_g
     assert giraff.truth().docked
     hans.page.locator("#card-main").click()
     hans.wait_for_picture()
-    offer(hans, "dock.here")
+    offer(hans, "task.undock")
     site.django("from robots.models import Robot; Robot.objects.update(returns_home=False)")

@@ -33,7 +33,6 @@ def test_a_stranger_drives_within_seconds_and_is_invited_to_sign_up_and_then_tri
             expect(page).to_have_url(re.compile("/practice/practice-1/"), timeout=STARTED)
             stranger.wait_for_picture()
             stranger.wait_for("link", "live")
-            page.get_by_role("button", name="Leave station").click()
             driven = page.locator("#dial-distance")
             expect(driven).not_to_have_text(re.compile(r"^(–|0\.0)$"), timeout=STARTED)
             if attempt:
