@@ -26,7 +26,7 @@ from experiments.analysis.plan.preregistration import before_data
 from experiments.analysis.statistics.descriptive import spread
 from experiments.analysis.tables.participant_kinds import counted
 from experiments.analysis.tables.people import NOT_REPORTED, table_2
-from experiments.analysis.tables.table import NOTHING, Table, amount, words
+from experiments.analysis.tables.table import NOTHING, Table, amount, spoken, words
 from experiments.definition.plan import hypotheses_of
 
 NAME = "reporting-sheet"
@@ -129,7 +129,7 @@ def _sexes(dataset: Dataset) -> str:
     wanted, own, is_here = dataset.say(asked[0].text), [], False
     for head, label, n, _share in table_2(dataset).rows:
         is_here = head.text == wanted if head.text else is_here
-        own += [f"{n.text} {label.text}"] if is_here and n.value else []
+        own += [f"{label.text}: {n.text}"] if is_here and n.value else []
     return ", ".join(own) or UNKNOWN
 
 
@@ -182,9 +182,8 @@ def _failures(dataset: Dataset) -> Iterator[Line]:
     if not ended:
         yield section, "outcomes", f"{UNKNOWN}: no drive has ended"
     for (outcome, side), n in sorted(ended.items()):
-        label = outcome.replace("_", " ")
         by = "" if outcome == COMPLETED or not side else f", side: {side}"
-        yield section, f"{label}{by}", amount(n, "drive")
+        yield section, f"{spoken(outcome)}{by}", amount(n, "drive")
     running = sum(not one.outcome for one in sessions)
     if running:
         yield section, "without an outcome", amount(running, "drive")

@@ -18,7 +18,15 @@ from experiments.analysis.dataset.records import (
 )
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.statistics.descriptive import spread
-from experiments.analysis.tables.table import Table, TableCell, amount, count, number, words
+from experiments.analysis.tables.table import (
+    Table,
+    TableCell,
+    amount,
+    count,
+    number,
+    spoken,
+    words,
+)
 
 COUNTED = "ended with an outcome"
 FLOW = ("arrived", "assigned", "exposed", COUNTED, "answered")
@@ -127,7 +135,7 @@ def _outcomes(dataset: Dataset, people: list[ParticipantRecord], cell: str) -> l
             first.setdefault(one.participant, (one.outcome, one.id))
     words_found = sorted({outcome for outcome, _ in first.values()})
     return [
-        (words(cell), words(""), words(f"first task: {word}"), count(len(ids), ids))
+        (words(cell), words(""), words(f"first task: {spoken(word)}"), count(len(ids), ids))
         for word in words_found
         for ids in [[one for outcome, one in first.values() if outcome == word]]
     ]
@@ -138,7 +146,7 @@ def _excluded(ruled_out: Sequence[SessionRecord]) -> str:
 
 
 def _reason(one: ParticipantRecord) -> str:
-    return "withdrew" if one.withdrawn else one.left or STILL_THERE
+    return "withdrew" if one.withdrawn else spoken(one.left) or STILL_THERE
 
 
 def fault_sides(dataset: Dataset) -> Table:
@@ -150,7 +158,7 @@ def fault_sides(dataset: Dataset) -> Table:
     ]
     keys = sorted({(one.outcome, one.fault_side) for one in ended})
     rows = tuple(
-        (words(outcome), words(side or "nobody"), count(len(ids), ids))
+        (words(spoken(outcome)), words(side or "nobody"), count(len(ids), ids))
         for outcome, side in keys
         for ids in [[one.id for one in ended if (one.outcome, one.fault_side) == (outcome, side)]]
     )
@@ -225,7 +233,7 @@ def _milestone_rows(dataset: Dataset, measured: Sequence[Measured]) -> list[Row]
         }
     )
     times: list[tuple[str, Callable[[Measured], float]]] = [
-        ("first picture", lambda one: one.milestones.start),
+        ("first video frame", lambda one: one.milestones.start),
         ("first motion", lambda one: one.milestones.motion),
         *((f"checkpoint {n}", _passing(n)) for n in numbers),
         ("docked", lambda one: one.milestones.docked),

@@ -67,6 +67,11 @@ def amount(value: int, noun: str) -> str:
     return f"{value} {noun}" if value == 1 else f"{value} {noun}s"
 
 
+def spoken(key: str) -> str:
+    """Return a key of the data as it is read: `timed_out` is "timed out"."""
+    return key.replace("_", " ")
+
+
 def probability(value: float) -> TableCell:
     """Return a cell of a p value."""
     if math.isfinite(value) and value < 0.001:

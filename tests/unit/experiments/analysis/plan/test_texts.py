@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import msgspec
+import numpy as np
 import pytest
 
 from experiments.analysis.dataset.records import FreezeRecord, RobotRecord
@@ -12,6 +13,7 @@ from experiments.analysis.plan.reporting_sheet import UNKNOWN, as_markdown, repo
 from experiments.definition.shipped import shipped
 from tests.support.analysis.planned import PLAN, plan_with, planned_study
 from tests.support.analysis.planned_data import planned_data
+from tests.support.analysis.study_dataset import made_up
 
 FROZEN = FreezeRecord(sha256="ab" * 32, frozen_at="2026-05-01 09:00 UTC", before_data=True)
 TIMES = {"shut": [100.0, 110.0, 130.0], "all_open": [90.0, 95.0, 99.0]}
@@ -119,6 +121,15 @@ def test_what_a_sheet_does_not_know_is_unknown():
     assert found["Robot Giraff", "Age of commands at the wheels"] == "unknown: not measured"
     assert found["Deviations from the plan", "plan frozen before data"] == UNKNOWN
     assert found["Versions", "definition frozen"] == UNKNOWN
+
+
+def test_a_sheet_counts_the_answers_to_the_question_for_sex():
+    dataset = made_up(np.random.default_rng(3), 24)
+    rows = reporting_sheet(dataset, [], [], dataset.participants).rows
+    (said,) = (value.text for _, item, value in rows if item.text == "sex or gender")
+    counts = [part.partition(": ") for part in said.split(", ")]
+    assert [answer for answer, _, _ in counts] == ["Woman", "Man"]
+    assert sum(int(n) for _, _, n in counts) == 22, "two did not answer"
 
 
 def test_a_sheet_tells_what_the_researchers_state_and_what_is_known_of_the_robot():
