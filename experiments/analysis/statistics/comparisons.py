@@ -24,7 +24,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from scipy.special import chdtrc, fdtrc, ncfdtrinc, nctdtrinc, ndtri, stdtr, stdtrit
 
 from experiments.analysis.dataset.records import Floats
 
@@ -115,7 +114,7 @@ def welch(first: Floats, second: Floats) -> tuple[Floats, Floats]:
         error = np.where(a + b > 0.0, np.sqrt(a + b), np.nan)
         t = (first.mean(axis=-1) - second.mean(axis=-1)) / error
         freedom = (a + b) ** 2 / (a**2 / (n - 1) + b**2 / (m - 1))
-    return t, 2.0 * stdtr(freedom, -np.abs(t))
+    return t, 2.0 * scipy.special.stdtr(freedom, -np.abs(t))
 
 
 def paired(first: Floats, second: Floats) -> tuple[Floats, Floats]:
@@ -128,7 +127,7 @@ def paired(first: Floats, second: Floats) -> tuple[Floats, Floats]:
         return np.full(differences.shape[:-1], np.nan), np.full(differences.shape[:-1], np.nan)
     sd = differences.std(axis=-1, ddof=1)
     t = differences.mean(axis=-1) / (np.where(sd > 0.0, sd, np.nan) / math.sqrt(n))
-    return t, 2.0 * stdtr(n - 1, -np.abs(t))
+    return t, 2.0 * scipy.special.stdtr(n - 1, -np.abs(t))
 
 
 def between(first: Floats, second: Floats) -> Test:
@@ -150,7 +149,7 @@ def between(first: Floats, second: Floats) -> Test:
         n + m,
         t,
         (freedom,),
-        float(2.0 * stdtr(freedom, -abs(t))),
+        float(2.0 * scipy.special.stdtr(freedom, -abs(t))),
         _around(difference, error, freedom),
         "d",
         standardized(difference / pooled, n * m / (n + m), n + m - 2),
@@ -174,7 +173,7 @@ def within(first: Floats, second: Floats) -> Test:
         n,
         t,
         (float(n - 1),),
-        float(2.0 * stdtr(n - 1, -abs(t))),
+        float(2.0 * scipy.special.stdtr(n - 1, -abs(t))),
         _around(mean, sd / math.sqrt(n), n - 1),
         "d_z",
         standardized(mean / sd, n, n - 1),
@@ -182,7 +181,7 @@ def within(first: Floats, second: Floats) -> Test:
 
 
 def _around(value: float, error: float, freedom: float) -> IntervalEstimate:
-    slack = float(stdtrit(freedom, UPPER)) * error
+    slack = float(scipy.special.stdtrit(freedom, UPPER)) * error
     return IntervalEstimate(value, value - slack, value + slack)
 
 
@@ -191,7 +190,9 @@ def standardized(size: float, weight: float, freedom: float) -> IntervalEstimate
     distribution, and the bounds are the noncentralities that put it at 2.5 and 97.5 %.
     """
     root = math.sqrt(weight)
-    low, high = (float(nctdtrinc(freedom, tail, size * root)) / root for tail in (UPPER, LOWER))
+    low, high = (
+        float(scipy.special.nctdtrinc(freedom, tail, size * root)) / root for tail in (UPPER, LOWER)
+    )
     return IntervalEstimate(size, low, high)
 
 
@@ -233,7 +234,7 @@ def welch_f(groups: Sequence[Floats]) -> tuple[Floats, Floats, Floats]:
     spread = (weights * (means - centre) ** 2).sum(axis=-1) / (k - 1)
     f = spread / (1.0 + 2.0 * (k - 2) / (k * k - 1) * slack)
     inner = (k * k - 1) / (3.0 * slack)
-    return f, inner, np.asarray(fdtrc(k - 1.0, inner, f))
+    return f, inner, np.asarray(scipy.special.fdtrc(k - 1.0, inner, f))
 
 
 def _eta_squared(groups: Sequence[Floats]) -> IntervalEstimate:
@@ -243,7 +244,7 @@ def _eta_squared(groups: Sequence[Floats]) -> IntervalEstimate:
     size = 1.0 - inside / total
     n, k = len(values), len(groups)
     f = size / (1.0 - size) * (n - k) / (k - 1)
-    bounds = (float(ncfdtrinc(k - 1, n - k, tail, f)) for tail in (UPPER, LOWER))
+    bounds = (float(scipy.special.ncfdtrinc(k - 1, n - k, tail, f)) for tail in (UPPER, LOWER))
     low, high = (bound / (bound + n) for bound in bounds)
     return IntervalEstimate(size, low, high)
 
@@ -282,7 +283,7 @@ def friedman(table: Floats) -> tuple[Floats, Floats]:
     spread = (ranks**2).sum(axis=(-1, -2)) - n * k * (k + 1.0) ** 2 / 4.0
     with np.errstate(divide="ignore", invalid="ignore"):
         chi2 = (k - 1.0) * ((sums - n * (k + 1.0) / 2.0) ** 2).sum(axis=-1) / spread
-    return chi2, np.asarray(chdtrc(k - 1.0, chi2))
+    return chi2, np.asarray(scipy.special.chdtrc(k - 1.0, chi2))
 
 
 def _concordance(size: float, table: Floats) -> IntervalEstimate:
@@ -336,7 +337,7 @@ def correlation(first: Floats, second: Floats) -> Test:
 def _correlated(rho: float, n: int) -> IntervalEstimate:
     if abs(rho) >= 1.0:
         return IntervalEstimate(rho)
-    slack = float(ndtri(UPPER)) * math.sqrt((1.0 + rho * rho / 2.0) / (n - 3))
+    slack = float(scipy.special.ndtri(UPPER)) * math.sqrt((1.0 + rho * rho / 2.0) / (n - 3))
     centre = math.atanh(rho)
     return IntervalEstimate(rho, math.tanh(centre - slack), math.tanh(centre + slack))
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtri
+import scipy
 
 from experiments.analysis.dataset.records import Floats
 
@@ -55,7 +55,7 @@ def wilson(successes: int, n: int, level: float = 0.95) -> tuple[float, float] |
     """Return the bounds of a share (Wilson, 1927), or None without trials."""
     if not n:
         return None
-    z = float(ndtri(0.5 + level / 2.0))
+    z = float(scipy.special.ndtri(0.5 + level / 2.0))
     centre, slack = (
         (successes + z * z / 2.0) / (n + z * z),
         z * math.sqrt(successes * (n - successes) / n + z * z / 4.0) / (n + z * z),

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from scipy.special import expit, fdtri, logit, ndtri
 
 from experiments.analysis.dataset.records import Floats
 from experiments.analysis.statistics.comparisons import LOWER, UPPER, IntervalEstimate, is_constant
@@ -60,7 +59,9 @@ def cronbach(items: Floats) -> IntervalEstimate:
     inside = float(items.var(axis=0, ddof=1).sum())
     alpha = k / (k - 1) * (1.0 - inside / float(sums.var(ddof=1)))
     freedom = (n - 1, (n - 1) * (k - 1))
-    low, high = (1.0 - (1.0 - alpha) * float(fdtri(*freedom, tail)) for tail in (UPPER, LOWER))
+    low, high = (
+        1.0 - (1.0 - alpha) * float(scipy.special.fdtri(*freedom, tail)) for tail in (UPPER, LOWER)
+    )
     return IntervalEstimate(alpha, low, high)
 
 
@@ -85,7 +86,14 @@ def mcdonald(items: Floats) -> tuple[IntervalEstimate, tuple[int, ...]]:
     if model.at_bound or not 0.0 < omega < 1.0:
         return IntervalEstimate(round(omega, DECIMALS)), model.at_bound
     error = _error_of_omega(model, n) / (omega * (1.0 - omega))
-    bounds = (float(expit(logit(omega) + float(ndtri(tail)) * error)) for tail in (LOWER, UPPER))
+    bounds = (
+        float(
+            scipy.special.expit(
+                scipy.special.logit(omega) + float(scipy.special.ndtri(tail)) * error
+            )
+        )
+        for tail in (LOWER, UPPER)
+    )
     low, high = (round(bound, DECIMALS) for bound in bounds)
     return IntervalEstimate(round(omega, DECIMALS), low, high), ()
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import fdtrc
+import scipy
 
 from experiments.analysis.dataset.records import Floats
 from experiments.analysis.statistics.mixed_models import GRID, Design, check_data, freedom_of
@@ -117,4 +117,4 @@ def _wald(estimates: Floats, covariance: Floats, own: Sequence[int], df: Sequenc
     inside = covariance[:, own][:, :, own]
     wald = (values * np.linalg.solve(inside, values[:, :, None])[:, :, 0]).sum(axis=1)
     freedom = (float(len(own)), min(df[place] for place in own))
-    return np.asarray(fdtrc(*freedom, wald / len(own)))
+    return np.asarray(scipy.special.fdtrc(*freedom, wald / len(own)))

@@ -28,7 +28,6 @@ from typing import Any, Literal
 
 import numpy as np
 import scipy
-from scipy.special import fdtrc, stdtr, stdtrit
 
 from experiments.analysis.dataset.records import Floats
 from experiments.analysis.statistics.comparisons import UPPER, IntervalEstimate
@@ -294,8 +293,8 @@ def freedom_of(design: Design, groups: Any, people: int) -> list[float]:
 
 def _coefficient(name: str, value: float, error: float, df: float) -> Coefficient:
     t = value / error
-    slack = float(stdtrit(df, UPPER)) * error
-    p = float(2.0 * stdtr(df, -abs(t)))
+    slack = float(scipy.special.stdtrit(df, UPPER)) * error
+    p = float(2.0 * scipy.special.stdtr(df, -abs(t)))
     return Coefficient(name, IntervalEstimate(value, value - slack, value + slack), error, t, df, p)
 
 
@@ -312,4 +311,4 @@ def _term_test(
     wald = float(values @ np.linalg.solve(covariance[np.ix_(own, own)], values))
     freedom = (float(len(own)), min(df[place] for place in own))
     f = wald / len(own)
-    return TermTest(name, f, freedom, float(fdtrc(*freedom, f)))
+    return TermTest(name, f, freedom, float(scipy.special.fdtrc(*freedom, f)))

@@ -19,7 +19,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy
-from scipy.special import chdtrc, ndtri
 
 from experiments.analysis.dataset.records import Floats
 from experiments.analysis.statistics.comparisons import (
@@ -35,7 +34,6 @@ from experiments.analysis.statistics.comparisons import (
     tied,
 )
 
-Z = float(ndtri(UPPER))
 EXACT_WITH_TIES = 13  # pairs
 SIGNED, RANK_SUM, KRUSKAL = "Wilcoxon signed rank", "Mann-Whitney U", "Kruskal-Wallis H"
 
@@ -60,7 +58,7 @@ def signed_ranks(first: Floats, second: Floats) -> Test:
     largest = count * (count + 1) / 2.0
     error = math.sqrt((2.0 * count**3 + 3.0 * count**2 + count) / 6.0) / largest
     walsh = (differences[:, None] + differences[None, :])[np.triu_indices(n)] / 2.0
-    slack = Z * math.sqrt(n * (n + 1.0) * (2.0 * n + 1.0) / 24.0)
+    slack = float(scipy.special.ndtri(UPPER)) * math.sqrt(n * (n + 1.0) * (2.0 * n + 1.0) / 24.0)
     return Test(
         SIGNED,
         n,
@@ -107,7 +105,7 @@ def rank_sums(first: Floats, second: Floats) -> Test:
         return Test(RANK_SUM, n + m, difference=IntervalEstimate(0.0), remark=NO_VARIANCE)
     u, p = (float(one) for one in rank_sum_u(x, y))
     error = math.sqrt((n + m + 1.0) / (3.0 * n * m))
-    slack = Z * math.sqrt(n * m * (n + m + 1.0) / 12.0)
+    slack = float(scipy.special.ndtri(UPPER)) * math.sqrt(n * m * (n + m + 1.0) / 12.0)
     return Test(
         RANK_SUM,
         n + m,
@@ -166,7 +164,7 @@ def kruskal(groups: Sequence[Floats]) -> tuple[Floats, Floats]:
     sizes = [group.shape[-1] for group in groups]
     ranks = scipy.stats.rankdata(np.concatenate(groups, axis=-1), axis=-1)
     h = _h(np.atleast_2d(ranks), sizes).reshape(ranks.shape[:-1])
-    return h, np.asarray(chdtrc(len(groups) - 1.0, h))
+    return h, np.asarray(scipy.special.chdtrc(len(groups) - 1.0, h))
 
 
 def _h(ranks: Floats, sizes: Sequence[int]) -> Floats:
@@ -197,5 +195,5 @@ def _median(values: Floats, below: float) -> IntervalEstimate:
 def _biserial(size: float, error: float) -> IntervalEstimate:
     if abs(size) >= 1.0:
         return IntervalEstimate(size)
-    centre, slack = math.atanh(size), Z * error
+    centre, slack = math.atanh(size), float(scipy.special.ndtri(UPPER)) * error
     return IntervalEstimate(size, math.tanh(centre - slack), math.tanh(centre + slack))
