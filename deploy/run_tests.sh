@@ -48,7 +48,7 @@ unit() {
     side_by_side logical "$@" tests/unit
 }
 servers() {
-    side_by_side "$cores" -m "$1" tests/integration --ignore tests/integration/browser --ignore tests/integration/accounts \
+    side_by_side "$((cores + cores / 2))" -m "$1" tests/integration --ignore tests/integration/browser --ignore tests/integration/accounts \
         --ignore tests/integration/experiments --ignore tests/integration/surveys
 }
 # A browser that shows live video and the robot that sends it take a core of their own, and keep files of their own. Studies
