@@ -365,6 +365,20 @@ class Robot(models.Model):
         language = language.lower()
         return offered.get(language) or offered.get(language.partition("-")[0]) or {}
 
+    def doors_in(self, language: str) -> list[dict[str, Any]]:
+        """Return the doors of its site: name, title, and the state that the server has set or the
+        plan has.
+        """
+        plan = self.floor_plan.plan_in(language) if self.floor_plan else {}
+        return [
+            {
+                "name": door["name"],
+                "title": door.get("title") or door["name"],
+                "state": self.doors.get(door["name"], door.get("state", "open")),
+            }
+            for door in plan.get("doors", ())
+        ]
+
     @property
     def can_go_home(self) -> bool:
         """Tell whether it is meant to go home after a visit, and says that it can dock."""

@@ -232,8 +232,8 @@ def _robot(robot: Robot, language: str, now: datetime.datetime) -> dict[str, Any
 
 def _doors(robot: Robot, language: str, now: datetime.datetime) -> list[dict[str, Any]]:
     """Return each door as it was set, and as the robot last said it is, with its stamp."""
-    plan = robot.floor_plan.plan_in(language) if robot.floor_plan else {}
-    if not plan.get("doors"):
+    doors = robot.doors_in(language)
+    if not doors:
         return []
     changed = SessionEvent.objects.filter(
         session__robot=robot, source=SessionEvent.Source.ROBOT, type="door_changed"
@@ -251,12 +251,12 @@ def _doors(robot: Robot, language: str, now: datetime.datetime) -> list[dict[str
     return [
         {
             "name": door["name"],
-            "title": door.get("title") or door["name"],
-            "set": robot.doors.get(door["name"], door.get("state", "open")),
+            "title": door["title"],
+            "set": door["state"],
             "confirmed": confirmed.get(door["name"], (None, None))[0],
             "at": confirmed.get(door["name"], (None, None))[1],
         }
-        for door in plan["doors"]
+        for door in doors
     ]
 
 

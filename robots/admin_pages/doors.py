@@ -16,26 +16,11 @@ from robots.models import Robot
 STATES = ("open", "closed")
 
 
-def doors_of(robot: Robot) -> list[dict[str, Any]]:
-    """Return the doors of a robot's site: name, title, and the state that the server has set or the
-    plan has.
-    """
-    plan = robot.floor_plan.plan_in(get_language() or "") if robot.floor_plan else {}
-    return [
-        {
-            "name": door["name"],
-            "title": door.get("title") or door["name"],
-            "state": robot.doors.get(door["name"], door.get("state", "open")),
-        }
-        for door in plan.get("doors", ())
-    ]
-
-
 def has_doors(robot: Robot) -> bool:
     """Tell whether there is a door that the server can move: the robot says so, and its site has
     one.
     """
-    return "doors" in (robot.factsheet or {}).get("capabilities", ()) and bool(doors_of(robot))
+    return "doors" in (robot.factsheet or {}).get("capabilities", ()) and bool(robot.doors_in(""))
 
 
 class DoorPage:
@@ -51,13 +36,13 @@ class DoorPage:
             "title": _("Doors of %(robot)s") % {"robot": robot},
             "robot": robot,
             "opts": self.opts,
-            "doors": doors_of(robot),  # type: ignore[attr-defined]
+            "doors": robot.doors_in(get_language() or ""),  # type: ignore[attr-defined]
             "movable": has_doors(robot),
         }
         return render(request, "admin/robots/robot/doors.html", context)
 
     def _move(self, request: HttpRequest, robot: Robot, name: str, state: str) -> None:
-        titles = {door["name"]: door["title"] for door in doors_of(robot)}
+        titles = {door["name"]: door["title"] for door in robot.doors_in(get_language() or "")}
         if name not in titles or state not in STATES:
             messages.error(request, _("This door doesn't exist."))
             return
