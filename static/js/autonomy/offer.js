@@ -100,6 +100,9 @@ export const leavesByItself = (state) => {
 /** @param {import("../drive/features.js").State} state @returns {Offer | null} */
 const inStation = (state) => {
   const action = wayOut(state);
+  if (leavesByItself(state)) {
+    return null; // it is asked to in a moment
+  }
   if (action) {
     return { word: "dock.here", tone: "calm", main: { action, word: "do.undock" } };
   }

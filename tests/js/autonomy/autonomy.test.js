@@ -154,7 +154,8 @@ describe("a task", () => {
 
 describe("what is offered", () => {
   test("a docked robot offers one thing to do: leave the dock", () => {
-    const offer = offerFor(driving({ robot: robotOf({ docked: true }) }));
+    const visit = { ...driving().visit, session: "s1" };
+    const offer = offerFor(driving({ visit, arrivedIn: "s1", robot: robotOf({ docked: true }) }));
     assert.deepEqual(
       [offer.word, offer.main.action, offer.other],
       ["dock.here", "undock", undefined],
@@ -166,6 +167,7 @@ describe("what is offered", () => {
     const arriving = driving({ ...docked, visit: { ...driving().visit, session: "s1" } });
     const changed = (more) => leavesByItself({ ...arriving, ...more });
     assert.equal(leavesByItself(arriving), true);
+    assert.equal(offerFor(arriving), null, "nothing to press");
     assert.equal(changed({ arrivedIn: "s0" }), true);
     assert.equal(changed({ arrivedIn: "s1" }), false, "once a visit");
     assert.equal(changed({ visit: { ...arriving.visit, returning: true } }), false, "a reload");

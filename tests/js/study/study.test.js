@@ -475,7 +475,8 @@ describe("what a study fixes", () => {
   });
 
   test("leaves everything to visitors without a study", () => {
-    const free = state({ study: null, robot: robot({ docked: true }) });
+    const { visit } = state();
+    const free = state({ study: null, robot: robot({ docked: true }), arrivedIn: visit.session });
     assert.deepEqual(
       [
         maySteer(free, "keyboard"),
