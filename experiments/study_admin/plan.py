@@ -118,7 +118,12 @@ class PlanPages:
             return self._plan(request, row, form, status=422)
         found, why = _simulated(row, form.cleaned_data["participants"])
         return self._plan(
-            request, row, form, power=found, failure=why, status=200 if found else 503
+            request,
+            row,
+            form,
+            power=found and by_test(found),
+            failure=why,
+            status=200 if found else 503,
         )
 
     def deviations_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
@@ -154,6 +159,27 @@ class PlanPages:
         )
         response.status_code = status
         return response
+
+
+def by_test(found: dict[str, Any]) -> dict[str, Any]:
+    """Return the table of a simulation (experiments/analysis/power/) with a row for each test, and
+    its power and the interval of that for each number of participants.
+    """
+    sizes = list(dict.fromkeys(size for size, *_rest in found["rows"]))
+    powers: dict[tuple[str, ...], list[tuple[str, str]]] = {}
+    for _size, analysis, measure, test, hypothesis, power, low, high in found["rows"]:
+        key = (analysis, measure, test, hypothesis)
+        powers.setdefault(key, []).append((power, f"{low}–{high}"))
+    heads = found["head"][1:5]
+    if not any(hypothesis for *_names, hypothesis in powers):
+        heads, powers = heads[:-1], {key[:-1]: cells for key, cells in powers.items()}
+    return {
+        "summary": found["notes"][0],
+        "notes": found["notes"][1:],
+        "heads": heads,
+        "sizes": sizes,
+        "tests": list(powers.items()),
+    }
 
 
 def data_when_frozen(freeze: FreezeRecord) -> str:

@@ -161,10 +161,12 @@ def needed_in_words(found: PowerReport, plan: StudyPlan) -> str:
 
 
 def _assumed_in_words(study: StudyDefinition, found: PowerReport) -> list[str]:
-    return [
-        f"{measure} ({one.source}): {_means(study, one)}; correlation {one.correlation:.2f}."
-        for measure, one in found.assumptions.items()
-    ]
+    """A sentence for all measures of which the same is assumed."""
+    measures: dict[str, list[str]] = {}
+    for measure, one in found.assumptions.items():
+        said = f"({one.source}): {_means(study, one)}; correlation {one.correlation:.2f}."
+        measures.setdefault(said, []).append(measure)
+    return [f"{', '.join(names)} {said}" for said, names in measures.items()]
 
 
 def _means(study: StudyDefinition, one: Assumption) -> str:

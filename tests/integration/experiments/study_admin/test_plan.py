@@ -1,6 +1,7 @@
 """A plan in the administration: read, downloaded, simulated, and departed from."""
 
 import datetime
+import re
 
 import pytest
 from django.core.management import CommandError, call_command
@@ -111,9 +112,12 @@ def test_the_power_is_simulated_on_the_page(client, study, monkeypatch):
     monkeypatch.setattr("experiments.study_admin.plan.SECONDS", patient(60.0))
     researcher(client, study)
     shown = read(client.post(page(study, "power"), {"participants": "20, 40"}))
+    assert {"20", "40"} < {head.text for head in shown.all("th")}
     cells = [cell.text for cell in shown.all("td")]
-    start = cells.index("20")
-    assert cells[start : start + 5] == ["20", "driving", "task_time", "shut - open", "h1"]
+    start = cells.index("driving")
+    assert cells[start : start + 4] == ["driving", "task_time", "shut - open", "h1"]
+    few, many = (re.match(r"(0\.\d+|1\.000)\s*\S+–\S+$", cell) for cell in cells[start + 4 :][:2])
+    assert float(few[1]) <= float(many[1])
     assert "participants give every test of a hypothesis a power of" in shown.text
 
 
