@@ -177,6 +177,7 @@ def by_test(found: dict[str, Any]) -> dict[str, Any]:
         "summary": found["notes"][0],
         "notes": found["notes"][1:],
         "heads": heads,
+        "over": "Power and its 95 % interval, by number of participants",  # English, as all of it
         "sizes": sizes,
         "tests": list(powers.items()),
     }
