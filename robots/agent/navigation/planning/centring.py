@@ -110,7 +110,8 @@ def _centred(
     share = np.clip(1.0 - _nearest(way, at) / params.fade, 0.0, 1.0)
     share *= np.clip(np.minimum(way - way[0], way[-1] - way) / params.from_end, 0.0, 1.0)
     moved = [np.interp(way, at, moves[:, axis]) * share for axis in (0, 1)]
-    return line + np.column_stack(moved)
+    result: Floats = line + np.column_stack(moved)
+    return result
 
 
 def _nearest(way: Floats, others: Floats) -> Floats:
