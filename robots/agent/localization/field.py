@@ -4,9 +4,11 @@ log-likelihood of a laser point there.
 The signed distance is positive in the open and negative inside of what stands, zero on its surface,
 half a cell off the centres of the cells on both sides. What a face hides from the open floor counts
 as inside: a map made by a laser draws the faces of its walls and knows nothing behind them, and a
-beam that seems to end there, or on the wall's other face, fits nothing. Everything here is in the field's own frame:
-metres to the right and up from its lower left corner, which is that of the map's image less a
-margin, so that what lies off the map is far from everything on it.
+beam that seems to end there, or on the wall's other face, fits nothing.
+
+Everything here is in the field's own frame: metres to the right and up from its lower left corner,
+which is that of the map's image less a margin, so that what lies off the map is far from everything
+on it.
 """
 
 import math

@@ -25,7 +25,7 @@ class CentringParams:
     tight: float = 0.15  # m of room beside the robot, below which a place is narrow
     too_tight: float = 0.06  # m that a place may seem too narrow and be driven into nevertheless
     aside: float = 0.14  # m that a point is moved at most
-    step: float = 0.005  # m between two places that are tried
+    step: float = 0.01  # m between two places that are tried
     alike: float = 0.001  # m of room that are worth no move
     blend: float = 0.2  # m along the path over which moves are made alike
     fade: float = 0.5  # m before and behind a narrow place over which the path comes back
@@ -34,7 +34,7 @@ class CentringParams:
 
 
 CENTRING = CentringParams()
-NEAREST = 8  # cells by their centres, one of which has the nearest edge
+NEAREST = 4  # cells by their centres, one of which has the nearest edge
 Distances = Callable[[Floats], Floats]
 
 

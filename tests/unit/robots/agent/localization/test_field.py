@@ -45,7 +45,7 @@ def test_the_slope_points_away_from_the_wall() -> None:
 
 
 def along_wall(picture: str, *metres: float) -> list[float]:
-    """Return the distances at points so far to the right, 0.4 m up, of a map with 0.2 m a letter."""
+    """Return the distances at points so far to the right and 0.4 m up; a letter is 0.2 m."""
     field = field_of(drawn_map(picture, scale=4))
     x, y = np.array([field.world_from_field.inverse().apply(each, 0.4) for each in metres]).T
     return [float(each) for each in field.distances(x, y)[0]]
