@@ -2,9 +2,8 @@
 
 In a gap that is hardly wider than the robot, half a cell decides whether it touches, and so do a
 few centimetres of error in its pose. There each point of a path is moved across it to where the
-least distance to what stands on both sides is largest: the ridge of the clearance. A plan is moved
-so between the squares of the occupied cells, and once more, while it is driven, between what the
-laser sees.
+least distance to what stands on both sides is largest: the ridge of the clearance. What stands on
+one side only draws nothing aside. A plan is moved so between the squares of the occupied cells, and once more, while it is driven, between what the laser sees.
 """
 
 import math
@@ -29,7 +28,7 @@ class CentringParams:
     alike: float = 0.001  # m of room that are worth no move
     blend: float = 0.2  # m along the path over which moves are made alike
     fade: float = 0.5  # m before and behind a narrow place over which the path comes back
-    from_end: float = 0.2  # m from an end of the path, which stays where it is
+    from_end: float = 0.5  # m over which it leaves its ends, which stay where they are
     along: int = 3  # points to both sides from which the direction is taken
 
 
@@ -51,9 +50,7 @@ def centred_on_map(line: Floats, way: Floats, clearance: Floats, costmap: CostMa
 
 
 def centred_between(line: Floats, way: Floats, points: Floats, half_width: float) -> Floats:
-    """Return the same between points (m, 2) on both sides of a robot of that half width, metres:
-    what is on one side only draws nothing aside.
-    """
+    """Return the same between points (m, 2) for a robot of that half width, metres."""
     enough = half_width + CENTRING.tight
     reach = enough + CENTRING.aside
     low, high = line.min(axis=0) - reach, line.max(axis=0) + reach
@@ -67,20 +64,14 @@ def centred_between(line: Floats, way: Floats, points: Floats, half_width: float
         return found
 
     narrow = np.flatnonzero(distances(line) < enough)
-    return _centred(line, way, narrow, distances, half_width, between=True)
+    return _centred(line, way, narrow, distances, half_width)
 
 
 def _centred(
-    line: Floats,
-    way: Floats,
-    narrow: Cells,
-    distances: Distances,
-    half_width: float,
-    *,
-    between: bool = False,
+    line: Floats, way: Floats, narrow: Cells, distances: Distances, half_width: float
 ) -> Floats:
-    """Return the line with its `narrow` points (k,) moved to the middle, and those beside them a
-    part of that way; `between` leaves those that have something on one side only.
+    """Return the line with those of its `narrow` points (k,) that have something on both sides
+    moved to the middle, and those beside them a part of that way.
     """
     params = CENTRING
     if len(narrow) == 0 or len(line) < 3:
@@ -95,8 +86,7 @@ def _centred(
     # what leaves no room in the middle is before the robot, not beside it
     shut = way[narrow][most <= half_width - params.too_tight]
     gap = _nearest(way[narrow], shut) > params.fade
-    if between:
-        gap &= np.maximum(rooms[:, 0], rooms[:, -1]) < enough
+    gap &= np.maximum(rooms[:, 0], rooms[:, -1]) < enough
     if not gap.any():
         return line
     good = rooms >= most[:, None] - params.alike
