@@ -2,13 +2,9 @@
 log-likelihood of a laser point there.
 
 The signed distance is positive in the open and negative inside of what stands, zero on its surface,
-half a cell off the centres of the cells on both sides. What a face hides from the open floor counts
-as inside: a map made by a laser draws the faces of its walls and knows nothing behind them, and a
-beam that seems to end there, or on the wall's other face, fits nothing.
-
-Everything here is in the field's own frame: metres to the right and up from its lower left corner,
-which is that of the map's image less a margin, so that what lies off the map is far from everything
-on it.
+half a cell off the centres of the cells on both sides. Everything here is in the field's own frame:
+metres to the right and up from its lower left corner, which is that of the map's image less a
+margin, so that what lies off the map is far from everything on it.
 """
 
 import math
@@ -26,7 +22,6 @@ Bools = npt.NDArray[np.bool_]
 STEPS = 80  # of a ray; most end after a dozen
 ROUNDING = 1e-9  # by which a ray ends before the map does, so that its last step lies on it
 MARGIN = 1.0  # metres; no beam that ends so far from everything says anything
-FRINGE = 0.1  # metres of unknown cells between the open floor and a surface that is seen through
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,42 +142,22 @@ def field_of(grid: OccupancyGrid) -> DistanceField:
     margin = math.ceil(MARGIN / resolution)
     corner = grid.transform.origin.compose(Pose2D(-margin * resolution, -margin * resolution, 0.0))
     return DistanceField(
-        signed_distance(
-            solid(np.pad(free, margin), np.pad(occupied, margin), resolution), resolution
-        ),
+        signed_distance(np.pad(occupied, margin), resolution),
         np.pad(free, margin),
         resolution,
         corner,
     )
 
 
-def solid(free: Bools, occupied: Bools, resolution: float) -> Bools:
-    """Return (h, w) what stands, with the unknown cells that a face of it hides from the free ones.
-
-    Which those are tells the way from a cell to the nearest one that is seen: its last step leads
-    through a face.
-    """
-    fringe = max(1, round(FRINGE / resolution))
-    seen = ndimage.binary_dilation(free, iterations=fringe, mask=~occupied)
-    rows, columns = np.nonzero(~seen)
-    nearest = ndimage.distance_transform_edt(~seen, return_distances=False, return_indices=True)
-    there = nearest[:, rows, columns]
-    away = np.stack([rows, columns]) - there
-    first = there + np.rint(away / np.abs(away).max(axis=0)).astype(np.intp)
-    behind = occupied.copy()
-    behind[rows, columns] |= occupied[first[0], first[1]]
-    return behind
-
-
-def signed_distance(stands: Bools, resolution: float) -> Floats:
+def signed_distance(occupied: Bools, resolution: float) -> Floats:
     """Return for (h, w) cells the metres from their centres to the nearest border between standing
     and open, negative inside.
     """
-    outside = ndimage.distance_transform_edt(~stands)
+    outside = ndimage.distance_transform_edt(~occupied)
     within = (
-        ndimage.distance_transform_edt(stands)
-        if not stands.all()
-        else np.full(stands.shape, float(max(stands.shape)))
+        ndimage.distance_transform_edt(occupied)
+        if not occupied.all()
+        else np.full(occupied.shape, float(max(occupied.shape)))
     )
-    signed: Floats = np.where(stands, 0.5 - within, outside - 0.5) * resolution
+    signed: Floats = np.where(occupied, 0.5 - within, outside - 0.5) * resolution
     return signed
