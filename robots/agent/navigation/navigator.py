@@ -18,6 +18,7 @@ from robots.agent.navigation.journey import Journey
 from robots.agent.navigation.obstacles.dynamic import LostObstacles
 from robots.agent.navigation.obstacles.local_map import LocalObstacleMap, moved
 from robots.agent.navigation.obstacles.memory import sees
+from robots.agent.navigation.obstacles.recent import RecentSweeps
 from robots.agent.navigation.planning.costmap import CostMap, NoWayError
 from robots.agent.navigation.planning.path import resampled
 from robots.agent.navigation.planning.planner import Planner
@@ -80,6 +81,7 @@ class Navigator:
         self._beams: LaserScan | None = None
         self._walkers: Floats = np.zeros((0, 2))
         self._lost_obstacles = LostObstacles()
+        self._recent = RecentSweeps(self._costmap.circumscribed)
         self._last = NavigationStep(None, "FINISHED")
         self._asked = ZERO
         self._now = 0.0
@@ -284,8 +286,9 @@ class Navigator:
         assert self._beams is not None
         strange = self._obstacle_map.strange(self._pose_buffer.pose(), points, now)
         hidden = self._lost_obstacles.out_of_sight(now, odometry, self._beams)
+        # who may be a person, and so has more body than is seen, the newest sweep tells alone
         return Hazards(
-            points[~strange],
+            np.concatenate([points[~strange], self._recent.near(odometry, now)]),
             points[strange],
             np.vstack([moved(self._walkers, beams_from, odometry), hidden]),
         )
@@ -294,6 +297,7 @@ class Navigator:
         """Note what a new sweep shows, and who in it may be walking."""
         odometry = self._pose_buffer.odometry_at(beams.stamp)
         robot = self._pose_buffer.on_map(odometry)
+        self._recent.take(odometry, beams)
         if localized:
             self._obstacle_map.look(robot, beams, now)
         strangers = beams.points()[self._obstacle_map.strange(robot, beams.points(), now)]

@@ -13,10 +13,12 @@ from typing import Literal
 import numpy as np
 
 from robots.agent.navigation.assistance.braking import BrakeCheck, Checked, Hazards
-from robots.agent.navigation.planning.path import PlannedPath
+from robots.agent.navigation.planning.centring import centred_between
+from robots.agent.navigation.planning.path import SPACING, PlannedPath
 from robots.agent.ramp import ZERO
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Limits, Velocity
+from robots.world.sensing import points_in_frame
 
 
 @dataclass(frozen=True)
@@ -35,11 +37,7 @@ class FollowerParams:
     last_speed: float = 0.04  # m/s with which the end is reached
     narrow_speed: float = 0.12  # m/s with no room at all
     narrow_gain: float = 0.9  # m/s more for each metre of room
-    # m beside the robot on both sides together, below which it keeps to the middle between what it
-    # sees, and at which it begins to: there a few centimetres of error in its pose are too many
-    tight: float = 0.1
-    tight_from: float = 0.25
-    abreast: tuple[float, float] = (-0.2, 0.6)  # m along the robot where it looks to both sides
+    looks_at: tuple[float, float] = (-0.3, 1.2)  # m along the path where it looks to both sides
     arrived: float = 0.06  # m from the end
     nearly: float = 0.15  # m from the end of a path that is used up, or that something blocks
     drifted: float = 0.25  # m from the end, beyond which the robot has left it again
@@ -162,10 +160,7 @@ class Follower:
     def _pursue(self, pose: Pose2D, velocity: Velocity, hazards: Hazards, left: float) -> Followed:
         params = self._params
         ahead = params.ahead + params.ahead_per_speed * max(0.0, velocity.linear)
-        x, y = self.path.at(self.way + ahead)
-        local = pose.inverse().apply(x, y)
-        if abs(local[1]) < local[0]:
-            local = local[0], self._between(local[1], hazards)
+        local = self._ahead(pose, self.way + ahead, hazards)
         distance = max(math.hypot(*local), 0.05)
         bearing = math.atan2(local[1], local[0])
         if self._side or abs(bearing) > (
@@ -182,23 +177,17 @@ class Follower:
             return self.turn(bearing, velocity, hazards, params.turn_to)
         return Followed(done.velocity, "held" if done.velocity == ZERO else "driving", done.why)
 
-    def _between(self, aside: float, hazards: Hazards) -> float:
-        """Return how far to the left the pursued point shall lie: where the path has it, `aside`
-        metres, or in a tight place in the middle between what stands on both sides.
+    def _ahead(self, pose: Pose2D, way: float, hazards: Hazards) -> tuple[float, float]:
+        """Return the point of the path at `way` metres, in the robot's frame: in a tight place in
+        the middle of what it sees, because there its pose is too inexact for the path.
         """
-        params = self._params
-        points = np.concatenate([hazards.things, hazards.strangers])
-        first, last = params.abreast
-        across = points[(points[:, 0] > first) & (points[:, 0] < last), 1]
-        left, right = across[across > 0.0], -across[across < 0.0]
-        if len(left) == 0 or len(right) == 0:
-            return aside
-        rooms = [float(side.min()) - self.check.half_width for side in (left, right)]
-        if min(rooms) < -params.arrived:
-            return aside  # it stands before the robot, not beside it
-        share = (params.tight_from - sum(rooms)) / (params.tight_from - params.tight)
-        share = min(max(share, 0.0), 1.0)
-        return (1.0 - share) * aside + share * (rooms[0] - rooms[1]) / 2.0
+        start, stop = self._params.looks_at
+        ways = np.arange(max(self.way + start, 0.0), self.way + stop, SPACING)
+        ways = np.append(ways[ways < self.path.length], self.path.length)
+        line = points_in_frame(pose, np.array([self.path.at(each) for each in ways]))
+        seen = np.concatenate([hazards.things, hazards.strangers])
+        line = centred_between(line, ways, seen, self.check.half_width)
+        return float(np.interp(way, ways, line[:, 0])), float(np.interp(way, ways, line[:, 1]))
 
     def _wanted(
         self, bearing: float, curvature: float, velocity: Velocity, hazards: Hazards

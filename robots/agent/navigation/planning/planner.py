@@ -14,6 +14,7 @@ import numpy.typing as npt
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
+from robots.agent.navigation.planning.centring import centred_on_map
 from robots.agent.navigation.planning.costmap import Bools, CostMap, NoWayError
 from robots.agent.navigation.planning.path import PlannedPath, resampled
 from robots.world.sensing import Floats
@@ -107,7 +108,7 @@ class Planner:
             )
             stuck = self._misfits(line, clearance)
             if not stuck.any():
-                return PlannedPath(resampled(np.vstack([[start], line])))
+                return self._centred(PlannedPath(resampled(np.vstack([[start], line]))), clearance)
             rows, columns, _ = self.costmap.cells(line[stuck])
             cost[rows, columns] = math.inf
         return None
@@ -182,6 +183,16 @@ class Planner:
             moved[dearer] = line[dearer]
             line = moved
         return line
+
+    def _centred(self, path: PlannedPath, clearance: Floats) -> PlannedPath:
+        """Return the path in the middle of its narrow places, where the robot fits there."""
+        costmap = self.costmap
+        line = centred_on_map(path.points, path.way, clearance, costmap)
+        before = costmap.sample(clearance, path.points)
+        enough = np.minimum(before, costmap.least - costmap.transform.resolution / 2.0)
+        worse = costmap.sample(clearance, line) < enough
+        line = np.where(worse[:, None], path.points, line)
+        return path if self._misfits(line, clearance).any() else PlannedPath(resampled(line))
 
     def _misfits(self, line: Floats, clearance: Floats) -> Bools:
         """Tell for points (n, 2) of a line whether the footprint, looking along it, stands in

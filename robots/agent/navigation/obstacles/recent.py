@@ -1,0 +1,49 @@
+"""What the last few sweeps showed close by, all of it: the nearest of several measurements decides
+how much room there is.
+
+A sweep replaces in the obstacle memory what it measures again. A robot held by something at the
+edge of its margin would look there sweep after sweep, until one is wrong by enough to let it a
+little nearer, and the next: it would creep up to the thing on noise alone.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from robots.api.geometry import Pose2D
+from robots.world.sensing import Floats, LaserScan, points_from_frame, points_in_frame
+
+
+@dataclass(frozen=True)
+class RecentSweepsParams:
+    """How much is kept."""
+
+    sweeps: int = 5
+    seconds: float = 0.6  # at most, for a laser that is slow
+    near: float = 0.15  # m from the robot's farthest corner: what it may touch next
+
+
+RECENT = RecentSweepsParams()
+
+
+class RecentSweeps:
+    """The points of the last sweeps near a robot whose corners are up to `circumscribed` metres
+    from its centre, in the frame of the odometry.
+    """
+
+    def __init__(self, circumscribed: float, params: RecentSweepsParams = RECENT) -> None:
+        self._params = params
+        self._reach = circumscribed + params.near
+        self._kept: deque[tuple[float, Floats]] = deque(maxlen=params.sweeps)
+
+    def take(self, odometry: Pose2D, beams: LaserScan) -> None:
+        """Take a sweep that was measured at an odometry pose."""
+        points = beams.points()
+        near = points[np.hypot(points[:, 0], points[:, 1]) <= self._reach]
+        self._kept.append((beams.stamp, points_from_frame(odometry, near)))
+
+    def near(self, odometry: Pose2D, now: float) -> Floats:
+        """Return (n, 2) the points in the robot's frame at `odometry`."""
+        kept = [points for stamp, points in self._kept if now - stamp <= self._params.seconds]
+        return points_in_frame(odometry, np.concatenate(kept)) if kept else np.zeros((0, 2))
