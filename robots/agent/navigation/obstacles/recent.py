@@ -1,11 +1,12 @@
-"""What the last few sweeps showed close by, all of it: the nearest of several measurements decides
-how much room there is.
+"""What the last few sweeps showed close by while the robot hardly moved, all of it: the nearest of
+several measurements decides how much room there is.
 
 A sweep replaces in the obstacle memory what it measures again. A robot held by something at the
 edge of its margin would look there sweep after sweep, until one is wrong by enough to let it a
 little nearer, and the next: it would creep up to the thing on noise alone.
 """
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
@@ -22,6 +23,10 @@ class RecentSweepsParams:
     sweeps: int = 5
     seconds: float = 0.6  # at most, for a laser that is slow
     near: float = 0.15  # m from the robot's farthest corner: what it may touch next
+    # m and rad by which the robot has hardly moved since: sweeps from elsewhere have other errors,
+    # and what moves far between two does not creep
+    distance: float = 0.03
+    turn: float = 0.05
 
 
 RECENT = RecentSweepsParams()
@@ -35,15 +40,23 @@ class RecentSweeps:
     def __init__(self, circumscribed: float, params: RecentSweepsParams = RECENT) -> None:
         self._params = params
         self._reach = circumscribed + params.near
-        self._kept: deque[tuple[float, Floats]] = deque(maxlen=params.sweeps)
+        self._kept: deque[tuple[float, Pose2D, Floats]] = deque(maxlen=params.sweeps)
 
     def take(self, odometry: Pose2D, beams: LaserScan) -> None:
         """Take a sweep that was measured at an odometry pose."""
         points = beams.points()
         near = points[np.hypot(points[:, 0], points[:, 1]) <= self._reach]
-        self._kept.append((beams.stamp, points_from_frame(odometry, near)))
+        self._kept.append((beams.stamp, odometry, points_from_frame(odometry, near)))
 
     def near(self, odometry: Pose2D, now: float) -> Floats:
-        """Return (n, 2) the points in the robot's frame at `odometry`."""
-        kept = [points for stamp, points in self._kept if now - stamp <= self._params.seconds]
+        """Return (n, 2) the points in the robot's frame at `odometry`, of sweeps from about there."""
+        kept = [
+            points
+            for stamp, at, points in self._kept
+            if now - stamp <= self._params.seconds and self._is_here(odometry.inverse().compose(at))
+        ]
         return points_in_frame(odometry, np.concatenate(kept)) if kept else np.zeros((0, 2))
+
+    def _is_here(self, moved: Pose2D) -> bool:
+        params = self._params
+        return math.hypot(moved.x, moved.y) <= params.distance and abs(moved.theta) <= params.turn

@@ -53,12 +53,19 @@ def test_what_holds_a_robot_holds_it_though_the_laser_errs(seed: int) -> None:
     assert rest > BRAKING.touch - LASER.noise / 2.0
 
 
-def test_points_lie_where_they_were_when_the_robot_has_moved_and_are_soon_forgotten() -> None:
+def test_points_lie_where_they_were_and_are_soon_forgotten() -> None:
     recent = RecentSweeps(0.35)
     recent.take(CENTRE, sweep(1.0, (0.4, 0.0), 0.0))
-    ahead = Pose2D(0.1, 0.0, 0.0)
-    assert recent.near(ahead, 1.1) == pytest.approx(np.array([[0.3, 0.0]]), abs=1e-6)
+    ahead = Pose2D(0.02, 0.0, 0.0)
+    assert recent.near(ahead, 1.1) == pytest.approx(np.array([[0.38, 0.0]]), abs=1e-6)
     assert len(recent.near(ahead, 1.0 + RECENT.seconds + 0.1)) == 0
     for number in range(RECENT.sweeps):
         recent.take(ahead, sweep(1.2 + number * 0.01, (2.0, 0.0), 0.0))
     assert len(recent.near(ahead, 1.25)) == 0
+
+
+@pytest.mark.parametrize("moved", [Pose2D(0.1, 0.0, 0.0), Pose2D(0.0, 0.0, 0.2)])
+def test_a_robot_that_moves_looks_at_its_newest_sweep_alone(moved: Pose2D) -> None:
+    recent = RecentSweeps(0.35)
+    recent.take(CENTRE, sweep(1.0, (0.4, 0.0), 0.0))
+    assert len(recent.near(moved, 1.1)) == 0
