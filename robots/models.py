@@ -273,6 +273,8 @@ class Robot(models.Model):
     # A simulated one for visitors who wait (telepresence_site/practice): on no list, and no
     # study's.
     practice = models.BooleanField(default=False, editable=False)
+    # When a page last asked for a practice robot, whichever it gets; the same of all of them.
+    wanted_at = models.DateTimeField(null=True, editable=False)
     charge_limit = models.FloatField(
         _("minimum charge for a visit (0-1)"),
         default=0.2,

@@ -106,6 +106,7 @@ def practice(request: HttpRequest) -> JsonResponse:
     if not settings.PRACTICE_ROBOTS:
         raise Http404
     now = timezone.now()
+    Robot.objects.filter(practice=True).update(wanted_at=now)
     if request.user.kind == User.Kind.VISITOR:
         # a guest logs in once: from then on this is when a page of theirs last asked for a robot
         User.objects.filter(pk=request.user.pk).update(last_login=now)

@@ -5,7 +5,6 @@ import datetime
 from django.conf import settings
 from django.db.models import Max
 
-from accounts.models import User
 from robots.floorplans import store_floor_plan
 from robots.models import FloorPlan, Robot
 from sessions.leases.policy import PAGE_GONE_SECONDS
@@ -54,7 +53,7 @@ def demand(wanted_at: float | None, now: datetime.datetime) -> Demand:
     waiting = Session.objects.filter(
         state=Session.State.WAITING, robot__practice=False, seen_at__gte=recent
     )
-    guests = User.objects.filter(kind=User.Kind.VISITOR, last_login__gte=recent)
+    asked = Robot.objects.filter(practice=True, wanted_at__gte=recent)
     practising = Session.objects.filter(robot__practice=True)
     ended = (
         practising.filter(granted_at__isnull=False, ended_at__isnull=False)
@@ -63,7 +62,7 @@ def demand(wanted_at: float | None, now: datetime.datetime) -> Demand:
         .annotate(at=Max("ended_at"))
     )
     return Demand(
-        wanted_at=now.timestamp() if waiting.exists() or guests.exists() else wanted_at,
+        wanted_at=now.timestamp() if waiting.exists() or asked.exists() else wanted_at,
         taken=frozenset(practising.filter(state__in=LIVE).values_list("robot__name", flat=True)),
         left_at={row["robot__name"]: row["at"].timestamp() for row in ended},
     )

@@ -104,8 +104,11 @@ def test_nobody_is_led_to_a_robot_that_is_about_to_be_started_anew(client, tries
     assert client.get(reverse("practice")).json()["url"] is not None
 
 
-def test_asking_for_a_robot_has_one_started(client, tries):
-    User.objects.filter(pk=tries.pk).update(last_login=None)
+@pytest.mark.parametrize("kind", ["visitor", "full"])
+def test_asking_for_a_robot_has_one_started(client, tries, kind):
+    if kind == "full":
+        client.force_login(person())
+        assert client.post(reverse("try_now")).url == reverse("try_robot")
     assert robots.demand(None, timezone.now()).wanted_at is None
     client.get(reverse("practice"))
     assert robots.demand(None, timezone.now()).wanted_at is not None

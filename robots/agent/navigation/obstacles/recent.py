@@ -49,7 +49,7 @@ class RecentSweeps:
         self._kept.append((beams.stamp, odometry, points_from_frame(odometry, near)))
 
     def near(self, odometry: Pose2D, now: float) -> Floats:
-        """Return (n, 2) the points in the robot's frame at `odometry`, of sweeps from about there."""
+        """Return (n, 2) the points of sweeps from about there, in the robot's frame."""
         kept = [
             points
             for stamp, at, points in self._kept
