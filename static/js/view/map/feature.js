@@ -53,7 +53,11 @@ const setUp = (page) => {
         map.setScan(message, store.get().factsheet?.laser ?? null),
     },
     actions,
-    on: { second: () => write(state, mapState(store.get(), page.words)) },
+    on: {
+      /** What others drove while this visitor waited is nothing that leads on. */
+      began: () => map.setTrail([]),
+      second: () => write(state, mapState(store.get(), page.words)),
+    },
     render: (/** @type {any} */ { mapFollows, mapTurns, mapSize, mapOpen }) => {
       const pressed = /** @type {Record<string, boolean>} */ ({
         map_follow: mapFollows,

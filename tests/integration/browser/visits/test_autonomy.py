@@ -16,6 +16,17 @@ from tests.support.patience import patient
 from tests.support.sessions.site import wait_for
 
 pytestmark = pytest.mark.browser
+TRAIL = """() => {
+  const canvas = document.getElementById('map');
+  const colour = getComputedStyle(canvas).getPropertyValue('--map-trail');
+  const own = colour.match(/\\w\\w/g).map((two) => parseInt(two, 16));
+  const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+  let n = 0;
+  for (let i = 0; i < data.length; i += 4) {
+    n += own.every((value, j) => Math.abs(data[i + j] - value) < 8);
+  }
+  return n;
+}"""
 
 
 @pytest.fixture(scope="module")
@@ -228,7 +239,10 @@ def test_a_robot_goes_home_after_a_visit_and_whoever_waits_is_told_so_and_then_g
     keep_at_all_sizes(hans.page, "queue")
     hans.wait_for("phase", "turn", within=60)
     assert giraff.truth().docked
+    seen = hans.page.evaluate(TRAIL)
+    assert seen > 30, "he saw where it drove while he waited"
     hans.page.locator("#card-main").click()
     hans.wait_for_picture()
+    assert hans.page.evaluate(TRAIL) < seen / 2, "what others drove is not on his map"
     offer(hans, "task.undock")
     site.django("from robots.models import Robot; Robot.objects.update(returns_home=False)")
