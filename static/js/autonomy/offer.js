@@ -75,6 +75,9 @@ export const wayOut = (state) => {
       : null;
 };
 
+/** What keeps a robot still until it has its driver's lease and first heartbeats. */
+const NOT_YET = new Set(["no_lease", "stopped"]);
+
 /**
  * Whether the robot is to leave its station for a visitor who has just arrived, so that they see
  * the room and not the wall: yes, no, or null while that cannot be told. Once a visit, and not for
@@ -86,6 +89,9 @@ export const leavesByItself = (state) => {
   const { visit, robot, factsheet, playing, arrivedIn } = state;
   if (roleOf(visit) !== "driver" || !playing || !robot || !factsheet) {
     return null;
+  }
+  if (NOT_YET.has(robot.safety.inhibited)) {
+    return null; // it would refuse: in a moment it knows its driver
   }
   return (
     arrivedIn !== visit.session &&

@@ -182,7 +182,16 @@ describe("what is offered", () => {
     ]) {
       assert.equal(changed({ study }), leaves);
     }
-    for (const early of [{ playing: false }, { robot: null }, { factsheet: null }]) {
+    const held = (inhibited) => ({
+      robot: robotOf({ docked: true, safety: { estop: false, inhibited, collision: false } }),
+    });
+    for (const early of [
+      { playing: false },
+      { robot: null },
+      { factsheet: null },
+      held("no_lease"),
+      held("stopped"),
+    ]) {
       assert.equal(changed(early), null, "not known yet");
     }
     assert.equal(changed({ visit: { ...arriving.visit, phase: "watching" } }), null);
