@@ -90,23 +90,20 @@ export const leavesByItself = (state) => {
   if (roleOf(visit) !== "driver" || !playing || !robot || !factsheet) {
     return null;
   }
-  if (NOT_YET.has(robot.safety.inhibited)) {
-    return null; // it would refuse: in a moment it knows its driver
-  }
-  return (
+  const leaves =
     arrivedIn !== visit.session &&
     !visit.returning &&
     robot.docked &&
     !robot.safety.estop &&
     wayOut(state) === "undock" &&
-    controllersOf(state)?.length !== 0
-  );
+    controllersOf(state)?.length !== 0;
+  return leaves && NOT_YET.has(robot.safety.inhibited) ? null : leaves;
 };
 
 /** @param {import("../drive/features.js").State} state @returns {Offer | null} */
 const inStation = (state) => {
   const action = wayOut(state);
-  if (leavesByItself(state)) {
+  if (leavesByItself(state) !== false) {
     return null; // it is asked to in a moment
   }
   if (action) {

@@ -195,6 +195,7 @@ describe("what is offered", () => {
       assert.equal(changed(early), null, "not known yet");
     }
     assert.equal(changed({ visit: { ...arriving.visit, phase: "watching" } }), null);
+    assert.equal(changed({ ...held("stopped"), arrivedIn: "s1" }), false, "stopped later");
   });
 
   test("a visitor who came back is known as such until the next visit", () => {
