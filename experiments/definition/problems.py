@@ -249,7 +249,8 @@ def _of_rules(study: StudyDefinition) -> Iterator[Problem]:
     known = {step.questionnaire for step in study.asking}
     if study.analysis.statements not in known:
         words = _(
-            "The statements of the analysis, %(name)s, must be among the study's questionnaires."
+            "“Questionnaire in the tables” is %(name)s, which this study does not ask. Choose one "
+            "of its questionnaires."
         )
         yield Problem(words, {"name": study.analysis.statements})
 

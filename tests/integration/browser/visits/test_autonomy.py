@@ -72,6 +72,16 @@ def offer(visitor, word, within=15.0):
     )
 
 
+def in_the_room(visitor, giraff):
+    """Return somebody who drives, once the robot has left its station for them, if it was there."""
+    driver = visitor.drive()
+    wait_for(lambda: not giraff.truth().docked, 30, "a robot that leaves its station")
+    expect(driver.page.locator("#offer")).not_to_have_attribute(
+        "data-word", "task.undock", timeout=patient(30) * 1000
+    )
+    return driver
+
+
 def alert_of(visitor):
     return visitor.page.locator("#alert").get_attribute("data-word") or ""
 
@@ -123,7 +133,7 @@ def test_a_robot_leaves_its_dock_by_the_button_and_pressing_forward_there_explai
 
 @pytest.mark.nightly
 def test_it_goes_where_the_map_was_tapped_and_says_when_it_is_there(site, visitor, giraff):
-    ben = visitor("ben").drive()
+    ben = in_the_room(visitor("ben"), giraff)
     goal = (2.6, 4.2)
     tap(ben, *goal)
     keep_at_all_sizes(ben.page, "goal")
@@ -146,7 +156,7 @@ def test_it_goes_where_the_map_was_tapped_and_says_when_it_is_there(site, visito
 
 @pytest.mark.nightly
 def test_a_key_takes_over_at_once_and_a_place_of_the_menu_is_a_goal_too(visitor, giraff):
-    cora = visitor("cora").drive()
+    cora = in_the_room(visitor("cora"), giraff)
     press(cora, "Go to…")
     keep_at_all_sizes(cora.page, "menu")
     press(cora, "Laboratory")
@@ -168,7 +178,7 @@ def test_a_key_takes_over_at_once_and_a_place_of_the_menu_is_a_goal_too(visitor,
 
 @pytest.mark.nightly
 def test_a_robot_that_cannot_get_there_says_why_and_offers_a_way_on(visitor, giraff):
-    dan = visitor("dan").drive()
+    dan = in_the_room(visitor("dan"), giraff)
     tap(dan, 6.0, -1.0)  # below the southernmost wall
     press(dan, "Go here")
     offer(dan, "task.failed.goto")
@@ -183,7 +193,7 @@ def test_a_robot_that_cannot_get_there_says_why_and_offers_a_way_on(visitor, gir
 
 @pytest.mark.nightly
 def test_the_help_that_is_chosen_is_in_force_and_says_why_it_holds_back(site, visitor, giraff):
-    eva = visitor("eva").drive()
+    eva = in_the_room(visitor("eva"), giraff)
     press(eva, "Steers around them")
     expect(eva.page.locator("[data-action=assist-steer]")).to_have_attribute("aria-pressed", "true")
     wait_for(
@@ -203,7 +213,7 @@ def test_the_help_that_is_chosen_is_in_force_and_says_why_it_holds_back(site, vi
 
 @pytest.mark.nightly
 def test_a_lost_robot_is_shown_its_place_on_the_map(visitor, giraff, operator):
-    fay = visitor("fay").drive()
+    fay = in_the_room(visitor("fay"), giraff)
     assert operator.wish(CarryTo(8.6, 4.4, 1.57)) == ""
     fay.hold(
         "ArrowLeft", lambda: alert_of(fay) == "alert.lost", 30, "a robot that says that it is lost"
@@ -221,7 +231,8 @@ def test_a_lost_robot_is_shown_its_place_on_the_map(visitor, giraff, operator):
 def test_a_robot_goes_home_after_a_visit_and_whoever_waits_is_told_so_and_then_gets_it(
     site, visitor, giraff, operator
 ):
-    gil, hans, stranger = visitor("gil").drive(), visitor("hans").open(go=True), visitor()
+    gil = in_the_room(visitor("gil"), giraff)
+    hans, stranger = visitor("hans").open(go=True), visitor()
     assert operator.wish(CarryTo(1.9, 5.2, 0.0)) == ""
     press(gil, "Go to…")
     press(gil, "Set the robot's position")

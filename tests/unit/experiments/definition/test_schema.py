@@ -152,7 +152,10 @@ def test_the_second_study_has_everybody_drive_with_and_without_assistance():
         ({"conditions": []}, "There is no condition"),
         ({"steps": STUDY["steps"][1:]}, "There are 0 task steps"),
         ({"steps": [STUDY["steps"][0], *STUDY["steps"]]}, "There are 2 task steps"),
-        ({"steps": STUDY["steps"][:1]}, "statements of the analysis, experience, must be among"),
+        (
+            {"steps": STUDY["steps"][:1]},
+            "“Questionnaire in the tables” is experience, which this study does not ask",
+        ),
         (
             {
                 "steps": [
