@@ -48,12 +48,17 @@ unit() {
     side_by_side logical "$@" tests/unit
 }
 servers() {
-    side_by_side "$((cores + cores / 2))" -m "$1" tests/integration --ignore tests/integration/browser
+    side_by_side "$cores" -m "$1" tests/integration --ignore tests/integration/browser --ignore tests/integration/accounts \
+        --ignore tests/integration/experiments --ignore tests/integration/surveys
 }
-# A browser that shows live video and the robot that sends it take a core of their own, and keep files of their own.
-browsers() {
+# A browser that shows live video and the robot that sends it take a core of their own, and keep files of their own. Studies
+# follow: the servers' tests need as long as both.
+browsers_and_studies() {
+    went=0
     export VAR_DIR="$logs/var"
-    side_by_side "$((cores / 2 > 1 ? cores / 2 : 1))" -m "$1" tests/integration/browser
+    side_by_side "$((cores / 2 > 1 ? cores / 2 : 1))" -m "$1" tests/integration/browser || went=1
+    side_by_side "$cores" -m "$1" tests/integration/accounts tests/integration/experiments tests/integration/surveys || went=1
+    return "$went"
 }
 # Of these, what waits for other programs has room for another beside it, and a browser has not.
 timing() {
@@ -108,7 +113,7 @@ together() {
 }
 
 integration() {
-    together "integration" servers "$1" browsers "$1"
+    together "integration" servers "$1" browsers_and_studies "$1"
     step "timing: beside no other lane"
     timing "$1"
 }
@@ -137,7 +142,7 @@ case "${1:-test}" in
         export PYTEST_ARGS="--timeout 0 ${PYTEST_ARGS:-}"
         side_by_side logical --hypothesis-profile=search tests/unit
         servers soak
-        browsers soak
+        browsers_and_studies soak
         timing soak
         ;;
 esac
