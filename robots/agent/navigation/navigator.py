@@ -286,7 +286,7 @@ class Navigator:
         assert self._beams is not None
         strange = self._obstacle_map.strange(self._pose_buffer.pose(), points, now)
         hidden = self._lost_obstacles.out_of_sight(now, odometry, self._beams)
-        # who may be a person, and so has more body than is seen, the newest sweep tells alone
+        # in recent sweeps a person is a thing like others: who it is, and so how wide, the memory says
         return Hazards(
             np.concatenate([points[~strange], self._recent.near(odometry, now)]),
             points[strange],

@@ -87,7 +87,8 @@ def _centred(
     # what leaves no room in the middle is before the robot, not beside it
     shut = way[narrow][most <= half_width - params.too_tight]
     gap = _nearest(way[narrow], shut) > params.fade
-    gap &= np.maximum(rooms[:, 0], rooms[:, -1]) < enough
+    # beside what stands on one side only there is the more room the farther away
+    gap &= np.maximum(rooms[:, 0], rooms[:, -1]) < most - params.alike
     if not gap.any():
         return line
     good = rooms >= most[:, None] - params.alike

@@ -80,7 +80,7 @@ def test_a_robot_that_is_wrong_about_its_place_drives_through_the_middle_of_what
 
 def test_a_line_is_left_alone_where_there_is_room_or_something_on_one_side_only() -> None:
     line = np.column_stack([np.linspace(0.0, 1.0, 21), np.zeros(21)])
-    for posts in ([(0.5, 0.35)], [(0.5, 0.6), (0.5, -0.5)], [(0.5, 0.1), (0.5, -0.2)]):
+    for posts in ([(0.5, 0.35)], [(0.5, 0.2)], [(0.5, 0.6), (0.5, -0.5)], [(0.5, 0.1), (0.5, -0.2)]):
         moved = centred_between(line, line[:, 0], np.array(posts), HALF)
         assert np.array_equal(moved, line)
 
