@@ -25,6 +25,8 @@ from robots.models import Robot
 from sessions.leases.store import LIVE
 from sessions.models import StateChunk
 
+ASKED_SECONDS = 5  # for which it is known that a page asked for a practice robot
+
 
 @dataclass(frozen=True)
 class PracticePlace:
@@ -106,9 +108,12 @@ def practice(request: HttpRequest) -> JsonResponse:
     if not settings.PRACTICE_ROBOTS:
         raise Http404
     now = timezone.now()
-    Robot.objects.filter(practice=True).update(wanted_at=now)
+    # a page asks every other second, and what runs the robots looks back for longer
+    known = now - datetime.timedelta(seconds=ASKED_SECONDS)
+    Robot.objects.filter(practice=True).exclude(wanted_at__gt=known).update(wanted_at=now)
     if request.user.kind == User.Kind.VISITOR:
-        # a guest logs in once: from then on this is when a page of theirs last asked for a robot
+        # a guest logs in once: from then on this is when a page of theirs last asked for a robot,
+        # and a day later they are forgotten (telepresence_site/ops/retention.py)
         User.objects.filter(pk=request.user.pk).update(last_login=now)
     chosen = choose(places(now))
     return JsonResponse(

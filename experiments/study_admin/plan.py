@@ -165,11 +165,11 @@ def by_test(found: dict[str, Any]) -> dict[str, Any]:
     """Return the table of a simulation (experiments/analysis/power/) with a row for each test, and
     its power and the interval of that for each number of participants.
     """
-    sizes = list(dict.fromkeys(size for size, *_rest in found["rows"]))
-    powers: dict[tuple[str, ...], list[tuple[str, str]]] = {}
-    for _size, analysis, measure, test, hypothesis, power, low, high in found["rows"]:
+    sizes = sorted({size for size, *_rest in found["rows"]}, key=int)
+    powers: dict[tuple[str, ...], dict[str, tuple[str, str]]] = {}
+    for size, analysis, measure, test, hypothesis, power, low, high in found["rows"]:
         key = (analysis, measure, test, hypothesis)
-        powers.setdefault(key, []).append((power, f"{low}–{high}"))
+        powers.setdefault(key, {})[size] = power, f"{low}–{high}"
     heads = found["head"][1:5]
     if not any(hypothesis for *_names, hypothesis in powers):
         heads, powers = heads[:-1], {key[:-1]: cells for key, cells in powers.items()}
@@ -179,7 +179,7 @@ def by_test(found: dict[str, Any]) -> dict[str, Any]:
         "heads": heads,
         "over": "Power and its 95 % interval, by number of participants",  # English, as all of it
         "sizes": sizes,
-        "tests": list(powers.items()),
+        "tests": [(names, [cells[size] for size in sizes]) for names, cells in powers.items()],
     }
 
 

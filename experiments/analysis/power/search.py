@@ -21,7 +21,7 @@ HEAD = (
 METHOD = (
     (
         "Power: the share of simulated studies in which p, corrected within the family of the test,"
-        " is below {alpha:g}; from, to: its 95 % Monte-Carlo interval (Wilson), {studies} studies"
+        " is below {alpha:g}, with its 95 % Monte-Carlo interval (Wilson), {studies} studies"
         " each."
     ),
     (

@@ -286,7 +286,8 @@ class Navigator:
         assert self._beams is not None
         strange = self._obstacle_map.strange(self._pose_buffer.pose(), points, now)
         hidden = self._lost_obstacles.out_of_sight(now, odometry, self._beams)
-        # in recent sweeps a person is a thing like others: who it is, and so how wide, the memory says
+        # the memory alone tells people, who have more body than is seen; to recent sweeps they are
+        # things
         return Hazards(
             np.concatenate([points[~strange], self._recent.near(odometry, now)]),
             points[strange],

@@ -121,16 +121,20 @@ const newAiming = ({ store, element, map }) =>
   });
 
 /**
- * Begin a visit with the room in sight. In a tab that nobody sees nothing is begun.
+ * Begin a visit with the room in sight. For a tab that nobody sees nothing moves, then or later.
  * @param {import("../drive/registry.js").Page} page
  */
 const arrive = ({ store, act }) => {
-  const leaves = document.hidden ? null : leavesByItself(store.get());
-  if (leaves !== null) {
-    const { visit, arrivedIn } = store.get();
-    if (arrivedIn !== visit.session) {
-      store.update({ arrivedIn: visit.session });
-    }
+  const { visit, robot, arrival } = store.get();
+  if (roleOf(visit) !== "driver" || !robot) {
+    return;
+  }
+  if (arrival?.session !== visit.session) {
+    const stopId = robot.safety.stopId ?? null;
+    store.update({ arrival: { session: visit.session, stopId, isOver: document.hidden } });
+  } else if (!arrival.isOver && leavesByItself(store.get()) !== null) {
+    const leaves = leavesByItself(store.get()) && !document.hidden;
+    store.update({ arrival: { ...arrival, isOver: true } });
     if (leaves) {
       act("undock");
     }

@@ -79,24 +79,35 @@ export const wayOut = (state) => {
 const NOT_YET = new Set(["no_lease", "stopped"]);
 
 /**
- * Whether the robot is to leave its station for a visitor who has just arrived, so that they see
- * the room and not the wall: yes, no, or null while that cannot be told. Once a visit, and not for
- * who has been here before, nor where the visitor steers nothing: then who does decides.
+ * Whether this visitor's robot leaves its station by itself: not where the visitor steers nothing,
+ * for then who does decides.
+ * @param {import("../drive/features.js").State} state
+ */
+export const setsOut = (state) =>
+  state.robot?.docked && wayOut(state) === "undock" && controllersOf(state)?.length !== 0;
+
+/**
+ * Whether the robot is to leave its station now, so that a visitor who has just arrived sees the
+ * room and not the wall: yes, no, or null while that cannot be told. Once a visit, not for a
+ * visitor who comes back to the same visit, and not when anybody has stopped it since it began.
  * @param {import("../drive/features.js").State} state
  * @returns {boolean | null}
  */
 export const leavesByItself = (state) => {
-  const { visit, robot, factsheet, playing, arrivedIn } = state;
+  const { visit, robot, factsheet, playing, arrival } = state;
   if (roleOf(visit) !== "driver" || !playing || !robot || !factsheet) {
     return null;
   }
+  if ((arrival?.session ?? null) !== visit.session) {
+    return null;
+  }
   const leaves =
-    arrivedIn !== visit.session &&
+    arrival !== null &&
+    !arrival.isOver &&
+    arrival.stopId === (robot.safety.stopId ?? null) &&
     !visit.returning &&
-    robot.docked &&
     !robot.safety.estop &&
-    wayOut(state) === "undock" &&
-    controllersOf(state)?.length !== 0;
+    setsOut(state);
   return leaves && NOT_YET.has(robot.safety.inhibited) ? null : leaves;
 };
 

@@ -13,8 +13,11 @@ import { NO_HELP } from "./assistance.js";
 export const newSlice = () => ({
   /** what the robot does by itself, or has just done: robot_action.js; null when it does nothing */
   task: /** @type {import("./robot_action.js").RobotAction | null} */ (null),
-  /** the last visit in which the robot has left its station for its driver, or had no need to */
-  arrivedIn: /** @type {string | null} */ (null),
+  /**
+   * the visit, the last stop of the robot when it began, and whether it is decided if the robot
+   * leaves its station for its driver; null before the first
+   */
+  arrival: /** @type {{session: string, stopId: string | null, isOver: boolean} | null} */ (null),
   /** a point being chosen on the map */
   aim: /** @type {PendingAim | null} */ (null),
   /** whether this person has used a point of the map before */

@@ -48,6 +48,7 @@ const robotOf = (more = {}) => ({
   safety: { estop: false, inhibited: null, collision: false },
   ...more,
 });
+const OVER = { session: "s1", stopId: null, isOver: true };
 const driving = (more = {}, capabilities = ALL) => ({
   ...newState(),
   playing: true,
@@ -155,7 +156,7 @@ describe("a task", () => {
 describe("what is offered", () => {
   test("a docked robot offers one thing to do: leave the dock", () => {
     const visit = { ...driving().visit, session: "s1" };
-    const offer = offerFor(driving({ visit, arrivedIn: "s1", robot: robotOf({ docked: true }) }));
+    const offer = offerFor(driving({ visit, arrival: OVER, robot: robotOf({ docked: true }) }));
     assert.deepEqual(
       [offer.word, offer.main.action, offer.other],
       ["dock.here", "undock", undefined],
@@ -163,17 +164,25 @@ describe("what is offered", () => {
   });
 
   test("who arrives finds the robot leaving its station, once, where they may ask it to", () => {
-    const docked = { robot: robotOf({ docked: true }) };
-    const arriving = driving({ ...docked, visit: { ...driving().visit, session: "s1" } });
+    const arrival = { session: "s1", stopId: "stop-0", isOver: false };
+    const safety = { estop: false, inhibited: null, collision: false, stopId: "stop-0" };
+    const docked = { robot: robotOf({ docked: true, safety }) };
+    const visit = { ...driving().visit, session: "s1" };
+    const arriving = driving({ ...docked, arrival, visit });
     const changed = (more) => leavesByItself({ ...arriving, ...more });
     assert.equal(leavesByItself(arriving), true);
     assert.equal(offerFor(arriving), null, "nothing to press");
-    assert.equal(changed({ arrivedIn: "s0" }), true);
-    assert.equal(changed({ arrivedIn: "s1" }), false, "once a visit");
+    assert.equal(changed({ arrival: { ...arrival, session: "s0" } }), null, "of another visit");
+    assert.equal(changed({ arrival: OVER }), false, "once a visit");
+    const stopped = { ...safety, inhibited: "stopped", stopId: "stop-1" };
+    for (const inhibited of ["stopped", null]) {
+      const robot = robotOf({ docked: true, safety: { ...stopped, inhibited } });
+      assert.equal(changed({ robot }), false, "somebody has stopped it meanwhile");
+    }
     assert.equal(changed({ visit: { ...arriving.visit, returning: true } }), false, "a reload");
     assert.equal(changed({ robot: robotOf() }), false, "it stands in the room");
-    const stopped = { estop: true, inhibited: null, collision: false };
-    assert.equal(changed({ robot: robotOf({ docked: true, safety: stopped }) }), false);
+    const pressed = { ...safety, estop: true };
+    assert.equal(changed({ robot: robotOf({ docked: true, safety: pressed }) }), false);
     assert.equal(changed({ factsheet: { capabilities: ["velocity"] } }), false);
     for (const [study, leaves] of [
       [{ actions: ["undock"], controllers: null }, true],
@@ -183,7 +192,7 @@ describe("what is offered", () => {
       assert.equal(changed({ study }), leaves);
     }
     const held = (inhibited) => ({
-      robot: robotOf({ docked: true, safety: { estop: false, inhibited, collision: false } }),
+      robot: robotOf({ docked: true, safety: { ...safety, inhibited } }),
     });
     for (const early of [
       { playing: false },
@@ -195,7 +204,7 @@ describe("what is offered", () => {
       assert.equal(changed(early), null, "not known yet");
     }
     assert.equal(changed({ visit: { ...arriving.visit, phase: "watching" } }), null);
-    assert.equal(changed({ ...held("stopped"), arrivedIn: "s1" }), false, "stopped later");
+    assert.equal(changed({ ...held("stopped"), arrival: OVER }), false, "stopped later");
   });
 
   test("a visitor who came back is known as such until the next visit", () => {

@@ -109,6 +109,7 @@ const state = (more = {}, visit = {}) => ({
   told: told(),
   now: 100,
   playing: true,
+  arrival: { session: "s", stopId: null, isOver: true },
   robot: robot(),
   factsheet: { capabilities: ["velocity", "goto", "dock", "undock", "relocalize", "assist"] },
   visit: {
@@ -475,8 +476,7 @@ describe("what a study fixes", () => {
   });
 
   test("leaves everything to visitors without a study", () => {
-    const { visit } = state();
-    const free = state({ study: null, robot: robot({ docked: true }), arrivedIn: visit.session });
+    const free = state({ study: null, robot: robot({ docked: true }) });
     assert.deepEqual(
       [
         maySteer(free, "keyboard"),

@@ -3,7 +3,7 @@
  * one thing to do about it. Pure: which words and buttons; card_panel.js shows them.
  */
 
-import { releaseFor, wayOut } from "../../autonomy/offer.js";
+import { releaseFor, setsOut } from "../../autonomy/offer.js";
 import { roleOf } from "../../protocol/session.js";
 import { studyCard } from "../../study/end_cards.js";
 import { betweenVisits, pauseOf, reasonForWaiting } from "./pause.js";
@@ -288,7 +288,7 @@ const lobby = ({ visit, room, robot, ...state }) => {
     };
   }
   const [standstill, why] = [standstillOf(robot), betweenVisits(room.pause)];
-  const setsOut = robot?.docked && wayOut({ visit, robot, ...state }) === "undock";
+  const leaves = setsOut({ visit, robot, ...state });
   const word =
     standstill ||
     (why === "paused" && robot?.docked ? "unfit" : why) ||
@@ -301,7 +301,7 @@ const lobby = ({ visit, room, robot, ...state }) => {
         other,
       }
     : {
-        word: setsOut ? "lobby.docked" : "lobby",
+        word: leaves ? "lobby.docked" : "lobby",
         main: { action: "drive", word: "do.drive" },
         other,
       };

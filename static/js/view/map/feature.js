@@ -54,7 +54,7 @@ const setUp = (page) => {
     },
     actions,
     on: {
-      /** What others drove while this visitor waited is nothing that leads on. */
+      /** Forget what others drove while this visitor waited. */
       began: () => map.setTrail([]),
       second: () => write(state, mapState(store.get(), page.words)),
     },

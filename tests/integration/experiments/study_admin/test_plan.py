@@ -11,6 +11,7 @@ from accounts.models import AuditEntry
 from experiments import publishing
 from experiments.dataset.freeze import freeze_of
 from experiments.models import Participant, Study, StudyMember
+from experiments.study_admin.plan import by_test
 from tests.integration.experiments.test_publishing import NOW
 from tests.support.analysis.planned import PLAN, planned_study
 from tests.support.browsers.html_page import read
@@ -119,6 +120,20 @@ def test_the_power_is_simulated_on_the_page(client, study, monkeypatch):
     few, many = (re.match(r"(0\.\d+|1\.000)\s*\S+–\S+$", cell) for cell in cells[start + 4 :][:2])
     assert float(few[1]) <= float(many[1])
     assert "participants give every test of a hypothesis a power of" in shown.text
+
+
+def test_a_number_that_is_simulated_twice_has_one_column_and_they_ascend():
+    head = ["Participants", "Analysis", "Measure", "Test", "Hypothesis", "Power", "from", "to"]
+    rows = [
+        [size, "driving", "task_time", "shut - open", "", power, "0", "1"]
+        for size, power in (("8", "0.1"), ("8", "0.1"), ("64", "0.9"), ("38", "0.8"))
+    ]
+    found = by_test({"head": head, "rows": rows, "notes": ["38 are enough.", "Why."]})
+    assert found["sizes"] == ["8", "38", "64"]
+    assert found["heads"] == ["Analysis", "Measure", "Test"]
+    ((names, cells),) = found["tests"]
+    assert names == ("driving", "task_time", "shut - open")
+    assert [power for power, _ in cells] == ["0.1", "0.8", "0.9"]
 
 
 def test_the_command_prints_the_power_and_says_what_it_cannot_do(study, tmp_path, capsys):

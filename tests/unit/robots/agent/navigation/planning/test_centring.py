@@ -80,7 +80,12 @@ def test_a_robot_that_is_wrong_about_its_place_drives_through_the_middle_of_what
 
 def test_a_line_is_left_alone_where_there_is_room_or_something_on_one_side_only() -> None:
     line = np.column_stack([np.linspace(0.0, 1.0, 21), np.zeros(21)])
-    for posts in ([(0.5, 0.35)], [(0.5, 0.2)], [(0.5, 0.6), (0.5, -0.5)], [(0.5, 0.1), (0.5, -0.2)]):
+    for posts in (
+        [(0.5, 0.35)],
+        [(0.5, 0.2)],
+        [(0.5, 0.6), (0.5, -0.5)],
+        [(0.5, 0.1), (0.5, -0.2)],
+    ):
         moved = centred_between(line, line[:, 0], np.array(posts), HALF)
         assert np.array_equal(moved, line)
 
@@ -96,6 +101,7 @@ def test_a_line_between_two_posts_is_moved_there_and_comes_back_to_where_it_was(
 def test_a_gap_that_is_left_is_no_reason_to_turn() -> None:
     follower = Follower(BrakeCheck(np.array(GIRAFF.footprint), GIRAFF.limits), GIRAFF.limits)
     follower.take(PlannedPath(resampled(np.array([[0.0, 0.0], [3.0, 0.0]]))), None)
-    behind = Hazards(np.array([(-1.0, 0.3), (-1.0, -0.4)]), NONE, NONE)
-    step = follower.step(Pose2D(0.0, 0.0, 0.0), Velocity(linear=0.2, angular=0.0), behind)
+    behind = Hazards(np.array([(-0.4, 0.3), (-0.4, -0.4)]), NONE, NONE)
+    for _ in range(2):  # the first finds where on the path it is
+        step = follower.step(Pose2D(1.0, 0.0, 0.0), Velocity(linear=0.2, angular=0.0), behind)
     assert step.velocity.angular == 0.0
