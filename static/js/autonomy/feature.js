@@ -126,8 +126,8 @@ const newAiming = ({ store, element, map }) =>
  */
 const arrive = ({ store, act }) => {
   const { visit, robot, arrival } = store.get();
-  if (roleOf(visit) !== "driver" || !robot) {
-    return;
+  if (roleOf(visit) !== "driver" || !robot || (robot.session ?? null) !== visit.session) {
+    return; // what it said before was of another visit
   }
   if (arrival?.session !== visit.session) {
     const stopId = robot.safety.stopId ?? null;
