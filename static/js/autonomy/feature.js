@@ -11,9 +11,10 @@ import { freshId } from "../lib/ids.js";
 import { roleOf } from "../protocol/session.js";
 import { maySend } from "../study/restrictions.js";
 import { wrap } from "../view/overlay/transforms.js";
+import { leavesByItself } from "./arrival.js";
 import { HeldHelp, NO_HELP, helpFrom } from "./assistance.js";
 import { createMapBar, showsLaser } from "./map_bar.js";
-import { can, leavesByItself } from "./offer.js";
+import { can } from "./offer.js";
 import { createOfferPanel } from "./offer_panel.js";
 import { ask, heard, isUnderWay, pass, wishOf } from "./robot_action.js";
 

@@ -75,9 +75,6 @@ export const wayOut = (state) => {
       : null;
 };
 
-/** What keeps a robot still until it has its driver's lease and first heartbeats. */
-const NOT_YET = new Set(["no_lease", "stopped"]);
-
 /**
  * Whether this visitor's robot leaves its station by itself: not where the visitor steers nothing,
  * for then who does decides.
@@ -86,36 +83,13 @@ const NOT_YET = new Set(["no_lease", "stopped"]);
 export const setsOut = (state) =>
   state.robot?.docked && wayOut(state) === "undock" && controllersOf(state)?.length !== 0;
 
-/**
- * Whether the robot is to leave its station now, so that a visitor who has just arrived sees the
- * room and not the wall: yes, no, or null while that cannot be told. Once a visit, not for a
- * visitor who comes back to the same visit, and not when anybody has stopped it since it began.
- * @param {import("../drive/features.js").State} state
- * @returns {boolean | null}
- */
-export const leavesByItself = (state) => {
-  const { visit, robot, factsheet, playing, arrival } = state;
-  if (roleOf(visit) !== "driver" || !playing || !robot || !factsheet) {
-    return null;
-  }
-  if ((arrival?.session ?? null) !== visit.session) {
-    return null;
-  }
-  const leaves =
-    arrival !== null &&
-    !arrival.isOver &&
-    arrival.stopId === (robot.safety.stopId ?? null) &&
-    !visit.returning &&
-    !robot.safety.estop &&
-    setsOut(state);
-  return leaves && NOT_YET.has(robot.safety.inhibited) ? null : leaves;
-};
-
 /** @param {import("../drive/features.js").State} state @returns {Offer | null} */
 const inStation = (state) => {
   const action = wayOut(state);
-  if (leavesByItself(state) !== false) {
-    return null; // it is asked to in a moment
+  const { visit, arrival } = state;
+  const isDecided = arrival?.session === visit.session && arrival.isOver;
+  if (visit.session && setsOut(state) && !isDecided) {
+    return null; // it may leave by itself in a moment
   }
   if (action) {
     return { word: "dock.here", tone: "calm", main: { action, word: "do.undock" } };

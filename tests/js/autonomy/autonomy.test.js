@@ -3,6 +3,7 @@ import { readFileSync } from "node:fs";
 import { describe, test } from "node:test";
 
 import { newVisit, reduce } from "../../../static/js/protocol/session.js";
+import { leavesByItself } from "../../../static/js/autonomy/arrival.js";
 import { Aiming, headingOf } from "../../../static/js/input/aiming.js";
 import { alertFor } from "../../../static/js/view/hud/alert.js";
 import {
@@ -16,7 +17,7 @@ import {
 } from "../../../static/js/autonomy/assistance.js";
 import { cardFor } from "../../../static/js/view/hud/card.js";
 import { hintFor, menuFor, showsLaser } from "../../../static/js/autonomy/map_bar.js";
-import { leavesByItself, mayWriteWaiting, offerFor } from "../../../static/js/autonomy/offer.js";
+import { mayWriteWaiting, offerFor } from "../../../static/js/autonomy/offer.js";
 import { reasonFor } from "../../../static/js/autonomy/reasons.js";
 import { ellipseOf, scanPoints } from "../../../static/js/view/map/layers.js";
 import { newState } from "../../../static/js/drive/features.js";
