@@ -27,8 +27,8 @@ class Process:
 
 @dataclass(frozen=True)
 class Demand:
-    """Who is there: `wanted_at` is when somebody last waited for a real robot, or asked for a
-    practice robot, `taken` the practice robots with living visits.
+    """Who is there: `wanted_at` is the last time that somebody waited for a real robot or asked
+    for a practice robot, `taken` the practice robots with living visits.
 
     `left_at` says when the last visitor of each left, of those that had one.
     """

@@ -133,10 +133,12 @@ const arrive = ({ store, act }) => {
   if (arrival?.session !== visit.session) {
     const stopId = robot.safety.stopId ?? null;
     store.update({ arrival: { session: visit.session, stopId, isOver: document.hidden } });
-  } else if (!arrival.isOver && leavesByItself(store.get()) !== null) {
-    const leaves = leavesByItself(store.get()) && !document.hidden;
+    return;
+  }
+  const leaves = leavesByItself(store.get());
+  if (!arrival.isOver && leaves !== null) {
     store.update({ arrival: { ...arrival, isOver: true } });
-    if (leaves) {
+    if (leaves && !document.hidden) {
       act("undock");
     }
   }

@@ -181,7 +181,7 @@ describe("what is offered", () => {
       assert.equal(changed({ robot }), false, "somebody has stopped it meanwhile");
     }
     assert.equal(changed({ visit: { ...arriving.visit, returning: true } }), false, "a reload");
-    assert.equal(changed({ robot: robotOf() }), false, "it stands in the room");
+    assert.equal(changed({ robot: robotOf() }), false, "it is in the room already");
     const pressed = { ...safety, estop: true };
     assert.equal(changed({ robot: robotOf({ docked: true, safety: pressed }) }), false);
     assert.equal(changed({ factsheet: { capabilities: ["velocity"] } }), false);
