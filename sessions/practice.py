@@ -67,7 +67,7 @@ def try_now(request: HttpRequest) -> HttpResponse:
     if not settings.PRACTICE_ROBOTS:
         return _none_offered(request)
     if not request.user.is_authenticated:
-        sign_in(request, create_guest(User.Kind.VISITOR, _("Guest")))
+        sign_in(request, create_guest(User.Kind.VISITOR))
     return redirect("try_robot")
 
 

@@ -22,7 +22,15 @@ export const createWords = (sentences, language, always = {}) => {
     );
   };
 
-  return { say, has: (/** @type {string} */ key) => sentences.has(key) };
+  /**
+   * What somebody is called here: a guest without a chosen name is sent as their kind
+   * (accounts/models.py).
+   * @template {string | null} Name
+   * @param {Name} name
+   */
+  const nameOf = (name) => sentences.get(`name.${name}`) ?? name;
+
+  return { say, nameOf, has: (/** @type {string} */ key) => sentences.has(key) };
 };
 
 /** @typedef {ReturnType<typeof createWords>} Words */
