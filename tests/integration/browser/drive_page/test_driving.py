@@ -246,6 +246,12 @@ async def test_a_second_visitor_waits_in_the_queue_and_sees_the_robots_view_mean
             "#drive-page[data-playing][data-role=observer]", timeout=40_000
         )
         await second.keyboard.press("ArrowUp")
+        # They can stop the robot, and the button looks like one that can be pressed.
+        looks = "e => [e.disabled, e.innerText.trim(), getComputedStyle(e).color]"
+        enabled = await second.eval_on_selector("#stop", looks)
+        assert enabled[:2] == [False, "Stop the robot"]
+        await second.eval_on_selector("#stop", "e => (e.disabled = true)")
+        assert (await second.eval_on_selector("#stop", looks))[2] != enabled[2]
         await first.wait_for_selector("#waiting:not([hidden])")
         assert site.said("command/velocity") == []
 
