@@ -74,9 +74,10 @@ export class WaitingNews {
  */
 export const handsText = ({ hands, names }, words, language) => {
   const more = hands - names.length;
-  const listed = new Intl.ListFormat(language).format(
-    [...names.map(words.nameOf), ...(more > 0 ? [words.say("audience.more", { n: more })] : [])],
-  );
+  const listed = new Intl.ListFormat(language).format([
+    ...names.map(words.nameOf),
+    ...(more > 0 ? [words.say("audience.more", { n: more })] : []),
+  ]);
   return hands
     ? words.say("audience.hands", { n: hands, names: listed })
     : words.say("audience.no_hands");

@@ -22,12 +22,7 @@ export const createWords = (sentences, language, always = {}) => {
     );
   };
 
-  /**
-   * What somebody is called here: a guest without a chosen name is sent as their kind
-   * (accounts/models.py).
-   * @template {string | null} Name
-   * @param {Name} name
-   */
+  /** What somebody is called here. @param {any} name as it was sent: accounts/models.py */
   const nameOf = (name) => sentences.get(`name.${name}`) ?? name;
 
   return { say, nameOf, has: (/** @type {string} */ key) => sentences.has(key) };

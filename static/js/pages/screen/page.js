@@ -191,7 +191,8 @@ const HANDLERS = {
     }
     const list = element("messages");
     const line = lineOf({
-      who: message.by === "screen"
+      who:
+        message.by === "screen"
           ? words.say("you")
           : words.nameOf(message.who) || words.say("somebody"),
       text: message.text,
