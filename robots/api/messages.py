@@ -575,7 +575,7 @@ class Lease(Message, frozen=True, kw_only=True):
     and types of actions that the driver may use (otherwise: `not_allowed`); absent means all.
     `stop`, `estop` and `cancel` are always allowed. Lower limits apply at once, even if the lease
     was not renewed. Somebody without a chosen name is `(visitor)` or `(participant)` in `who`, here
-    and in other messages: say it in the language of whoever reads it.
+    and in other messages: say it in the language of each reader.
 
     A lease of `kind` `wizard` belongs to a session whose visitor does not drive: only the page
     `wizard` does, with `wizard_epoch` in its commands, and nobody while `wizard` is absent. The

@@ -4,7 +4,6 @@ robot's scene is drawn as its camera sees it.
 
 import math
 import time
-import time
 
 import pytest
 from playwright.async_api import Page
