@@ -1,8 +1,10 @@
 """Accounts without a user name and password: how they are made, entered again and kept small."""
 
+import importlib
 import re
 
 import pytest
+from django.apps import apps
 from django.test import Client, RequestFactory
 from django.urls import reverse
 from django.utils import translation
@@ -149,3 +151,13 @@ def test_the_administration_lists_guests_by_kind_and_does_not_change_it(admin_cl
     admin_client.post(page, {"username": guest.username, "kind": "full", "is_active": "on"})
     guest.refresh_from_db()
     assert guest.kind == PARTICIPANT
+
+
+def test_guests_lose_the_name_that_an_earlier_version_gave_them_and_nobody_else_does():
+    migration = importlib.import_module("accounts.migrations.0005_guests_without_name")
+    given, named, full = create_guest(VISITOR), create_guest(VISITOR), person("Guest")
+    User.objects.filter(pk__in=(given.pk, full.pk)).update(display_name="Invitado")
+    User.objects.filter(pk=named.pk).update(display_name="Ana")
+    migration.forget_given_names(apps, None)
+    names = [User.objects.get(pk=user.pk).display_name for user in (given, named, full)]
+    assert names == ["", "Ana", "Invitado"]
