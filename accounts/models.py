@@ -7,6 +7,10 @@ from django.contrib.auth.models import AbstractUser
 from django.db import models
 from django.utils.translation import gettext_lazy as _
 
+# What a guest is called, who has chosen no name: in a message, and to its reader. A user name has
+# no parentheses.
+GUEST_NAMES = {"(participant)": _("Participant"), "(visitor)": _("Guest")}
+
 
 class User(AbstractUser):
     """Anybody who signs in. The key is a UUID, which every supported database can hold and which
@@ -34,8 +38,17 @@ class User(AbstractUser):
 
     @property
     def shown_name(self) -> str:
-        """What other visitors and people beside the robot see; never the e-mail address."""
-        return self.display_name or self.username
+        """What other visitors and people beside the robot see, in the language of whoever reads;
+        never the e-mail address.
+        """
+        return str(GUEST_NAMES.get(self.sent_name, self.sent_name))
+
+    @property
+    def sent_name(self) -> str:
+        """The shown name in a message, which has readers of several languages: of a guest without
+        a chosen name the kind, which each page says in its own (static/js/lib/words.js).
+        """
+        return self.display_name or (f"({self.kind})" if self.is_guest else self.username)
 
     @property
     def is_guest(self) -> bool:

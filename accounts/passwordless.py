@@ -47,19 +47,18 @@ FULL_ACCOUNTS_ONLY = frozenset(
 # --- making one, and letting one in ---------------------------------------------------------------
 
 
-def create_guest(kind: str, shown_name: str) -> User:
+def create_guest(kind: str) -> User:
     """Return a new account that nobody can log in to with a password.
 
     Args:
-        kind: `User.Kind.PARTICIPANT` or `User.Kind.VISITOR`.
-        shown_name: what other visitors and people beside the robot see; need not be unique.
+        kind: `User.Kind.PARTICIPANT` or `User.Kind.VISITOR`; others see it instead of a name.
 
     Raises:
         ValueError: the kind is not that of a guest.
     """
     if kind not in User.Kind.values or kind == User.Kind.FULL:
         raise ValueError(f"{kind} is no kind of guest")
-    user = User(username=f"{kind}-{secrets.token_hex(8)}", display_name=shown_name, kind=kind)
+    user = User(username=f"{kind}-{secrets.token_hex(8)}", kind=kind)
     user.set_unusable_password()
     user.save()
     audit.note("guest_created", actor=user, person=user, detail=kind)

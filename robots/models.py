@@ -213,7 +213,7 @@ class Robot(models.Model):
     for_experienced = models.BooleanField(
         _("for experienced drivers"),
         default=False,
-        help_text=_("The start page offers visitors who have never driven another robot first."),
+        help_text=_("The start page says so, and offers other robots first."),
     )
     access = models.CharField(_("access"), max_length=12, choices=Access, default=Access.OPEN)
     observers_allowed = models.BooleanField(_("viewers allowed"), default=True)

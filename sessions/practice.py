@@ -13,7 +13,6 @@ from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import redirect, render
 from django.urls import reverse
 from django.utils import timezone
-from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_POST, require_safe
@@ -67,7 +66,7 @@ def try_now(request: HttpRequest) -> HttpResponse:
     if not settings.PRACTICE_ROBOTS:
         return _none_offered(request)
     if not request.user.is_authenticated:
-        sign_in(request, create_guest(User.Kind.VISITOR, _("Guest")))
+        sign_in(request, create_guest(User.Kind.VISITOR))
     return redirect("try_robot")
 
 

@@ -261,7 +261,7 @@ class Refused(Message, frozen=True, kw_only=True):
 
 
 class RoomState(Message, frozen=True, kw_only=True):
-    """`room`: who is here. `driver` is the shown name, None when nobody drives; `observers` are
+    """`room`: who is here. `driver` is the name, None when nobody drives; `observers` are
     those who only watch, and not those who watch while they wait.
 
     `pause` says why a robot that nobody drives is not ready, as the reason of `session/queued`.

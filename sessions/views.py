@@ -88,7 +88,7 @@ def page_config(robot: Robot, user: Any) -> dict[str, Any]:
     return {
         "robot": robot.name,
         "title": robot.shown_title,
-        "who": user.shown_name,
+        "who": user.sent_name,
         "check": "/" + protocol.CHECK_PATH,
         "practice": reverse("practice")
         if settings.PRACTICE_ROBOTS and not robot.practice

@@ -130,7 +130,7 @@ def _come_in_anonymously(
     """Make an account without a password, and show its code this once."""
     if (refused := _too_many_guests(request)) is not None:
         return refused
-    user = create_guest(User.Kind.PARTICIPANT, _("Participant"))
+    user = create_guest(User.Kind.PARTICIPANT)
     _enter(request, study, user, now)
     sign_in(request, user)
     return _show_code(request, user, reverse("study_step", args=[study.slug]))
@@ -233,7 +233,7 @@ def _follow(
     else:
         if (refused := _too_many_guests(request)) is not None:
             return refused
-        guest = create_guest(User.Kind.PARTICIPANT, _("Participant"))
+        guest = create_guest(User.Kind.PARTICIPANT)
         try:
             links.redeem(token, guest, language=language, now=now)
         except links.LinkError:

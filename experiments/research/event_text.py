@@ -7,6 +7,7 @@ from typing import Any
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy, pgettext_lazy
 
+from accounts.models import GUEST_NAMES
 from robots.readiness_text import in_words as readiness
 from sessions.leases import terms
 from sessions.models import Session
@@ -170,7 +171,7 @@ def _word(text: str) -> str:
     """Return a text of several words in which each that is known is translated, and a key of words
     as these words.
     """
-    known = {**dict(Session.Outcome.choices), **VALUES}
+    known = {**dict(Session.Outcome.choices), **VALUES, **GUEST_NAMES}
     if text in known:
         return str(known[text])
     return " ".join(

@@ -157,7 +157,7 @@ def _nobody(
     }
     return Participant(
         study=row,
-        user=User(kind=User.Kind.PARTICIPANT, display_name=_("Participant")),
+        user=User(kind=User.Kind.PARTICIPANT),
         kind=ParticipantKind.PILOT,
         access=_access(row.as_definition(), condition),
         visit=place.visit,

@@ -574,7 +574,8 @@ class Lease(Message, frozen=True, kw_only=True):
     permits driving. `methods`, `ways` and `actions` are the only input methods, control channels
     and types of actions that the driver may use (otherwise: `not_allowed`); absent means all.
     `stop`, `estop` and `cancel` are always allowed. Lower limits apply at once, even if the lease
-    was not renewed.
+    was not renewed. Somebody without a chosen name is `(visitor)` or `(participant)` in `who`, here
+    and in other messages: say it in the language of each reader.
 
     A lease of `kind` `wizard` belongs to a session whose visitor does not drive: only the page
     `wizard` does, with `wizard_epoch` in its commands, and nobody while `wizard` is absent. The

@@ -141,7 +141,7 @@ class Authorization:
     Args:
         peer: the id that the server made for this connection; a page that resumes gets its old one
             back with the grant.
-        who: the visitor's shown name.
+        who: the visitor's name, as in messages.
         operator: whether the visitor operates the robot, and as what.
         ice_servers: what the robot is to use for its side of a connection with this page.
     """

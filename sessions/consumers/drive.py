@@ -76,7 +76,7 @@ class RobotConsumer(RobotPageConsumer):
         self._join()
         self.authorization = Authorization(
             secrets.token_urlsafe(12),
-            user.shown_name,
+            user.sent_name,
             context.operator,
             ice_servers(self.name, time.time()),
         )

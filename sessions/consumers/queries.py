@@ -188,7 +188,7 @@ def session_status_of(
     if (lease.epoch, lease.peer) != (epoch, peer):
         return SessionStatus(row.state, moved=True)
     hold = turns.hold_of(lease)
-    who, fixed = user.shown_name, terms.of(row)
+    who, fixed = user.sent_name, terms.of(row)
     message = turns.lease_message(
         robot,
         who,
@@ -218,7 +218,7 @@ def choose_assist(
     robot.refresh_from_db()
     return turns.lease_message(
         robot,
-        user.shown_name,
+        user.sent_name,
         hold,
         renewal=renewal,
         stamp=now.timestamp(),

@@ -25,7 +25,7 @@ def is_open(known: KnownRobot, now: float) -> bool:
 
 
 def first_waiting(robot: str, now: datetime.datetime) -> tuple[str, str] | None:
-    """Return the session and the shown name of the first in a robot's queue whose page is there;
+    """Return the session and the name of the first in a robot's queue whose page is there;
     None when nobody waits, or a participant of a study.
     """
     seen_since = now - datetime.timedelta(seconds=PAGE_GONE_SECONDS)
@@ -40,7 +40,7 @@ def first_waiting(robot: str, now: datetime.datetime) -> tuple[str, str] | None:
     )
     if row is None or terms.claims(row.visitor, row.robot):
         return None
-    return str(row.pk), row.visitor.shown_name
+    return str(row.pk), row.visitor.sent_name
 
 
 async def write(robot: str, session: str, action: Say, *, by: str, who: str) -> None:

@@ -313,7 +313,7 @@ def _granted(scene: Scene, hold: Hold, asker: _Asker, *, resumed: bool) -> TakeG
     renewal = (
         Lease.objects.values_list("renewal", flat=True).get(robot=asker.robot) if resumed else 0
     )
-    who = asker.visitor.shown_name
+    who = asker.visitor.sent_name
     lease = lease_message(
         asker.robot, who, hold, renewal=renewal, stamp=now, assist=session.assist, fixed=fixed
     )

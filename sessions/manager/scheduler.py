@@ -351,7 +351,7 @@ class Scheduler:
         hold = hold_of(lease)
         session = lease.session
         assert session is not None
-        fixed, who = terms.of(session), session.visitor.shown_name
+        fixed, who = terms.of(session), session.visitor.sent_name
         message = lease_message(
             lease.robot,
             who,

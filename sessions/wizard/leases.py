@@ -110,7 +110,7 @@ def _message(session: str, now: datetime.datetime) -> m.Lease:
     assert row is not None
     return lease_message(
         lease.robot,
-        row.visitor.shown_name,
+        row.visitor.sent_name,
         hold_of(lease),
         renewal=lease.renewal,
         stamp=now.timestamp(),

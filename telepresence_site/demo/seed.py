@@ -1,10 +1,11 @@
 """The demo's people, place and robots. Everything is made once and kept: a second start finds it
-again.
+again. The people have names that are the same in every language.
 """
 
 from pathlib import Path
 
 from django.conf import settings
+from django.contrib.admin.models import CHANGE, LogEntry
 
 from accounts.models import User
 from robots.floorplans import store_floor_plan
@@ -25,34 +26,39 @@ ROBOTS = (
     (
         "rhodon",
         "Rhodon",
-        "A sturdy PatrolBot with an arm, for experienced drivers.",
-        "Un PatrolBot robusto con un brazo, para quien ya sabe conducir.",
+        "A sturdy PatrolBot with an arm.",
+        "Un PatrolBot robusto con un brazo.",
         True,
     ),
 )
 
 
 def seed(mqtt_url: str) -> str:
-    """Make what is missing and return the researcher's password."""
+    """Make what is missing, describe the robots that nobody has changed as today, and return the
+    researcher's password.
+    """
     plan = _office()
     password = kept_secret(settings.VAR_DIR / "secrets" / "demo_researcher", 9)
     _visitor()
     owner = _researcher(password)
     for name, title, description, spanish, for_experienced in ROBOTS:
+        described = {
+            "title": title,
+            "description": description,
+            "translations": {"es": {"description": spanish}},
+            "for_experienced": for_experienced,
+        }
         robot, made = Robot.objects.get_or_create(
-            name=name,
-            defaults={
-                "title": title,
-                "description": description,
-                "translations": {"es": {"description": spanish}},
-                "for_experienced": for_experienced,
-                "owner": owner,
-                "floor_plan": plan,
-            },
+            name=name, defaults={**described, "owner": owner, "floor_plan": plan}
         )
-        # A database that an earlier version made has it unmarked.
-        if not made and robot.for_experienced != for_experienced:
-            Robot.objects.filter(pk=robot.pk).update(for_experienced=for_experienced)
+        # An earlier version may have said it differently; what somebody has changed stays.
+        if not made and not LogEntry.objects.filter(
+            content_type__app_label="robots",
+            content_type__model="robot",
+            object_id=str(robot.pk),
+            action_flag=CHANGE,
+        ):
+            Robot.objects.filter(pk=robot.pk).update(**described)
         keep_credentials_here(robot, mqtt_url)
     return password
 
@@ -62,9 +68,7 @@ def _office() -> FloorPlan:
 
 
 def _visitor() -> User:
-    visitor, made = User.objects.get_or_create(
-        username=VISITOR, defaults={"display_name": "Demo visitor"}
-    )
+    visitor, made = User.objects.get_or_create(username=VISITOR, defaults={"display_name": "Alex"})
     if made:
         visitor.set_unusable_password()  # the one-click link is the only way in
         visitor.save(update_fields=["password"])
@@ -74,7 +78,7 @@ def _visitor() -> User:
 def _researcher(password: str) -> User:
     researcher, made = User.objects.get_or_create(
         username=RESEARCHER,
-        defaults={"display_name": "Researcher", "is_staff": True, "is_superuser": True},
+        defaults={"display_name": "Robin", "is_staff": True, "is_superuser": True},
     )
     if made or not researcher.check_password(password):
         researcher.set_password(password)

@@ -212,15 +212,15 @@ def _in_order(robots: QuerySet[Robot], now: datetime.datetime) -> QuerySet[Robot
     is_online = Q(connection="ONLINE", enabled=True, last_seen_at__gt=heard)
     return (
         robots.annotate(away=Case(When(is_online, then=0), default=1, output_field=IntegerField()))
-        .order_by("away", "title", "name")
+        .order_by("away", "for_experienced", "title", "name")
         .select_related("floor_plan")
         .defer("floor_plan__image")
     )
 
 
 def cards_for(user: Any, robots: list[Robot], now: datetime.datetime) -> list[RobotCard]:
-    """Return a card for each of these robots, for `user`, signed in or not; those that can be
-    driven now come first.
+    """Return a card for each of these robots, for `user`, signed in or not. Those that can be
+    driven, now or in turn, come first, and of them those that anybody can drive.
     """
     sessions = _living_sessions(robots)
     know_permits(user, robots)
@@ -230,7 +230,9 @@ def cards_for(user: Any, robots: list[Robot], now: datetime.datetime) -> list[Ro
         )
         for robot in robots
     ]
-    return sorted(cards, key=lambda c: STATES.index(c.state))
+    return sorted(
+        cards, key=lambda c: (not c.drives, c.drives and c.for_experienced, STATES.index(c.state))
+    )
 
 
 def _card(robot: Robot, traffic: Traffic, user: Any, now: datetime.datetime) -> RobotCard:
@@ -277,21 +279,14 @@ def _for_visitor(built: RobotCard, user: Any) -> RobotCard:
 
 
 def _invitation(user: Any, cards: list[RobotCard]) -> Invitation:
-    """Return the invitation to a robot that is free; whoever has never driven waits for one that is
-    easy to drive before they are sent to one that is not.
+    """Return the invitation to a robot that is free. One for experienced drivers is chosen from
+    the list, which says so: rather than to it, people are invited to wait for another.
     """
-    first = [c for c in cards if c.state == "available"]
-    if any(c.for_experienced for c in first) and not _has_driven(user):
-        easy = [c for c in cards if c.drives and not c.for_experienced]
-        first = easy or first
-    if first:
-        label = first[0].action if user.is_authenticated else _("Sign up and drive")
-        return Invitation(label=label, url=first[0].url)
+    easy = [c for c in cards if not c.for_experienced]
+    first = next((c for c in easy if c.state == "available"), None)
+    if first is None and len(easy) < len(cards):
+        first = next((c for c in easy if c.drives), None)
+    if first is not None:
+        label = first.action if user.is_authenticated else _("Sign up and drive")
+        return Invitation(label=label, url=first.url)
     return Invitation(label=_("See the robots"), url="#robots")
-
-
-def _has_driven(user: Any) -> bool:
-    return (
-        user.is_authenticated
-        and Session.objects.filter(visitor=user, first_motion_at__isnull=False).exists()
-    )

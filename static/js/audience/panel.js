@@ -74,9 +74,10 @@ export class WaitingNews {
  */
 export const handsText = ({ hands, names }, words, language) => {
   const more = hands - names.length;
-  const listed = new Intl.ListFormat(language).format(
-    more > 0 ? [...names, words.say("audience.more", { n: more })] : names,
-  );
+  const listed = new Intl.ListFormat(language).format([
+    ...names.map(words.nameOf),
+    ...(more > 0 ? [words.say("audience.more", { n: more })] : []),
+  ]);
   return hands
     ? words.say("audience.hands", { n: hands, names: listed })
     : words.say("audience.no_hands");
@@ -301,7 +302,7 @@ class QuestionList {
       /** @type {HTMLElement} */ (row.querySelector(`.${name}`));
     row.classList.toggle("line--own", own);
     row.dataset.state = state;
-    write(part("line__who"), own ? this.words.say("presence.you") : who);
+    write(part("line__who"), own ? this.words.say("presence.you") : this.words.nameOf(who));
     write(
       part("audience__state"),
       own || state !== "waiting" ? this.words.say(`audience.state.${state}`) : "",

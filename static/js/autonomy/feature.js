@@ -271,10 +271,13 @@ const newListeners = ({ store }) => ({
       store.update({ assistAsked: null });
     }
   },
-  /** Whoever drives has read what failed; and pressing forward at the dock wants a word. */
+  /**
+   * Whoever drives has read what failed, unless the page drives on to an earlier point; and
+   * pressing forward at the dock wants a word.
+   */
   steered: (/** @type {{linear: number, angular: number}} */ { linear, angular }) => {
-    const { task, pushedAt, said } = store.get();
-    if ((linear !== 0 || angular !== 0) && said?.refused) {
+    const { task, pushedAt, said, maneuver } = store.get();
+    if ((linear !== 0 || angular !== 0) && said?.word.startsWith("point.") && maneuver === null) {
       store.update({ said: null });
     }
     if ((linear !== 0 || angular !== 0) && task?.status === "FAILED") {

@@ -21,7 +21,6 @@ import { reasonFor } from "./reasons.js";
  * @property {{action: string, word: string}} [other]
  */
 
-const AROUND_SECONDS = 8; // time to read it, and to look where it is
 /** It stops the robot, as the red button does, which alone is called so. */
 const CANCEL = { action: "stop", word: "do.cancel_drive" };
 const RELEASE = { action: "release_stop", word: "do.release_stop" };
@@ -170,13 +169,19 @@ const usualOffer = (state) => {
 };
 
 /**
+ * Whether the answer to what the visitor has just tried is still to be read.
+ * @param {import("../drive/features.js").State} state
+ */
+export const isAnswered = ({ said, now }) => said !== null && now < said.until;
+
+/**
  * Whether the robot may be asked to find a way of its own to the point that was pressed.
  * @param {import("../drive/features.js").State} state
  */
 export const offersAround = (state) =>
   Boolean(
+    isAnswered(state) &&
     state.said?.refused &&
-    state.now - state.said.at < AROUND_SECONDS &&
     state.robot?.pose.localized &&
     can(state, "goto") &&
     maySend(state, "map"),

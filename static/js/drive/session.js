@@ -245,7 +245,7 @@ const newEffects = (page) => ({
 });
 
 /** @param {import("./registry.js").Page} page */
-const newHandlers = ({ store, emit }) => ({
+const newHandlers = ({ store, emit, words }) => ({
   state: (/** @type {any} */ message) => {
     const { robot: known, visit, began } = store.get();
     if (!known || known.boot !== message.boot || known.seq < message.seq) {
@@ -268,7 +268,8 @@ const newHandlers = ({ store, emit }) => ({
     store.update({ factsheet });
     emit("factsheet", factsheet);
   },
-  room: (/** @type {any} */ room) => store.update({ room }),
+  room: (/** @type {any} */ room) =>
+    store.update({ room: { ...room, driver: words.nameOf(room.driver) } }),
   "session/operator_message": (/** @type {{text: string}} */ { text }) =>
     store.update({ notice: text }),
 });

@@ -22,7 +22,10 @@ export const createWords = (sentences, language, always = {}) => {
     );
   };
 
-  return { say, has: (/** @type {string} */ key) => sentences.has(key) };
+  /** What somebody is called here. @param {any} name as it was sent: accounts/models.py */
+  const nameOf = (name) => sentences.get(`name.${name}`) ?? name;
+
+  return { say, nameOf, has: (/** @type {string} */ key) => sentences.has(key) };
 };
 
 /** @typedef {ReturnType<typeof createWords>} Words */

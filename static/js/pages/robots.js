@@ -32,7 +32,7 @@ function render(card, robot) {
   meter.value = robot.charge ?? 0;
   say(card.querySelector("[data-battery-text]"), robot.battery);
   const action = card.querySelector("[data-action]");
-  action.classList.toggle("button--action", robot.state === "available");
+  action.classList.toggle("button--action", robot.state === "available" && !robot.for_experienced);
   action.href = robot.url;
   say(action, robot.action);
 }

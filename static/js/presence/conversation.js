@@ -56,7 +56,7 @@ export class Conversation {
       const mine = by === "driver"; // written on this page before it was loaded anew
       this.#append(
         lineOf({
-          who: mine ? words.say("presence.you") : who || words.say("presence.they"),
+          who: mine ? words.say("presence.you") : words.nameOf(who) || words.say("presence.they"),
           text,
           own: mine,
         }),

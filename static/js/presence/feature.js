@@ -7,6 +7,7 @@
 import { backToDriving } from "../lib/dom.js";
 import { isOffered, mayWriteWaiting } from "../autonomy/offer.js";
 import { unixNow } from "../lib/clock.js";
+import { toRead } from "../lib/reading_time.js";
 import { lazy } from "../lib/lazy.js";
 import { roleOf } from "../protocol/session.js";
 import { mayAsk } from "../study/restrictions.js";
@@ -94,7 +95,7 @@ const newPhoto = (page) => {
           fetched = it;
           it.take();
         },
-        () => page.store.update({ said: { word: "kept.failed", at: unixNow() }, now: unixNow() }),
+        () => page.store.update({ said: toRead(page.words, "kept.failed"), now: unixNow() }),
       ),
     close: () => fetched?.close(),
     heard: (/** @type {any} */ message) => fetched?.heard(message),

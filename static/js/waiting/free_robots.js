@@ -9,27 +9,31 @@ const MOST = 2;
 /**
  * @param {any} list the landing page's
  * @param {string} own the robot that is waited for
+ * @param {import("../lib/words.js").Words} words
  * @returns {import("../view/hud/card.js").FreeRobot[]}
  */
-export const freeRobotsIn = ({ robots }, own) =>
+export const freeRobotsIn = ({ robots }, own, words) =>
   robots
     .filter((/** @type {any} */ { name, state, drives }) => {
       return name !== own && state === "available" && drives;
     })
     .slice(0, MOST)
-    .map((/** @type {any} */ { action, url }) => ({ action, url }));
+    .map((/** @type {any} */ { action, url, for_experienced: isHard }) => ({
+      action: isHard ? words.say("instead.experienced", { action }) : action,
+      url,
+    }));
 
 /**
  * @param {import("../drive/registry.js").Page} page
  * @returns {(now: number) => void} to be called while the visitor waits
  */
-export const createFreeRobots = ({ store, config }) => {
+export const createFreeRobots = ({ store, config, words }) => {
   let askedAt = -Infinity;
 
   const ask = async () => {
     try {
       const answer = await fetch(config.robots, { headers: { Accept: "application/json" } });
-      const found = answer.ok ? freeRobotsIn(await answer.json(), config.robot) : [];
+      const found = answer.ok ? freeRobotsIn(await answer.json(), config.robot, words) : [];
       if (store.get().visit.phase === "queued") {
         store.update({ freeRobots: found });
       }

@@ -1,10 +1,13 @@
 """Accounts without a user name and password: how they are made, entered again and kept small."""
 
+import importlib
 import re
 
 import pytest
+from django.apps import apps
 from django.test import Client, RequestFactory
 from django.urls import reverse
+from django.utils import translation
 
 from accounts.models import AuditEntry, EntryCode, User
 from accounts.passwordless import (
@@ -37,11 +40,14 @@ def is_signed_in(client: Client) -> bool:
 
 @pytest.mark.parametrize("kind", [PARTICIPANT, VISITOR])
 def test_a_guest_has_no_password_and_a_name_that_nobody_types(kind):
-    guest, other = create_guest(kind, "Participant"), create_guest(kind, "Participant")
+    guest, other = create_guest(kind), create_guest(kind)
     assert not guest.has_usable_password()
     assert guest.is_guest
     assert guest.kind == kind
-    assert guest.shown_name == other.shown_name == "Participant"
+    for language, names in (("en", ("Participant", "Guest")), ("es", ("Participante", "Invitado"))):
+        with translation.override(language):
+            assert guest.shown_name == other.shown_name == names[kind == VISITOR]
+    assert guest.sent_name == f"({kind})"
     assert guest.username != other.username
     assert (guest.is_staff, guest.is_superuser, guest.email) == (False, False, "")
     assert AuditEntry.objects.filter(act="guest_created", person=guest.pk).exists()
@@ -50,7 +56,7 @@ def test_a_guest_has_no_password_and_a_name_that_nobody_types(kind):
 @pytest.mark.parametrize("kind", ["full", "king", ""])
 def test_only_the_kinds_of_guests_are_made_so(kind):
     with pytest.raises(ValueError, match="no kind of guest"):
-        create_guest(kind, "Ada")
+        create_guest(kind)
     assert not User.objects.exists()
 
 
@@ -60,7 +66,7 @@ def test_people_who_sign_up_have_full_accounts():
 
 
 def test_a_code_can_be_read_out_and_is_found_however_it_is_typed():
-    guest = create_guest(PARTICIPANT, "Participant")
+    guest = create_guest(PARTICIPANT)
     code = new_entry_code(guest)
     assert re.fullmatch("[2-9A-HJ-NP-Z]{4}-[2-9A-HJ-NP-Z]{4}", code)
     for typed in (code, code.lower(), code.replace("-", ""), f" {code.replace('-', ' ')} "):
@@ -70,7 +76,7 @@ def test_a_code_can_be_read_out_and_is_found_however_it_is_typed():
 
 
 def test_a_code_is_stored_as_a_hash_that_the_site_alone_can_make(settings):
-    guest = create_guest(PARTICIPANT, "Participant")
+    guest = create_guest(PARTICIPANT)
     code = new_entry_code(guest)
     stored = EntryCode.objects.values().get()
     assert code not in str(stored)
@@ -82,14 +88,14 @@ def test_a_code_is_stored_as_a_hash_that_the_site_alone_can_make(settings):
 
 
 def test_a_new_code_ends_the_old_one():
-    guest = create_guest(PARTICIPANT, "Participant")
+    guest = create_guest(PARTICIPANT)
     first, second = new_entry_code(guest), new_entry_code(guest)
     assert guest_of(first) is None
     assert guest_of(second) == guest
 
 
 def test_the_code_of_a_closed_account_leads_nowhere():
-    guest = create_guest(PARTICIPANT, "Participant")
+    guest = create_guest(PARTICIPANT)
     code = new_entry_code(guest)
     User.objects.filter(pk=guest.pk).update(is_active=False)
     assert guest_of(code) is None
@@ -104,7 +110,7 @@ def test_full_accounts_have_no_codes_and_are_not_entered_without_their_password(
 
 
 def test_a_guest_enters_and_is_signed_out_everywhere_at_once():
-    guest = create_guest(PARTICIPANT, "Participant")
+    guest = create_guest(PARTICIPANT)
     code = new_entry_code(guest)
     phone, laptop = entered(guest), entered(guest)
     assert is_signed_in(phone)
@@ -120,7 +126,7 @@ def test_a_guest_enters_and_is_signed_out_everywhere_at_once():
     "name", ["profile", "account_set_password", "account_change_password", "account_email"]
 )
 def test_a_guest_gets_no_password_address_or_name(name):
-    guest = create_guest(PARTICIPANT, "Participant")
+    guest = create_guest(PARTICIPANT)
     client = entered(guest)
     words = "seven green kettles"
     form = {"display_name": "Ada", "email": "ada@example.org", "action_add": ""}
@@ -132,11 +138,11 @@ def test_a_guest_gets_no_password_address_or_name(name):
         assert answer.url == reverse("own_data")
     guest.refresh_from_db()
     assert not guest.has_usable_password()
-    assert (guest.email, guest.display_name) == ("", "Participant")
+    assert (guest.email, guest.display_name) == ("", "")
 
 
 def test_the_administration_lists_guests_by_kind_and_does_not_change_it(admin_client):
-    guest = create_guest(PARTICIPANT, "Participant")
+    guest = create_guest(PARTICIPANT)
     person("ada")
     people = reverse("admin:accounts_user_changelist")
     found = admin_client.get(people, {"kind__exact": "participant"}).context["cl"].queryset
@@ -145,3 +151,13 @@ def test_the_administration_lists_guests_by_kind_and_does_not_change_it(admin_cl
     admin_client.post(page, {"username": guest.username, "kind": "full", "is_active": "on"})
     guest.refresh_from_db()
     assert guest.kind == PARTICIPANT
+
+
+def test_guests_lose_the_name_that_an_earlier_version_gave_them_and_nobody_else_does():
+    migration = importlib.import_module("accounts.migrations.0005_guests_without_name")
+    given, named, full = create_guest(VISITOR), create_guest(VISITOR), person("Guest")
+    User.objects.filter(pk__in=(given.pk, full.pk)).update(display_name="Invitado")
+    User.objects.filter(pk=named.pk).update(display_name="Ana")
+    migration.forget_given_names(apps, None)
+    names = [User.objects.get(pk=user.pk).display_name for user in (given, named, full)]
+    assert names == ["", "Ana", "Invitado"]

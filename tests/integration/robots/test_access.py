@@ -207,7 +207,7 @@ def test_an_open_robot_is_for_everybody_who_has_signed_in():
 
 
 def guest(kind="participant"):
-    return create_guest(kind, "Guest")
+    return create_guest(kind)
 
 
 def let_in(monkeypatch, kind, rule):

@@ -62,6 +62,7 @@ describe("the audience on the drive page", () => {
         ["audience.hands.other", "{n} hands: {names}"],
         ["audience.more", "{n} more"],
         ["audience.no_hands", "none"],
+        ["name.(visitor)", "Guest"],
       ]),
       "en",
     );
@@ -70,6 +71,10 @@ describe("the audience on the drive page", () => {
     assert.equal(
       handsText({ hands: 5, names: ["Ada", "Bob"] }, words, "en"),
       "5 hands: Ada, Bob, and 3 more",
+    );
+    assert.equal(
+      handsText({ hands: 2, names: ["Ada", "(visitor)"] }, words, "en"),
+      "2 hands: Ada and Guest",
     );
   });
 });

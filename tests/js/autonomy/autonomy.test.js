@@ -317,13 +317,21 @@ describe("what is offered", () => {
   });
 
   test("a point that is blocked may be driven around, for a while and where the robot can", () => {
-    const said = { word: "point.wall", at: 100, refused: { goal: [1, 2], at: { x: 0, y: 0 } } };
+    const refused = { goal: [1, 2], at: { x: 0, y: 0 } };
+    const said = { word: "point.wall", at: 100, until: 110, refused };
     const offer = offerFor(driving({ said, now: 103 }));
     assert.deepEqual([offer.word, offer.main.action], ["point.wall", "go_around"]);
     assert.equal(alertFor(driving({ said, now: 102 })), null);
     assert.equal(offerFor(driving({ said, now: 120 })), null);
     assert.equal(offerFor(driving({ said, now: 103 }, ["velocity"])), null);
-    assert.equal(alertFor(driving({ said, now: 102 }, ["velocity"])).word, "point.wall");
+    // Where it can't be, the sentence says what can be done, and is not pushed away.
+    const slow = { said, now: 109, roundTrip: 0.9, releasedAt: 108 };
+    assert.equal(alertFor(driving(slow, ["velocity"])).word, "point.wall");
+    assert.equal(alertFor(driving({ ...slow, now: 111 }, ["velocity"])).word, "alert.slow");
+    const barred = { method: "mouse", at: 99 };
+    assert.equal(alertFor(driving({ said, barred, now: 101 }, ["velocity"])).word, "point.wall");
+    barred.at = 101;
+    assert.equal(alertFor(driving({ said, barred, now: 102 }, ["velocity"])).word, "off.mouse");
   });
 
   test("what is no destination stands aside in the menu", () => {

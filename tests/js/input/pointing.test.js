@@ -21,6 +21,8 @@ import { alertFor } from "../../../static/js/view/hud/alert.js";
 import { stuckFor } from "../../../static/js/view/hud/stuck.js";
 import { cuesFor } from "../../../static/js/view/overlay/cues.js";
 import { along } from "../../../static/js/view/overlay/transforms.js";
+import { createWords } from "../../../static/js/lib/words.js";
+import { toRead } from "../../../static/js/lib/reading_time.js";
 import { newState } from "../../../static/js/drive/features.js";
 
 const WORDS = new Set(
@@ -464,12 +466,25 @@ describe("I press and nothing moves", () => {
     assert.equal(alertFor(pressing({ stuck, roundTrip: 2 })).word, "stuck.late");
   });
 
-  test("an answer to a press is read before anything else, for a moment", () => {
-    assert.equal(alertFor(pressing({ said: { word: "point.wall", at: 19 } })).word, "point.wall");
-    assert.equal(alertFor(pressing({ said: { word: "point.wall", at: 10 } })), null);
-    const said = ["sky", "wall", "close", "blocked", "stuck", "lost"].map((end) => `point.${end}`);
+  test("an answer to a press is read before anything else, for as long as reading takes", () => {
+    const said = { word: "point.wall", at: 12, until: 20 };
+    assert.equal(alertFor(pressing({ said, now: 19 })).word, "point.wall");
+    assert.equal(alertFor(pressing({ said, now: 21 })), null);
+    const sentences = createWords(
+      new Map([
+        ["short", "Go."],
+        ["long", "a ".repeat(20).trim()],
+      ]),
+    );
+    const length = (/** @type {string} */ word) => {
+      const { at, until } = toRead(sentences, word);
+      return until - at;
+    };
+    assert.ok(length("short") > 4);
+    assert.ok(length("long") >= 12);
+    const ends = ["sky", "wall", "close", "blocked", "stuck", "lost"].map((end) => `point.${end}`);
     assert.deepEqual(
-      [...said, "pad.left", "pad.right", "pad.gone", "pad.unknown"].filter(
+      [...ends, "pad.left", "pad.right", "pad.gone", "pad.unknown"].filter(
         (word) => !WORDS.has(word),
       ),
       [],

@@ -258,7 +258,12 @@ describe("cards", () => {
         { name: "rhodon", state: "available", drives: true, action: "Drive Rhodon", url: "/r" },
       ],
     };
-    assert.deepEqual(freeRobotsIn(list, "giraff"), [{ action: "Drive Rhodon", url: "/r" }]);
+    const words = createWords(new Map([["instead.experienced", "{action} (hard)"]]), "en");
+    assert.deepEqual(freeRobotsIn(list, "giraff", words), [{ action: "Drive Rhodon", url: "/r" }]);
+    list.robots[3].for_experienced = true;
+    assert.deepEqual(freeRobotsIn(list, "giraff", words), [
+      { action: "Drive Rhodon (hard)", url: "/r" },
+    ]);
   });
 
   test("a simulated robot is never called switched off", () => {

@@ -191,7 +191,10 @@ const HANDLERS = {
     }
     const list = element("messages");
     const line = lineOf({
-      who: message.by === "screen" ? words.say("you") : message.who || words.say("somebody"),
+      who:
+        message.by === "screen"
+          ? words.say("you")
+          : words.nameOf(message.who) || words.say("somebody"),
       text: message.text,
       own: message.by === "screen",
     });
@@ -344,7 +347,7 @@ const show = () => {
     stopped,
     release: releasing,
   } = sceneFor(told, unixNow());
-  const shownName = name || words.say("somebody");
+  const shownName = words.nameOf(name) || words.say("somebody");
   const robot = titleOf(told.screen, document.documentElement.lang) || config.title;
   const face = element("face");
   face.dataset.scene = scene;

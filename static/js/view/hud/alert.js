@@ -4,13 +4,12 @@
  */
 
 import { roleOf } from "../../protocol/session.js";
-import { offersAround, wayOut } from "../../autonomy/offer.js";
+import { isAnswered, offersAround, wayOut } from "../../autonomy/offer.js";
 import { wordOf } from "../../autonomy/assistance.js";
 import { profileOf } from "../display/profiles.js";
 
 const SLOW_SECONDS = 0.4;
-const PUSHED_SECONDS = 3;
-const RELEASED_SECONDS = 8;
+const READING_SECONDS = 8; // of a sentence that nothing else makes disappear
 const NEEDED = new Set(["stop", "blind"]); // of what the robot does to help: why it does not move
 
 /**
@@ -39,7 +38,13 @@ export const alertFor = (state) => {
     robotAlert(state) ??
     faultAlert(state) ??
     linkAlert(state) ??
-    (robot ? (helpAlert(state) ?? diskAlert(state) ?? quietAlert(state)) : null)
+    (robot
+      ? (answerAlert(state) ??
+        slowAlert(state) ??
+        helpAlert(state) ??
+        diskAlert(state) ??
+        quietAlert(state))
+      : null)
   );
 };
 
@@ -133,7 +138,7 @@ const touchedWord = (sides) => {
 };
 
 /** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
-const linkAlert = ({ visit, robot, roundTrip, slow, playing, still, stuck, serverSilent }) => {
+const linkAlert = ({ visit, robot, slow, playing, still, stuck, serverSilent }) => {
   const cutOff = visit.socket === "lost" || serverSilent;
   if (cutOff && visit.link !== "live" && visit.phase === "driving") {
     return { word: "alert.server_driver", tone: "danger" };
@@ -159,9 +164,26 @@ const linkAlert = ({ visit, robot, roundTrip, slow, playing, still, stuck, serve
   if (cutOff || !visit.online) {
     return { word: visit.link === "live" ? "alert.server_only" : "alert.server", tone: "busy" };
   }
-  return visit.phase === "driving" && roundTrip !== null && roundTrip > SLOW_SECONDS
+  return null;
+};
+
+/** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
+const slowAlert = ({ visit, roundTrip, stuck }) =>
+  !stuck && visit.phase === "driving" && roundTrip !== null && roundTrip > SLOW_SECONDS
     ? { word: "alert.slow", tone: "busy" }
     : null;
+
+/**
+ * The newest answer to what the visitor has just tried.
+ * @param {import("../../drive/features.js").State} state
+ * @returns {ReturnType<typeof alertFor>}
+ */
+const answerAlert = (state) => {
+  const { barred, said, now } = state;
+  if (barred && now - barred.at < READING_SECONDS && !(said && said.at > barred.at)) {
+    return { word: `off.${barred.method}`, tone: "busy" };
+  }
+  return said && isAnswered(state) && !offersAround(state) ? { ...said, tone: "calm" } : null;
 };
 
 /**
@@ -170,21 +192,15 @@ const linkAlert = ({ visit, robot, roundTrip, slow, playing, still, stuck, serve
  * @returns {ReturnType<typeof alertFor>}
  */
 const helpAlert = (state) => {
-  const { visit, robot, help, now, pushedAt, barred, said, stuck, releasedAt } = state;
-  if (barred && now - barred.at < PUSHED_SECONDS) {
-    return { word: `off.${barred.method}`, tone: "busy" };
-  }
-  if (visit.phase === "driving" && robot.docked && now - pushedAt < PUSHED_SECONDS) {
+  const { visit, robot, help, now, pushedAt, stuck, releasedAt } = state;
+  if (visit.phase === "driving" && robot.docked && now - pushedAt < READING_SECONDS) {
     return {
       word: wayOut(state) ? "alert.docked_forward" : "alert.docked_forward_yourself",
       tone: "busy",
     };
   }
-  if (visit.phase === "driving" && now - releasedAt < RELEASED_SECONDS) {
+  if (visit.phase === "driving" && now - releasedAt < READING_SECONDS) {
     return { word: "alert.released", tone: "calm" };
-  }
-  if (said && now - said.at < PUSHED_SECONDS && !offersAround(state)) {
-    return { word: said.word, tone: "calm", values: said.values };
   }
   const word = visit.phase === "driving" ? wordOf(help) : "";
   if (word && (profileOf(state).explains || NEEDED.has(help.why))) {

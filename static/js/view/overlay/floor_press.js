@@ -7,6 +7,7 @@ import { Maneuver } from "../../input/maneuver.js";
 import { Pointing } from "../../input/pointing.js";
 import { ABOUT, SIDE_TURN, arcTo, lookingAt, reach } from "../../input/pure_pursuit.js";
 import { unixNow } from "../../lib/clock.js";
+import { toRead } from "../../lib/reading_time.js";
 import { roleOf } from "../../protocol/session.js";
 import { halfWidth } from "../../autonomy/offer.js";
 import { boxOf, fromElement, sideOf, toFloor } from "./camera_model.js";
@@ -25,8 +26,9 @@ export class FloorPress {
    * @param {import("../../drive/registry.js").Page} page
    * @param {import("./feature.js").Surroundings} around
    */
-  constructor({ store, element, driving, video }, around) {
+  constructor({ store, element, driving, video, words }, around) {
     this.store = store;
+    this.words = words;
     this.around = around;
     this.video = video;
     this.steering = driving.steering;
@@ -61,7 +63,8 @@ export class FloorPress {
    */
   say(word, refused = null) {
     const values = { cm: String(2 * halfWidth(this.footprint)) };
-    this.store.update({ said: { word, at: unixNow(), refused, values }, now: unixNow() });
+    const said = { ...toRead(this.words, word, values), refused };
+    this.store.update({ said, now: said.at });
   }
 
   get footprint() {

@@ -3,7 +3,7 @@
  * of the screen if it is new.
  */
 
-import { offersAround } from "../../autonomy/offer.js";
+import { isAnswered } from "../../autonomy/offer.js";
 import { isMoving } from "../../autonomy/robot_action.js";
 import { arcTo } from "../../input/pure_pursuit.js";
 import { createPaint } from "../../lib/colours.js";
@@ -71,7 +71,7 @@ export class OverlayCanvas {
         : { ...NOTHING, blocked: ("at" in target && target.at) || null };
     }
     const refused = this.store.get().said?.refused;
-    if (refused && offersAround(this.store.get())) {
+    if (refused && isAnswered(this.store.get())) {
       return { ...NOTHING, blocked: refused.at };
     }
     if (maneuver.now?.kind === "goal") {

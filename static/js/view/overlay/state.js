@@ -6,8 +6,8 @@
  */
 
 /**
- * @typedef {{word: string, at: number, refused?: Refusal | null, values?: Record<string, string>}}
- *   Said
+ * @typedef {{word: string, at: number, until: number, refused?: Refusal | null,
+ *   values?: Record<string, string>}} Said `until` it can have been read
  */
 
 export const newSlice = () => ({

@@ -2,6 +2,7 @@
 will.
 """
 
+import functools
 import time
 
 import pytest
@@ -245,8 +246,32 @@ async def test_a_second_visitor_waits_in_the_queue_and_sees_the_robots_view_mean
             "#drive-page[data-playing][data-role=observer]", timeout=40_000
         )
         await second.keyboard.press("ArrowUp")
+        # They can stop the robot, and the button looks like one that can be pressed.
+        looks = "e => [e.disabled, e.innerText.trim(), getComputedStyle(e).color]"
+        enabled = await second.eval_on_selector("#stop", looks)
+        assert enabled[:2] == [False, "Stop the robot"]
+        await second.eval_on_selector("#stop", "e => (e.disabled = true)")
+        assert (await second.eval_on_selector("#stop", looks))[2] != enabled[2]
         await first.wait_for_selector("#waiting:not([hidden])")
         assert site.said("command/velocity") == []
+
+
+@pytest.mark.parametrize(
+    ("language", "name", "title"),
+    [
+        ("en", "(participant)", "Participant is driving Giraff"),
+        ("es", "(visitor)", "Invitado está conduciendo Giraff"),
+        ("es", "Guest", "Guest está conduciendo Giraff"),
+    ],
+)
+async def test_a_driver_without_a_chosen_name_is_named_in_the_language_of_whoever_watches(
+    browser, site, monkeypatch, language, name, title
+):
+    monkeypatch.setattr(site, "html", functools.partial(site.html, language))
+    async with opened(browser, site) as page:
+        await page.wait_for_selector("#card-main:not([hidden])")
+        site.tell("room", protocol.RoomState(driver=name, driving=True))
+        await page.wait_for_selector(f"text={title}")
 
 
 @pytest.mark.parametrize(

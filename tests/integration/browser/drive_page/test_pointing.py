@@ -80,6 +80,26 @@ async def test_a_press_shows_the_way_its_release_drives_or_turns_and_what_cannot
             assert not stops(site)
 
 
+async def test_why_a_press_is_refused_stays_until_it_can_be_read_although_the_page_drives_on(
+    browser,
+):
+    with site_at("lab-before-door") as site:
+        async with opened(browser, site, WIDE, query="?go=1") as page:
+            await driving(page)
+            await page.mouse.click(*await place(page, 0.5, 0.85))
+            await until(lambda: [c for _, c in site.applied if c.linear > 0.05])
+            await page.mouse.click(*await place(page, 0.2, 0.62))  # the wall beside the door
+            await page.wait_for_selector("#alert[data-word^='point.']")
+            shown, drawn = time.monotonic(), 0.0
+            while await page.is_visible("#alert[data-word^='point.']"):
+                if await page.get_attribute("#overlay", "data-shows") == "blocked":
+                    drawn = time.monotonic()
+                assert time.monotonic() - shown < PATIENCE
+                await page.wait_for_timeout(200)
+            assert time.monotonic() - shown > 7.0
+            assert drawn - shown > 6.0
+
+
 async def test_a_key_takes_over_from_the_mouse_and_a_gamepad_from_the_key_and_pulling_it_out_stops(
     browser,
 ):

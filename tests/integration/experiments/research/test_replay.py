@@ -130,6 +130,7 @@ def test_an_empty_session_has_an_empty_record():
         ({"method": "keyboard"}, "keyboard"),
         ({"detail": "lab_door closed"}, "lab door closed"),
         ({"on": False, "why": ""}, "on no"),
+        ({"detail": "(participant)"}, "Participant"),
         ({"actionId": "a1", "status": "FINISHED", "type": "goto"}, "finished · drive to a point"),
     ],
 )

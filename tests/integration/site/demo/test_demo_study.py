@@ -3,6 +3,7 @@
 import pytest
 from django.utils import timezone
 
+from accounts.models import User
 from experiments.models import Participant
 from robots.floorplans import store_floor_plan
 from robots.models import Robot
@@ -11,6 +12,7 @@ from telepresence_site.demo.study import publish_study
 from tests.support.browsers.html_page import read
 from tests.support.people import person
 from tests.support.studies import participants as p
+from tests.support.studies.study_pages import form_of
 from tests.support.studies.study_site import robot_at
 
 pytestmark = pytest.mark.django_db
@@ -43,7 +45,24 @@ def test_whoever_follows_the_link_takes_part_without_an_account(client):
 def test_a_database_of_an_earlier_version_gets_the_marks_of_todays_robots(settings, tmp_path):
     settings.VAR_DIR = tmp_path
     seed("mqtt://127.0.0.1:1")
-    Robot.objects.update(for_experienced=False)
+    Robot.objects.update(for_experienced=False, description="Of an earlier version")
     seed("mqtt://127.0.0.1:1")
     marked = Robot.objects.order_by("name").values_list("name", "for_experienced")
     assert list(marked) == [("giraff", False), ("rhodon", True)]
+    assert not Robot.objects.filter(description="Of an earlier version").exists()
+
+
+def test_what_an_owner_has_changed_of_a_robot_stays_at_the_next_start(client, settings, tmp_path):
+    settings.VAR_DIR = tmp_path
+    seed("mqtt://127.0.0.1:1")
+    client.force_login(User.objects.get(username=RESEARCHER))
+    robot = Robot.objects.get(name="rhodon")
+    address = f"/admin/robots/robot/{robot.pk}/change/"
+    form = form_of(client.get(address))
+    form["description"] = "Our own words"
+    del form["for_experienced"]
+    answer = client.post(address, form)
+    assert answer.status_code == 302, answer.context["errors"]
+    seed("mqtt://127.0.0.1:1")
+    robot.refresh_from_db()
+    assert (robot.description, robot.for_experienced) == ("Our own words", False)

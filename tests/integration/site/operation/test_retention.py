@@ -248,7 +248,7 @@ def test_nothing_is_left_of_whoever_deletes_their_account_or_is_deleted(robot, b
 
 def test_a_participants_account_without_password_goes_when_it_has_no_study_any_more(robot):
     study = replays.study(status=Study.Status.PUBLISHED)
-    left, taking_part, new = (create_guest("participant", "Participant") for _ in range(3))
+    left, taking_part, new = (create_guest("participant") for _ in range(3))
     replays.participant(study, taking_part)
     User.objects.exclude(pk=new.pk).update(date_joined=timezone.now() - 2 * DAY)
     assert forget()["guests"] == 1

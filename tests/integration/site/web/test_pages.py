@@ -162,25 +162,35 @@ def test_a_visitor_is_led_to_the_wheel(client, robots):
     assert client.get(reverse("home")).context["invitation"].label == "Drive Giraff"
 
 
-def test_who_has_never_driven_is_invited_to_an_easy_robot_even_if_it_is_in_use(client, robots):
-    def invited():
-        return client.get(reverse("home")).context["invitation"]
+def test_the_first_button_leads_to_a_robot_for_everybody_even_if_it_is_in_use(client, robots):
+    def shown():
+        return client.get(reverse("home")).context
 
+    Robot.objects.filter(name="rhodon").update(for_experienced=True, title="A rhodon")
+    client.force_login(person())
+    for state, label in (("available", "Drive Giraff"), ("busy", "Join the queue")):
+        if state == "busy":
+            visit(robots["giraff"], "driver", "driving")
+        assert (shown()["invitation"].label, shown()["invitation"].url) == (
+            label,
+            "/robots/giraff/?go=1",
+        )
+        assert [card.name for card in shown()["cards"]] == ["giraff", "rhodon", "attic"]
+    page = read(client.get(reverse("home")))
+    told = {e.attributes["data-robot"]: e.text for e in page.all("article")}
+    assert "For experienced drivers." in told["rhodon"]
+    assert "For experienced drivers." not in told["giraff"]
+    Robot.objects.filter(name="giraff").update(connection="OFFLINE")
+    assert shown()["invitation"].url == "#robots"
+
+
+def test_whoever_has_driven_is_led_to_such_a_robot_first_all_the_same(client, robots):
     Robot.objects.filter(name="rhodon").update(for_experienced=True)
     visit(robots["giraff"], "driver", "driving")
-    assert "giraff" in invited().url
-    newcomer = person()
-    client.force_login(newcomer)
-    assert (invited().label, invited().url) == ("Join the queue", "/robots/giraff/?go=1")
-    Session.objects.create(
-        robot=robots["giraff"],
-        visitor=newcomer,
-        state="ended",
-        live_key="before",
-        queued_at=timezone.now(),
-        first_motion_at=timezone.now(),
-    )
-    assert invited().label == "Drive Rhodon"
+    driven = visit(robots["rhodon"], "ada", "ended")
+    Session.objects.filter(pk=driven.pk).update(first_motion_at=timezone.now())
+    client.force_login(driven.visitor)
+    assert client.get(reverse("home")).context["invitation"].url == "/robots/giraff/?go=1"
 
 
 def test_robots_by_invitation_are_shown_to_those_who_have_one(client, robots):

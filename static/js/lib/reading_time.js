@@ -1,0 +1,18 @@
+/** How long a sentence has to stay until whoever looks elsewhere has seen and read it. */
+
+import { unixNow } from "./clock.js";
+
+const SEEN = 4; // s until it is noticed
+const WORD = 0.4; // s a word, for slow readers
+
+/**
+ * A sentence of the page that is shown from now on.
+ * @param {import("./words.js").Words} words
+ * @param {string} word
+ * @param {Record<string, string>} [values]
+ */
+export const toRead = (words, word, values = {}) => {
+  const at = unixNow();
+  const length = words.say(word, values).split(" ").length;
+  return { word, values, at, until: at + SEEN + WORD * length };
+};

@@ -1,0 +1,93 @@
+"""What Django and django-allauth say in Spanish, where people meet it: as tú, as this site does."""
+
+import gettext
+import re
+from pathlib import Path
+
+import allauth
+import django
+import pytest
+from django.conf import settings
+from django.core import mail
+from django.urls import reverse
+
+from tests.support.browsers.html_page import read
+from tests.support.people import PASSWORD, person
+
+pytestmark = pytest.mark.django_db
+SPANISH = {"accept-language": "es"}
+USTED = re.compile(
+    r"\b(usted|por favor|está seguro|asegúrese|compruebe|corrija|escoja|escriba|ingrese|introduzca|"
+    r"inténtelo|mantenga|observe|pulse|puede volver|seleccione|"
+    r"su (contraseña|cuenta|correo|dirección|usuario))\b",
+    re.IGNORECASE,
+)
+
+
+def said(client, address: str, form: dict[str, str] | None = None) -> str:
+    """Return what a Spanish reader reads after they have sent a form, or opened a page."""
+    answer = (
+        client.get(address, headers=SPANISH)
+        if form is None
+        else client.post(address, form, headers=SPANISH, follow=True)
+    )
+    text = read(answer).text
+    assert USTED.findall(text) == [], text
+    return text
+
+
+def test_the_forms_of_an_account_address_their_reader_as_tu(client):
+    signup = reverse("account_signup")
+    for password in ("short", "password1", "ada-lovelace"):
+        form = {"username": "ada-lovelace", "email": "no address", "password1": password}
+        assert "Escribe una dirección de correo" in said(client, signup, form)
+    said(client, signup, {"username": "a b", "password1": PASSWORD})
+    person(email="ada@example.org")
+    for login in ("ada", "ada@example.org"):
+        wrong = {"login": login, "password": "wrong"}
+        assert "no son correct" in said(client, reverse("account_login"), wrong)
+    client.force_login(person("bea"))
+    wrong = {"oldpassword": "wrong", "password1": "password1", "password2": "other"}
+    text = said(client, reverse("account_change_password"), wrong)
+    assert "Escribe tu contraseña actual." in text
+    assert "Cerrar sesión" in text or "Salir" in text
+    assert "Has cerrado la sesión." in said(client, reverse("account_logout"), {})
+
+
+def test_the_mails_of_an_account_address_their_reader_as_tu(client):
+    person(email="ada@example.org")
+    said(client, reverse("account_reset_password"), {"email": "ada@example.org"})
+    said(client, reverse("account_reset_password"), {"email": "nobody@example.org"})
+    said(client, reverse("account_signup"), {"username": "eva", "email": "ada@example.org"})
+    assert len(mail.outbox) == 2
+    for letter in mail.outbox:
+        assert USTED.findall(f"{letter.subject}\n{letter.body}") == [], letter.body
+        assert "Recibes este correo" in letter.body
+
+
+def test_the_administration_addresses_its_reader_as_tu(client):
+    client.force_login(person("root", is_staff=True, is_superuser=True))
+    row = person("ada")
+    said(client, "/admin/accounts/user/")
+    assert "Corrige" in said(client, "/admin/accounts/user/add/", {"username": "ada"})
+    assert "¿Seguro que quieres borrar" in said(client, f"/admin/accounts/user/{row.pk}/delete/")
+    said(client, f"/admin/accounts/user/{row.pk}/password/")
+    chosen = {"action": "delete_selected", "_selected_action": str(row.pk)}
+    assert "¿Seguro que quieres borrar" in said(client, "/admin/accounts/user/", chosen)
+    assert "Selecciona" in said(client, "/admin/accounts/user/", {"action": "delete_selected"})
+
+
+def test_the_libraries_still_have_each_text_that_is_said_otherwise():
+    def texts(path: Path) -> dict[object, str]:
+        with (path / "LC_MESSAGES" / "django.mo").open("rb") as compiled:
+            return dict(gettext.GNUTranslations(compiled)._catalog)
+
+    base = Path(django.__file__).parent
+    theirs: dict[object, str] = {}
+    for part in ("conf", "contrib/admin", "contrib/auth"):
+        theirs |= texts(base / part / "locale" / "es")
+    theirs |= texts(Path(allauth.__file__).parent / "locale" / "es")
+    ours = texts(settings.BASE_DIR / "locale" / "libraries" / "es")
+    assert len(ours) > 80
+    assert [key for key in ours if key and key not in theirs] == []
+    assert [key for key, text in ours.items() if key and USTED.search(text)] == []
