@@ -61,17 +61,22 @@ class DesiredState:
             if lease.session
         }
         updates: dict[Any, bytes] = {}
-        for row in Robot.objects.order_by().values(*READ):
-            if not self._ownership.owns(row["name"]):
-                self._published.pop(row["name"], None)  # said again when it is ours
+        # Most robots are as they were: they are compared as rows, for an object of each takes ten
+        # times as long.
+        for row in Robot.objects.order_by().values_list(*READ):
+            values = dict(zip(READ, row, strict=True))
+            name = values["name"]
+            if not self._ownership.owns(name):
+                self._published.pop(name, None)  # said again when it is ours
                 continue
-            robot = Robot(**row)
-            published = self._published.get(robot.name) or self._begin(robot)
-            session = held.get(robot.pk)
-            content, plan = maps.get(robot.floor_plan_id, ("", {}))
+            published = self._published.get(name)
+            session = held.get(values["id"])
+            content, plan = maps.get(values["floor_plan_id"], ("", {}))
             seen = (row, content) if session is None else None
-            if seen is not None and published.seen == seen:
+            if published is not None and seen is not None and published.seen == seen:
                 continue
+            robot = Robot(**values)
+            published = published or self._begin(robot)
             published.seen = seen
             fixed = terms.of(session) if session is not None else FREE
             config = _config(
