@@ -107,6 +107,7 @@ LABELS: dict[str, Words] = {
     "recruitment": _("How participants are recruited"),
     "compensation": _("How participants are paid"),
     "turned_away_code": _("People who are turned away get a code"),
+    "observers_allowed": _("Other people may watch the drives"),
     "question": _("Research question"),
     "hypotheses": _("Hypotheses"),
     "direction": _("Expected direction"),
@@ -212,6 +213,11 @@ HINTS: dict[str, Words] = {
     "turned_away_code": _(
         "For recruitment sites that pay people who were screened out: they get a separate code. "
         "Otherwise, only people who reach the end get a code."
+    ),
+    "observers_allowed": _(
+        "Whoever may watch the robot then sees and hears a participant's drive. Say so in the "
+        "consent. Otherwise only the participant, the people who operate the robot, and the "
+        "study's owners and researchers see it."
     ),
     "hypotheses": _(
         "Each names the declared analysis that tests it. All other tests are exploratory."

@@ -331,11 +331,13 @@ const HANDLERS = {
         LET_GO,
       ];
     }
-    if (
-      (visit.phase === "queued" || visit.phase === "turn") &&
-      ["observers_full", "not_allowed"].includes(message.reason)
-    ) {
-      return [{}]; // waiting goes on without a picture
+    if (visit.phase === "queued" || visit.phase === "turn") {
+      if (message.reason === "private") {
+        return [{ link: "none" }, [{ type: "close_link" }]]; // what was shown so far, as well
+      }
+      if (["observers_full", "not_allowed"].includes(message.reason)) {
+        return [{}]; // waiting goes on without a picture
+      }
     }
     if (message.reason !== "ended") {
       return over("refused", message.reason);

@@ -108,7 +108,7 @@ const CARDS = {
     visit.socket === "open" ? { word: "taking", busy: true } : { word: "connecting", busy: true },
   queued: ({ visit, room, freeRobots, ...state }) => ({
     instead: freeRobots,
-    ...queued(visit, room.driver, Boolean(state.robot?.docked)),
+    ...queued(visit, room, Boolean(state.robot?.docked)),
     values: { place: visit.place, minutes: Math.max(1, Math.ceil(visit.minutes)) },
     ...meanwhile(state),
     other: { action: "leave_now", word: "do.leave_queue" },
@@ -127,7 +127,7 @@ const CARDS = {
       visit.reason === "offline" && isSimulated(state)
         ? "refused.simulated"
         : `refused.${visit.reason}`,
-    main: visit.reason === "offline" || visit.reason === "observers_full" ? BACK : HOME,
+    main: PASSES.has(visit.reason) ? BACK : HOME,
   }),
   ended: ({ visit, finding, guest, trip, practising, returnsHome, robot }) => ({
     ...ended(visit.reason, guest, returnsHome && robot?.docked === false),
@@ -160,6 +160,8 @@ const meanwhile = ({ practice, notifiable }) => {
     : { main: tell };
 };
 
+/** The refusals after which one may ask again in a while. */
+const PASSES = new Set(["offline", "observers_full", "private"]);
 /** The ends after which a robot that stopped would be no news once it is on its way home. */
 const GOES_HOME = new Set(["completed", "left", "timed_out", "idle"]);
 const BROKEN = new Set(["connection_refused", "connection_lost"]);
@@ -188,11 +190,11 @@ const UNFIT = new Set(["no_picture", "network", "fault", "not_connected"]);
 /**
  * Who keeps the queue waiting, or how the robot does when nobody drives it.
  * @param {import("../../protocol/session.js").Visit} visit
- * @param {string | null} driver
+ * @param {import("../../drive/features.js").State["room"]} room
  * @param {boolean} docked
  * @returns {Card}
  */
-const queued = ({ place, pause }, driver, docked) => {
+const queued = ({ place, pause }, { driver, private: isPrivate }, docked) => {
   const { why, reason } = pauseOf(pause);
   if (why === "start") {
     return { word: LACKS.has(reason) ? `queued.start_${reason}` : "queued.start_silent" };
@@ -200,7 +202,11 @@ const queued = ({ place, pause }, driver, docked) => {
   if (!PAUSES.has(why)) {
     return {
       word: place <= 1 ? "queued.next" : "queued",
-      detail: driver ? { word: "queued.driver", values: { driver } } : null,
+      detail: isPrivate
+        ? { word: "private" }
+        : driver
+          ? { word: "queued.driver", values: { driver } }
+          : null,
     };
   }
   if (reason === "offline" || reason === "estop") {
@@ -271,6 +277,13 @@ const lobby = ({ visit, room, robot, ...state }) => {
       busy: true,
       other: HOME,
     };
+  }
+  if (room.private) {
+    const queue = { action: "drive", word: "do.queue" };
+    const values = { place: room.waiting + 1 };
+    const word = visit.mayDrive ? "lobby.busy_unnamed" : "refused.private";
+    const main = visit.mayDrive ? queue : HOME;
+    return { word, values, detail: visit.mayDrive ? { word: "private" } : null, main };
   }
   if (!visit.mayDrive) {
     return visit.mayObserve
