@@ -10,8 +10,8 @@ from django.utils.translation import gettext as _
 from experiments.builder.labels import GUIDE
 from experiments.builder.pages import BuilderPlace
 from experiments.definition.schema import StudyDefinition
-from experiments.definition.steps.consent import Consent
 from experiments.definition.step import AskingStep
+from experiments.definition.steps.consent import Consent
 from experiments.participation import questions
 from surveys.documents import BadDefinitionError, spoken
 from surveys.models import Questionnaire

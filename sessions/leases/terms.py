@@ -29,8 +29,8 @@ class Terms(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     `driver` is who drives: the visitor, or a hidden operator (sessions/wizard/). `actions` are
     types of Robot API actions, `controllers` input methods, of the visitor. One who drives and then
     leaves has completed the session only where `leaving_completes`. A turn ends after
-    `turn_seconds` if somebody waits, and with `turn_always` even if nobody does. A `private` session
-    is shown to its visitor, to who operates the robot, and to whom a provider says (`may_watch`).
+    `turn_seconds` if somebody waits, and with `turn_always` even if nobody does. A `private` one is
+    shown to its visitor, to who operates the robot, and to whom a provider says (`may_watch`).
     `study` is what the app above wants to find again; it means nothing here.
     """
 
