@@ -202,6 +202,10 @@ HINTS: dict[str, Words] = {
     ),
     "contrasts": _("All contrasts of all measures are one family for Holm's correction."),
     "conditions": _("The conditions to compare if there are no contrasts. Leave blank for all."),
+    "Condition.robot": _(
+        "Participants wait for it in the same queue as other visitors. To keep it for them during "
+        "the study's hours, tick “Exclusive use of its robots” on the study's page."
+    ),
     "InstructionPage.robot": _("If you tick none, everyone sees it."),
     "InstructionPage.conditions": _(
         "If you tick none, everyone sees it. If you tick some, participants are assigned to their "

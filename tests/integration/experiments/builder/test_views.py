@@ -248,13 +248,13 @@ def test_a_script_is_written_without_json(client, study):
     assert send(client, page, "add:steps:fly").status_code == 302
     names = {f"steps__{n}__title__en": f"Step {n}" for n in range(7)}
     said = {"steps__0__line__en": "Hello, I am here.", "steps__0__shortcut": "1"}
-    send(client, page, title__en="Welcome", steps__4__move__angle="0.3", **names, **said)
+    send(client, page, title__en="Welcome", steps__4__move__angle="17", **names, **said)
     (stage,) = stored().wizard.stages
     assert len({step.key for step in stage.steps}) == 7
     assert (stage.steps[0].line, stage.steps[0].move) == ({"en": "Hello, I am here."}, None)
     moves = [step.move.__struct_config__.tag for step in stage.steps[1:]]
     assert moves == ["place", "dock", "undock", "tilt", "turn", "drive"]
-    assert stage.steps[4].move.angle == 0.3
+    assert stage.steps[4].move.angle == math.radians(17)
     send(client, page, "remove:steps:1")  # the cabin has no place to go to
     assert wrong()[0].startswith("The debriefing must tell")
     # the settings of the script have a page of their own, and saving it leaves the stages alone
