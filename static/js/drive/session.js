@@ -269,7 +269,8 @@ const newHandlers = ({ store, emit }) => ({
     store.update({ factsheet });
     emit("factsheet", factsheet);
   },
-  room: (/** @type {any} */ room) => store.update({ room }),
+  // What was heard before a private drive would be out of date.
+  room: (/** @type {any} */ room) => store.update({ room, ...(room.private && { robot: null }) }),
   "session/operator_message": (/** @type {{text: string}} */ { text }) =>
     store.update({ notice: text }),
 });

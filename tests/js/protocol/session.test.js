@@ -301,7 +301,7 @@ describe("queue and turn", () => {
     const again = after(waits.visit, observing);
     assert.deepEqual([again.visit.phase, again.visit.link], ["queued", "connecting"]);
     const { visit } = play(...OPEN, { type: "watch" }, observing, refused);
-    assert.deepEqual([visit.phase, visit.reason, visit.link], ["refused", "private", "none"]);
+    assert.deepEqual([visit.phase, visit.link], ["lobby", "none"], "which says why");
   });
 
   test("news of the queue change the place and nothing else", () => {

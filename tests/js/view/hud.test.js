@@ -61,7 +61,6 @@ const REFUSED = [
   "not_invited",
   "not_trained",
   "observers_full",
-  "private",
   "not_allowed",
   "paused",
 ];
@@ -354,7 +353,9 @@ describe("cards", () => {
   });
 
   test("of a private drive nobody is shown anything, nor offered to watch", () => {
-    const waits = cardFor(state({ phase: "queued", place: 2, mayObserve: true }, { room: PRIVATE }));
+    const waits = cardFor(
+      state({ phase: "queued", place: 2, mayObserve: true }, { room: PRIVATE }),
+    );
     assert.deepEqual(waits?.detail, { word: "private" });
     const comes = cardFor(state({ phase: "lobby", mayObserve: true }, { room: PRIVATE }));
     assert.deepEqual(

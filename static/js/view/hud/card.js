@@ -29,6 +29,7 @@ import { standstillOf } from "./standstill.js";
 
 const HOME = { action: "home", word: "do.home" };
 const AGAIN = { action: "drive", word: "do.again" };
+const PRIVATE = { word: "private" };
 const BACK = { action: "back", word: "do.back" };
 const TAKE_OVER = { action: "ask_to_take_over", word: "do.take_over" };
 const GO_SLOW = { action: "go_slow", word: "do.go_slow" };
@@ -127,7 +128,7 @@ const CARDS = {
       visit.reason === "offline" && isSimulated(state)
         ? "refused.simulated"
         : `refused.${visit.reason}`,
-    main: PASSES.has(visit.reason) ? BACK : HOME,
+    main: visit.reason === "offline" || visit.reason === "observers_full" ? BACK : HOME,
   }),
   ended: ({ visit, finding, guest, trip, practising, returnsHome, robot }) => ({
     ...ended(visit.reason, guest, returnsHome && robot?.docked === false),
@@ -160,8 +161,6 @@ const meanwhile = ({ practice, notifiable }) => {
     : { main: tell };
 };
 
-/** The refusals after which one may ask again in a while. */
-const PASSES = new Set(["offline", "observers_full", "private"]);
 /** The ends after which a robot that stopped would be no news once it is on its way home. */
 const GOES_HOME = new Set(["completed", "left", "timed_out", "idle"]);
 const BROKEN = new Set(["connection_refused", "connection_lost"]);
@@ -194,7 +193,7 @@ const UNFIT = new Set(["no_picture", "network", "fault", "not_connected"]);
  * @param {boolean} docked
  * @returns {Card}
  */
-const queued = ({ place, pause }, { driver, private: isPrivate }, docked) => {
+const queued = ({ place, pause }, room, docked) => {
   const { why, reason } = pauseOf(pause);
   if (why === "start") {
     return { word: LACKS.has(reason) ? `queued.start_${reason}` : "queued.start_silent" };
@@ -202,10 +201,10 @@ const queued = ({ place, pause }, { driver, private: isPrivate }, docked) => {
   if (!PAUSES.has(why)) {
     return {
       word: place <= 1 ? "queued.next" : "queued",
-      detail: isPrivate
-        ? { word: "private" }
-        : driver
-          ? { word: "queued.driver", values: { driver } }
+      detail: room.private
+        ? PRIVATE
+        : room.driver
+          ? { word: "queued.driver", values: { driver: room.driver } }
           : null,
     };
   }
@@ -278,24 +277,19 @@ const lobby = ({ visit, room, robot, ...state }) => {
       other: HOME,
     };
   }
-  if (room.private) {
-    const queue = { action: "drive", word: "do.queue" };
-    const values = { place: room.waiting + 1 };
-    const word = visit.mayDrive ? "lobby.busy_unnamed" : "refused.private";
-    const main = visit.mayDrive ? queue : HOME;
-    return { word, values, detail: visit.mayDrive ? { word: "private" } : null, main };
-  }
+  const mayWatch = visit.mayObserve && !room.private;
   if (!visit.mayDrive) {
-    return visit.mayObserve
+    return mayWatch
       ? { word: "lobby.watch_only", main: watch, other: HOME }
-      : { word: "refused.not_invited", main: HOME };
+      : { word: `refused.${room.private ? "private" : "not_invited"}`, main: HOME };
   }
-  const other = visit.mayObserve ? watch : undefined;
+  const other = mayWatch ? watch : undefined;
   if (room.driving || room.driver !== null) {
     const word = room.driver ? "lobby.busy" : "lobby.busy_unnamed";
     return {
       word,
       values: { driver: room.driver ?? "", place: room.waiting + 1 },
+      detail: room.private ? PRIVATE : null,
       main: { action: "drive", word: "do.queue" },
       other,
     };
