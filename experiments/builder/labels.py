@@ -219,8 +219,8 @@ HINTS: dict[str, Words] = {
         "Otherwise, only people who reach the end get a code."
     ),
     "observers_allowed": _(
-        "Whoever may watch the robot then sees and hears a participant's drive. Say so in the "
-        "consent. Otherwise only the participant, the people who operate the robot, and the "
+        "Everybody who may watch the robot then sees and hears a participant's drive. Say so in "
+        "the consent. Otherwise only the participant, the people who operate the robot, and the "
         "study's owners and researchers see it."
     ),
     "hypotheses": _(
