@@ -248,6 +248,7 @@ class Refused(Message, frozen=True, kw_only=True):
         "not_trained",
         "elsewhere",
         "observers_full",
+        "private",
         "not_allowed",
         "ended",
         "paused",
@@ -262,7 +263,8 @@ class Refused(Message, frozen=True, kw_only=True):
 
 class RoomState(Message, frozen=True, kw_only=True):
     """`room`: who is here. `driver` is the name, None when nobody drives; `observers` are
-    those who only watch, and not those who watch while they wait.
+    those who only watch, and not those who watch while they wait. A `private` drive is not shown to
+    this page, nor its driver's name.
 
     `pause` says why a robot that nobody drives is not ready, as the reason of `session/queued`.
     """
@@ -272,6 +274,7 @@ class RoomState(Message, frozen=True, kw_only=True):
     observers: Count = 0
     waiting: Count = 0
     pause: Reason = ""
+    private: bool = False
 
 
 class AudienceQuestion(Message, frozen=True, kw_only=True):

@@ -59,6 +59,11 @@ class QuestionnaireAdmin(ShownFilters):
         """Count the responses in the same query."""
         return super().get_queryset(request).annotate(answered=Count("responses"))
 
+    def changelist_view(self, request: HttpRequest, *args: Any, **more: Any) -> Any:
+        """Show the list; who comes by it to the editor was not led there by a study."""
+        request.session.pop(editor.OPENED_FROM, None)
+        return super().changelist_view(request, *args, **more)
+
     def get_fieldsets(
         self, _request: HttpRequest, obj: Questionnaire | None = None
     ) -> list[tuple[Any, dict[str, Any]]]:

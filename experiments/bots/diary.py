@@ -31,7 +31,7 @@ class Leg:
 @dataclass
 class PageVisit:
     """One page: its heading, when it came, and for how long it was open (seconds), its words and
-    questions.
+    questions, and whether it `drives` the robot.
     """
 
     heading: str
@@ -40,6 +40,7 @@ class PageVisit:
     seconds: float = 0.0
     words: int = 0
     questions: int = 0
+    drives: bool = False
 
 
 @dataclass

@@ -237,8 +237,8 @@ class _PageParser(HTMLParser):
         around = (part.attributes[name] for part in reversed(self.open) if name in part.attributes)
         return next(around, "")
 
-    def _is_hidden(self) -> bool:
-        return any("hidden" in part.attributes for part in self.open)
+    def _is_hidden(self, *closed: _Open) -> bool:
+        return any("hidden" in part.attributes for part in (*self.open, *closed))
 
     def _is_disabled(self, attributes: dict[str, str]) -> bool:
         return "disabled" in attributes or any(
@@ -316,7 +316,7 @@ class _PageParser(HTMLParser):
                         part.attributes.get("href", ""), text, self._inside("main"), is_primary
                     )
                 )
-            case "h1" | "h2":
+            case "h1" | "h2" if not self._is_hidden(part):
                 self.page.headings.append(text)
             case "title":
                 self.page.title = text
@@ -331,7 +331,8 @@ class _PageParser(HTMLParser):
 
     def _closed_in_form(self, part: _Open, text: str) -> None:
         classes = part.attributes.get("class", "").split()
-        if "field__error" in classes or part.attributes.get("role") == "alert":
+        is_error = "field__error" in classes or part.attributes.get("role") == "alert"
+        if is_error and text and not self._is_hidden(part):
             self.page.errors.append(text)
         if self.form is None:
             return

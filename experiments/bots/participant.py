@@ -13,6 +13,7 @@ import time
 import urllib.parse
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 from experiments.bots import answers
 from experiments.bots.browser import Browser, BrowserError, HttpAnswer
@@ -110,7 +111,7 @@ class BotParticipant:
         seen: dict[str, int] = {}
         for _ in range(MOST_PAGES):
             if here.status >= WRONG and here.page.next_form() is None:
-                raise StuckError(f"“{here.page.title}” answered with status {here.status}")
+                raise StuckError(f"{_named(here)} answered with status {here.status}")
             code = here.page.by_id.get("code", "")
             if code:
                 self.diary.code, self.diary.done = code, True
@@ -121,7 +122,7 @@ class BotParticipant:
             seen[signature] = seen.get(signature, 0) + 1
             if seen[signature] > (MOST_LOOKS if self._is_waiting(here) else SAME_PAGE):
                 raise StuckError(
-                    f"“{' · '.join(here.page.headings)}” does not continue: "
+                    f"{_named(here)} does not continue: "
                     f"{'; '.join(here.page.errors) or 'no reason given'}"
                 )
             following = await self._following(here)
@@ -134,11 +135,12 @@ class BotParticipant:
         """Do what this page asks for, and return the next one; None when the bot has left."""
         began = self.clock()
         entry = PageVisit(
-            " · ".join(here.page.headings),
+            heading_of(here),
             here.path,
             began,
             words=here.page.words,
             questions=len(_asked(here)),
+            drives=_task(here) is not None,
         )
         self.diary.entries.append(entry)
         try:
@@ -173,10 +175,7 @@ class BotParticipant:
         form = here.page.next_form()
         if form is not None:
             return await self._fill(here, *form)
-        raise StuckError(
-            f"“{' · '.join(here.page.headings) or here.page.title}” at "
-            f"{here.path} has no link or form to continue with"
-        )
+        raise StuckError(f"{_named(here)} has no link or form to continue with")
 
     @property
     def _gives_up(self) -> bool:
@@ -260,6 +259,25 @@ class BotParticipant:
 
 def _split(found: tuple[HtmlForm, int]) -> tuple[HtmlForm, answers.Sent, int]:
     return found[0], [], found[1]
+
+
+def _task(here: HttpAnswer) -> dict[str, Any] | None:
+    """Return what a page on which the robot is driven says of its step; None of any other."""
+    task: dict[str, Any] | None = here.page.json.get("config", {}).get("study")
+    return task
+
+
+def heading_of(here: HttpAnswer) -> str:
+    """Return what a page is called. Where the robot is driven, that is what the study calls the
+    step: the headings there are of states that a script shows.
+    """
+    task = _task(here)
+    return task["title"] if task is not None else " · ".join(here.page.headings)
+
+
+def _named(here: HttpAnswer) -> str:
+    """Return a page in words: its heading, and its title, which says the number of the step."""
+    return f"the page “{heading_of(here) or here.path}” ({here.page.title})"
 
 
 def _asked(here: HttpAnswer) -> list[str]:

@@ -11,6 +11,7 @@ from experiments.builder.labels import GUIDE
 from experiments.builder.pages import BuilderPlace
 from experiments.definition.schema import StudyDefinition
 from experiments.definition.step import AskingStep
+from experiments.definition.steps.consent import Consent
 from experiments.participation import questions
 from surveys.documents import BadDefinitionError, spoken
 from surveys.models import Questionnaire
@@ -26,6 +27,12 @@ def advice(study: StudyDefinition, place: BuilderPlace, language: str) -> Iterat
     """Yield what a page advises; texts of the study in a language."""
     if place.section == "steps" and place.index is not None:
         yield from _on_age(study, place.index, language)
+        if study.observers_allowed and isinstance(study.steps[place.index], Consent):
+            text = _(
+                "Other people may watch the drives of this study. The consent should say that "
+                "others can see and hear them."
+            )
+            yield text, BuilderPlace("about")
     elif place.section == "rules" and study.factors:
         design = {"design": GUIDE.word("design", study.allocation.design)}
         text = _("Design: %(design)s. It follows from the factors.")

@@ -43,7 +43,7 @@ LABELS: dict[str, Words] = {
     "interface": _("Interface"),
     "speed": _("Speed limits"),
     "linear": _("Speed (m/s)"),
-    "angular": _("Turning speed (rad/s)"),
+    "angular": _("Turning speed (°/s)"),
     "doors_closed": _("Closed doors"),
     "network": _("Network"),
     "idle_seconds": _("Ask “Are you still there?” after (s)"),
@@ -67,7 +67,7 @@ LABELS: dict[str, Words] = {
     "photo": _("Photo in a mirror"),
     "checkpoint": _("After checkpoint"),
     "mirror": _("Mirror"),
-    "view": _("Angle (rad)"),
+    "view": _("Angle (°)"),
     "InstructionPage.robot": _("Only for drivers of"),
     "InstructionPage.conditions": _("Only in these conditions"),
     "levels": _("Levels"),
@@ -88,7 +88,7 @@ LABELS: dict[str, Words] = {
     "start": _("Before a drive starts"),
     "docked": _("Robot docked at its charging station"),
     "distance": _("Max. distance from station (m)"),
-    "heading": _("Max. angle to station (rad)"),
+    "heading": _("Max. angle to station (°)"),
     "charge": _("Minimum charge (0-1)"),
     "refill": _("Participant replacement"),
     "outcomes": _("After these outcomes"),
@@ -107,6 +107,7 @@ LABELS: dict[str, Words] = {
     "recruitment": _("How participants are recruited"),
     "compensation": _("How participants are paid"),
     "turned_away_code": _("People who are turned away get a code"),
+    "observers_allowed": _("Other people may watch the drives"),
     "question": _("Research question"),
     "hypotheses": _("Hypotheses"),
     "direction": _("Expected direction"),
@@ -148,7 +149,7 @@ LABELS: dict[str, Words] = {
     "aloud": _("Read aloud"),
     "within": _("Time limit after the previous step (s)"),
     "PlaceMove.name": _("Place"),
-    "angle": _("Angle (rad)"),
+    "angle": _("Angle (°)"),
     "DriveMove.seconds": _("Duration (s)"),
     "StudyDefinition.coding": _("Coding of replays"),
     "bin": _("Bin (s)"),
@@ -181,7 +182,7 @@ HINTS: dict[str, Words] = {
     "path": _("One point per line: x and y in metres."),
     "polygon": _("One corner per line: x and y in metres, in order. At least three."),
     "doors": _("Each applies only where the condition leaves the door open."),
-    "view": _("Maximum angle between the mirror and the camera's axis. 1 rad is about 57°."),
+    "view": _("Maximum angle between the mirror and the camera's axis."),
     "checkpoints": _(
         "Passed in this order. Every task begins and ends at checkpoint 0, the charging station."
     ),
@@ -201,6 +202,10 @@ HINTS: dict[str, Words] = {
     ),
     "contrasts": _("All contrasts of all measures are one family for Holm's correction."),
     "conditions": _("The conditions to compare if there are no contrasts. Leave blank for all."),
+    "Condition.robot": _(
+        "Participants wait for it in the same queue as other visitors. To keep it for them during "
+        "the study's hours, tick “Exclusive use of its robots” on the study's page."
+    ),
     "InstructionPage.robot": _("If you tick none, everyone sees it."),
     "InstructionPage.conditions": _(
         "If you tick none, everyone sees it. If you tick some, participants are assigned to their "
@@ -212,6 +217,11 @@ HINTS: dict[str, Words] = {
     "turned_away_code": _(
         "For recruitment sites that pay people who were screened out: they get a separate code. "
         "Otherwise, only people who reach the end get a code."
+    ),
+    "observers_allowed": _(
+        "Everybody who may watch the robot then sees and hears a participant's drive. Say so in "
+        "the consent. Otherwise only the participant, the people who operate the robot, and the "
+        "study's owners and researchers see it."
     ),
     "hypotheses": _(
         "Each names the declared analysis that tests it. All other tests are exploratory."
@@ -231,16 +241,23 @@ HINTS: dict[str, Words] = {
     ),
     "docked": _("Otherwise the participant waits and the study's researchers get an e-mail."),
     "charge": _(
-        "0 accepts any charge. A robot that does not report its charge is always accepted."
+        "0.3 is 30 %; 0 accepts any charge. A robot that does not report its charge is always "
+        "accepted."
     ),
     "docked_seconds": _(
         "Counted while the robot is still and the controls are released. At least 1."
     ),
     "outcomes": _("The task's own outcomes (completed, timed out) never count here."),
     "controllers": _("Devices the visitor may drive with."),
-    "linear": _("Leave blank to use the robot's limit; cannot exceed it."),
-    "angular": _("Leave blank to use the robot's limit; cannot exceed it. 1 rad is about 57°."),
-    "heading": _("1 rad is about 57°."),
+    "linear": _(
+        "Leave blank to use the robot's limit; cannot exceed it. 0.3 m/s is a slow walk, 1.3 m/s "
+        "an ordinary one."
+    ),
+    "angular": _(
+        "Leave blank to use the robot's limit; cannot exceed it. At 45 °/s, the robot turns around "
+        "in four seconds."
+    ),
+    "heading": _("Between the robot's direction and that of a robot in the station."),
     "radius": _("How near the robot must come."),
     "control_way": _(
         "How commands reach the robot: directly from the browser (WebRTC), or through the server."
@@ -257,9 +274,10 @@ HINTS: dict[str, Words] = {
     ),
     "video": _("Affects video and sound to the driver only."),
     "jitter": _("Maximum deviation from the delay, up or down."),
-    "reorder": _("Share of packets overtaken by the next one."),
+    "reorder": _("Share of packets overtaken by the next one: 0.02 is 2 %."),
     "bitrate": _(
-        "Leave blank for no limit. Packets that would wait over half a second are dropped."
+        "1000000 is 1 Mbit/s. Leave blank for no limit. Packets that would wait over half a second "
+        "are dropped."
     ),
     "source": _("Origin of the study; shown with its data."),
     "operator": _("Required in a study with a hidden operator: a person drove the robot."),
@@ -272,7 +290,7 @@ HINTS: dict[str, Words] = {
     "within": _("Later is recorded as a deviation. Leave blank for no limit."),
     "TiltMove.angle": _("Positive looks down."),
     "TurnMove.angle": _("Positive is counter-clockwise."),
-    "DriveMove.linear": _("Negative drives backwards."),
+    "DriveMove.linear": _("Negative drives backwards. 0.3 m/s is a slow walk."),
     "DriveMove.angular": _("Positive is counter-clockwise."),
     "StudyDefinition.coding": _("What coders note on the replays. It is frozen with the study."),
     "CodingScheme.blind": _("Coders see neither the condition nor what would give it away."),
@@ -400,4 +418,5 @@ GUIDE = FormGuide(
         }
     ),
     spaced=frozenset({"values"}),
+    angles=frozenset({"angular", "heading", "view", "angle"}),
 )

@@ -24,7 +24,7 @@ from surveys.document_forms.parts import Document, in_languages, read_points
 PAGES: Mapping[str, Collection[str]] = {
     "about": (
         *("title", "intro", "source", "licence", "recruitment", "compensation"),
-        *("turned_away_code", "languages"),
+        *("turned_away_code", "observers_allowed", "languages"),
     ),
     "rules": ("allocation", "start", "refill", "quality", "analysis"),
     "wizard": ("wizard",),

@@ -65,6 +65,7 @@ from surveys.document_forms.parts import Document, change
 from surveys.document_forms.problem_text import by_place, text_name
 from surveys.document_forms.submitted import MEANWHILE, SubmittedPart, number, pressed
 from surveys.documents import ChangedMeanwhileError, Problem
+from surveys.editor.views import leads_here
 
 TITLES = {
     "about": gettext_lazy("About the study"),
@@ -252,6 +253,8 @@ class BuilderPages:
         )
         for name in draft.errors.keys() & form.fields.keys() - form.errors.keys():
             form.add_error(name, draft.errors[name])
+        if "questionnaire" in former:
+            leads_here(request, row.shown_title, address(row, place))
         language = get_language() or ""
         advised = advice(row.as_definition(), place, language)
         context = {

@@ -236,16 +236,16 @@ def too_fast(condition: Condition, robot: RobotFacts) -> dict[str, Problem]:
         "it, or leave it blank to use the robot's."
     )
     angular = _(
-        "the limit of the turning speed of %(asked)g rad/s is above the top speed of %(robot)s, "
-        "%(most)g rad/s: lower it, or leave it blank to use the robot's."
+        "the limit of the turning speed of %(asked).4g °/s is above the top speed of %(robot)s, "
+        "%(most).4g °/s: lower it, or leave it blank to use the robot's."
     )
     limits = {
-        "linear": (linear, speed.linear, robot.linear),
-        "angular": (angular, speed.angular, robot.angular),
+        "linear": (linear, 1.0, speed.linear, robot.linear),
+        "angular": (angular, math.degrees(1.0), speed.angular, robot.angular),
     }
     return {
-        key: Problem(words, {"asked": asked, "most": most, "robot": condition.robot})
-        for key, (words, asked, most) in limits.items()
+        key: Problem(words, {"asked": asked * unit, "most": most * unit, "robot": condition.robot})
+        for key, (words, unit, asked, most) in limits.items()
         if asked is not None and asked > most + ROUNDING
     }
 

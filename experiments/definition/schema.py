@@ -229,7 +229,8 @@ class Analysis(DocumentPart, frozen=True, kw_only=True):
 class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     """A whole study. `recruitment` says how participants are found, `compensation` what they get;
     researchers write and read both. With `turned_away_code`, people who are turned away get a code
-    of their own for the recruitment site.
+    of their own for the recruitment site. A participant's drive is private unless
+    `observers_allowed`: then whoever may watch the robot may watch it, too.
     """
 
     format: Literal[1]
@@ -242,6 +243,7 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     recruitment: str = ""
     compensation: str = ""
     turned_away_code: bool = False
+    observers_allowed: bool = False
     languages: tuple[Language, ...]
     steps: Annotated[tuple[AnyStep, ...], Meta(max_length=60)]
     factors: Annotated[tuple[Factor, ...], Meta(max_length=4)] = ()

@@ -1,6 +1,8 @@
 """What became of a step in which the robot is driven, and which robot that is."""
 
 import datetime
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -9,6 +11,7 @@ from experiments.models import Drive, Participant, StepVisit
 from experiments.participation import assignment, places, progress
 from experiments.participation.journey import JourneyPlace
 from robots.models import Robot
+from sessions.leases.traffic import living_sessions, traffic_at
 from sessions.models import Session
 
 # Not yet; on the robot or in its queue now; over, with a velocity of theirs applied; over without.
@@ -150,6 +153,19 @@ def robot_for(
         key=lambda pair: (pair[0].pk not in own, not pair[0].is_online(now), pair[1]),
     )
     return (ranked[0][0] if ranked else None), fitting
+
+
+def longest_wait(robots: Iterable[Robot], now: datetime.datetime) -> int:
+    """Return for how many minutes at most a participant who came now would wait for a robot, in
+    full; 0 when there is one to drive at once for each kind (series and site), or none online.
+    """
+    online = [robot for robot in robots if robot.shown_to_visitors and robot.is_online(now)]
+    sessions, waits = living_sessions(online), dict[tuple[str, str], float]()
+    for robot in online:
+        kind = series_of(robot), robot.floor_plan.name
+        minutes = traffic_at(robot, sessions.get(robot.pk, []), now).minutes or 0.0
+        waits[kind] = min(minutes, waits.get(kind, math.inf))
+    return math.ceil(max(waits.values(), default=0.0))
 
 
 def _series_wanted(

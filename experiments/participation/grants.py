@@ -24,6 +24,7 @@ from django.db import IntegrityError, transaction
 
 from accounts import audit
 from accounts.models import User
+from experiments.access import may
 from experiments.definition import conditions, start_condition
 from experiments.definition.course import CourseError
 from experiments.definition.schema import Condition, StudyDefinition
@@ -131,6 +132,13 @@ class StudyTerms:
     def claims(self, user: User, robot: Robot) -> bool:
         """Tell whether somebody is to drive a robot for a study now."""
         return standing_of(user, robot) is not None
+
+    def may_watch(self, user: User, session: str) -> bool:
+        """Tell whether somebody is of the staff of a drive's study: its owners and researchers, but
+        not its viewers, who see pseudonymous data alone.
+        """
+        slug = Drive.objects.filter(session=session).values_list("participant__study__slug").first()
+        return slug is not None and may(user, slug[0], "researcher")
 
     def shown(self, session: str) -> dict[str, Any]:
         """Return what the page shows of the task of a session."""
@@ -431,6 +439,7 @@ def terms_of(standing: Standing, condition: Condition, robot: Robot, seed: int) 
         control_network=config.control_network,
         video_network=config.video_network,
         leaving_completes=step.is_practice,
+        private=not standing.definition.observers_allowed,
         study={
             "slug": standing.definition.slug,
             "version": standing.definition.version,

@@ -11,9 +11,10 @@ from django.utils.dates import WEEKDAYS_ABBR
 from django.utils.translation import gettext as _
 
 from experiments.definition import opening_hours
-from experiments.definition.schema import Controller, StudyDefinition
+from experiments.definition.schema import Condition, Controller, StudyDefinition
 from experiments.models import Participant, Study
 from experiments.participation import journey, progress
+from experiments.participation.drive_status import longest_wait, robots_of
 from surveys.documents import spoken
 
 # In the order in which they are asked: the first that holds decides.
@@ -35,7 +36,8 @@ _WEEK = 7
 @dataclass(frozen=True)
 class Landing:
     """The front page of a study for one visitor. `minutes` is how long driving takes at most,
-    `opens_at` the study's own time of day.
+    `wait` how long one waits at most before, in minutes, while others have the robots; `opens_at`
+    is in the study's own time of day.
     """
 
     title: str
@@ -43,6 +45,7 @@ class Landing:
     language: str
     languages: tuple[str, ...]
     minutes: int
+    wait: int
     minimum_age: int
     minors_with_guardian: bool
     controllers: tuple[str, ...]
@@ -66,6 +69,7 @@ def landing(
         language=spoken_in,
         languages=definition.languages,
         minutes=driving_minutes(definition),
+        wait=longest_wait(robots_of(_conditions_for(own, definition)), now),
         minimum_age=consent.minimum_age if consent else 0,
         minors_with_guardian=consent is not None and consent.minors == "guardian",
         controllers=controllers(definition),
@@ -75,6 +79,16 @@ def landing(
         hours=tuple(in_words(study.opening_hours)),
         time_zone=study.time_zone,
     )
+
+
+def _conditions_for(own: Participant | None, definition: StudyDefinition) -> tuple[Condition, ...]:
+    """Return the conditions that somebody may get: a newcomer those that are open to everybody, if
+    there are any.
+    """
+    if own is not None:
+        return progress.open_conditions(own)
+    is_open = tuple(one for one in definition.conditions if one.access == "open")
+    return is_open or definition.conditions
 
 
 @dataclass(frozen=True)

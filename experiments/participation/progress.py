@@ -243,6 +243,13 @@ def has_place(participant: Participant) -> bool:
     return participant.stage not in {Participant.Stage.UNASSIGNED, Participant.Stage.FREED}
 
 
+def keeps_place(participant: Participant) -> bool:
+    """Tell whether a participant's place is theirs however long they wait: they hold it, or there
+    is no end of places.
+    """
+    return has_place(participant) or participant.study.as_definition().allocation.quota is None
+
+
 def open_conditions(participant: Participant) -> tuple[Condition, ...]:
     """Return the conditions that a participant may get in this round: the one that was assigned,
     else all that are open to them.

@@ -22,6 +22,7 @@ from experiments.participation.drive_status import (
     DriveStatus,
     driven,
     last_drive,
+    longest_wait,
     robot_for,
     series_of,
 )
@@ -180,6 +181,8 @@ class DrivePage(StepPage):
             "is_practice": self.step.is_practice,
             "minutes": round(self.step.minutes),
             "is_online": robot is not None and robot.is_online(now),
+            "wait": longest_wait([robot], now) if robot is not None else 0,
+            "keeps_place": progress.keeps_place(participant),
             "is_closed": study.status == Study.Status.CLOSED,
             "is_full": is_full,
             "opens_at": opens_on_the_wall(study.opening_hours, study.time_zone, now),
@@ -194,6 +197,7 @@ class DrivePage(StepPage):
             "is_practice": self.step.is_practice,
             "minutes": round(self.step.minutes),
             "is_online": True,
+            "keeps_place": True,
         }
         return self.render(request, "experiments/drive_step.html", more)
 

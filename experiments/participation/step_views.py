@@ -129,5 +129,6 @@ def drive(request: HttpRequest, slug: str) -> HttpResponseBase:
             "study_title": progress.title_of(participant.study, request.LANGUAGE_CODE),
             "number": number,
             "total": total,
+            "keeps_place": progress.keeps_place(participant),
         },
     )

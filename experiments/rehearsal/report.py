@@ -51,7 +51,7 @@ class ConditionReport:
 @dataclass
 class StepReport:
     """One page of the study, by its heading: how many bots saw it, how much there was on it, how
-    long people will take (minutes).
+    long people will take (minutes), and whether it `drives` the robot.
     """
 
     heading: str
@@ -59,6 +59,7 @@ class StepReport:
     words: int
     questions: int
     expected_minutes: float
+    drives: bool = False
 
 
 @dataclass
@@ -187,20 +188,22 @@ def _legs(diaries: Sequence[Diary], found: Findings) -> list[tuple[Leg, DriveRec
 
 
 def _steps(diaries: Sequence[Diary]) -> list[StepReport]:
-    pages: dict[str, list[tuple[int, int]]] = {}
+    pages: dict[tuple[str, bool], list[tuple[int, int]]] = {}
     for diary in diaries:
         for entry in diary.entries:
             if entry.heading:
-                pages.setdefault(entry.heading, []).append((entry.words, entry.questions))
-    return [_step(heading, seen) for heading, seen in pages.items()]
+                page = entry.heading, entry.drives
+                pages.setdefault(page, []).append((entry.words, entry.questions))
+    return [_step(heading, seen, drives=drives) for (heading, drives), seen in pages.items()]
 
 
-def _step(heading: str, seen: Sequence[tuple[int, int]]) -> StepReport:
+def _step(heading: str, seen: Sequence[tuple[int, int]], *, drives: bool) -> StepReport:
     words, questions = (
         round(statistics.median(one[0] for one in seen)),
         round(statistics.median(one[1] for one in seen)),
     )
-    return StepReport(heading, len(seen), words, questions, round(_minutes(words, questions), 1))
+    minutes = round(_minutes(words, questions), 1)
+    return StepReport(heading, len(seen), words, questions, minutes, drives)
 
 
 def _minutes(words: int, questions: int) -> float:

@@ -133,7 +133,11 @@ def place_of(issue: Issue, study: StudyDefinition) -> BuilderPlace | None:
         case "too_short":
             return _step(step is study.task for step in study.steps)
         case "stuck":
-            return _step(issue.place in step.title.values() for step in study.steps)
+            # further headings of the page may follow the title of the step
+            return _step(
+                any(f"{issue.place} · ".startswith(f"{title} · ") for title in step.title.values())
+                for step in study.steps
+            )
         case "empty":
             asked = str(issue.values["column"]).partition(".")[0]
             return _step(getattr(step, "questionnaire", "") == asked for step in study.steps)

@@ -580,6 +580,9 @@ class Lease(Message, frozen=True, kw_only=True):
     A lease of `kind` `wizard` belongs to a session whose visitor does not drive: only the page
     `wizard` does, with `wizard_epoch` in its commands, and nobody while `wizard` is absent. The
     visitor's page, `peer`, sends photos, texts, calls and knocks with the role `visitor`.
+
+    `private`: the server shows this drive to the visitor, to who operates the robot, and to whom
+    the terms of the session name, and to nobody else. A robot need not know it.
     """
 
     session: Id
@@ -598,6 +601,7 @@ class Lease(Message, frozen=True, kw_only=True):
     kind: Literal["visitor", "wizard"] = "visitor"
     wizard: Id | None = None
     wizard_epoch: Count = 0
+    private: bool = False
 
     @property
     def driver(self) -> str | None:

@@ -32,6 +32,7 @@ from robots.presence import standstill_of
 from sessions import system_log
 from sessions.api.keys import key_of, note_use
 from sessions.leases.store import LIVE, waits_here
+from sessions.leases.traffic import AT_THE_WHEEL
 from sessions.models import ApiKey, Session
 
 VERSION = 1
@@ -40,7 +41,6 @@ ACTED = Attempts("api-acted", limit=30)
 ACTIONS = ("stop", "estop", "dock")
 MAX_BODY = 1024
 BROKER_PATIENCE_SECONDS = 1.0
-AT_THE_WHEEL = (Session.State.CONNECTING, Session.State.DRIVING, Session.State.RECONNECTING)
 View = Callable[[HttpRequest, ApiKey | None], JsonResponse]
 
 

@@ -160,6 +160,10 @@ class Authorization:
         self.standing: Standing = "guest"
         self.watches = False
         self.by_sfu = False  # watches, but has no connection to the robot
+        # Private sessions, by their ids: the one that has the robot as the database says, for as
+        # long as this process has heard of no lease, and the one that this page may watch.
+        self.private = ""
+        self.watchable = ""
         self.session: str | None = None
         self.epoch = 0
         self.velocity_seq = 0
@@ -209,6 +213,21 @@ class Authorization:
             and (lease.session, lease.epoch, lease.peer) == (self.session, self.epoch, self.peer)
         )
 
+    def note_private(self, session: str, *, may_watch: bool) -> None:
+        """The database says that this private session, or none, has the robot."""
+        self.private = session
+        if may_watch:
+            self.watchable = session
+        elif self.watchable == session:
+            self.watchable = ""
+
+    def is_shut_out(self, lease: Lease | None) -> bool:
+        """Tell whether the drive that is under way is private, and not this page's to see."""
+        if self.operator is not None or self.holds(lease):
+            return False
+        session = self.private if lease is None else lease.session if lease.private else ""
+        return session not in {"", self.watchable}
+
     def drives(self, lease: Lease | None) -> bool:
         """Tell whether this page may move the robot: it holds the lease, and no hidden operator
         drives under it.
@@ -228,7 +247,7 @@ class Authorization:
         Asked again here, because since it asked the page may have lost the robot.
         """
         asked, self.awaits_picture = self.awaits_picture, False
-        return asked and (self.watches or self.holds(lease))
+        return asked and (self.watches or self.holds(lease)) and not self.is_shut_out(lease)
 
     # --- what the page says -----------------------------------------------------------------------
 
@@ -344,6 +363,8 @@ class Authorization:
             raise FrameRefused("sfu")
         if not (self.watches or self.holds(lease)):
             raise FrameRefused("not_driver" if self.standing == "driver" else "no_role")
+        if self.is_shut_out(lease):
+            raise FrameRefused("private")
         self.awaits_picture = True
         return Publish(
             "command/picture", msgspec.structs.replace(request, peer=self.peer), wanted=False
@@ -400,6 +421,8 @@ class Authorization:
         signal: protocol.WantOffer | SdpAnswer | SdpOffer | Candidate | Bye,
         lease: Lease | None,
     ) -> Publish | ToSfu:
+        if self.is_shut_out(lease) and not isinstance(signal, Bye):
+            raise FrameRefused("private")
         if self.by_sfu and not isinstance(signal, SdpOffer):
             return ToSfu(signal)
         if self.by_sfu or isinstance(signal, protocol.WantOffer | SdpAnswer):

@@ -100,6 +100,7 @@ class RobotConsumer(RobotPageConsumer):
         # until the end of this socket's own task
         log_ids.bind(lambda: {"robot": self.name, "session": self.authorization.session})
         self.ids = log_ids.captured()
+        self.page_session.note_private(context.private)
         self._say_hello(context)
         self.peers.members.add(self.page_session)
         self.page_session.audience.join(self.page_session)
@@ -255,6 +256,8 @@ class RobotConsumer(RobotPageConsumer):
         unsure = False
         if inbound.suffix == "lease":
             unsure = self.page_session.lost_lease(inbound.message)
+            if (work := self.page_session.privacy_changed()) is not None:
+                self._launch(work)
         elif inbound.suffix in {LINK, "connection"}:
             unsure = inbound.suffix == LINK and inbound.message
             self._tell_presence(inbound)
@@ -278,6 +281,8 @@ class RobotConsumer(RobotPageConsumer):
 
     def _relay(self, inbound: ReceivedMessage) -> None:
         assert self.page_session is not None
+        if self.authorization.is_shut_out(self.known.lease):
+            return
         if self.page_session.moves_to_sfu(inbound):
             return
         now, by_sfu = time.monotonic(), self.authorization.by_sfu

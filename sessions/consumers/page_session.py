@@ -4,6 +4,7 @@ Asks the database, tells everybody.
 
 import asyncio
 import time
+from collections.abc import Coroutine
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -36,7 +37,9 @@ from sessions.sfu import broadcasts
 from sessions.sfu.broadcast import ToSfu
 
 log = structlog.stdlib.get_logger(__name__)
+may_watch_private = database_sync_to_async(queries.may_watch_private)
 MAX_WAITING_VERBS = 5
+VERDICT_SECONDS = 1.0  # in which the database must say that a page may watch a private drive
 ROOM_SECONDS = 2.0  # between two looks at who is here, for a page that watches through the SFU
 
 
@@ -64,6 +67,8 @@ class PageSession:
     described: protocol.RoomState | None = None
     described_at: float = 0.0
     audience_seen: tuple[int, bool, bool] = (-1, False, False)
+    asked_about: str = ""  # the private session of which the database was asked
+    misses: bool = False  # it would watch if the drive under way were not private
     audience_told: protocol.AudienceState | None = None  # nothing before it watches or drives
 
     # --- verbs ------------------------------------------------------------------------------------
@@ -184,6 +189,10 @@ class PageSession:
     def _observe(self) -> None:
         if not self.may_observe:
             self.sender.post("session/refused", protocol.Refused(reason="not_allowed"))
+            return
+        self.misses = self.authorization.is_shut_out(self.known.lease)
+        if self.misses:
+            self.sender.post("session/refused", protocol.Refused(reason="private"))
             return
         by_sfu = self.authorization.by_sfu
         if not self.authorization.watches:
@@ -332,6 +341,50 @@ class PageSession:
         elif not driving and standing.seconds is not None:
             self.sender.notify(protocol.Offered(session=session, seconds=standing.seconds))
 
+    def note_private(self, drive: queries.PrivateDrive | None) -> None:
+        """Note what the database says of a private drive at the robot."""
+        if drive is None:
+            self.authorization.note_private("", may_watch=False)
+        else:
+            self.authorization.note_private(drive.session, may_watch=drive.may_watch)
+
+    def privacy_changed(self) -> Coroutine[Any, Any, None] | None:
+        """Act on a lease: return what is to be done now that the drive under way is private, or is
+        so no longer.
+        """
+        lease = self.known.lease
+        self.authorization.private = ""  # what the lease says counts from now on
+        if not self.authorization.is_shut_out(lease):
+            # whoever waited without a picture gets one again
+            again = self.misses and self.authorization.standing == "waiting"
+            self.misses = False
+            return self.do(protocol.Observe()) if again else None
+        assert lease is not None
+        if lease.session == self.asked_about:
+            return None
+        self.asked_about = lease.session
+        return self._look_at_private(lease.session)
+
+    async def _look_at_private(self, session: str) -> None:
+        """End what the page sees of a private drive, unless the database says in time that it may
+        watch it. Meanwhile nothing of the robot's is passed on.
+        """
+        try:
+            async with asyncio.timeout(VERDICT_SECONDS):
+                if await may_watch_private(self.user, session):
+                    self.authorization.watchable = session
+        except (DatabaseError, InterfaceError, TimeoutError) as error:
+            log.warning("private_drive_not_checked", robot=self.robot.name, reason=str(error))
+        self._shut_out()
+
+    def _shut_out(self) -> None:
+        """Show a page that watches no more of a drive that is none of its business."""
+        if self.authorization.watches and self.authorization.is_shut_out(self.known.lease):
+            self.misses = True
+            self.stop_watching()
+            self.sender.post("session/refused", protocol.Refused(reason="private"))
+        self.peers.changed()
+
     # --- what time brings -------------------------------------------------------------------------
 
     async def read_peers(self) -> None:
@@ -358,6 +411,11 @@ class PageSession:
         answer = welcome.answer
         if answer == "welcome":
             self.may_observe, self.authorization.operator = welcome.may_observe, welcome.operator
+            told_before = not self.authorization.private
+            self.note_private(welcome.private)
+            if told_before:
+                self.authorization.private = ""  # a lease was heard of, which is newer
+            self._shut_out()
             if self.authorization.watches and not self.may_observe:
                 self.stop_watching()
                 self.sender.post("session/refused", protocol.Refused(reason="not_allowed"))
@@ -397,6 +455,8 @@ class PageSession:
             return  # of a thousand who come one after the other, a thousand hear now and then
         self.described_at = now
         described = self.peers.describe(self.known, now)
+        if self.authorization.is_shut_out(self.known.lease):
+            described = msgspec.structs.replace(described, driver="", private=True)
         if described != self.described:
             self.described = described
             self.sender.post("room", described)

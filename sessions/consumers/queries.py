@@ -27,6 +27,14 @@ Answer = Literal["welcome", "signed_out", "not_allowed"]
 
 
 @dataclass(frozen=True)
+class PrivateDrive:
+    """A private session that has the robot now, and whether a user may watch it."""
+
+    session: str
+    may_watch: bool
+
+
+@dataclass(frozen=True)
 class ConnectionContext:
     """What a page is told, and may do, when it connects."""
 
@@ -39,6 +47,7 @@ class ConnectionContext:
     online: bool
     waiting: int
     pause: str
+    private: PrivateDrive | None
 
     @property
     def may_enter(self) -> bool:
@@ -53,6 +62,7 @@ class Welcome:
     answer: Answer
     may_observe: bool = False
     operator: Operator | None = None
+    private: PrivateDrive | None = None
 
 
 @dataclass(frozen=True)
@@ -88,7 +98,23 @@ def enter(user: User, name: str, now: datetime.datetime) -> ConnectionContext | 
         online=robot.is_online(now),
         waiting=waiting_at(robot, now),
         pause=turns.pause_of(robot),
+        private=private_drive(user, robot),
     )
+
+
+def private_drive(user: User, robot: Robot) -> PrivateDrive | None:
+    """Return the private session that has a robot now; None when there is none."""
+    holder = Session.objects.filter(leases__robot=robot).first()
+    if holder is None or not terms.of(holder).private:
+        return None
+    session = str(holder.pk)
+    return PrivateDrive(session, may_watch_private(user, session))
+
+
+def may_watch_private(user: User, session: str) -> bool:
+    """Tell whether a user may watch a private session: their own, or as its terms have it."""
+    own = Session.objects.filter(pk=session, visitor=user).exists()
+    return own or terms.may_watch(user, session)
 
 
 def _operator(user: User, robot: Robot) -> Operator | None:
@@ -106,7 +132,7 @@ def welcome(session_key: str | None, user: User, robot: Robot) -> Welcome:
     robot.refresh_from_db()
     observes = bool(may_observe(user, robot))
     return (
-        Welcome("welcome", observes, _operator(user, robot))
+        Welcome("welcome", observes, _operator(user, robot), private_drive(user, robot))
         if observes or may_drive(user, robot)
         else Welcome("not_allowed")
     )

@@ -521,6 +521,7 @@ def lease_message(
         methods=fixed.controllers,
         ways=None if fixed.control_way == "any" else (fixed.control_way,),
         actions=fixed.actions,
+        private=fixed.private,
     )
     return lease if fixed.driver == "visitor" else _for_wizard(lease, hold)
 

@@ -29,8 +29,9 @@ class Terms(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     `driver` is who drives: the visitor, or a hidden operator (sessions/wizard/). `actions` are
     types of Robot API actions, `controllers` input methods, of the visitor. One who drives and then
     leaves has completed the session only where `leaving_completes`. A turn ends after
-    `turn_seconds` if somebody waits, and with `turn_always` even if nobody does. `study` is what
-    the app above wants to find again; it means nothing here.
+    `turn_seconds` if somebody waits, and with `turn_always` even if nobody does. A `private` one is
+    shown to its visitor, to who operates the robot, and to whom a provider says (`may_watch`).
+    `study` is what the app above wants to find again; it means nothing here.
     """
 
     label: str = ""
@@ -50,6 +51,7 @@ class Terms(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     control_network: NetworkLab | None = None
     video_network: NetworkLab | None = None
     leaving_completes: bool = True
+    private: bool = False
     study: dict[str, Any] = {}
 
 
@@ -97,6 +99,11 @@ class Provider(Protocol):
         the provider's.
         """
 
+    def may_watch(self, user: "User", session: str) -> bool:
+        """Tell whether somebody who neither drives nor operates the robot may watch a private
+        session of the provider's.
+        """
+
     def shown(self, session: str) -> dict[str, Any]:
         """Return the `data` of the newest `task` news of a session, for a page that comes back;
         empty when there is none.
@@ -136,6 +143,11 @@ def not_ready(user: "User", robot: "Robot", now: datetime.datetime) -> str:
 def claims(user: "User", robot: "Robot") -> bool:
     """Tell whether a session that begins now would go on anybody's terms."""
     return any(provider.claims(user, robot) for provider in _providers)
+
+
+def may_watch(user: "User", session: str) -> bool:
+    """Tell whether anybody lets this user watch a private session of another."""
+    return any(provider.may_watch(user, session) for provider in _providers)
 
 
 def of_granted(session: "Session", now: datetime.datetime) -> Terms:

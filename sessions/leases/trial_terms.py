@@ -34,6 +34,10 @@ class TrialTerms:
         """Tell whether it is such a visitor who asks."""
         return user.kind == User.Kind.VISITOR
 
+    def may_watch(self, user: User, session: str) -> bool:
+        """Nobody: no such visit is private."""
+        return False
+
     def shown(self, session: str) -> dict[str, Any]:
         """Nothing."""
         return {}

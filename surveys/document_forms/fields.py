@@ -2,6 +2,7 @@
 and refused (`validate`) by its field; which field it gets is said once, in `field_of`.
 """
 
+import math
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import partial
@@ -88,6 +89,11 @@ class ValueField(forms.Field):
         """Return the value that a text stands for, or the text itself when it is none."""
         return text
 
+    def as_sent(self, value: Any) -> list[Any]:
+        """Return what a browser sends for a value that nobody touched."""
+        shown = self.prepare_value(value)
+        return list(shown) if self.style == "choices" else [shown]
+
     def validate(self, value: Any) -> None:
         """Refuse what the class refuses."""
         is_said = value is msgspec.UNSET or self.member.says(value) or value in self.allowed
@@ -108,12 +114,18 @@ def decimal_mark() -> str:
     return str(get_format("DECIMAL_SEPARATOR"))
 
 
+def number_text(value: float) -> str:
+    """Return a number without needless decimals, that is read as the very same number."""
+    text = f"{value:.10g}"
+    return text if float(text) == value else repr(value)
+
+
 class NumberField(ValueField):
     """A number, with a point or the language's own decimal mark."""
 
     def prepare_value(self, value: Any) -> Any:
         """Return a number without needless decimals."""
-        return f"{value:.10g}" if isinstance(value, float) else str(super().prepare_value(value))
+        return number_text(value) if isinstance(value, float) else str(super().prepare_value(value))
 
     def parse(self, text: str) -> Any:
         """Return the number, or one of the words that may stand for it."""
@@ -131,7 +143,65 @@ class NumberField(ValueField):
             return gettext("This is not a number.") if value else gettext("Write a number.")
         told = super().refusal(value)
         beyond = BEYOND.search(told)
-        return LIMITS[beyond[1]] % {"n": f"{float(beyond[2]):g}"} if beyond else told
+        return LIMITS[beyond[1]] % {"n": self.limit(float(beyond[2]))} if beyond else told
+
+    def limit(self, value: float) -> str:
+        """Return how a limit of the class is written."""
+        return f"{value:g}"
+
+
+class DegreesInput(forms.TextInput):
+    """A number in degrees, and hidden before it the `exact` one in radians that it stands for."""
+
+    exact = ""
+
+    def value_from_datadict(self, data: Any, _files: Any, name: str) -> Any:
+        """Return both, as they were sent."""
+        return data.getlist(name)
+
+    def render(self, name: str, value: Any, attrs: Any = None, renderer: Any = None) -> Any:
+        """Return both inputs."""
+        shown = super().render(name, value, attrs, renderer)
+        return forms.HiddenInput().render(name, self.exact) + shown
+
+
+class DegreesField(NumberField):
+    """An angle, or a speed of turning, that is in radians in the document and in degrees on the
+    page. What nobody touches stays the very same number, although its degrees are rounded.
+    """
+
+    def __init__(self, member: AskedField, value: Any) -> None:
+        widget = DegreesInput({"autocomplete": "off", "inputmode": "decimal"})
+        widget.exact = repr(value) if isinstance(value, int | float) else ""
+        super().__init__(member, "number", widget)
+
+    def prepare_value(self, value: Any) -> Any:
+        """Return the degrees of a number; what was typed stays as it is."""
+        if isinstance(value, int | float):
+            return f"{round(math.degrees(value), 2):.10g}"
+        return text_of(value)
+
+    def as_sent(self, value: Any) -> list[Any]:
+        """Return both inputs."""
+        is_number = isinstance(value, int | float)
+        return [repr(value) if is_number else "", self.prepare_value(value)]
+
+    def to_python(self, value: Any) -> Any:
+        """Return the exact number while what is shown of it was not changed."""
+        exact, *shown = value if isinstance(value, list) and value else [""]
+        known = read_number(exact, whole=False)
+        if isinstance(known, float) and shown and text_of(shown) == self.prepare_value(known):
+            return known
+        return super().to_python(value)
+
+    def parse(self, text: str) -> Any:
+        """Return the radians of a number."""
+        number = super().parse(text)
+        return math.radians(number) if isinstance(number, int | float) else number
+
+    def limit(self, value: float) -> str:
+        """Return a limit in degrees."""
+        return f"{math.degrees(value):.4g}"
 
 
 class CheckField(ValueField):
@@ -171,7 +241,9 @@ class PointsField(ValueField):
     def prepare_value(self, value: Any) -> str:
         """Return a line a point."""
         return (
-            value if isinstance(value, str) else "\n".join(f"{x:g} {y:g}" for x, y in value or ())
+            value
+            if isinstance(value, str)
+            else "\n".join(" ".join(map(number_text, point)) for point in value or ())
         )
 
     def to_python(self, value: Any) -> Any:
@@ -200,6 +272,8 @@ def field_of(member: AskedField, value: Any = None, offered: Offered = NOTHING) 
         return NamesField(member, "choices", forms.CheckboxSelectMultiple(choices=listed))
     if isinstance(shape, inspect.BoolType):
         return CheckField(member, "check", forms.CheckboxInput())
+    if member.guide.is_angle(member.called):
+        return DegreesField(member, value)
     if isinstance(shape, inspect.IntType | inspect.FloatType):
         return NumberField(member, "number", _line(inputmode="decimal"))
     if choices:

@@ -17,8 +17,8 @@ class FormGuide:
     `labels` and `hints` are of fields, `items` of one part of a list, `choices` by the field and
     then the value. `kinds` are what can be added to a list as one of several. No form asks for what
     is `hidden`; a part does not have what it has another field `instead` of. `details` are folded
-    away, `last` are asked after all others, `long` is written on several lines, and in `spaced`
-    lists only commas are between names.
+    away, `last` are asked after all others, `long` is written on several lines, in `spaced` lists
+    only commas are between names, and `angles` are shown in degrees.
     """
 
     labels: Words
@@ -32,6 +32,7 @@ class FormGuide:
     last: frozenset[str] = frozenset()
     long: frozenset[str] = frozenset()
     spaced: frozenset[str] = frozenset()
+    angles: frozenset[str] = frozenset()
 
     def label(self, called: str) -> Any:
         """Return what a field is called."""
@@ -60,6 +61,10 @@ class FormGuide:
     def is_long(self, called: str) -> bool:
         """Tell whether a text is written on several lines."""
         return bool(_of(dict.fromkeys(self.long, True), called, otherwise=False))
+
+    def is_angle(self, called: str) -> bool:
+        """Tell whether a number in radians, or rad/s, is shown in degrees."""
+        return bool(_of(dict.fromkeys(self.angles, True), called, otherwise=False))
 
     def is_hidden(self, cls: type[Any], key: str) -> bool:
         """Tell whether no form asks for a field of a class."""

@@ -133,8 +133,7 @@ class PartForm(FormLayout, forms.Form):
         if is_sent:
             self.is_bound, self.data = True, MultiValueDict()
             for name, one in self.fields.items():
-                shown = one.prepare_value(self.initial[name])
-                self.data.setlist(name, list(shown) if one.style == "choices" else [shown])
+                self.data.setlist(name, one.as_sent(self.initial[name]))
 
     @property
     def told(self) -> dict[str, str]:

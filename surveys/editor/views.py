@@ -51,6 +51,8 @@ from surveys.questionnaires import begin_empty, problems_of, save_draft
 from surveys.questions import TYPES
 
 VIEW, ADD, EDIT = (f"surveys.{verb}_questionnaire" for verb in ("view", "add", "change"))
+# In the browser's session: the page of another app that leads to the editor, and its title.
+OPENED_FROM = "questionnaire_opened_from"
 TITLES = {
     "about": gettext_lazy("About the questionnaire"),
     "pages": gettext_lazy("Page"),
@@ -77,6 +79,13 @@ class WriteForm(forms.Form):
             "Lower-case letters, digits and “-”. Used in the data. Leave blank to use the title."
         ),
     )
+
+
+def leads_here(request: HttpRequest, title: str, url: str) -> None:
+    """Have the editor lead back to the page of a study that leads to it."""
+    told = {"title": title, "url": url}
+    if request.session.get(OPENED_FROM) != told:
+        request.session[OPENED_FROM] = told
 
 
 def urls(guard: Callable[..., Any]) -> list[URLPattern]:
@@ -358,6 +367,7 @@ def _page(
         "questionnaire": row,
         "may_change": row is not None and row.frozen_at is None and user.has_perm(EDIT),
         "may_add": user.has_perm(ADD),
+        "opened_from": request.session.get(OPENED_FROM),
     }
     page = f"admin/surveys/questionnaire/{name}.html"
     return render(request, page, {**context, **more}, status=status)

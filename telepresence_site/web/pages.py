@@ -26,8 +26,7 @@ from robots.access import know_permits, may_drive, robots_visible_to
 from robots.api.idle import HEARD_SECONDS
 from robots.cards import STATES, RobotCard, Traffic, card
 from robots.models import Robot
-from sessions.leases.policy import ActiveSession, Hold, Scene, minutes_until_turn, place_in_queue
-from sessions.leases.store import rules_of, session_of
+from sessions.leases.traffic import living_sessions, traffic_at
 from sessions.models import Session
 from sessions.practice import trial_length
 
@@ -35,7 +34,6 @@ from sessions.practice import trial_length
 PER_PAGE = 24
 MAX_PAGE, MAX_SEARCH, MAX_WORDS = 100_000, 100, 5
 LISTS = Attempts("robots-json", limit=1200)
-AT_THE_WHEEL = (Session.State.CONNECTING, Session.State.DRIVING, Session.State.RECONNECTING)
 
 
 @dataclass(frozen=True)
@@ -222,7 +220,7 @@ def cards_for(user: Any, robots: list[Robot], now: datetime.datetime) -> list[Ro
     """Return a card for each of these robots, for `user`, signed in or not. Those that can be
     driven, now or in turn, come first, and of them those that anybody can drive.
     """
-    sessions = _living_sessions(robots)
+    sessions = living_sessions(robots)
     know_permits(user, robots)
     cards = [
         _for_visitor(
@@ -243,26 +241,6 @@ def _card(robot: Robot, traffic: Traffic, user: Any, now: datetime.datetime) -> 
         url=reverse("drive", args=[robot.name]),
         now=now,
     )
-
-
-def _living_sessions(robots: list[Robot]) -> dict[Any, list[ActiveSession]]:
-    found: dict[Any, list[ActiveSession]] = {}
-    for session in Session.objects.filter(robot__in=robots).exclude(state=Session.State.ENDED):
-        found.setdefault(session.robot_id, []).append(session_of(session))
-    return found
-
-
-def traffic_at(robot: Robot, sessions: list[ActiveSession], now: datetime.datetime) -> Traffic:
-    """Return who is at a robot, given its living sessions, and how long somebody who came now would
-    wait.
-    """
-    holder = next((session.id for session in sessions if session.state in AT_THE_WHEEL), None)
-    scene = Scene(Hold(0, holder), tuple(sessions))
-    place = place_in_queue(scene, None, now.timestamp())
-    minutes = (
-        minutes_until_turn(scene, place, rules_of(robot), now.timestamp()) if sessions else None
-    )
-    return Traffic(driven=holder is not None, waiting=place - 1, minutes=minutes)
 
 
 def _barred(user: Any, robot: Any) -> str:

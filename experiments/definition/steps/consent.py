@@ -27,7 +27,8 @@ Risks: [[risks]]
 
 While you drive, we record where the robot is and how you drive it, the photos that you take with \
 it, which kind of device and connection you use, and your answers. People near the robot can see \
-and hear you through it if you switch on your camera and microphone.
+and hear you through it if you switch on your camera and microphone. Over the Internet, only the \
+people who run the robot and this study can watch your drive.
 
 We keep your data for [[retention]]. You can download it or have it deleted at any time on the \
 page “Your data”.
@@ -45,7 +46,8 @@ Riesgos: [[riesgos]]
 
 Mientras conduces registramos dónde está el robot y cómo lo conduces, las fotos que hagas con él, \
 qué tipo de dispositivo y de conexión usas, y tus respuestas. Quienes estén cerca del robot pueden \
-verte y oírte a través de él si activas tu cámara y tu micrófono.
+verte y oírte a través de él si activas tu cámara y tu micrófono. A través de Internet, solo \
+quienes se encargan del robot y de este estudio pueden ver tu recorrido.
 
 Conservamos tus datos durante [[conservación]]. Puedes descargarlos o borrarlos en cualquier \
 momento en la página «Tus datos».

@@ -18,7 +18,7 @@ const newSlice = () => ({
   visit: newVisit(),
   /**
    * who else is here; `driver` is null when nobody drives, `pause` why the robot is not ready then:
-   * view/hud/pause.js
+   * view/hud/pause.js; a `private` drive is not shown to this page
    */
   room: {
     driver: /** @type {string | null} */ (null),
@@ -26,6 +26,7 @@ const newSlice = () => ({
     observers: 0,
     waiting: 0,
     pause: "",
+    private: false,
   },
   /** the robot's last state, null before the first; robots.api.messages.State */
   robot: /** @type {any} */ (null),
@@ -269,7 +270,10 @@ const newHandlers = ({ store, emit, words }) => ({
     emit("factsheet", factsheet);
   },
   room: (/** @type {any} */ room) =>
-    store.update({ room: { ...room, driver: words.nameOf(room.driver) } }),
+    store.update({
+      room: { ...room, driver: words.nameOf(room.driver) },
+      ...(room.private && { robot: null }), // what was heard before would be out of date
+    }),
   "session/operator_message": (/** @type {{text: string}} */ { text }) =>
     store.update({ notice: text }),
 });

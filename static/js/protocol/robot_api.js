@@ -391,6 +391,7 @@ const TO_PAGE = {
         "not_trained",
         "elsewhere",
         "observers_full",
+        "private",
         "not_allowed",
         "ended",
         "paused",
@@ -415,6 +416,7 @@ const TO_PAGE = {
       observers: optional(count, 0),
       waiting: optional(count, 0),
       pause: optional(reason, ""),
+      private: optional(flag, false),
     }),
   ],
   audience: [

@@ -128,6 +128,9 @@ export const reduce = (visit, happening) => {
   return { visit: { ...visit, ...changes }, effects };
 };
 
+/** @param {Pick<Visit, "phase">} visit */
+const waits = ({ phase }) => phase === "queued" || phase === "turn";
+
 /** @param {Visit} visit @returns {Effect} */
 const take = (visit) => {
   const message = /** @type {Record<string, unknown>} */ ({});
@@ -270,7 +273,6 @@ const HANDLERS = {
     ];
   },
   "session/queued": (visit, { message }) => {
-    const waits = visit.phase === "queued" || visit.phase === "turn";
     const changes = {
       phase: "queued",
       session: message.session,
@@ -288,8 +290,8 @@ const HANDLERS = {
       ...(visit.mayObserve ? [send("session/observe")] : []),
     ];
     return [
-      /** @type {Partial<Visit>} */ (waits ? changes : { ...changes, link: "none" }),
-      waits ? [] : first,
+      /** @type {Partial<Visit>} */ (waits(visit) ? changes : { ...changes, link: "none" }),
+      waits(visit) ? [] : first,
     ];
   },
   "session/offered": (visit, { message, now }) => {
@@ -303,7 +305,6 @@ const HANDLERS = {
     if (visit.phase === "driving" || visit.phase === "ended") {
       return [{}];
     }
-    const waits = visit.phase === "queued" || visit.phase === "turn";
     const { iceServers, sfu } = message;
     const changes = {
       iceServers,
@@ -313,7 +314,7 @@ const HANDLERS = {
       reason: "",
     };
     return [
-      waits ? changes : { ...changes, phase: "watching", wanted: "watch" },
+      waits(visit) ? changes : { ...changes, phase: "watching", wanted: "watch" },
       [openLink(sfu ? "sfu" : "observer", iceServers, 0)],
     ];
   },
@@ -331,14 +332,11 @@ const HANDLERS = {
         LET_GO,
       ];
     }
-    if (
-      (visit.phase === "queued" || visit.phase === "turn") &&
-      ["observers_full", "not_allowed"].includes(message.reason)
-    ) {
-      return [{}]; // waiting goes on without a picture
+    if (waits(visit) && ["observers_full", "not_allowed", "private"].includes(message.reason)) {
+      return [{ link: "none" }, [{ type: "close_link" }]]; // waiting goes on without a picture
     }
     if (message.reason !== "ended") {
-      return over("refused", message.reason);
+      return over(message.reason === "private" ? "lobby" : "refused", message.reason);
     }
     if (visit.fresh) {
       return ask({ ...visit, ...OVER, fresh: false }, { fresh: false });
@@ -472,9 +470,7 @@ export const roleOf = ({ phase, link }) => {
   if (phase === "driving") {
     return "driver";
   }
-  return phase === "watching" || ((phase === "queued" || phase === "turn") && link !== "none")
-    ? "observer"
-    : "";
+  return phase === "watching" || (waits({ phase }) && link !== "none") ? "observer" : "";
 };
 
 /**

@@ -286,6 +286,24 @@ describe("queue and turn", () => {
     assert.equal(visit.phase, "queued");
   });
 
+  test("a private drive is not shown to who waits, and ends the page of who watches", () => {
+    const refused = message("session/refused", { reason: "private", session: null });
+    const observing = message("session/observing", { iceServers: [] });
+    const waits = play(
+      ...OPEN,
+      { type: "drive" },
+      message("session/queued", QUEUED),
+      observing,
+      refused,
+    );
+    assert.deepEqual([waits.visit.phase, waits.visit.link], ["queued", "none"]);
+    assert.deepEqual(waits.effects, [{ type: "close_link" }]);
+    const again = after(waits.visit, observing);
+    assert.deepEqual([again.visit.phase, again.visit.link], ["queued", "connecting"]);
+    const { visit } = play(...OPEN, { type: "watch" }, observing, refused);
+    assert.deepEqual([visit.phase, visit.link], ["lobby", "none"], "which says why");
+  });
+
   test("news of the queue change the place and nothing else", () => {
     const { visit, effects } = play(
       ...OPEN,

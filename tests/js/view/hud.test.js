@@ -80,6 +80,7 @@ const ENDED = [
 const CLOSED = ["signed_out", "not_allowed", "no_such_robot", "unsupported", "in_app"];
 
 const ROOM = { driving: true, observers: 0, waiting: 1, pause: "" };
+const PRIVATE = { ...ROOM, driver: "", private: true };
 /** Why nobody gets a robot between two visits, and how it is called then. */
 const BETWEEN = /** @type {[string, string, string][]} */ ([
   ["returning: dock", "status.returning", "returning"],
@@ -106,6 +107,9 @@ const everyState = () => [
   state({ phase: "elsewhere", liveSince: 1e9 }, { elsewhere: "device" }),
   state({ phase: "elsewhere" }, { takingOver: true }),
   state({ phase: "lobby", mayDrive: false }),
+  state({ phase: "lobby" }, { room: PRIVATE }),
+  state({ phase: "lobby", mayDrive: false }, { room: PRIVATE }),
+  state({ phase: "queued", place: 2 }, { room: PRIVATE }),
   state({ phase: "lobby", mayDrive: false, mayObserve: false }),
   state(
     { phase: "lobby" },
@@ -351,6 +355,22 @@ describe("cards", () => {
       main: { action: "here", word: "do.here" },
       quiet: true,
     });
+  });
+
+  test("of a private drive nobody is shown anything, nor offered to watch", () => {
+    const waits = cardFor(
+      state({ phase: "queued", place: 2, mayObserve: true }, { room: PRIVATE }),
+    );
+    assert.deepEqual(waits?.detail, { word: "private" });
+    const comes = cardFor(state({ phase: "lobby", mayObserve: true }, { room: PRIVATE }));
+    assert.deepEqual(
+      [comes?.word, comes?.detail, comes?.main?.action, comes?.other],
+      ["lobby.busy_unnamed", { word: "private" }, "drive", undefined],
+    );
+    const looks = cardFor(
+      state({ phase: "lobby", mayDrive: false, mayObserve: true }, { room: PRIVATE }),
+    );
+    assert.deepEqual([looks?.word, looks?.main?.action], ["refused.private", "home"]);
   });
 
   test("whoever waits reads who drives, where that is what they wait for", () => {

@@ -9,7 +9,8 @@ from sessions.leases import terms
 
 class FixedTerms:
     """`terms` are given to every visit, `reason` is against every visit, `lacks` has them wait,
-    `refusal` ends it when it is granted; `asked` counts grants.
+    `refusal` ends it when it is granted; `asked` counts grants. Users who are called as one of the
+    `watchers` may watch a private visit.
     """
 
     def __init__(self) -> None:
@@ -17,6 +18,7 @@ class FixedTerms:
         self.reason = self.refusal = self.lacks = ""
         self.task: dict[str, Any] = {}
         self.asked = 0
+        self.watchers: frozenset[str] = frozenset()
 
     def why_not(self, _user, _robot, _now) -> str:
         return self.reason
@@ -32,6 +34,9 @@ class FixedTerms:
 
     def claims(self, _user, _robot) -> bool:
         return self.terms is not None
+
+    def may_watch(self, user, _session) -> bool:
+        return user.username in self.watchers
 
     def shown(self, _session) -> dict[str, Any]:
         return self.task

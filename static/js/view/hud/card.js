@@ -29,6 +29,7 @@ import { standstillOf } from "./standstill.js";
 
 const HOME = { action: "home", word: "do.home" };
 const AGAIN = { action: "drive", word: "do.again" };
+const PRIVATE = { word: "private" };
 const BACK = { action: "back", word: "do.back" };
 const TAKE_OVER = { action: "ask_to_take_over", word: "do.take_over" };
 const GO_SLOW = { action: "go_slow", word: "do.go_slow" };
@@ -108,7 +109,7 @@ const CARDS = {
     visit.socket === "open" ? { word: "taking", busy: true } : { word: "connecting", busy: true },
   queued: ({ visit, room, freeRobots, ...state }) => ({
     instead: freeRobots,
-    ...queued(visit, room.driver, Boolean(state.robot?.docked)),
+    ...queued(visit, room, Boolean(state.robot?.docked)),
     values: { place: visit.place, minutes: Math.max(1, Math.ceil(visit.minutes)) },
     ...meanwhile(state),
     other: { action: "leave_now", word: "do.leave_queue" },
@@ -188,11 +189,11 @@ const UNFIT = new Set(["no_picture", "network", "fault", "not_connected"]);
 /**
  * Who keeps the queue waiting, or how the robot does when nobody drives it.
  * @param {import("../../protocol/session.js").Visit} visit
- * @param {string | null} driver
+ * @param {import("../../drive/features.js").State["room"]} room
  * @param {boolean} docked
  * @returns {Card}
  */
-const queued = ({ place, pause }, driver, docked) => {
+const queued = ({ place, pause }, room, docked) => {
   const { why, reason } = pauseOf(pause);
   if (why === "start") {
     return { word: LACKS.has(reason) ? `queued.start_${reason}` : "queued.start_silent" };
@@ -200,7 +201,11 @@ const queued = ({ place, pause }, driver, docked) => {
   if (!PAUSES.has(why)) {
     return {
       word: place <= 1 ? "queued.next" : "queued",
-      detail: driver ? { word: "queued.driver", values: { driver } } : null,
+      detail: room.private
+        ? PRIVATE
+        : room.driver
+          ? { word: "queued.driver", values: { driver: room.driver } }
+          : null,
     };
   }
   if (reason === "offline" || reason === "estop") {
@@ -272,17 +277,19 @@ const lobby = ({ visit, room, robot, ...state }) => {
       other: HOME,
     };
   }
+  const mayWatch = visit.mayObserve && !room.private;
   if (!visit.mayDrive) {
-    return visit.mayObserve
+    return mayWatch
       ? { word: "lobby.watch_only", main: watch, other: HOME }
-      : { word: "refused.not_invited", main: HOME };
+      : { word: `refused.${room.private ? "private" : "not_invited"}`, main: HOME };
   }
-  const other = visit.mayObserve ? watch : undefined;
+  const other = mayWatch ? watch : undefined;
   if (room.driving || room.driver !== null) {
     const word = room.driver ? "lobby.busy" : "lobby.busy_unnamed";
     return {
       word,
       values: { driver: room.driver ?? "", place: room.waiting + 1 },
+      detail: room.private ? PRIVATE : null,
       main: { action: "drive", word: "do.queue" },
       other,
     };

@@ -1,5 +1,7 @@
 """The study builder: a study made page by page, without JSON and without JavaScript."""
 
+import math
+
 import msgspec
 import pytest
 from django.urls import reverse
@@ -10,6 +12,7 @@ from experiments.definition.shipped import shipped
 from experiments.models import ParticipantKind, Study
 from surveys import questionnaires
 from surveys.document_forms.problem_text import sentences
+from surveys.models import Questionnaire
 from tests.integration.experiments.test_publishing import NOW
 from tests.support.browsers.html_page import read
 from tests.support.people import person
@@ -245,13 +248,13 @@ def test_a_script_is_written_without_json(client, study):
     assert send(client, page, "add:steps:fly").status_code == 302
     names = {f"steps__{n}__title__en": f"Step {n}" for n in range(7)}
     said = {"steps__0__line__en": "Hello, I am here.", "steps__0__shortcut": "1"}
-    send(client, page, title__en="Welcome", steps__4__move__angle="0.3", **names, **said)
+    send(client, page, title__en="Welcome", steps__4__move__angle="17", **names, **said)
     (stage,) = stored().wizard.stages
     assert len({step.key for step in stage.steps}) == 7
     assert (stage.steps[0].line, stage.steps[0].move) == ({"en": "Hello, I am here."}, None)
     moves = [step.move.__struct_config__.tag for step in stage.steps[1:]]
     assert moves == ["place", "dock", "undock", "tilt", "turn", "drive"]
-    assert stage.steps[4].move.angle == 0.3
+    assert stage.steps[4].move.angle == math.radians(17)
     send(client, page, "remove:steps:1")  # the cabin has no place to go to
     assert wrong()[0].startswith("The debriefing must tell")
     # the settings of the script have a page of their own, and saving it leaves the stages alone
@@ -577,3 +580,83 @@ def test_a_draft_in_which_somebody_took_part_says_that_it_is_read_as_it_is_now(c
     assert said in read(client.get(section(study, "steps"))).text
     send(client, section(study, "steps", 0), title__en="Drive round")
     assert study.participants.filter(kind=ParticipantKind.PILOT).exists(), "what pilots did is kept"
+
+
+def test_who_writes_a_questionnaire_for_a_step_finds_the_way_back_to_it(client, study):
+    steps = study.as_definition().steps
+    n = next(n for n, step in enumerate(steps) if getattr(step, "questionnaire", ""))
+    step = section(study, "steps", n)
+    write = reverse("admin:surveys_questionnaire_write")
+    assert write in [a.attributes["href"] for a in read(client.get(step)).all("a")]
+
+    def ways_back(answer):
+        links = [a for a in read(answer).all("a") if a.text == f"Back to the study “{study.title}”"]
+        return [a.attributes["href"] for a in links]
+
+    assert ways_back(client.get(write)) == [step]
+    begun = client.post(write, {"title": "Doors", "languages": ["en"]})
+    assert ways_back(client.get(begun.url)) == [step]
+    row = Questionnaire.objects.get(slug="doors")
+    about = reverse("admin:surveys_questionnaire_section", args=[row.pk, "about"])
+    saved = send(client, about, title__en="All doors")
+    assert ways_back(client.get(saved.url)) == [step]
+    client.get(reverse("admin:surveys_questionnaire_changelist"))
+    assert ways_back(client.get(about)) == [], "the list led there"
+
+
+def test_what_is_to_do_before_publishing_comes_first_on_the_page_of_a_study(client, boss):
+    row = publishing.begin_empty("mine", "My study", ["en"], NOW)
+    text = read(client.get(reverse("admin:experiments_study_change", args=[row.pk]))).text
+    assert text.index("To do before publishing") < text.index("Link (draft")
+
+
+def test_the_consent_of_a_study_that_lets_others_watch_is_advised_to_say_so(client, boss):
+    study = publishing.begin_empty("mine", "My study", ["en"], NOW)
+    consent, advised = section(study, "steps", 0), "The consent should say that others can see"
+    assert advised not in read(client.get(consent)).text
+    send(client, section(study, "about"), observers_allowed="on")
+    assert stored().observers_allowed
+    page = read(client.get(consent))
+    assert advised in page.text
+    assert section(study, "about") in [a.attributes["href"] for a in page.all("a")]
+
+
+EXACT = (0.1 + 0.2, 0.9000000000000001, 0.7853981633974483, 1 / 3, 0.5)
+
+
+@pytest.mark.parametrize("angular", EXACT)
+def test_speeds_of_turning_are_shown_in_degrees_and_stay_the_same_number(client, boss, angular):
+    cabin_with_giraff()
+    speed = {"linear": angular / 2, "angular": angular}
+    path = [[0.1 + 0.2, 12.3456789], [1.0, 2.0]]
+    first, *others = STUDY["conditions"]
+    courses = [{**STUDY["courses"][0], "path": path}, *STUDY["courses"][1:]]
+    document = small_study(
+        conditions=[{**first, "speed": speed}, *others], start={"heading": 3.2}, courses=courses
+    )
+    study = publishing.store(document, NOW)
+    page = client.get(section(study, "conditions", 0))
+    shown = form_of(page)["speed.angular"]
+    assert float(shown) == round(math.degrees(angular), 2)
+    assert "Turning speed (°/s)" in read(page).text
+    for name, n in (("conditions", 0), ("rules", None), ("courses", 0)):
+        answer = send(client, section(study, name, n))
+        assert answer.status_code == 302, [one.text for one in read(answer).all("li")]
+    assert stored() == document, "bit for bit"
+    assert send(client, section(study, "conditions", 0), speed__angular="45").status_code == 302
+    assert stored().conditions[0].speed.angular == math.radians(45)
+
+
+def test_what_is_no_angle_is_shown_as_it_was_typed_and_limits_are_in_degrees(client, study):
+    rules = section(study, "rules")
+    page = read(send(client, rules, start__heading="fast"))
+    assert "This is not a number." in page.text
+    (typed,) = [
+        one.attributes["value"]
+        for one in page.all("input")
+        if one.attributes.get("name") == "start.heading" and one.attributes.get("type") != "hidden"
+    ]
+    assert typed == "fast"
+    assert (
+        "Write a number of at most 183.3." in read(send(client, rules, start__heading="200")).text
+    )

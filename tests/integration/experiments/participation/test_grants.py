@@ -8,7 +8,8 @@ import pytest
 from django.utils import timezone
 
 from experiments.definition.course import CourseTrack
-from experiments.models import Drive, Participant, ParticipantKind, Study
+from experiments.definition.schema import digest, from_stored
+from experiments.models import Drive, Participant, ParticipantKind, Study, StudyMember
 from experiments.participation import advance, grants, progress
 from experiments.participation.grants import StudyTerms
 from experiments.participation.layout import track_of
@@ -253,6 +254,31 @@ def test_an_exclusive_study_keeps_its_robot_from_everybody_else(robot):
     store.end(str(Session.objects.get().pk), "cancelled", "left", timezone.now())
     Robot.objects.update(turnaround="ready")
     assert isinstance(take(robot, participant.user), store.TakeGranted)
+
+
+def test_a_drive_of_a_study_is_private_to_participant_and_staff_unless_the_study_says_else(robot):
+    participant = p.comer(p.published(small_study()), person("ada"))
+    granted = take(robot, participant.user)
+    assert (granted.terms.private, granted.lease.private) == (True, True)
+    staff = {role: person(role) for role in ("owner", "researcher", "viewer", "coder", "wizard")}
+    for role, user in staff.items():
+        StudyMember.objects.create(slug=participant.study.slug, user=user, role=role)
+    stranger = person("ben")
+    StudyMember.objects.create(slug="another", user=stranger, role="owner")
+    asked = {**staff, "participant": participant.user, "stranger": stranger}
+    may = {name for name, user in asked.items() if queries.may_watch_private(user, granted.session)}
+    assert may == {"owner", "researcher", "participant"}
+    private = queries.private_drive(stranger, robot)
+    assert private == queries.PrivateDrive(granted.session, may_watch=False)
+
+
+def test_a_study_lets_others_watch_if_it_says_so_and_no_older_study_changes_by_that(robot):
+    was_frozen_as = digest(from_stored(small_study()))
+    assert digest(from_stored(small_study(observers_allowed=False))) == was_frozen_as
+    participant = p.comer(p.published(small_study(observers_allowed=True)), person("ada"))
+    granted = take(robot, participant.user)
+    assert (granted.terms.private, granted.lease.private) == (False, False)
+    assert queries.private_drive(person("ben"), robot) is None
 
 
 def test_a_robot_by_invitation_is_driven_by_the_invited_while_they_are_to_and_watched_by_nobody(

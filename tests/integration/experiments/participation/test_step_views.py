@@ -2,10 +2,14 @@ import pytest
 from django.urls import reverse
 from django.utils import timezone
 
+from experiments.bots.browser import HttpAnswer
+from experiments.bots.page import read as read_page
+from experiments.bots.participant import heading_of
 from experiments.definition.shipped import shipped
 from experiments.models import ConsentReceipt, Participant, StepVisit, Study
 from experiments.participation import completion, journey, progress
 from robots.models import Robot
+from sessions.models import Session
 from surveys import questionnaires
 from surveys.models import Response
 from surveys.responses import Context, Respondent, begin
@@ -374,6 +378,42 @@ def at_task(walk):
     return bring_there
 
 
+def test_who_comes_while_another_drives_reads_how_long_they_wait_and_that_their_place_is_kept(
+    at_task, robot, settings
+):
+    settings.TURN_MINUTES = 7.0
+    walker = at_task()
+    busy = "The robot is in use right now."
+    assert busy not in walker.look().text
+    assert busy not in read(walker.client.get(walker.url("study"))).text
+    now = timezone.now()
+    driving = Session.objects.create(
+        robot=robot,
+        visitor=person("another"),
+        state=Session.State.DRIVING,
+        queued_at=now,
+        granted_at=now,
+    )
+    told = f"{busy} You may have to wait up to about 7 minutes. Your place in the study is kept"
+    assert told in walker.look().text
+    front = read(walker.client.get(walker.url("study")))
+    assert faults(front) == []
+    assert f"{busy} If you came to the drive now, you would wait up to about 7 min" in front.text
+    waiting = read(walker.client.get(walker.url("study_drive")))
+    assert "Your place in the study is kept while you wait." in waiting.text
+    Session.objects.filter(pk=driving.pk).update(state=Session.State.ENDED)
+    assert busy not in walker.look().text
+
+
+def test_where_the_last_place_may_go_to_another_only_progress_is_said_to_be_kept(at_task):
+    walker = at_task()
+    limited = {**walker.study.definition, "allocation": {"quota": 1}}
+    Study.objects.update(definition=limited)
+    waiting = read(walker.client.get(walker.url("study_drive")))
+    assert "Your progress in the study is kept while you wait." in waiting.text
+    assert "Your place in the study is kept" not in waiting.text
+
+
 def test_the_drive_page_is_told_of_the_study(at_task, robot):
     walker = at_task()
     page = walker.look()
@@ -382,6 +422,8 @@ def test_the_drive_page_is_told_of_the_study(at_task, robot):
     response = walker.client.get(walker.url("study_drive"))
     assert response.status_code == 200
     guide = response.context["config"]["study"]
+    read_by_a_bot = HttpAnswer("http://x/drive/", 200, read_page(response.content.decode()))
+    assert heading_of(read_by_a_bot) == page.all("h1")[0].text, "not what scripts show at times"
     assert (guide["kind"], len(guide["checkpoints"]), guide["urls"]["step"]) == (
         "task",
         5,

@@ -27,7 +27,7 @@ REPORT = RehearsalReport(
         Issue("empty", {"column": "states.charge"}),
     ],
     conditions=[ConditionReport("shut", 2, 1, [2], {}, 90.0, 120.0, 2.7, 5.0)],
-    steps=[StepReport("Experience", 5, 120, 9, 1.7)],
+    steps=[StepReport("Experience", 5, 120, 9, 1.7), StepReport("Drive", 5, 9, 0, 0.1, True)],
     expected_minutes=4.4,
     power=[{"effect": 0.5, "per_group": 64, "total": 128}],
 )
@@ -153,6 +153,7 @@ def test_a_report_is_read_by_condition_with_the_pages_of_the_builder(client, own
     assert links["Bot 4 got stuck: “Experience” does not continue."] == step
     assert "No bot gave a value for states.charge." in page.text
     assert "2 problems found." in page.text
+    assert "Drive: on the robot's page" in page.text
     assert "A participant needs about 4.4 minutes." in page.text
     assert "a difference of 0.5 standard deviations: 128" in page.text
     assert "This rehearsal is of the study as it is now." in page.text

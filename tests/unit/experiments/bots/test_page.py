@@ -67,3 +67,11 @@ def test_a_question_has_its_choices_and_a_disabled_one_is_not_asked():
 
 def test_what_is_wrong_with_a_page_is_read():
     assert read(SURVEY).errors == ["Choose one."]
+
+
+def test_headings_and_errors_that_a_page_keeps_hidden_are_not_read():
+    page = read(
+        """<main><h1>Giraff</h1><section hidden><h2>The page didn't load</h2></section>
+        <p role="alert" hidden>Reload it.</p><p role="alert"></p><h2 hidden>Choose</h2></main>"""
+    )
+    assert (page.headings, page.errors) == (["Giraff"], [])

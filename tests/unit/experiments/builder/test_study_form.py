@@ -42,7 +42,8 @@ def sent(form: StudyPartForm, **changes: str) -> QueryDict:
         if one.field.style == "choices":
             data.setlist(one.name, list(one.value()))
         elif one.field.style != "check" or one.value():
-            data[one.name] = "on" if one.field.style == "check" else str(one.value())
+            shown = one.field.as_sent(one.form.initial[one.name])
+            data.setlist(one.name, ["on"] if one.field.style == "check" else shown)
     for name, value in changes.items():
         data[name.replace("__", ".")] = value
     return data

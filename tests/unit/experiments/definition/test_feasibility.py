@@ -57,8 +57,8 @@ def test_a_speed_limit_that_the_robot_never_reaches_is_refused_with_the_robots_o
             " 0.7 m/s: lower it, or leave it blank to use the robot's."
         ),
         (
-            "Condition all_open: the limit of the turning speed of 1.3 rad/s is above the top"
-            " speed of giraff, 1.2 rad/s: lower it, or leave it blank to use the robot's."
+            "Condition all_open: the limit of the turning speed of 74.48 °/s is above the top"
+            " speed of giraff, 68.75 °/s: lower it, or leave it blank to use the robot's."
         ),
     ]
     assert said(linear=0.7, angular=1.2) == []

@@ -53,6 +53,19 @@ def test_what_people_will_need_is_reckoned_from_words_questions_and_the_drive():
     assert report.expected_minutes == pytest.approx(1.7 + 4.5, abs=0.1)
 
 
+def test_the_page_before_a_drive_and_the_one_on_which_the_robot_is_driven_are_told_apart():
+    one = diary(0, KEYS[0])
+    one.entries = [
+        PageVisit("Exploration", "/studies/exploration/step/", 0.0, words=80),
+        PageVisit("Exploration", "/studies/exploration/drive/", 1.0, words=10, drives=True),
+    ]
+    steps = played(one).steps
+    assert [(step.heading, step.drives, step.words) for step in steps] == [
+        ("Exploration", False, 80),
+        ("Exploration", True, 10),
+    ]
+
+
 def test_a_checkpoint_that_nobody_passes_stands_in_the_way():
     bots = everybody()
     bots[1].legs[0].passed, bots[1].legs[0].outcome = (1, 2), "timed_out"

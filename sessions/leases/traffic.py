@@ -1,0 +1,36 @@
+"""Who is at robots, and how long somebody who came now would wait: for pages that tell before
+anybody asks for a robot.
+"""
+
+import datetime
+from collections.abc import Iterable
+from typing import Any
+
+from robots.cards import Traffic
+from robots.models import Robot
+from sessions.leases.policy import ActiveSession, Hold, Scene, minutes_until_turn, place_in_queue
+from sessions.leases.store import rules_of, session_of
+from sessions.models import Session
+
+AT_THE_WHEEL = (Session.State.CONNECTING, Session.State.DRIVING, Session.State.RECONNECTING)
+
+
+def living_sessions(robots: Iterable[Robot]) -> dict[Any, list[ActiveSession]]:
+    """Return the sessions of robots that have not ended, by the robot's key."""
+    found: dict[Any, list[ActiveSession]] = {}
+    for session in Session.objects.filter(robot__in=robots).exclude(state=Session.State.ENDED):
+        found.setdefault(session.robot_id, []).append(session_of(session))
+    return found
+
+
+def traffic_at(robot: Robot, sessions: list[ActiveSession], now: datetime.datetime) -> Traffic:
+    """Return who is at a robot, given its living sessions, and how long somebody who came now would
+    wait.
+    """
+    holder = next((session.id for session in sessions if session.state in AT_THE_WHEEL), None)
+    scene = Scene(Hold(0, holder), tuple(sessions))
+    place = place_in_queue(scene, None, now.timestamp())
+    minutes = (
+        minutes_until_turn(scene, place, rules_of(robot), now.timestamp()) if sessions else None
+    )
+    return Traffic(driven=holder is not None, waiting=place - 1, minutes=minutes)

@@ -1,0 +1,178 @@
+"""A private drive through the whole ASGI application: who sees it, and that nobody else does."""
+
+import asyncio
+
+import pytest
+from asgiref.sync import sync_to_async
+from django.contrib.auth import get_user_model
+from django.utils import timezone
+
+from robots.api import messages as m
+from robots.models import Robot, RobotPermit
+from sessions import protocol
+from sessions.consumers import page_session
+from sessions.leases.terms import Terms
+from tests.support import words
+from tests.support.browsers.pages import Page, until
+from tests.support.studies.fixed_terms import provided
+
+pytestmark = pytest.mark.django_db(transaction=True)
+JPEG = b"\xff\xd8\xff\xe0 a picture \xff\xd9"
+OFFER = m.SdpOffer(sdp="v=0", role="observer")
+OF_THE_ROBOT = {"state", "pose", "path", "scan", "heartbeat", "event", "action", "picture"}
+
+
+@pytest.fixture
+def robot(db):
+    return Robot.objects.create(
+        name="giraff", title="Giraff", connection="ONLINE", boot="b1", last_seen_at=timezone.now()
+    )
+
+
+@pytest.fixture(autouse=True)
+def terms():
+    with provided() as double:
+        double.terms = Terms(private=True)
+        double.watchers = frozenset({"rosa"})
+        yield double
+
+
+def person(name, robot=None):
+    user = get_user_model().objects.create_user(name, display_name=name.title(), password="x")
+    if robot is not None:
+        kind = RobotPermit.Privilege.OPERATOR
+        RobotPermit.objects.create(robot=robot, user=user, kind=kind)
+    return user
+
+
+@pytest.fixture
+def ada(db):
+    return person("ada")
+
+
+@pytest.fixture
+def bob(db):
+    return person("bob")
+
+
+async def watch(page):
+    await page.say("session/observe", protocol.Observe())
+    await page.expect("session/observing")
+
+
+def say_all(bridge):
+    bridge.say("giraff", "state", words.state(seq=5))
+    bridge.say("giraff", "pose", words.pose())
+    bridge.say("giraff", "event", m.Event(stamp=1.0, boot="b1", seq=6, type="docked"))
+    bridge.say("giraff", "action", m.ActionStatus(action_id="a", status="FINISHED", stamp=1.0))
+    bridge.say("giraff", "heartbeat", m.Heartbeat(n=1, stamp=1.0))
+    bridge.say_picture("giraff", 5.0, JPEG)
+
+
+async def test_who_only_looks_on_sees_hears_and_reads_nothing_of_a_private_drive(
+    bridge, robot, ada, bob
+):
+    async with Page("giraff", ada) as driver, Page("giraff", bob) as other:
+        await driver.take()
+        assert bridge.leases[-1][1].private
+        room = await other.expect("room", lambda room: room.private)
+        assert (room.driver, "Ada" in str(other.seen)) == ("", False)
+        await other.say("session/observe", protocol.Observe())
+        assert (await other.expect("session/refused")).reason == "private"
+        await other.say("signal", OFFER)
+        assert (await other.expect("denied")).suffix == "signal"
+        await other.say("command/picture", m.PictureRequest(stamp=1.0))
+        await other.expect("denied", lambda denied: denied.suffix == "command/picture")
+        say_all(bridge)
+        await driver.expect("event")
+        await other.settle(bridge)
+        assert not OF_THE_ROBOT & {suffix for suffix, _ in other.seen}
+        assert not [suffix for _, suffix, _ in bridge.sent if suffix.startswith("signal/")]
+
+
+async def test_who_watches_when_a_private_drive_begins_watches_no_more(bridge, robot, ada, bob):
+    async with Page("giraff", bob) as watcher, Page("giraff", ada) as driver:
+        await watch(watcher)
+        await watcher.say("command/picture", m.PictureRequest(stamp=1.0))
+        await until(lambda: bridge.commands("command/picture"))
+        own = (await driver.take()).peer
+        assert (await watcher.expect("session/refused")).reason == "private"
+        byes = [
+            (suffix, message) for _, suffix, message in bridge.sent if suffix.startswith("signal/")
+        ]
+        assert [message for _, message in byes] == [m.Bye(reason="left")]
+        assert own not in byes[0][0]
+        say_all(bridge)
+        await watcher.settle(bridge)
+        assert not OF_THE_ROBOT & {suffix for suffix, _ in watcher.seen}
+
+
+async def test_who_waits_for_a_private_drive_to_end_sees_the_robot_again_afterwards(
+    bridge, robot, ada, bob
+):
+    async with Page("giraff", ada) as driver, Page("giraff", bob) as other:
+        await driver.take()
+        await other.say("session/take", protocol.Take())
+        await other.expect("session/queued")
+        await other.say("session/observe", protocol.Observe())
+        assert (await other.expect("session/refused")).reason == "private"
+        await driver.say("session/leave", protocol.Leave())
+        await other.expect("room", lambda room: not room.private)
+        await other.expect("session/observing")
+        bridge.say("giraff", "state", words.state(seq=7))
+        assert (await other.expect("state")).seq == 7
+
+
+@pytest.mark.parametrize("who", ["operator", "rosa"])
+async def test_operators_and_whom_the_terms_name_watch_a_private_drive(bridge, robot, ada, who):
+    user = await sync_to_async(person)(who, robot if who == "operator" else None)
+    async with Page("giraff", user) as before, Page("giraff", ada) as driver:
+        await watch(before)
+        await driver.take()
+        async with Page("giraff", user) as later:
+            await watch(later)
+            for page in (before, later):
+                await page.expect("room", lambda room: room.driver == "Ada" and not room.private)
+                await page.settle(bridge)
+            say_all(bridge)
+            for page in (before, later):
+                assert (await page.expect("event")).type == "docked"
+                assert page.told("session/refused") == []
+
+
+async def test_a_page_that_opens_before_a_lease_was_heard_of_asks_the_database(
+    bridge, robot, ada, bob
+):
+    async with Page("giraff", ada) as driver:
+        await driver.take()
+        bridge.delivery.known["giraff"].lease = None
+        async with Page("giraff", bob) as other:
+            assert (await other.expect("room")).private
+            await other.say("session/observe", protocol.Observe())
+            assert (await other.expect("session/refused")).reason == "private"
+
+
+async def test_a_database_that_does_not_answer_lets_nobody_watch(bridge, robot, ada, monkeypatch):
+    rosa, called = await sync_to_async(person)("rosa"), asyncio.Event()
+
+    async def never(*_arguments):
+        called.set()
+        await asyncio.Event().wait()
+
+    async with Page("giraff", rosa) as watcher, Page("giraff", ada) as driver:
+        await watch(watcher)
+        monkeypatch.setattr(page_session, "VERDICT_SECONDS", 0.05)
+        monkeypatch.setattr(page_session, "may_watch_private", never)
+        await driver.take()
+        assert (await watcher.expect("session/refused")).reason == "private"
+        assert called.is_set()
+
+
+async def test_a_drive_that_is_not_private_is_seen_as_before(bridge, robot, ada, bob, terms):
+    terms.terms = Terms()
+    async with Page("giraff", ada) as driver, Page("giraff", bob) as other:
+        await driver.take()
+        await watch(other)
+        await other.expect("room", lambda room: room.driver == "Ada" and not room.private)
+        say_all(bridge)
+        await other.expect("event")
