@@ -27,7 +27,6 @@ from robots.api.idle import HEARD_SECONDS
 from robots.cards import STATES, RobotCard, Traffic, card
 from robots.models import Robot
 from sessions.leases.traffic import living_sessions, traffic_at
-from sessions.models import Session
 from sessions.practice import trial_length
 
 # a page asks every few seconds, and a class of visitors has one address
