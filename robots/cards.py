@@ -175,6 +175,8 @@ def _detail(state: CardState, robot: Robot, traffic: Traffic, now: datetime.date
         return _line(traffic)
     if robot.last_seen_at is None:
         return _("This robot hasn't connected yet.")
+    if now - robot.last_seen_at < datetime.timedelta(minutes=1):
+        return _("Last seen just now.")
     return _("Last seen %(time)s ago.") % {"time": timesince(robot.last_seen_at, now, depth=1)}
 
 

@@ -18,8 +18,9 @@ Rules, all in seconds unless said otherwise:
   from which somebody waited. When nobody waits any more, the limit is lifted.
 - A driver who does nothing for `idle` is asked whether anybody is there, and without a sign after
   ANSWER_SECONDS, and ON_THE_WAY for question and answer to arrive, the session ends as if its turn
-  were over. Driving, a touch of the page, a call and what the robot does by itself are signs; a
-  lost connection is another matter, and who comes back from one is asked anew.
+  were over. Driving, a touch of the page, a call and what the robot does by itself are signs,
+  and so is an emergency stop that is on; a lost connection is another matter, and who comes back
+  from one is asked anew.
 - A free robot that is ready is offered to the first in the queue whose page is open, once it is
   also as that session's terms want it; until then nobody behind gets it either, but who operates it
   may take it. After `start` the offer lapses, that session is cancelled, and the next one is asked.

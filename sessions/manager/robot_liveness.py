@@ -91,7 +91,8 @@ class RobotLiveness:
 
     def _is_sign(self, state: State) -> bool:
         """Tell whether a state shows that its driver is there: a page has come, drives, talks, or
-        has told the robot where to go.
+        has told the robot where to go. While the emergency stop is on, there is nothing to do, and
+        nobody else could drive.
         """
         before = self.page
         if state.session is not None:  # a lease that lapsed and was renewed is no page that came
@@ -101,6 +102,7 @@ class RobotLiveness:
             or bool(state.applied)
             or state.mode in BY_ITSELF
             or state.call is not None
+            or state.safety.estop
         )
 
     def _new_run(self, boot: str) -> None:

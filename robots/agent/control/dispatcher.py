@@ -215,8 +215,8 @@ class CommandDispatcher:
         if boot is None:
             self._clear_fault(RIVAL)
         else:
-            log.error("rival_agent", boot=boot)
-            self._set_fault(RIVAL, "another agent runs as this robot")
+            log.error("rival_agent", boot=boot, to_do="end one of the two agents of this robot")
+            self._set_fault(RIVAL, "another agent runs as this robot; end one of the two")
 
     # --- from the data channels -------------------------------------------------------------------
 

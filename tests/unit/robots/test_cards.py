@@ -78,6 +78,8 @@ def test_an_offline_robot_says_when_it_was_last_there():
         ).detail
         == "Last seen 3\xa0hours ago."
     )
+    lately = NOW - datetime.timedelta(seconds=59)
+    assert shown(connection="OFFLINE", last_seen_at=lately).detail == "Last seen just now."
     assert (
         shown(connection="OFFLINE", last_seen_at=None).detail == "This robot hasn't connected yet."
     )

@@ -200,7 +200,7 @@ def test_what_is_told_of_a_task_waits_for_the_next_look():
     assert not notices.are_waiting()
 
 
-def test_driving_a_call_a_way_of_its_own_and_a_touch_of_the_page_are_signs_of_the_driver(session):
+def test_driving_a_call_a_way_of_its_own_a_stop_there_and_a_touch_of_the_page_are_signs(session):
     now = [NOW]
     intake = Intake(Kept(), lambda: now[0], wake_signals=lambda: None, wake_scheduler=lambda: None)
 
@@ -236,12 +236,16 @@ def test_driving_a_call_a_way_of_its_own_and_a_touch_of_the_page_are_signs_of_th
     assert sign_after("state", words.state(5, mode="goto", **said))
     assert sign_after("state", words.state(6, call=m.CallState(status="accepted"), **said))
     assert not sign_after("state", words.state(7, **said))
+    assert sign_after("state", words.state(8, safety=m.Safety(estop=True), **said)), (
+        "a driver who waits for somebody to release the stop can do nothing"
+    )
+    assert not sign_after("state", words.state(9, **said))
     assert sign_after("page", protocol.PageEvent(stamp=1.0, type=protocol.HERE))
     assert not sign_after("page", protocol.PageEvent(stamp=1.0, type="blur"))
-    assert not sign_after("state", words.state(8))  # its lease lapsed
+    assert not sign_after("state", words.state(10))  # its lease lapsed
     assert sign_after("page", protocol.PageEvent(stamp=1.0, type=protocol.HERE)), (
         "whatever the robot says of the visit just now"
     )
-    assert not sign_after("state", words.state(9, **said))
+    assert not sign_after("state", words.state(11, **said))
     # the page was loaded again
-    assert sign_after("state", words.state(10, session=session, epoch=2))
+    assert sign_after("state", words.state(12, session=session, epoch=2))
