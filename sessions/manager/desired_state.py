@@ -8,6 +8,7 @@ of stands again as the plan has it.
 """
 
 import datetime
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -24,6 +25,8 @@ from sessions.manager.scheduler import ManagerMessage
 from sessions.models import Lease, Session
 from sessions.shards.ownership import EVERYTHING, Ownership
 
+# Plans change only in the administration, and to read a hundred takes a twentieth of a second.
+PLANS_SECONDS = 2.0
 READ = ("id", "name", "assist", "doors", "floor_plan_id", "calls")
 
 
@@ -45,6 +48,8 @@ class DesiredState:
         self._ownership = ownership
         self._published: dict[str, _Published] = {}
         self._version = ownership.version
+        self._plans: dict[Any, tuple[str, dict[str, Any]]] = {}
+        self._plans_read_at = -math.inf
         # robots that had a session, when this began or was given others' robots
         self._driven: set[Any] | None = None
 
@@ -53,8 +58,7 @@ class DesiredState:
         if self._version != self._ownership.version:
             self._version, self._driven = self._ownership.version, None
         outbound_messages = []
-        plans = FloorPlan.objects.values_list("pk", "sha256", "plan")
-        maps = {key: (f"{sha256} {plan}" if sha256 else "", plan) for key, sha256, plan in plans}
+        maps = self._read_plans(now)
         held = {
             lease.robot_id: lease.session
             for lease in Lease.objects.filter(session__state__in=LIVE).select_related("session")
@@ -94,6 +98,16 @@ class DesiredState:
                 updates[key] = updates.get(key) or _update(key)
                 outbound_messages.append(_retained(robot.name, "floorplan", updates[key]))
         return outbound_messages
+
+    def _read_plans(self, now: datetime.datetime) -> dict[Any, tuple[str, dict[str, Any]]]:
+        """Return what tells one state of a plan from another, and the plan, by its key."""
+        if now.timestamp() - self._plans_read_at >= PLANS_SECONDS:
+            self._plans_read_at = now.timestamp()
+            plans = FloorPlan.objects.values_list("pk", "sha256", "plan")
+            self._plans = {
+                key: (f"{sha256} {plan}" if sha256 else "", plan) for key, sha256, plan in plans
+            }
+        return self._plans
 
     def _begin(self, robot: Robot) -> _Published:
         """Return what a robot was told before this session manager began, as far as it matters."""

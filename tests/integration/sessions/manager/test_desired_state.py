@@ -1,5 +1,8 @@
 """What each robot is told to be like, retained: by its row, and by the terms of whoever has it."""
 
+import datetime
+import uuid
+
 import pytest
 from django.utils import timezone
 
@@ -8,7 +11,7 @@ from robots.api import codec
 from robots.api.messages import NetworkLab
 from robots.models import FloorPlan, Robot
 from sessions.leases import store, terms
-from sessions.manager.desired_state import DesiredState
+from sessions.manager.desired_state import PLANS_SECONDS, DesiredState
 from sessions.models import Session
 from sessions.shards.hashing import shard_of
 from sessions.shards.ownership import Ownership
@@ -68,7 +71,21 @@ def test_what_is_changed_in_the_administration_is_told_and_nothing_else(giraff, 
     Robot.objects.update(doors={"lab-door": "open"})
     assert said(orders.tick(NOW))["config"].doors == {"lab-door": "open"}
     FloorPlan.objects.update(plan={"docks": []})
-    assert list(said(orders.tick(NOW))) == ["floorplan"]
+    later = NOW + datetime.timedelta(seconds=PLANS_SECONDS)
+    assert list(said(orders.tick(later))) == ["floorplan"]
+
+
+def test_a_robot_whose_map_has_just_been_made_is_told_it_when_maps_are_read_again(giraff, office):
+    orders = DesiredState()
+    Robot.objects.update(floor_plan=None)
+    orders.tick(NOW)
+    copy = FloorPlan.objects.get(pk=office.pk)
+    copy.pk, copy.name = uuid.uuid4(), "annexe"
+    copy.save(force_insert=True)
+    Robot.objects.update(floor_plan=copy)
+    orders.tick(NOW)
+    later = NOW + datetime.timedelta(seconds=PLANS_SECONDS)
+    assert said(orders.tick(later))["floorplan"].map_id == "annexe"
 
 
 def test_a_robot_without_a_map_is_told_the_rest(giraff):
