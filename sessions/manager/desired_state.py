@@ -25,8 +25,9 @@ from sessions.manager.scheduler import ManagerMessage
 from sessions.models import Lease, Session
 from sessions.shards.ownership import EVERYTHING, Ownership
 
-# Plans change only in the administration, and to read a hundred takes a twentieth of a second.
-PLANS_SECONDS = 2.0
+# Between two looks at what the administration sets: ten thousand robots take a tenth of a second to
+# look at, and a hundred plans half of that.
+LOOK_SECONDS = 2.0
 READ = ("id", "name", "assist", "doors", "floor_plan_id", "calls")
 
 
@@ -48,8 +49,10 @@ class DesiredState:
         self._ownership = ownership
         self._published: dict[str, _Published] = {}
         self._version = ownership.version
+        # what tells one state of a plan from another, and the plan, by its key
         self._plans: dict[Any, tuple[str, dict[str, Any]]] = {}
-        self._plans_read_at = -math.inf
+        self._looked_at = -math.inf
+        self._held: set[Any] = set()  # the robots that somebody had at the last look
         # robots that had a session, when this began or was given others' robots
         self._driven: set[Any] | None = None
 
@@ -57,17 +60,27 @@ class DesiredState:
         """Return what has changed since the last look; everything at the first one."""
         if self._version != self._ownership.version:
             self._version, self._driven = self._ownership.version, None
+            self._looked_at = -math.inf
         outbound_messages = []
-        maps = self._read_plans(now)
         held = {
             lease.robot_id: lease.session
             for lease in Lease.objects.filter(session__state__in=LIVE).select_related("session")
             if lease.session
         }
+        rows = Robot.objects.order_by()
+        if now.timestamp() - self._looked_at >= LOOK_SECONDS:
+            self._looked_at = now.timestamp()
+            plans = FloorPlan.objects.values_list("pk", "sha256", "plan")
+            self._plans = {
+                key: (f"{sha256} {plan}" if sha256 else "", plan) for key, sha256, plan in plans
+            }
+        else:  # what a visit changes, its robot is told at once
+            rows = rows.filter(pk__in=held.keys() | self._held)
+        self._held = set(held)
         updates: dict[Any, bytes] = {}
         # Most robots are as they were: they are compared as rows, for an object of each takes ten
         # times as long.
-        for row in Robot.objects.order_by().values_list(*READ):
+        for row in rows.values_list(*READ):
             values = dict(zip(READ, row, strict=True))
             name = values["name"]
             if not self._ownership.owns(name):
@@ -75,7 +88,7 @@ class DesiredState:
                 continue
             published = self._published.get(name)
             session = held.get(values["id"])
-            content, plan = maps.get(values["floor_plan_id"], ("", {}))
+            content, plan = self._plans.get(values["floor_plan_id"], ("", {}))
             seen = (row, content) if session is None else None
             if published is not None and seen is not None and published.seen == seen:
                 continue
@@ -98,16 +111,6 @@ class DesiredState:
                 updates[key] = updates.get(key) or _update(key)
                 outbound_messages.append(_retained(robot.name, "floorplan", updates[key]))
         return outbound_messages
-
-    def _read_plans(self, now: datetime.datetime) -> dict[Any, tuple[str, dict[str, Any]]]:
-        """Return what tells one state of a plan from another, and the plan, by its key."""
-        if now.timestamp() - self._plans_read_at >= PLANS_SECONDS:
-            self._plans_read_at = now.timestamp()
-            plans = FloorPlan.objects.values_list("pk", "sha256", "plan")
-            self._plans = {
-                key: (f"{sha256} {plan}" if sha256 else "", plan) for key, sha256, plan in plans
-            }
-        return self._plans
 
     def _begin(self, robot: Robot) -> _Published:
         """Return what a robot was told before this session manager began, as far as it matters."""

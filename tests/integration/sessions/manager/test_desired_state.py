@@ -11,13 +11,14 @@ from robots.api import codec
 from robots.api.messages import NetworkLab
 from robots.models import FloorPlan, Robot
 from sessions.leases import store, terms
-from sessions.manager.desired_state import PLANS_SECONDS, DesiredState
+from sessions.manager.desired_state import LOOK_SECONDS, DesiredState
 from sessions.models import Session
 from sessions.shards.hashing import shard_of
 from sessions.shards.ownership import Ownership
 
 pytestmark = pytest.mark.django_db
 NOW = timezone.now()
+LATER, LATEST = (NOW + datetime.timedelta(seconds=n * LOOK_SECONDS) for n in (1, 2))
 
 
 @pytest.fixture
@@ -69,10 +70,9 @@ def test_what_is_changed_in_the_administration_is_told_and_nothing_else(giraff, 
     orders = DesiredState()
     orders.tick(NOW)
     Robot.objects.update(doors={"lab-door": "open"})
-    assert said(orders.tick(NOW))["config"].doors == {"lab-door": "open"}
+    assert said(orders.tick(LATER))["config"].doors == {"lab-door": "open"}
     FloorPlan.objects.update(plan={"docks": []})
-    later = NOW + datetime.timedelta(seconds=PLANS_SECONDS)
-    assert list(said(orders.tick(later))) == ["floorplan"]
+    assert list(said(orders.tick(LATEST))) == ["floorplan"]
 
 
 def test_a_robot_whose_map_has_just_been_made_is_told_it_when_maps_are_read_again(giraff, office):
@@ -84,8 +84,7 @@ def test_a_robot_whose_map_has_just_been_made_is_told_it_when_maps_are_read_agai
     copy.save(force_insert=True)
     Robot.objects.update(floor_plan=copy)
     orders.tick(NOW)
-    later = NOW + datetime.timedelta(seconds=PLANS_SECONDS)
-    assert said(orders.tick(later))["floorplan"].map_id == "annexe"
+    assert said(orders.tick(LATER))["floorplan"].map_id == "annexe"
 
 
 def test_a_robot_without_a_map_is_told_the_rest(giraff):

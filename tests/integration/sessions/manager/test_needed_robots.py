@@ -1,11 +1,13 @@
 """Which robots the session manager keeps awake, and what the others cost it."""
 
+import datetime
+
 import pytest
 from django.utils import timezone
 
 from accounts.models import User
 from robots.models import Robot
-from sessions.manager.desired_state import DesiredState
+from sessions.manager.desired_state import LOOK_SECONDS, DesiredState
 from sessions.manager.needed_robots import needed_robots
 from sessions.models import Session
 
@@ -50,12 +52,13 @@ def test_what_robots_are_told_takes_as_many_queries_for_many_as_for_few(
     django_assert_max_num_queries,
 ):
     robots(*(f"robot-{number}" for number in range(30)))
-    desired = DesiredState()
+    desired, now = DesiredState(), timezone.now()
+    later = now + datetime.timedelta(seconds=LOOK_SECONDS)
     with django_assert_max_num_queries(4):
-        assert len(desired.tick(timezone.now())) == 30
+        assert len(desired.tick(now)) == 30
     with django_assert_max_num_queries(3):
-        assert desired.tick(timezone.now()) == []
+        assert desired.tick(later) == []
     Robot.objects.filter(name="robot-7").update(assist="slow")
-    assert [message.topic.split("/")[-2:] for message in desired.tick(timezone.now())] == [
+    assert [message.topic.split("/")[-2:] for message in desired.tick(later + (later - now))] == [
         ["robot-7", "config"]
     ]
