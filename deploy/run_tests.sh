@@ -85,7 +85,7 @@ lint() {
     "$BIN/mypy"
 }
 # What hardly any change breaks, and takes as long as the types of all code.
-elsewhere() {
+other_platforms() {
     step "mypy: the agent as Windows and the newest Python would have it"
     "$BIN/mypy" --platform win32 --python-version 3.13 robots/api robots/agent
 }
@@ -128,7 +128,7 @@ case "${1:-test}" in
     format) format ;;
     lint)
         lint
-        elsewhere
+        other_platforms
         ;;
     check)
         together "style, types and the unit lane" lint "" unit quick
@@ -141,7 +141,7 @@ case "${1:-test}" in
         ;;
     integration) integration "not nightly and not soak" ;;
     nightly)
-        elsewhere
+        other_platforms
         integration "nightly and not soak"
         ;;
     soak)

@@ -90,6 +90,10 @@ class Session(models.Model):
         return f"{self.robot} · {self.queued_at:%Y-%m-%d %H:%M}"
 
 
+# Of those who have the robot, connected or not.
+AT_THE_WHEEL = (Session.State.CONNECTING, Session.State.DRIVING, Session.State.RECONNECTING)
+
+
 class Lease(models.Model):
     """Who drives a robot: one row a robot, changed only by comparing and setting its epoch."""
 

@@ -32,8 +32,7 @@ from robots.presence import standstill_of
 from sessions import system_log
 from sessions.api.keys import key_of, note_use
 from sessions.leases.store import LIVE, waits_here
-from sessions.leases.traffic import AT_THE_WHEEL
-from sessions.models import ApiKey, Session
+from sessions.models import AT_THE_WHEEL, ApiKey, Session
 
 VERSION = 1
 REFUSED = Attempts("api-refused", limit=20)

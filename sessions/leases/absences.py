@@ -27,10 +27,9 @@ from sessions.leases.fault_side import (
     fault_of,
 )
 from sessions.leases.policy import ActiveSession
-from sessions.models import Session, SessionEvent, StateChunk
+from sessions.models import AT_THE_WHEEL, Session, SessionEvent, StateChunk
 
 ABSENT, BACK, PAGE_CLOSED = "server_absent", "server_back", "page_closed"
-LIVING = (Session.State.CONNECTING, Session.State.DRIVING, Session.State.RECONNECTING)
 EVENT_KEYS = uuid.UUID("5b0ce3cf-2d6c-4d6c-9f5a-0c4a3f5f8f39")
 
 
@@ -62,7 +61,7 @@ class WebAbsences:
 
 def note_manager_absence(since: datetime.datetime, until: datetime.datetime) -> None:
     """Note in every session that was driven then that no session manager was there."""
-    living = Session.objects.filter(state__in=LIVING, granted_at__lt=until)
+    living = Session.objects.filter(state__in=AT_THE_WHEEL, granted_at__lt=until)
     ended = Session.objects.filter(
         state=Session.State.ENDED, granted_at__lt=until, ended_at__gte=since
     )

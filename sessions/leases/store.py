@@ -54,14 +54,9 @@ from sessions.leases.policy import (
     turn_end,
 )
 from sessions.leases.terms import FREE, Terms
-from sessions.models import Lease, Session
+from sessions.models import AT_THE_WHEEL, Lease, Session
 
-LIVE = (
-    Session.State.WAITING,
-    Session.State.CONNECTING,
-    Session.State.DRIVING,
-    Session.State.RECONNECTING,
-)
+LIVE = (Session.State.WAITING, *AT_THE_WHEEL)
 # Every failed attempt means that another process changed the lease in between, so that this bound
 # is never met by chance.
 ATTEMPTS = 200

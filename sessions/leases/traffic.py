@@ -10,9 +10,7 @@ from robots.cards import Traffic
 from robots.models import Robot
 from sessions.leases.policy import ActiveSession, Hold, Scene, minutes_until_turn, place_in_queue
 from sessions.leases.store import rules_of, session_of
-from sessions.models import Session
-
-AT_THE_WHEEL = (Session.State.CONNECTING, Session.State.DRIVING, Session.State.RECONNECTING)
+from sessions.models import AT_THE_WHEEL, Session
 
 
 def living_sessions(robots: Iterable[Robot]) -> dict[Any, list[ActiveSession]]:
