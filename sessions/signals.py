@@ -40,9 +40,6 @@ queue_paused = Signal()
 # want it. Sent once for each session and reason.
 not_ready = Signal()
 
-# robot: robots.models.Robot, online: bool, at: datetime.
-presence_changed = Signal()
-
 # session: sessions.models.Session with its outcome. Sent at least once for each session: again,
 # when the session manager died between telling and noting that it told, so receivers must not
 # count.

@@ -21,16 +21,27 @@ _LEVELS = {
 }
 
 
-def log(
+def log(event: str, level: str = "info", **about: Any) -> SystemLog:
+    """Keep an event; the arguments are those of `entry`.
+
+    Raises:
+        DatabaseError: it could not be stored; it is then at least in the process's log.
+    """
+    row = entry(event, level, **about)
+    row.save(force_insert=True)
+    return row
+
+
+def entry(
     event: str,
-    level: str = SystemLog.Severity.INFO,
+    level: str = "info",
     *,
     robot: Robot | UUID | str | None = None,
     session: Session | UUID | str | None = None,
     at: datetime.datetime | None = None,
     **fields: Any,
 ) -> SystemLog:
-    """Keep an event.
+    """Write an event to the process's log, and return what is to be kept of it.
 
     Args:
         event: a name in snake_case, at most 60 characters.
@@ -39,9 +50,6 @@ def log(
         session: likewise.
         at: when, now by default.
         fields: whatever JSON can hold.
-
-    Raises:
-        DatabaseError: it could not be stored; it is then at least in the process's log.
     """
     robot_id, session_id = _key(robot), _key(session)
     named = {
@@ -50,7 +58,7 @@ def log(
         if value is not None
     }
     logger.log(_LEVELS[SystemLog.Severity(level)], event, **named)
-    return SystemLog.objects.create(
+    return SystemLog(
         at=at or timezone.now(),
         level=level,
         event=event[:60],

@@ -27,7 +27,7 @@ from robots.api import codec, messages, topics
 from robots.bridge import broker_address
 from robots.cancellation import until_one_ends
 from robots.models import Robot
-from robots.presence import PresenceChange, PresenceWriter
+from robots.presence import PresenceWriter
 from sessions import signals, system_log
 from sessions.leases.transitions import RobotLink
 from sessions.manager import notices
@@ -41,7 +41,7 @@ from sessions.manager.needed_robots import needed_robots
 from sessions.manager.return_to_dock import ReturnToDock
 from sessions.manager.robot_liveness import PEER
 from sessions.manager.scheduler import ManagerMessage, Scheduler, notice_message, send
-from sessions.models import Session
+from sessions.models import Session, SystemLog
 from sessions.recording.items import CloseItem
 from sessions.recording.recorder import Recorder
 from sessions.shards.ownership import Ownership
@@ -187,7 +187,7 @@ class BrokerConnection:
             return []
         if self._presence_version != work.ownership.version:
             self._presence_version = work.ownership.version
-            work.presence.flush(now, at_once=True)
+            work.presence.write(now, at_once=True)
             work.presence.forget()
         self._needed = needed_robots()
         self._take_presence(now)
@@ -207,36 +207,35 @@ class BrokerConnection:
         """Store what robots have said of themselves; what the database did not take comes again,
         for the next state of an idle robot is half a minute away.
         """
-        news = self._work.ingest.presence_news()
-        for first in range(0, len(news), TOGETHER):
+        news = [
+            one for one in self._work.ingest.presence_news() if self._work.ownership.owns(one.robot)
+        ]
+        for first in range(0, max(len(news), 1), TOGETHER):
+            together = news[first : first + TOGETHER]
             try:
                 with transaction.atomic():  # thousands come back at once after a broker's restart
-                    self._take_some(news[first : first + TOGETHER], now)
+                    self._store_presence(together, now)
             except (DatabaseError, InterfaceError):
                 self._work.presence.forget({one.robot for one in news[first:]})
                 self._work.ingest.repeat_news(news[first:])
                 raise
-        self._work.presence.flush(now)
 
-    def _take_some(self, news: list[PresenceNews], now: datetime.datetime) -> None:
-        work = self._work
-        for one in news:
-            if not work.ownership.owns(one.robot):
-                continue
-            with work.ownership.about(one.robot):
-                change = work.presence.take(one.robot, one.message, now, retained=one.retained)
-            if change is not None:
-                self._presence_changed(change, now)
-
-    @staticmethod
-    def _presence_changed(change: PresenceChange, now: datetime.datetime) -> None:
-        system_log.log(
-            "robot_online" if change.online else "robot_offline",
-            robot=change.robot,
-            at=now,
-            state=change.state,
-        )
-        send(signals.presence_changed, robot=change.robot, online=change.online, at=now)
+    def _store_presence(self, news: list[PresenceNews], now: datetime.datetime) -> None:
+        presence = self._work.presence
+        presence.read({one.robot for one in news}, now)
+        taken = (presence.take(one.robot, one.message, now, retained=one.retained) for one in news)
+        changes = [change for change in taken if change is not None]
+        presence.write(now)
+        with self._work.ownership.about(*(change.robot.name for change in changes)):
+            SystemLog.objects.bulk_create(
+                system_log.entry(
+                    "robot_online" if change.online else "robot_offline",
+                    robot=change.robot,
+                    at=now,
+                    state=change.state,
+                )
+                for change in changes
+            )
 
     # --- what goes out regularly ------------------------------------------------------------------
 
@@ -245,15 +244,13 @@ class BrokerConnection:
         somebody else keeps awake.
         """
         while True:
-            needed = self._needed
+            needed, now = self._needed, self._clock()
             for robot, liveness in list(self._work.ingest.last_received.items()):
-                if not self._work.ownership.owns(robot):
-                    continue
-                now = self._clock()
-                if liveness.is_awake(now) or (robot in needed and liveness.is_present(now)):
+                is_due = liveness.is_awake(now) or (robot in needed and liveness.is_present(now))
+                if is_due and self._work.ownership.owns(robot):
                     liveness.beats += 1
                     message = messages.CommandHeartbeat(
-                        n=liveness.beats, stamp=now, peer=PEER, needed=robot in needed
+                        n=liveness.beats, stamp=self._clock(), peer=PEER, needed=robot in needed
                     )
                     await self._client.publish(
                         topics.of(robot, "command/heartbeat"), codec.encode(message)

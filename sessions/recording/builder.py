@@ -16,6 +16,7 @@ from django.db.models import Model
 
 from robots.api.errors import Rejection
 from robots.api.messages import Event
+from robots.presence import without_nul
 from sessions import protocol
 from sessions.models import NetworkSample, SessionEvent, Snapshot, SystemLog
 from sessions.recording.chunks import Chunk, Chunks
@@ -181,7 +182,7 @@ class RecordBuilder:
     def _action(self, item: ActionItem) -> None:
         session = self._own(item.robot, item.session, item.received_at)
         if session is not None:
-            data = _without_nul(
+            data = without_nul(
                 {
                     name: value
                     for name, value in msgspec.to_builtins(item.status).items()
@@ -283,7 +284,7 @@ class RecordBuilder:
             self.counts["malformed_report"] += 1
             return
         if isinstance(message, protocol.PageEvent):
-            data = _without_nul(dict(message.data))
+            data = without_nul(dict(message.data))
             self._session_event(
                 report.session,
                 SessionEvent.Source.PAGE,
@@ -293,7 +294,7 @@ class RecordBuilder:
                 data,
             )
             return
-        data = _without_nul(msgspec.to_builtins(message))
+        data = without_nul(msgspec.to_builtins(message))
         del data["stamp"]
         key = key_of(report.session, message.stamp, data)
         self.rows.append(
@@ -398,7 +399,7 @@ class RecordBuilder:
 
 def _fields_of(event: Event) -> dict[str, Any]:
     fields: dict[str, Any] = msgspec.to_builtins(event)
-    return _without_nul(
+    return without_nul(
         {name: value for name, value in fields.items() if name not in {"session", "type", "stamp"}}
     )
 
@@ -406,19 +407,7 @@ def _fields_of(event: Event) -> dict[str, Any]:
 def _storable(payload: bytes) -> msgspec.Raw:
     """Return JSON that every database takes."""
     return msgspec.Raw(
-        msgspec.json.encode(_without_nul(msgspec.json.decode(payload)))
+        msgspec.json.encode(without_nul(msgspec.json.decode(payload)))
         if b"\\u0000" in payload
         else payload
     )
-
-
-def _without_nul(value: Any) -> Any:
-    """Return JSON without NUL characters, which PostgreSQL cannot hold."""
-    match value:
-        case str():
-            return value.replace("\0", "")
-        case dict():
-            return {_without_nul(name): _without_nul(item) for name, item in value.items()}
-        case list():
-            return [_without_nul(item) for item in value]
-    return value

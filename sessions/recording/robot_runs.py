@@ -96,11 +96,11 @@ class RobotRuns:
     def due(self, now: float) -> Iterator[Due]:
         """Yield what is to be asked for or given up now."""
         for robot, runs in self._trackers.items():
-            known = self._heard.get(robot)
-            if known is None:
-                continue
-            present = now - known.at < PRESENT_SECONDS
             for boot, tracker in runs.items():
+                # of nearly all of thousands of robots nothing is owed
+                if not tracker.gaps or (known := self._heard.get(robot)) is None:
+                    continue
+                present = now - known.at < PRESENT_SECONDS
                 yield Due(robot, boot, *tracker.due(now, present=present, alive=known.boot == boot))
 
     def is_over(self, item: CloseItem) -> bool:

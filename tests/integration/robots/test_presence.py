@@ -3,7 +3,11 @@
 import datetime
 
 import pytest
+from django.db import DataError
+from django.db import connection as database
+from django.test.utils import CaptureQueriesContext
 
+from robots import presence
 from robots.api.messages import (
     Battery,
     Connection,
@@ -61,6 +65,15 @@ FACTSHEET = Factsheet(
 )
 
 
+class Heard(PresenceWriter):
+    """Looks after every message, as often as a session manager that has nothing else to do."""
+
+    def take(self, name, message, now, **how):
+        change = super().take(name, message, now, **how)
+        self.write(now)
+        return change
+
+
 def row(**fields):
     return Robot(**({"name": "giraff", "title": "Giraff"} | fields))
 
@@ -107,7 +120,7 @@ def test_what_concerns_only_pages_changes_nothing():
 @pytest.mark.django_db
 def test_a_robot_comes_and_goes_and_the_row_tells():
     Robot.objects.create(name="giraff", title="Giraff")
-    writer = PresenceWriter()
+    writer = Heard()
     came = writer.take("giraff", connection("ONLINE"), NOW)
     assert came is not None
     assert came.online
@@ -123,20 +136,21 @@ def test_a_robot_comes_and_goes_and_the_row_tells():
 @pytest.mark.django_db
 def test_the_factsheet_is_kept_as_it_stands_on_the_wire():
     Robot.objects.create(name="giraff", title="Giraff")
-    PresenceWriter().take("giraff", FACTSHEET, NOW)
+    Heard().take("giraff", FACTSHEET, NOW)
     kept = Robot.objects.get().factsheet
     assert kept["agentVersion"] == "1"
     assert kept["limits"]["linearBraking"] == 0.8
 
 
 @pytest.mark.django_db
-def test_four_states_a_second_are_written_once_in_two(django_assert_num_queries):
+def test_four_states_a_second_are_written_once_in_two():
     Robot.objects.create(name="giraff", title="Giraff")
-    writer = PresenceWriter()
+    writer = Heard()
     writer.take("giraff", connection("ONLINE"), NOW)
-    with django_assert_num_queries(5):
+    with CaptureQueriesContext(database) as queries:
         for number in range(40):
             writer.take("giraff", state(number), after(0.25 * (number + 1)))
+    assert sum("UPDATE" in query["sql"] for query in queries) == 5
     kept = Robot.objects.get()
     assert kept.last_seen_at >= after(8)
     assert kept.report["seq"] >= 30
@@ -145,20 +159,20 @@ def test_four_states_a_second_are_written_once_in_two(django_assert_num_queries)
 @pytest.mark.django_db
 def test_the_last_state_before_a_silence_is_written_too():
     Robot.objects.create(name="giraff", title="Giraff")
-    writer = PresenceWriter()
+    writer = Heard()
     writer.take("giraff", connection("ONLINE"), NOW)
     writer.take("giraff", state(1), after(0.1))
     writer.take("giraff", state(2), after(0.2))
-    writer.flush(after(0.5))
+    writer.write(after(0.5))
     assert Robot.objects.get().report["seq"] == 1
-    writer.flush(after(2.5))
+    writer.write(after(2.5))
     assert Robot.objects.get().report["seq"] == 2
 
 
 @pytest.mark.django_db
 def test_a_robot_that_is_silent_for_half_a_minute_is_online_and_after_that_it_is_not():
     Robot.objects.create(name="giraff", title="Giraff")
-    PresenceWriter().take("giraff", connection("ONLINE"), NOW)
+    Heard().take("giraff", connection("ONLINE"), NOW)
     assert Robot.objects.get().is_online(after(40))
     assert not Robot.objects.get().is_online(after(46))
 
@@ -166,7 +180,7 @@ def test_a_robot_that_is_silent_for_half_a_minute_is_online_and_after_that_it_is
 @pytest.mark.django_db
 def test_what_the_database_did_not_take_is_news_again_once_it_is_forgotten():
     Robot.objects.create(name="giraff", title="Giraff")
-    writer = PresenceWriter()
+    writer = Heard()
     writer.take("giraff", connection("ONLINE"), NOW)
     Robot.objects.update(connection="OFFLINE")  # as if it had been rolled back
     writer.forget({"giraff"})
@@ -178,7 +192,7 @@ def test_what_the_database_did_not_take_is_news_again_once_it_is_forgotten():
 @pytest.mark.django_db
 def test_that_a_robot_is_not_reached_any_more_is_written_at_once_with_the_reason():
     Robot.objects.create(name="giraff", title="Giraff")
-    writer = PresenceWriter()
+    writer = Heard()
     writer.take("giraff", connection("ONLINE"), NOW)
     writer.take("giraff", state(1), after(0.1))
     assert trouble_of(Robot.objects.get().report) == ""
@@ -205,7 +219,7 @@ def test_a_report_that_makes_no_sense_tells_of_no_trouble(report):
 @pytest.mark.django_db
 def test_presence_leaves_what_people_edit_alone():
     robot = Robot.objects.create(name="giraff", title="Giraff")
-    writer = PresenceWriter()
+    writer = Heard()
     writer.take("giraff", connection("ONLINE"), NOW)
     Robot.objects.filter(pk=robot.pk).update(title="Renamed", enabled=False)
     writer.take("giraff", connection("OFFLINE"), after(5))
@@ -217,7 +231,7 @@ def test_presence_leaves_what_people_edit_alone():
 def test_an_unknown_robot_is_ignored_without_asking_the_database_each_time(
     django_assert_num_queries,
 ):
-    writer = PresenceWriter()
+    writer = Heard()
     with django_assert_num_queries(1):
         for number in range(10):
             assert writer.take("nobody", state(number), after(number / 4)) is None
@@ -226,10 +240,53 @@ def test_an_unknown_robot_is_ignored_without_asking_the_database_each_time(
 @pytest.mark.django_db
 def test_a_robot_deleted_and_made_anew_is_found_again():
     Robot.objects.create(name="giraff", title="Giraff")
-    writer = PresenceWriter()
+    writer = Heard()
     writer.take("giraff", connection("ONLINE"), NOW)
     Robot.objects.all().delete()
     writer.take("giraff", connection("OFFLINE"), after(1))
     Robot.objects.create(name="giraff", title="Giraff")
     writer.take("giraff", connection("ONLINE", boot="b2"), after(2))
     assert Robot.objects.get().connection == "ONLINE"
+
+
+@pytest.mark.django_db
+def test_many_robots_are_read_and_written_together(django_assert_num_queries):
+    Robot.objects.bulk_create(Robot(name=f"r{n}", title=f"R{n}") for n in range(50))
+    writer = PresenceWriter()
+    names = [f"r{n}" for n in range(50)] + ["nobody"]
+    with django_assert_num_queries(4):  # read, savepoint, write, its release
+        writer.read(names, NOW)
+        for name in names:
+            writer.take(name, connection("ONLINE", boot=f"boot-{name}"), NOW)
+            writer.take(name, FACTSHEET, NOW)
+            writer.take(name, state(1, boot=f"boot-{name}"), NOW)
+        writer.write(NOW)
+    kept = Robot.objects.get(name="r7")
+    assert (kept.connection, kept.boot, kept.report["boot"]) == ("ONLINE", "boot-r7", "boot-r7")
+    assert kept.factsheet["series"] == "Giraff"
+    assert kept.last_seen_at == NOW
+
+
+@pytest.mark.django_db
+def test_a_row_that_the_database_refuses_costs_no_other_robot_its_presence(monkeypatch):
+    Robot.objects.bulk_create(Robot(name=name, title=name) for name in ("giraff", "rhodon"))
+    together = presence.update_each
+
+    def strict(robots, fields):
+        if any(robot.name == "rhodon" for robot in robots):
+            raise DataError("unsupported Unicode escape sequence")
+        return together(robots, fields)
+
+    monkeypatch.setattr(presence, "update_each", strict)
+    writer = PresenceWriter()
+    for name in ("giraff", "rhodon"):
+        writer.take(name, connection("ONLINE"), NOW)
+    writer.write(NOW)
+    writer.write(after(1))
+    assert Robot.objects.get(name="giraff").connection == "ONLINE"
+    assert Robot.objects.get(name="rhodon").connection != "ONLINE"
+
+
+def test_text_that_postgresql_cannot_hold_is_left_out():
+    found = changes(row(), state(1, errors=("lens\0 dirty",)), NOW)
+    assert found["report"]["errors"] == ["lens dirty"]

@@ -46,7 +46,7 @@ class Look:
             ingest=self.intake,
             scheduler=Scheduler(self.ownership),
             return_to_dock=ReturnToDock(self.ownership),
-            presence=PresenceWriter(only_if=self.ownership.condition),
+            presence=PresenceWriter(fence=self.ownership),
             thread=None,
             health=ManagerHealth(),
             disk=None,

@@ -238,15 +238,27 @@ def test_the_record_of_an_owner_that_lost_a_robot_is_refused(session, owner):
     assert builder._store.counts["fenced"] == 1
 
 
-def test_the_presence_of_a_robot_is_written_by_its_owner_in_one_statement(giraff, owner):
-    writer = PresenceWriter(only_if=owner.condition)
-    with owner.fenced(), CaptureQueriesContext(connection) as queries:
-        writer.take("giraff", messages.Connection(boot="b", state="OFFLINE", stamp=0.0), NOW)
-    assert len(queries) == 2, "the row is read once, and written"
-    take_away()
+def test_the_presence_of_robots_is_written_by_their_owner_and_refused_whole_when_one_is_lost(
+    giraff, owner
+):
+    Robot.objects.create(name="rhodon", title="Rhodon")
+    writer = PresenceWriter(fence=owner)
+    for name in ("giraff", "rhodon"):
+        writer.take(name, messages.Connection(boot="b", state="OFFLINE", stamp=0.0), NOW)
     with owner.fenced():
-        writer.take("giraff", messages.Connection(boot="b", state="ONLINE", stamp=0.0), NOW)
-    assert Robot.objects.get().connection == "OFFLINE"
+        writer.write(NOW)
+    take_away()
+    for name in ("giraff", "rhodon"):
+        writer.take(name, messages.Connection(boot="b", state="ONLINE", stamp=0.0), NOW)
+    with owner.fenced(), pytest.raises(Fenced):
+        writer.write(NOW)
+    owner.become({n: epoch for n, epoch in owner.epochs.items() if n != SHARD})
+    with owner.fenced():
+        writer.write(NOW)
+    assert dict(Robot.objects.values_list("name", "connection")) == {
+        "giraff": "OFFLINE",
+        "rhodon": "ONLINE",
+    }, "once the owner knows, its own robot is written"
 
 
 @pytest.mark.django_db(transaction=True)
