@@ -1,10 +1,15 @@
-"""Large audiences: what a robot and Janus spend on many viewers.
+"""Large audiences: what a robot and Janus spend on many viewers, and the delay of the driver's
+video beside them.
 
 The robot's real media side, in a process of its own, sends to pages directly, and through the real
 Janus. The pages are aiortc's up to the handshake; after it they only count the packets that arrive
 (they decrypt and decode nothing), so that their computer lasts for many. Processor time is that of
-the robot's and Janus' processes alone. Of one run, compare ratios: machines differ. `python -m
-benchmarks.video.audience 1 8 100 500` measures other numbers. Linux only, for /proc.
+the robot's and Janus' processes alone. Of one run, compare ratios: machines differ. Janus and its
+viewers fill two cores with 200 of them, so larger audiences watch a robot that sends two pictures a
+second and no sound. The driver watches directly, in Chromium, as `benchmarks media` does.
+
+`python -m benchmarks.video.audience 1 8 50` measures other numbers, at full rate alone. Linux only,
+for /proc.
 """
 
 import asyncio
@@ -12,23 +17,27 @@ import functools
 import os
 import sys
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from aiortc import RTCPeerConnection
+from playwright.async_api import Browser
 
 from benchmarks.table import Figure, keep
-from benchmarks.video.media import cpu_of_tree, load
+from benchmarks.video.media import PEER, cpu_of_tree, delays_of, load
 from benchmarks.video.media_robots import RobotProcess
-from tests.support.media.loopback_peer import until
+from robots.api.messages import Bye, Candidate, SdpAnswer
+from tests.support.browsers.browser_page import chromium
+from tests.support.media.loopback_peer import Exchange, until
 from tests.support.media.sfu_rig import SfuPage, SfuRig
 from tests.support.programs.janus import Janus
 
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "tests.settings")
-AUDIENCES = (1, 8, 100)
+AUDIENCES, SLOW_AUDIENCES = (1, 8, 100), (1, 100, 500, 1000)
 MEASURED_SECONDS = 8.0
-CONNECT_SECONDS = 120.0
+CONNECT_SECONDS = 300.0
 _RTP = range(128, 192)  # the first byte of RTP and RTCP (RFC 7983)
 
 
@@ -43,6 +52,7 @@ class Spent:
     packets: float
     fewest: float
     connections: int
+    delays: tuple[float, ...] = ()  # ms, of the driver's pictures
 
 
 class CountingPage(SfuPage):
@@ -75,12 +85,32 @@ def _protocol_of(connection: RTCPeerConnection | None) -> Any:
     return transport._connection._nominated[1].protocol
 
 
-async def through_janus(audiences: tuple[int, ...]) -> dict[int, Spent]:
-    """Return what each audience costs; a larger one is the smaller one and more."""
+class CrowdedRig(SfuRig):
+    """A rig whose robot also has a driver, connected directly; `driver` has the answers to it."""
+
+    def __init__(self, janus: Janus, kind: str) -> None:
+        self.driver = Exchange(asyncio.get_running_loop())
+        super().__init__(janus, media=functools.partial(RobotProcess, kind))
+
+    def reply(self, peer: str, message: SdpAnswer | Candidate | Bye) -> None:
+        """Pass on what the robot answers."""
+        if peer == PEER:
+            self.driver.reply(peer, message)
+        else:
+            super().reply(peer, message)
+
+
+async def through_janus(
+    audiences: tuple[int, ...], kind: str, watching: tuple[Browser, str] | None = None
+) -> dict[int, Spent]:
+    """Return what each audience costs a robot of this kind; a larger one is the smaller one and
+    more. With a browser, the delay of its driver is measured beside each.
+    """
     found: dict[int, Spent] = {}
     with tempfile.TemporaryDirectory() as folder, Janus(Path(folder) / "janus") as janus:
-        async with SfuRig(janus, media=lambda rig: RobotProcess("ours", rig)) as rig:
-            broadcast, pages = rig.broadcast(), []
+        async with CrowdedRig(janus, kind) as rig:
+            broadcast = rig.broadcast()
+            pages: list[CountingPage] = []
             for number in sorted(audiences):
                 more = [CountingPage(broadcast, f"page-{n}") for n in range(len(pages), number)]
                 pages += more
@@ -90,7 +120,11 @@ async def through_janus(audiences: tuple[int, ...]) -> dict[int, Spent]:
                 await until(
                     functools.partial(_all_count, pages), CONNECT_SECONDS, f"{number} viewers"
                 )
-                found[number] = await _measure(rig, janus, pages)
+                spent = await _measure(rig, janus, pages)
+                if watching is not None:
+                    delays = await delays_of(*watching, rig.media, rig.driver, role="driver")
+                    spent = replace(spent, delays=tuple(delays))
+                found[number] = spent
     return found
 
 
@@ -116,31 +150,53 @@ async def _measure(rig: SfuRig, janus: Janus, pages: list[CountingPage]) -> Spen
     )
 
 
-async def measure(audiences: tuple[int, ...]) -> list[Figure]:
-    """Return all figures."""
-    direct = {number: await load("ours", number) for number in (1, 8)}
-    sfu = await through_janus(audiences)
-    least, most = min(sfu), max(sfu)
-    figures = [
-        Figure(f"robot, {number} directly", 100 * share, "% of a core")
-        for number, share in direct.items()
-    ]
+def figures_of(sfu: dict[int, Spent], which: str = "") -> list[Figure]:
+    """Return what each audience of one robot costs; `which` says which robot."""
+    figures, least, most = [], min(sfu), max(sfu)
     for number, spent in sfu.items():
         figures += [
-            Figure(f"robot, {number} through Janus", 100 * spent.robot, "% of a core"),
-            Figure(f"Janus, {number} viewers", 100 * spent.janus, "% of a core"),
-            Figure(f"packets for each of {number} viewers", spent.packets, "/s"),
-            Figure(f"packets for the one of {number} with the fewest", spent.fewest, "/s"),
-            Figure(f"connections of the robot, {number} viewers", spent.connections, "", 1.0),
+            Figure(f"{which}robot, {number} through Janus", 100 * spent.robot, "% of a core"),
+            Figure(f"{which}Janus, {number} viewers", 100 * spent.janus, "% of a core"),
+            Figure(f"{which}packets for each of {number} viewers", spent.packets, "/s"),
+            Figure(f"{which}packets for the one of {number} with the fewest", spent.fewest, "/s"),
+            Figure(
+                f"{which}connections of the robot, {number} viewers", spent.connections, "", 1.0
+            ),
         ]
+        if spent.delays:
+            for share, name in ((50, "p50"), (95, "p95")):
+                delay = float(np.percentile(spent.delays, share))
+                figures.append(
+                    Figure(f"driver's delay beside {number} viewers, {name}", delay, "ms")
+                )
+    ratio = sfu[most].robot / sfu[least].robot
     figures += [
-        Figure(f"robot, {most} to {least} through Janus", sfu[most].robot / sfu[least].robot, "x"),
-        Figure("robot, 8 directly to 1 directly", direct[8] / direct[1], "x"),
-        Figure(f"Janus, for each of {most} viewers", 100 * sfu[most].janus / most, "% of a core"),
+        Figure(f"{which}robot, {most} to {least} through Janus", ratio, "x"),
+        Figure(
+            f"{which}Janus, for each of {most} viewers", 100 * sfu[most].janus / most, "% of a core"
+        ),
     ]
     return figures
 
 
+async def measure(audiences: tuple[int, ...], slow: tuple[int, ...]) -> list[Figure]:
+    """Return all figures."""
+    direct = {number: await load("ours", number) for number in (1, 8)}
+    async with chromium() as browser:
+        found = figures_of(await through_janus(audiences, "ours", browser))
+    if slow:
+        found += figures_of(await through_janus(slow, "slow"), "two pictures a second: ")
+    return [
+        *(
+            Figure(f"robot, {number} directly", 100 * share, "% of a core")
+            for number, share in direct.items()
+        ),
+        Figure("robot, 8 directly to 1 directly", direct[8] / direct[1], "x"),
+        *found,
+    ]
+
+
 if __name__ == "__main__":
-    wanted = tuple(int(word) for word in sys.argv[1:]) or AUDIENCES
-    sys.exit(keep("audience", asyncio.run(measure(wanted))))
+    wanted = tuple(int(word) for word in sys.argv[1:])
+    chosen = (wanted, ()) if wanted else (AUDIENCES, SLOW_AUDIENCES)
+    sys.exit(keep("audience", asyncio.run(measure(*chosen))))

@@ -20,10 +20,11 @@ from playwright.async_api import Browser
 
 from benchmarks.table import RESULTS
 from benchmarks.video.media_robots import RobotProcess
-from robots.api.messages import Bye
+from robots.api.messages import Bye, Role
 from tests.support.browsers.browser_page import BrowserPage, chromium
 from tests.support.media.loopback_peer import Exchange, LoopbackPage, until
 
+PEER = "p1"
 BLOCKS = 3  # of each kind
 BLOCK = 6.0  # s
 SETTLE = 3.0  # s left out after each connection
@@ -54,20 +55,34 @@ class Measurement:
 
 
 async def glass_to_glass(browser: Browser, address: str, kind: str, what: str) -> list[float]:
-    """Return the delays in ms of one block with one viewer; `what` names them in
-    the page's report.
-    """
+    """Return the delays in ms of one block with one viewer of a robot that has just started."""
     exchange = Exchange(asyncio.get_running_loop())
     robot: Any = await asyncio.to_thread(RobotProcess, kind, exchange)
-    page = await BrowserPage.open(browser, address, robot, exchange, "p1")
+    delays = await delays_of(browser, address, robot, exchange, what)
+    await asyncio.to_thread(robot.close)
+    return delays
+
+
+async def delays_of(
+    browser: Browser,
+    address: str,
+    robot: Any,
+    exchange: Exchange,
+    what: str = "delays",
+    role: Role = "observer",
+) -> list[float]:
+    """Return the delays in ms of one block, watched over a direct connection of PEER that ends with
+    it; `what` names them in the page's report.
+    """
+    page = await BrowserPage.open(browser, address, robot, exchange, PEER, role=role)
     await page.watch()
     await page.report_when("report.decoded > 0")
     await asyncio.sleep(SETTLE)
     skipped = len((await page.report())[what])
     await asyncio.sleep(BLOCK)
     delays = [1000.0 * delay for delay in (await page.report())[what][skipped:]]
+    robot.signal(PEER, Bye())
     await page.page.context.close()
-    await asyncio.to_thread(robot.close)
     return delays
 
 

@@ -1,7 +1,8 @@
 """The robots that benchmarks/video/media.py measures, each in a process of its own behind a pipe.
 
-`ours` is the media side with a synthetic camera, `plain` is aiortc as it comes with the same
-camera, and `simulator` the media side with the simulated robot, turning, and its child process.
+`ours` is the media side with a synthetic camera, `slow` the same with two pictures a second and no
+sound, `plain` is aiortc as it comes with the camera of `ours`, and `simulator` the media side with
+the simulated robot, turning, and its child process.
 """
 
 import asyncio
@@ -77,9 +78,13 @@ class RobotProcess:
 
 def serve(kind: str, pipe: Connection) -> None:
     """Run a robot of `kind` until the pipe says None or ends."""
-    robot: RunnableRobot = {"ours": _ours, "plain": PlainRobot, "simulator": SimulatedRobot}[kind](
-        lambda peer, message: pipe.send((peer, message))
-    )
+    kinds: dict[str, Callable[[Callable[..., None]], RunnableRobot]] = {
+        "ours": _ours,
+        "slow": _slow,
+        "plain": PlainRobot,
+        "simulator": SimulatedRobot,
+    }
+    robot = kinds[kind](lambda peer, message: pipe.send((peer, message)))
     robot.start()
     pipe.send("ready")
     with contextlib.suppress(EOFError):
@@ -92,6 +97,16 @@ def _ours(reply: Callable[..., None]) -> RunnableRobot:
     return MediaSide(
         video=SyntheticCamera(),
         audio=SyntheticMicrophone(),
+        viewers=8,
+        on_command=lambda *_: None,
+        reply=reply,
+    )
+
+
+def _slow(reply: Callable[..., None]) -> RunnableRobot:
+    return MediaSide(
+        video=SyntheticCamera(fps=2.0),
+        audio=None,
         viewers=8,
         on_command=lambda *_: None,
         reply=reply,

@@ -162,10 +162,13 @@ class Scheduler:
         return self._finish(now)
 
     def _busy_robots(self) -> list[Robot]:
-        keys = set(Session.objects.filter(state__in=LIVE).values_list("robot_id", flat=True))
-        keys |= set(Lease.objects.filter(session__isnull=False).values_list("robot_id", flat=True))
-        busy = Robot.objects.filter(pk__in=keys).defer(*UNREAD).order_by("name")
-        return [robot for robot in busy if self._ownership.owns(robot.name)]
+        """Return those of our robots that have a session; of others not even the rows are read."""
+        living = Session.objects.filter(state__in=LIVE).values_list("robot_id", "robot__name")
+        held = Lease.objects.filter(session__isnull=False).values_list("robot_id", "robot__name")
+        ours = {key for key, name in {*living, *held} if self._ownership.owns(name)}
+        if not ours:
+            return []
+        return list(Robot.objects.filter(pk__in=ours).defer(*UNREAD).order_by("name"))
 
     # --- notices ----------------------------------------------------------------------------------
 
