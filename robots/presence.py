@@ -161,7 +161,11 @@ class PresenceChange:
 
 
 class Fence(Protocol):
-    """Whose robots are ours to write (sessions.shards.ownership)."""
+    """Whose robots are ours to write (sessions.shards.ownership); `version` grows when that
+    changes.
+    """
+
+    version: int
 
     def records(self, robot: str) -> bool:
         """Tell whether what is known of the robot of this name is ours to write."""
@@ -171,6 +175,8 @@ class Fence(Protocol):
 
 
 class _NoFence:
+    version = 0
+
     def records(self, robot: str) -> bool:
         return True
 
@@ -197,6 +203,7 @@ class PresenceWriter:
     def __init__(self, write_seconds: float = WRITE_SECONDS, fence: Fence | None = None) -> None:
         self._write_seconds = write_seconds
         self._fence = fence or _NoFence()
+        self._version = self._fence.version
         self._known: dict[str, _KnownRobot] = {}
         self._unknown: dict[str, float] = {}
         self._unwritten: set[str] = set()
@@ -243,6 +250,15 @@ class PresenceWriter:
         for name in list(self._known) if names is None else names:
             self._known.pop(name, None)
             self._unwritten.discard(name)
+
+    def follow_ownership(self, now: datetime.datetime) -> None:
+        """When other robots are ours by now, write what waits and read every row again: what is
+        known of a robot that was somebody else's meanwhile is out of date.
+        """
+        if (version := self._fence.version) != self._version:
+            self.write(now, at_once=True)
+            self.forget()
+            self._version = version
 
     def write(self, now: datetime.datetime, *, at_once: bool = False) -> None:
         """Write what is news, and the states that have waited for long enough, or all that wait;

@@ -108,7 +108,6 @@ class BrokerConnection:
         self._often_qos = often_qos
         self._since = clock()
         self._desired_state = DesiredState(work.ownership)
-        self._presence_version = work.ownership.version
         self._subscribed: set[tuple[str, int]] = set()
         self.prepared: tuple[int, ...] = ()  # the slots by whose division we have subscribed
         self._asking: set[asyncio.Task[None]] = set()
@@ -185,10 +184,7 @@ class BrokerConnection:
         now, work = timezone.now(), self._work
         if not self._may_act():  # this process has just gone on after a stop
             return []
-        if self._presence_version != work.ownership.version:
-            self._presence_version = work.ownership.version
-            work.presence.write(now, at_once=True)
-            work.presence.forget()
+        work.presence.follow_ownership(now)
         self._needed = needed_robots()
         self._take_presence(now)
         send(signals.ticked, now=now, ownership=work.ownership)

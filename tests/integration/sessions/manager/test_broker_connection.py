@@ -53,7 +53,11 @@ class Look:
             due=asyncio.Event(),
             received=asyncio.Event(),
         )
-        self.connection = BrokerConnection(None, work, lambda: self.now)
+        self._work = work
+        self.reconnect()
+
+    def reconnect(self):
+        self.connection = BrokerConnection(None, self._work, lambda: self.now)
 
     def hear(self, message, suffix="connection"):
         topic, payload = Topic(topics.of("giraff", suffix)), codec.encode(message)
@@ -118,3 +122,36 @@ def test_the_presence_of_a_robot_that_is_anothers_by_now_is_left_to_its_owner(lo
     look.hear(words.broken())
     look.tick()
     assert connection_of_giraff() == "CONNECTIONBROKEN", "the row was read anew"
+
+
+def test_a_row_is_read_anew_when_shards_changed_hands_while_there_was_no_connection(look):
+    look.hear(words.online())
+    look.tick()
+    look.ownership.become({n: epoch for n, epoch in look.epochs.items() if n != GIRAFF})
+    Robot.objects.update(connection="CONNECTIONBROKEN")  # by its owner meanwhile
+    look.ownership.become(look.epochs)
+    look.reconnect()
+    look.hear(words.online())
+    look.tick()
+    assert connection_of_giraff() == "ONLINE"
+
+
+def test_a_row_is_read_anew_although_the_database_was_away_when_shards_changed_hands(
+    look, monkeypatch
+):
+    look.hear(words.online())
+    look.tick()
+    look.ownership.become({n: epoch for n, epoch in look.epochs.items() if n != GIRAFF})
+    Robot.objects.update(connection="CONNECTIONBROKEN")  # by its owner meanwhile
+    look.ownership.become(look.epochs)
+
+    def away(*_, **__):
+        raise OperationalError("the database is away")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(PresenceWriter, "write", away)
+        with pytest.raises(OperationalError):
+            look.tick()
+    look.hear(words.online())
+    look.tick()
+    assert connection_of_giraff() == "ONLINE"
