@@ -115,11 +115,13 @@ class Scheduler:
         """Forget robots that another session manager has by now; tell those that are ours by now
         everything again, and give them time to say something.
         """
-        if self._version == self._ownership.version:
+        version, epochs = self._ownership.version, self._ownership.epochs
+        if self._version == version:
             return
-        self._version, epochs = self._ownership.version, self._ownership.epochs
-        gained, self._shards = epochs.keys() - self._shards, frozenset(epochs)
-        for name in Robot.objects.values_list("name", flat=True):
+        names = list(Robot.objects.values_list("name", flat=True))  # first, since it may be refused
+        gained = epochs.keys() - self._shards
+        self._version, self._shards = version, frozenset(epochs)
+        for name in names:
             if shard_of(name) in gained:
                 self._gained[name] = now.timestamp()
                 self._leases[name] = NEVER

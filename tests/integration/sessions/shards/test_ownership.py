@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from django.db import connection
+from django.db import OperationalError, connection
 from django.test.utils import CaptureQueriesContext
 from django.utils import timezone
 
@@ -189,6 +189,23 @@ def test_a_scheduler_that_lost_a_robot_says_nothing_of_its_lease_and_one_that_go
     owner.become(mine)
     assert scheduler.renew(at(3))
     assert [message.payload for message in scheduler.outbox] == [b""]
+
+
+def test_a_robot_that_was_got_while_the_database_was_away_hears_of_its_lease_all_the_same(
+    giraff, owner
+):
+    mine = dict(owner.epochs)
+    owner.become({n: epoch for n, epoch in mine.items() if n != SHARD})
+    scheduler = Scheduler(owner)
+    owner.become(mine)
+
+    def away(*_):
+        raise OperationalError("the database is away")
+
+    with connection.execute_wrapper(away), pytest.raises(OperationalError):
+        scheduler.renew(at(0))
+    assert scheduler.renew(at(1))
+    assert [message.payload for message in scheduler.outbox] == [b""], "nobody drives it"
 
 
 def test_a_robot_that_is_lost_while_leases_are_read_does_not_hear_that_nobody_drives_it(
