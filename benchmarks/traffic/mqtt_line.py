@@ -103,6 +103,9 @@ class MqttLine(asyncio.Protocol):
             case packets.CONNACK:
                 self.refused = f"the broker's code {body[1]}"
                 self._transport.abort()
+            case packets.SUBACK if packets.SUBSCRIPTION_REFUSED in body[2:]:
+                self.refused = "a subscription"
+                self._transport.abort()
             case packets.SUBACK:
                 self._owner.opened()
 

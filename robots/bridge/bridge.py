@@ -74,6 +74,7 @@ SHOWN = frozenset({"state"})
 STOP_SECONDS, STOP_AGAIN_SECONDS = 3.0, 0.1
 MAX_FLYING = 500
 WATCH_SECONDS = 0.2
+SUBSCRIBE_AGAIN_SECONDS = 1.0
 # bytes read at a time, some ten messages: between two pieces pages are sent what there is
 PIECE = 4096
 # kept, and on their way at once: what has gathered must not be in the way of a stop
@@ -260,9 +261,22 @@ class Bridge:
         """
         first = self._delivery.listen(robot, listener, time.monotonic(), needs=needs)
         if first and self._client is not None:
-            self._launch(functools.partial(self._client.subscribe, self._filters(robot)))
+            self._launch(functools.partial(self._subscribe, self._client, robot))
         self._beat()
         return self._delivery.known[robot]
+
+    async def _subscribe(self, client: aiomqtt.Client, robot: str) -> None:
+        """Hear what a robot says: asked again while the broker refuses it, as a cluster does in the
+        seconds after one of its nodes was lost.
+        """
+        while client is self._client and robot in self._delivery.robots:
+            try:
+                broker_address.check_subscribed(await client.subscribe(self._filters(robot)))
+            except aiomqtt.MqttError as error:
+                log.warning("subscription_refused", robot=robot, reason=str(error))
+                await asyncio.sleep(SUBSCRIBE_AGAIN_SECONDS)
+            else:
+                return
 
     def _beat(self) -> None:
         """Tell robots that are needed so, when it is due."""

@@ -101,6 +101,17 @@ async def test_a_line_that_is_refused_hangs_up():
     assert owner.said == []
 
 
+async def test_a_line_whose_subscription_is_refused_hangs_up_as_a_real_agent_does():
+    owner, wire = Owner(), Wire()
+    line = mqtt_line.MqttLine(owner, b"", [("a/#", 1), ("b", 0)])
+    line.connection_made(wire)
+    line.data_received(
+        packets.connack(packets.ACCEPTED) + packets.suback(1, [1, packets.SUBSCRIPTION_REFUSED])
+    )
+    assert wire.aborted
+    assert owner.said == []
+
+
 @pytest.fixture
 async def robot():
     robot = robots.LightRobot(

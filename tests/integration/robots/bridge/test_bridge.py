@@ -103,6 +103,31 @@ async def say(client, suffix, message, *, qos=1, retain=False):
     await client.publish(topics.of("giraff", suffix), codec.encode(message), qos=qos, retain=retain)
 
 
+async def test_a_subscription_that_the_broker_refuses_for_a_moment_is_asked_for_again(
+    rig, monkeypatch
+):
+    subscribe, refusals = aiomqtt.Client.subscribe, 2
+
+    async def busy(client, topic, *rest, **more):
+        nonlocal refusals
+        if refusals and "giraff" in str(topic):
+            refusals -= 1
+            return [0x80 for _ in topic]
+        return await subscribe(client, topic, *rest, **more)
+
+    async with robot_of(rig) as robot, bridge_of(rig) as bridge:
+        monkeypatch.setattr(aiomqtt.Client, "subscribe", busy)
+        ear = Ear()
+        bridge.listen("giraff", ear)
+        for seq in range(1, 200):
+            await say(robot, "state", words.state(seq=seq))
+            await asyncio.sleep(0.1)
+            if ear.heard("state"):
+                break
+        assert ear.heard("state")
+        assert refusals == 0
+
+
 async def test_what_a_robot_says_is_brought_to_whoever_listens_and_what_is_said_to_it_arrives(rig):
     async with bridge_of(rig) as bridge, robot_of(rig) as robot:
         ear = Ear()
