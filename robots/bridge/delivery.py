@@ -11,7 +11,7 @@ import msgspec
 from robots.api import codec, picture, topics
 from robots.api.errors import Rejection
 from robots.api.idle import INTEREST_PERIOD_SECONDS
-from robots.api.messages import Lease, ManagerStatus
+from robots.api.messages import Heartbeat, Lease, ManagerStatus
 from robots.bridge.known import KnownRobot
 from robots.bridge.server_watch import ServerWatch
 
@@ -147,6 +147,15 @@ class Delivery:
             return
         suffix = parsed[1]
         message = None if suffix == "lease" and not payload else codec.decode(suffix, payload)
+        self._hear(known, suffix, message, payload, now)
+        if isinstance(message, Heartbeat):
+            refutation = known.refutation(now, message.stamp)
+            if refutation is not None:
+                self._hear(known, "connection", refutation, codec.encode(refutation), now)
+
+    def _hear(
+        self, known: KnownRobot, suffix: str, message: Any, payload: bytes, now: float
+    ) -> None:
         if known.take(suffix, message, now):
             frame = (
                 picture.frame(payload)

@@ -10,6 +10,10 @@ from typing import Any
 
 from robots.api.messages import Connection, Factsheet, Lease, State
 
+# seconds from the word that a robot has gone after which a heartbeat shows that it has not: the
+# last ones of one that went may come after it
+DOUBT_SECONDS = 3.0
+
 
 @dataclass
 class KnownRobot:
@@ -19,7 +23,8 @@ class KnownRobot:
     drives, heard at `renewed_at`; `epoch`, `renewal` and `stamp` are the newest seen and outlive
     it, so that a late copy of an older lease does not come back. `last_received_at` is when the
     robot itself last said anything, `needed_since` when this process began to ask for its full
-    rate; before that its silence means nothing.
+    rate; before that its silence means nothing. `gone_at` is when it was said to have gone, None
+    while it is there.
     """
 
     name: str
@@ -34,6 +39,7 @@ class KnownRobot:
     renewed_at: float = -1e18
     last_received_at: float = -1e18
     needed_since: float = math.inf
+    gone_at: float | None = None
 
     @property
     def online(self) -> bool | None:
@@ -52,7 +58,7 @@ class KnownRobot:
             self.last_received_at = now
         match message:
             case Connection():
-                return self._take_connection(message)
+                return self._take_connection(message, now)
             case Factsheet():
                 self.factsheet = message
             case State():
@@ -61,14 +67,26 @@ class KnownRobot:
                 return self.take_lease(message, now)
         return True
 
-    def _take_connection(self, connection: Connection) -> bool:
+    def _take_connection(self, connection: Connection, now: float) -> bool:
         if connection.state == "ONLINE":
-            self.online_boot = connection.boot
+            self.online_boot, self.gone_at = connection.boot, None
         elif self.online_boot and connection.boot != self.online_boot:
             # The will of a half-open connection, seconds after the next one is up.
             return False
+        else:
+            self.gone_at = now
         self.connection = connection
         return True
+
+    def refutation(self, now: float, stamp: float) -> Connection | None:
+        """Return what a robot would say that is said to have gone and whose heart beats now; once.
+
+        A broker may deliver a will late, or again after what the robot has said since: NATS does,
+        when one of its nodes was lost. `stamp` is of the heartbeat.
+        """
+        if self.connection is None or self.gone_at is None or now - self.gone_at < DOUBT_SECONDS:
+            return None
+        return Connection(boot=self.connection.boot, state="ONLINE", stamp=stamp)
 
     def take_lease(self, lease: Lease | None, now: float, *, certain: bool = False) -> bool:
         """Note a lease or, with None, that nobody drives; False for a copy that is older than what

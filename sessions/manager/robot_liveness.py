@@ -8,13 +8,11 @@ from types import MappingProxyType
 
 from robots.api.idle import HEARD_SECONDS
 from robots.api.messages import ActionStatus, Connection, Heartbeat, State
+from robots.bridge.known import DOUBT_SECONDS
 from sessions.leases.transitions import RobotLink
 from sessions.manager.clock_offset import ClockOffset
 
 PEER = "server"
-# seconds from the word that a robot has gone after which a heartbeat shows that it has not: the
-# last ones of one that went may come after it
-DOUBT_SECONDS = 3.0
 AWAKE_SECONDS = 2.0  # an idle robot sends no heartbeats, any other five a second
 ANSWERS_KEPT = 50
 ECHO_SECONDS = 5.0

@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robots.api import codec, topics
 from robots.api import messages as m
 from robots.bridge.broker_address import BadAddress, BrokerAddress, backoff, parse
 from robots.bridge.delivery import Delivery
-from robots.bridge.known import KnownRobot
+from robots.bridge.known import DOUBT_SECONDS, KnownRobot
 from tests.support import words
 from tests.support.examples import examples
 
@@ -36,6 +37,30 @@ def test_the_will_of_an_earlier_boot_is_not_believed():
     assert known.online
 
 
+def beat(n):
+    return codec.encode(m.Heartbeat(n=n, stamp=float(n)))
+
+
+def test_a_robot_that_goes_on_beating_has_not_gone_and_its_pages_hear_so():
+    delivery, page = Delivery(), Ears()
+    known = delivery.listen("giraff", page, 0.0)
+    gone = codec.encode(words.broken())
+    delivery.arrive(topics.of("giraff", "connection"), codec.encode(words.online()), 0.0)
+    delivery.arrive(topics.of("giraff", "connection"), gone, 10.0)
+    delivery.arrive(topics.of("giraff", "heartbeat"), beat(1), 11.0)
+    assert known.online is False, "that may be the last of one that went"
+    delivery.arrive(topics.of("giraff", "heartbeat"), beat(2), 10.0 + DOUBT_SECONDS)
+    assert known.online
+    delivery.arrive(topics.of("giraff", "heartbeat"), beat(3), 20.0)
+    assert [message.state for message in page.heard("connection")] == [
+        "ONLINE",
+        "CONNECTIONBROKEN",
+        "ONLINE",
+    ]
+    delivery.arrive(topics.of("giraff", "connection"), gone, 30.0)
+    assert known.online is False
+
+
 def test_silence_means_nothing_before_the_robot_was_asked_to_speak():
     known = KnownRobot("giraff")
     known.take("connection", words.online(), 0.0)
@@ -48,6 +73,17 @@ def test_silence_means_nothing_before_the_robot_was_asked_to_speak():
 class Ear:
     def handle_message(self, inbound):
         """Hear nothing."""
+
+
+class Ears:
+    def __init__(self):
+        self.messages = []
+
+    def handle_message(self, inbound):
+        self.messages.append(inbound)
+
+    def heard(self, suffix):
+        return [inbound.message for inbound in self.messages if inbound.suffix == suffix]
 
 
 def test_a_robot_is_told_at_once_and_every_second_that_a_page_needs_it_and_of_a_display_never():

@@ -6,10 +6,10 @@ from aiomqtt import Message, Topic
 
 from robots.api import codec, topics
 from robots.api import messages as m
+from robots.bridge.known import DOUBT_SECONDS
 from sessions import protocol
 from sessions.manager import ingest as module
 from sessions.manager.ingest import EARLY_SECONDS, Intake, PresenceNews
-from sessions.manager.robot_liveness import DOUBT_SECONDS
 from sessions.shards.hashing import shard_of
 from sessions.shards.ownership import Ownership
 from tests.support import words
