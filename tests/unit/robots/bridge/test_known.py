@@ -43,7 +43,8 @@ def beat(n):
 
 def test_a_robot_that_goes_on_beating_has_not_gone_and_its_pages_hear_so():
     delivery, page = Delivery(), Ears()
-    known = delivery.listen("giraff", page, 0.0)
+    delivery.listen("giraff", page, 0.0)
+    known = delivery.known["giraff"]
     gone = codec.encode(words.broken())
     delivery.arrive(topics.of("giraff", "connection"), codec.encode(words.online()), 0.0)
     delivery.arrive(topics.of("giraff", "connection"), gone, 10.0)
