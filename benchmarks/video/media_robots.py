@@ -7,6 +7,7 @@ the simulated robot, turning, and its child process.
 
 import asyncio
 import contextlib
+import functools
 import threading
 import time
 from collections.abc import Callable
@@ -80,7 +81,7 @@ def serve(kind: str, pipe: Connection) -> None:
     """Run a robot of `kind` until the pipe says None or ends."""
     kinds: dict[str, Callable[[Callable[..., None]], RunnableRobot]] = {
         "ours": _ours,
-        "slow": _slow,
+        "slow": functools.partial(_ours, fps=2.0, has_sound=False),
         "plain": PlainRobot,
         "simulator": SimulatedRobot,
     }
@@ -93,20 +94,12 @@ def serve(kind: str, pipe: Connection) -> None:
     robot.close()
 
 
-def _ours(reply: Callable[..., None]) -> RunnableRobot:
+def _ours(
+    reply: Callable[..., None], fps: float = 30.0, *, has_sound: bool = True
+) -> RunnableRobot:
     return MediaSide(
-        video=SyntheticCamera(),
-        audio=SyntheticMicrophone(),
-        viewers=8,
-        on_command=lambda *_: None,
-        reply=reply,
-    )
-
-
-def _slow(reply: Callable[..., None]) -> RunnableRobot:
-    return MediaSide(
-        video=SyntheticCamera(fps=2.0),
-        audio=None,
+        video=SyntheticCamera(fps),
+        audio=SyntheticMicrophone() if has_sound else None,
         viewers=8,
         on_command=lambda *_: None,
         reply=reply,

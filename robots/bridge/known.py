@@ -15,6 +15,18 @@ from robots.api.messages import Connection, Factsheet, Lease, State
 DOUBT_SECONDS = 3.0
 
 
+def refutation(boot: str, gone_at: float | None, beat_at: float, stamp: float) -> Connection | None:
+    """Return what a robot would say that is said to have gone (at `gone_at`, None when it is not)
+    and whose heart beat at `beat_at`; None while that may be the last of one that went.
+
+    A broker may deliver a will late, or again after what the robot has said since: NATS does, when
+    a node was lost, or a connection before the will could be confirmed over it.
+    """
+    if gone_at is None or beat_at - gone_at < DOUBT_SECONDS:
+        return None
+    return Connection(boot=boot, state="ONLINE", stamp=stamp)
+
+
 @dataclass
 class KnownRobot:
     """Connection, factsheet, last state and lease of a robot, newest wins.
@@ -79,14 +91,12 @@ class KnownRobot:
         return True
 
     def refutation(self, now: float, stamp: float) -> Connection | None:
-        """Return what a robot would say that is said to have gone and whose heart beats now; once.
-
-        A broker may deliver a will late, or again after what the robot has said since: NATS does,
-        when one of its nodes was lost. `stamp` is of the heartbeat.
+        """Return what the robot would say whose heart beats now, when it is said to have gone;
+        `stamp` is of the heartbeat.
         """
-        if self.connection is None or self.gone_at is None or now - self.gone_at < DOUBT_SECONDS:
+        if self.connection is None:
             return None
-        return Connection(boot=self.connection.boot, state="ONLINE", stamp=stamp)
+        return refutation(self.connection.boot, self.gone_at, now, stamp)
 
     def take_lease(self, lease: Lease | None, now: float, *, certain: bool = False) -> bool:
         """Note a lease or, with None, that nobody drives; False for a copy that is older than what

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from robots.api.idle import HEARD_SECONDS
 from robots.api.messages import ActionStatus, Connection, Heartbeat, State
-from robots.bridge.known import DOUBT_SECONDS
+from robots.bridge.known import refutation
 from sessions.leases.transitions import RobotLink
 from sessions.manager.clock_offset import ClockOffset
 
@@ -55,15 +55,11 @@ class RobotLiveness:
         self.offset.on_heartbeat(message, now)
 
     def refutation(self) -> Connection | None:
-        """Return what a robot that is said to have gone and still beats would say; once.
-
-        A broker may deliver a will late, or again after what the robot has said since (NATS, when
-        the session manager lost its connection before it could confirm it).
-        """
-        if self.gone_at is None or self.beat_at - self.gone_at < DOUBT_SECONDS:
-            return None
-        self.gone_at = None
-        return Connection(boot=self.boot, state="ONLINE", stamp=self.beat_at)
+        """Return what a robot that is said to have gone and still beats would say; once."""
+        found = refutation(self.boot, self.gone_at, self.beat_at, self.beat_at)
+        if found is not None:
+            self.gone_at = None
+        return found
 
     def answer(self, status: ActionStatus) -> None:
         """Note how far an action is, of the last few."""

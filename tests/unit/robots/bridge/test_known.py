@@ -42,7 +42,7 @@ def beat(n):
 
 
 def test_a_robot_that_goes_on_beating_has_not_gone_and_its_pages_hear_so():
-    delivery, page = Delivery(), Ears()
+    delivery, page = Delivery(), Ear()
     delivery.listen("giraff", page, 0.0)
     known = delivery.known["giraff"]
     gone = codec.encode(words.broken())
@@ -72,11 +72,6 @@ def test_silence_means_nothing_before_the_robot_was_asked_to_speak():
 
 
 class Ear:
-    def handle_message(self, inbound):
-        """Hear nothing."""
-
-
-class Ears:
     def __init__(self):
         self.messages = []
 
