@@ -4,6 +4,7 @@ reading a document with every problem of it.
 A text is an object of languages, `{"en": "…", "es": "…"}`.
 """
 
+import functools
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -41,6 +42,12 @@ class DocumentPart(
     msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True
 ):
     """Any part of a definition."""
+
+
+@functools.cache
+def fields_of(kind: type[msgspec.Struct]) -> tuple[msgspec.structs.FieldInfo, ...]:
+    """Return the fields of a kind of part; msgspec reads all its annotations each time."""
+    return msgspec.structs.fields(kind)
 
 
 @dataclass(frozen=True)
@@ -203,7 +210,7 @@ def _texts(
     """Yield (what it is called, path, text, whether it must be there) for every text inside a
     part; what has a key is called by it.
     """
-    for one in msgspec.structs.fields(part):
+    for one in fields_of(type(part)):
         value, key = getattr(part, one.name), one.encode_name
         called, here = f"{name}.{key}", (*path, key)
         if one.type == Text:

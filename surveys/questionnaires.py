@@ -7,8 +7,8 @@ was when it was frozen.
 """
 
 import datetime
-from collections.abc import Sequence
-from functools import lru_cache
+from collections.abc import Mapping, Sequence
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,8 @@ ATTEMPTS = 5
 SHIPPED = Path(__file__).resolve().parent / "definitions"
 
 
-def shipped() -> dict[str, Definition]:
+@cache
+def shipped() -> Mapping[str, Definition]:
     """Return the questionnaires that come with the site, by name; templates among them."""
     definitions = [parse(path.read_bytes()) for path in sorted(SHIPPED.glob("*.json"))]
     return {definition.slug: definition for definition in definitions}

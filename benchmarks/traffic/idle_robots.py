@@ -16,7 +16,7 @@ from typing import Any
 
 from benchmarks.traffic import worker
 from benchmarks.traffic.mqtt_line import MqttLine, hello
-from benchmarks.traffic.robots import factsheet_of
+from benchmarks.traffic.robots import factsheet_of, is_late_will
 from robots.agent.broker_link.mqtt import KEEPALIVE
 from robots.agent.broker_link.reconnection import Reconnection
 from robots.api import codec, topics
@@ -104,7 +104,9 @@ class IdleRobot:
         """Need nothing of it."""
 
     def heard(self, topic: str, payload: bytes, *, retained: bool) -> None:
-        """Wake up when somebody needs the robot."""
+        """Wake up when somebody needs the robot, and answer a will that came late."""
+        if topic.endswith("/connection") and is_late_will(payload, retained=retained):
+            self._say("connection", self._presence("ONLINE"))
         if retained or not topic.endswith("/command/heartbeat"):
             return
         beat = codec.decode("command/heartbeat", payload)

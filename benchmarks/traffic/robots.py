@@ -82,6 +82,13 @@ def factsheet_of(name: str, boot: str) -> m.Factsheet:
     )
 
 
+def is_late_will(payload: bytes, *, retained: bool) -> bool:
+    """Tell whether a robot hears that it has gone, which it answers as an agent does: the will of
+    a connection that died half open comes after the next one's first word.
+    """
+    return not retained and codec.decode("connection", payload).state != "ONLINE"
+
+
 class LightRobot:
     """One robot. `states` has how many states it numbered, by session and boot; `grants` every
     lease that it heard of.
@@ -129,9 +136,7 @@ class LightRobot:
             topics.of(self.name, "connection"), self._presence("CONNECTIONBROKEN"), 1, retain=True
         )
         filters = [
-            (topics.of(self.name, line.suffix), 0 if len(nodes) > 1 else line.qos)
-            for line in topics.TABLE
-            if line.direction == "to_robot"
+            (topic, 0 if len(nodes) > 1 else qos) for topic, qos in topics.subscriptions(self.name)
         ]
         said = hello(f"{self.name}-{secrets.token_hex(8)}", self.name, self._token, will)
         while True:
@@ -218,6 +223,8 @@ class LightRobot:
                 )
             case "lease":
                 self._lease(payload, now, retained=retained)
+            case "connection" if is_late_will(payload, retained=retained):
+                self._put("connection", self._presence("ONLINE"))
             case "action":
                 action = codec.decode("command/action", payload)
                 if isinstance(action, m.ResendStates) and action.boot == self.boot:

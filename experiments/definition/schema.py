@@ -33,7 +33,7 @@ from robots.api.floorplan import Key as PlanKey
 from robots.api.floorplan import Length
 from robots.api.messages import AssistLevel, Metres, Point, Positive, Share
 from robots.api.prepared import prepare
-from surveys.documents import DocumentPart, Key, Language, Slug, Text
+from surveys.documents import DocumentPart, Key, Language, Slug, Text, fields_of
 
 if TYPE_CHECKING:
     AnyStep = Step
@@ -357,7 +357,7 @@ def _said(value: Any) -> Any:
     kind, name = value.__struct_config__.tag, value.__struct_config__.tag_field
     told = {
         field.encode_name: (getattr(value, field.name), _default(field))
-        for field in msgspec.structs.fields(value)
+        for field in fields_of(type(value))
     }
     return ({name: kind} if name else {}) | {
         word: _said(own) for word, (own, default) in told.items() if own != default

@@ -2,6 +2,8 @@
 assistance by every participant.
 """
 
+from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 
 from experiments.definition.problems import parse
@@ -10,7 +12,8 @@ from experiments.definition.schema import StudyDefinition
 SHIPPED = Path(__file__).resolve().parents[1] / "definitions"
 
 
-def shipped() -> dict[str, StudyDefinition]:
+@cache
+def shipped() -> Mapping[str, StudyDefinition]:
     """Return the studies that come with the site, by name."""
     studies = [parse(path.read_bytes()) for path in sorted(SHIPPED.glob("*.json"))]
     return {study.slug: study for study in studies}

@@ -55,21 +55,22 @@ class DesiredState:
         self._held: set[Any] = set()  # the robots that somebody had at the last look
         # robots that had a session, when this began or was given others' robots
         self._driven: set[Any] | None = None
+        # what a look found that an error of the database ended: the next one says it
+        self._unsaid: list[ManagerMessage] = []
 
     def tick(self, now: datetime.datetime) -> list[ManagerMessage]:
         """Return what has changed since the last look; everything at the first one."""
         if self._version != self._ownership.version:
             self._version, self._driven = self._ownership.version, None
             self._looked_at = -math.inf
-        outbound_messages = []
         held = {
             lease.robot_id: lease.session
             for lease in Lease.objects.filter(session__state__in=LIVE).select_related("session")
             if lease.session
         }
         rows = Robot.objects.order_by()
-        if now.timestamp() - self._looked_at >= LOOK_SECONDS:
-            self._looked_at = now.timestamp()
+        everybody = now.timestamp() - self._looked_at >= LOOK_SECONDS
+        if everybody:
             plans = FloorPlan.objects.values_list("pk", "sha256", "plan")
             self._plans = {
                 key: (f"{sha256} {plan}" if sha256 else "", plan) for key, sha256, plan in plans
@@ -94,7 +95,6 @@ class DesiredState:
                 continue
             robot = Robot(**values)
             published = published or self._begin(robot)
-            published.seen = seen
             fixed = terms.of(session) if session is not None else FREE
             config = _config(
                 robot, session, fixed, _untouched(published.doors | set(fixed.doors), plan)
@@ -102,15 +102,18 @@ class DesiredState:
             published.doors |= set(fixed.doors)
             if published.config != config:
                 published.config = config
-                outbound_messages.append(
-                    _retained(robot.name, "config", codec.encode(_stamped(config, now)))
-                )
+                payload = codec.encode(_stamped(config, now))
+                self._unsaid.append(_retained(robot.name, "config", payload))
             if content and published.floor_plan != content:
-                published.floor_plan = content
                 key = robot.floor_plan_id
                 updates[key] = updates.get(key) or _update(key)
-                outbound_messages.append(_retained(robot.name, "floorplan", updates[key]))
-        return outbound_messages
+                published.floor_plan = content
+                self._unsaid.append(_retained(robot.name, "floorplan", updates[key]))
+            published.seen = seen
+        if everybody:
+            self._looked_at = now.timestamp()
+        said, self._unsaid = self._unsaid, []
+        return said
 
     def _begin(self, robot: Robot) -> _Published:
         """Return what a robot was told before this session manager began, as far as it matters."""

@@ -46,6 +46,8 @@ class ReturnToDock:
     def __init__(self, ownership: Ownership = EVERYTHING) -> None:
         self._ownership = ownership
         self._under_way: dict[str, Readiness] = {}
+        # what a look found that an error of the database ended: the next one says it
+        self._unsaid: list[ManagerMessage] = []
 
     def tick(
         self, last_received: Mapping[str, RobotLiveness], now: datetime.datetime
@@ -63,26 +65,26 @@ class ReturnToDock:
             for name in (robot.name for robot in away)
             if name in self._under_way
         }
-        outbound_messages = []
         for robot in away:
             with self._ownership.about(robot.name):
                 if robot.pk in driven or not robot.can_go_home or not robot.enabled:
-                    outbound_messages += self._let_be(robot, now)
+                    self._let_be(robot, now)
                 else:
-                    outbound_messages += self._bring(robot, last_received.get(robot.name), now)
-        return outbound_messages
+                    self._bring(robot, last_received.get(robot.name), now)
+        said, self._unsaid = self._unsaid, []
+        return said
 
-    def _let_be(self, robot: Robot, now: datetime.datetime) -> list[ManagerMessage]:
+    def _let_be(self, robot: Robot, now: datetime.datetime) -> None:
         """An operator has taken it, or it need not go home any more."""
         order = self._under_way.pop(robot.name, Readiness()).order
+        if order is not None and not order.is_over(now.timestamp()):
+            cancel = messages.Cancel(**_signature(now), target=order.action_id)
+            self._unsaid.append(_outbound(robot, cancel))
         self._save(robot, Readiness("ready"), now)
-        if order is None or order.is_over(now.timestamp()):
-            return []
-        return [_outbound(robot, messages.Cancel(**_signature(now), target=order.action_id))]
 
     def _bring(
         self, robot: Robot, last_received: RobotLiveness | None, now: datetime.datetime
-    ) -> list[ManagerMessage]:
+    ) -> None:
         known = _known(robot)
         before = self._under_way.get(robot.name, Readiness(reason=robot.turnaround_reason))
         turnaround, kind = decide(
@@ -90,15 +92,13 @@ class ReturnToDock:
             _condition(robot, known, last_received, now),
             now.timestamp(),
         )
-        outbound_messages = []
         if kind is not None:
             action = _action(kind, known, now)
             turnaround = replace(turnaround, order=Order(action.action_id, kind, now.timestamp()))
-            outbound_messages.append(_outbound(robot, action))
+            self._unsaid.append(_outbound(robot, action))
             logger.info("robot_sent_home", robot=robot.name, kind=kind, action=action.action_id)
         self._under_way[robot.name] = turnaround
         self._save(robot, turnaround, now)
-        return outbound_messages
 
     def _save(self, robot: Robot, turnaround: Readiness, now: datetime.datetime) -> None:
         if (robot.turnaround, robot.turnaround_reason) == (

@@ -130,6 +130,22 @@ def _fault_in(url: str) -> str:
         return "the port must be from 1 to 65535"
 
 
+async def subscribe(client: Client, wanted: list[tuple[str, int]]) -> None:
+    """Subscribe to all of (filter, QoS).
+
+    Raises:
+        MqttError: no connection, or the broker refused one, which it says in its answer and not by
+            an error.
+    """
+    granted = await client.subscribe(wanted)
+    codes = [code.value if isinstance(code, ReasonCode) else code for code in granted]
+    refused = [
+        name for (name, _), code in zip(wanted, codes, strict=True) if code >= SUBSCRIPTION_REFUSED
+    ]
+    if refused:
+        raise MqttError(f"the broker does not allow this robot to read {', '.join(refused)}")
+
+
 class MqttLink:
     """Connects for ever, keeps what must not be lost, and hands what arrives to an inbox.
 
@@ -256,12 +272,7 @@ class MqttLink:
             (topic, 0 if self._has_nodes else qos)
             for topic, qos in topics.subscriptions(self._factsheet.name)
         ]
-        granted = await client.subscribe(wanted)
-        if any(
-            (code.value if isinstance(code, ReasonCode) else code) >= SUBSCRIPTION_REFUSED
-            for code in granted
-        ):
-            raise MqttError("the broker does not allow this robot to read its own topics")
+        await subscribe(client, wanted)
         await client.publish(
             self._topic("factsheet"), codec.encode(self._factsheet), qos=1, retain=True
         )

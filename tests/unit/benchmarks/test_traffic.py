@@ -139,6 +139,15 @@ def said(robot):
     return [(suffix, codec.decode(suffix, payload)) for suffix, payload in found]
 
 
+async def test_a_robot_that_hears_its_own_will_says_that_it_is_there(robot):
+    topic = topics.of(robot.name, "connection")
+    robot.heard(topic, robot._presence("ONLINE"), retained=False)
+    robot.heard(topic, robot._presence("CONNECTIONBROKEN"), retained=True)
+    assert said(robot) == []
+    robot.heard(topic, robot._presence("CONNECTIONBROKEN"), retained=False)
+    assert [(suffix, word.state) for suffix, word in said(robot)] == [("connection", "ONLINE")]
+
+
 async def test_a_light_robot_says_what_a_real_one_says_and_counts_its_states(robot):
     robot.heard(topics.of("light-0", "lease"), lease(1), retained=False)
     assert [message.type for suffix, message in said(robot) if suffix == "event"] == ["lease_taken"]

@@ -33,7 +33,7 @@ from robots.agent.adapters.common.send_slots import SendSlots
 from robots.agent.adapters.common.sockets import options as socket_options
 from robots.agent.adapters.common.state_builder import stamp_of
 from robots.agent.adapters.moos import openmora
-from robots.agent.broker_link.mqtt import Endpoint
+from robots.agent.broker_link.mqtt import Endpoint, subscribe
 from robots.agent.robot_interface import AdapterError
 from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Velocity
 
@@ -126,7 +126,7 @@ class OpenMoraMqttAdapter(RemoteAdapter):
         try:
             async with self._client() as client:
                 self._broker = client
-                await client.subscribe([(f"{self._options.robot}/{name}", 0) for name in HEARD])
+                await subscribe(client, [(f"{self._options.robot}/{name}", 0) for name in HEARD])
                 if not ready.done():
                     ready.set_result(None)
                 self._say_session("Start")

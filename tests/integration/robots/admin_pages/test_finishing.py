@@ -39,10 +39,16 @@ def staff(client):
     return user
 
 
-@pytest.fixture
-def row(staff):
+@pytest.fixture(scope="module")
+def proposed():
+    """A mapped hall, and the plan that is proposed for it."""
     grid = mapped(building(furnished=True), np.random.default_rng(2))
-    return store_site(propose(grid, "hall", "Hall"), grid)[0]
+    return propose(grid, "hall", "Hall"), grid
+
+
+@pytest.fixture
+def row(staff, proposed):
+    return store_site(*proposed)[0]
 
 
 def page_of(row: FloorPlan) -> str:

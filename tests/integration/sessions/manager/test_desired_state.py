@@ -1,9 +1,12 @@
 """What each robot is told to be like, retained: by its row, and by the terms of whoever has it."""
 
+import contextlib
 import datetime
+import itertools
 import uuid
 
 import pytest
+from django.db import OperationalError, connection
 from django.utils import timezone
 
 from accounts.models import User
@@ -158,3 +161,26 @@ def test_a_robot_that_is_anothers_is_told_nothing_and_everything_when_it_is_ours
     ownership.become({shard: 3})
     assert orders.tick(NOW) == first
     assert orders.tick(NOW) == []
+
+
+@pytest.mark.parametrize("failing", range(1, 6))
+def test_a_database_that_is_away_for_a_moment_leaves_no_robot_untold(giraff, office, failing):
+    Robot.objects.create(name="another", title="Another", floor_plan=office, assist="off")
+    visit(giraff)
+    orders, asked = DesiredState(), itertools.count(1)
+
+    def away(execute, *args):
+        if next(asked) == failing:
+            raise OperationalError
+        return execute(*args)
+
+    outbound = []
+    with connection.execute_wrapper(away), contextlib.suppress(OperationalError):
+        outbound += orders.tick(NOW)
+    assert next(asked) > failing, "it took fewer questions"
+    soon = NOW + datetime.timedelta(seconds=0.5)
+    outbound += orders.tick(soon)
+    told = sorted(message.topic.split("/")[-2:] for message in outbound)
+    assert told == [
+        [name, what] for name in ("another", "giraff") for what in ("config", "floorplan")
+    ]

@@ -5,6 +5,7 @@ what stands in the database.
 import datetime
 
 import pytest
+from django.db import OperationalError, connection
 from django.utils import timezone
 
 from accounts.models import User
@@ -149,6 +150,27 @@ def test_an_operator_may_take_a_robot_that_is_stuck_and_what_was_ordered_is_take
     (cancel,) = situation.look(after(3))
     assert (type(cancel), cancel.target) == (m.Cancel, dock.action_id)
     assert Robot.objects.get().turnaround == "ready"
+
+
+@pytest.mark.django_db(transaction=True)
+def test_what_is_taken_back_is_said_though_the_database_goes_away_meanwhile(
+    giraff, ana, ben, situation
+):
+    robot = a_visit_ends(giraff, ana)
+    situation.says(after(1), docked=False)
+    (dock,) = situation.look(after(1))
+    RobotPermit.objects.create(robot=robot, user=ben, kind="operator")
+    store.take(Robot.objects.get(), ben, "p2", now=after(2))
+
+    def away(execute, sql, *args):
+        if sql.startswith(("UPDATE", "INSERT")):
+            raise OperationalError
+        return execute(sql, *args)
+
+    with connection.execute_wrapper(away), pytest.raises(OperationalError):
+        situation.look(after(3))
+    (cancel,) = situation.look(after(4))
+    assert (type(cancel), cancel.target) == (m.Cancel, dock.action_id)
 
 
 def test_a_robot_that_cannot_get_home_pauses_the_queue_and_says_why_and_is_tried_again(

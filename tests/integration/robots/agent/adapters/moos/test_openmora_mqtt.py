@@ -17,6 +17,7 @@ from tests.support.architectures.adapter_conformance import some, wait_for
 from tests.support.architectures.openmora_robot import OpenMoraRig
 from tests.support.architectures.rca_conformance import RcaConformance, drive, ended, heard, lost
 from tests.support.patience import patient
+from tests.support.sessions.broker_rig import HOST, BrokerRig
 
 
 class TestGiraff(RcaConformance):
@@ -89,6 +90,22 @@ async def test_a_broker_where_nobody_is_gives_a_sentence():
         with pytest.raises(AdapterError, match=r"Giraff at mqtt://127\.0\.0\.1:1"):
             await adapter.connect()
     await adapter.close()
+
+
+async def test_a_broker_that_lets_it_in_and_lets_it_read_nothing_gives_a_sentence(tmp_path):
+    rig = BrokerRig("embedded", tmp_path)
+    await rig.start()
+    options = {"username": "other", "broker": f"mqtt://{HOST}:{rig.port}"}
+    try:
+        await rig.robot("other")
+        password = rig.tokens["other"]
+        adapter = registry.create("openmora_mqtt", "giraff", options | {"password": password})
+        async with asyncio.timeout(patient(10.0)):
+            with pytest.raises(AdapterError, match="does not allow this robot to read"):
+                await adapter.connect()
+        await adapter.close()
+    finally:
+        await rig.stop()
 
 
 # --- the dialect ----------------------------------------------------------------------------------
