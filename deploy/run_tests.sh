@@ -29,7 +29,7 @@ step() { printf '\n== %s (%s s)\n' "$1" "$(($(date +%s) - started))"; }
 
 # Nobody's process compiles the same files at every start.
 unset PYTHONDONTWRITEBYTECODE
-# Tests wait for real servers more than half of their time: the integration lane has two of its workers or browsers for each core.
+# Tests wait for real servers half of their time: the integration lane has two of its workers or browsers for each core.
 cores=$(getconf _NPROCESSORS_ONLN)
 # A run that hangs is interrupted after so many minutes, so that it says what it had found.
 limit=75
@@ -48,7 +48,7 @@ unit() {
     side_by_side logical "$@" tests/unit
 }
 servers() {
-    side_by_side "$((cores * 3 / 2))" -m "$1" tests/integration --ignore tests/integration/browser --ignore tests/integration/accounts \
+    side_by_side "$cores" -m "$1" tests/integration --ignore tests/integration/browser --ignore tests/integration/accounts \
         --ignore tests/integration/experiments --ignore tests/integration/surveys
 }
 # A browser that shows live video and the robot that sends it take a core of their own, and keep files of their own. Studies

@@ -1,11 +1,16 @@
 """Session managers that race for one shard in a real database, and write under its fence. `python
--m tests.support.sessions.fence_races` races on the database of DATABASE_URL.
+-m tests.support.sessions.fence_races ROUNDS` races on the database of DATABASE_URL, as threads;
+with `--stop SECONDS` as processes, of which one at a time is stopped for so long, wherever it is.
 """
 
+import argparse
+import contextlib
+import dataclasses
 import json
 import os
 import random
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -17,7 +22,7 @@ if __name__ == "__main__":
     os.environ.setdefault("DJANGO_SETTINGS_MODULE", "tests.settings")
     django.setup()
 
-from django.db import connection, transaction
+from django.db import InterfaceError, OperationalError, connection, transaction
 from django.utils import timezone
 
 from sessions.models import ManagerBeat, Shard
@@ -41,6 +46,7 @@ class Races:
     refused: int = 0
     taken: int = 0
     wrong: int = 0
+    cut_off: int = 0  # by the server, while the process was stopped
 
 
 class Racer(threading.Thread):
@@ -57,15 +63,24 @@ class Racer(threading.Thread):
             for number in range(self._rounds):
                 if number % ABREAST == 0:
                     self._line.wait()
-                if self._rng.random() < 0.2:
-                    self._take()
-                elif self._ownership.epochs:
-                    self._write()
+                self._race()
         except BaseException:
             self._line.abort()  # nobody waits for one that has failed
             raise
         finally:
             connection.close()
+
+    def _race(self) -> None:
+        try:
+            if self._rng.random() < 0.2:
+                self._take()
+            elif self._ownership.epochs:
+                self._write()
+        except (OperationalError, InterfaceError):
+            if connection.vendor == "sqlite":
+                raise
+            connection.close()
+            self._count(cut_off=1)
 
     def _take(self) -> None:
         there = Shard.objects.get(number=SHARD)
@@ -91,10 +106,14 @@ class Racer(threading.Thread):
                 setattr(self._races, name, getattr(self._races, name) + n)
 
 
-def race(rounds: int, racers: int = 3) -> Races:
-    """Have so many session managers take a shard from each other, and write, so often."""
+def _prepare() -> None:
     ManagerBeat.objects.create(name=WRITTEN, beat_at=timezone.now())
     rows.holdings()
+
+
+def race(rounds: int, racers: int = 3) -> Races:
+    """Have so many session managers take a shard from each other, and write, so often."""
+    _prepare()
     races, lock, line = Races(), threading.Lock(), threading.Barrier(racers)
     threads = [Racer(number, rounds, races, lock, line) for number in range(racers)]
     for thread in threads:
@@ -119,8 +138,43 @@ def stop_within_a_transaction() -> int:
     return pid
 
 
-def main() -> None:
-    races = race(int(sys.argv[1]))
+def race_as_processes(rounds: int, stop: float, racers: int = 3) -> Races:
+    """Do the same as `race` in processes of their own, of which always one is stopped: for `stop`
+    seconds, and then another.
+    """
+    _prepare()
+    command = [sys.executable, "-m", __spec__.name, str(rounds)]
+    running = [
+        subprocess.Popen([*command, "--racer", str(number)], stdout=subprocess.PIPE)
+        for number in range(racers)
+    ]
+    while living := [process for process in running if process.poll() is None]:
+        stopped = random.choice(living)
+        stopped.send_signal(signal.SIGSTOP)
+        others = [process for process in living if process is not stopped]
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            for process in others:
+                process.wait(stop / len(others))
+        stopped.send_signal(signal.SIGCONT)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            stopped.wait(1.0)
+    found = Races()
+    for process in running:
+        assert process.stdout is not None
+        for name, n in json.loads(process.stdout.read()).items():
+            setattr(found, name, getattr(found, name) + n)
+    return found
+
+
+def _race_alone(number: int, rounds: int) -> Races:
+    races = Races()
+    Racer(number, rounds, races, threading.Lock(), threading.Barrier(1)).run()
+    return races
+
+
+def race_and_stop(rounds: int) -> dict[str, object]:
+    """Race as threads; then have an owner stop in the middle of a write, and another take over."""
+    races = race(rounds)
     there = Shard.objects.get(number=SHARD)
     connection.close()
     pid = stop_within_a_transaction()
@@ -130,7 +184,21 @@ def main() -> None:
     os.kill(pid, signal.SIGCONT)
     _, code = os.waitpid(pid, 0)
     written = ManagerBeat.objects.get(name=WRITTEN).beats
-    found = vars(races) | {"waited": waited, "code": code, "written": written}
+    return vars(races) | {"waited": waited, "code": code, "written": written}
+
+
+def main() -> None:
+    words = argparse.ArgumentParser(description=__doc__)
+    words.add_argument("rounds", type=int)
+    words.add_argument("--stop", type=float)
+    words.add_argument("--racer", type=int)
+    given = words.parse_args()
+    if given.racer is not None:
+        found = dataclasses.asdict(_race_alone(given.racer, given.rounds))
+    elif given.stop is not None:
+        found = dataclasses.asdict(race_as_processes(given.rounds, given.stop))
+    else:
+        found = race_and_stop(given.rounds)
     print(json.dumps(found), flush=True)
 
 

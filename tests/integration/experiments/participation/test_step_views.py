@@ -25,6 +25,12 @@ PLACES = [
     for place in journey.route(study, journey.rounds(study, "open"), 1)
 ]
 
+# the paper's study stands for the others, which have more of the same steps
+STUDIES = [
+    pytest.param(name, marks=[] if name == "exploration" else pytest.mark.nightly)
+    for name in shipped()
+]
+
 
 @pytest.fixture
 def robot():
@@ -72,7 +78,7 @@ def check_reload_and_back(walker: Walker, past: list[dict[str, str]]) -> None:
     assert walker.look().text == shown.text, f"{place.word}: after going back"
 
 
-@pytest.mark.parametrize("name", list(shipped()))
+@pytest.mark.parametrize("name", STUDIES)
 def test_reload_back_second_tab_and_other_device_lose_no_step_of_a_study_and_do_nothing_twice(
     walk, name
 ):
@@ -170,7 +176,7 @@ def assert_codes_are_told_apart(page, walker):
     assert "don't enter it on a recruitment site" in page.text
 
 
-@pytest.mark.parametrize("name", list(shipped()))
+@pytest.mark.parametrize("name", STUDIES)
 def test_a_whole_study_and_a_second_visit_without_the_questions_about_the_person(walk, name):
     walker = walk(name)
     bring(walker, progress.way_of(walker.participant)[-1])

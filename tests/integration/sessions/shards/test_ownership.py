@@ -285,19 +285,38 @@ def test_of_racing_owners_no_write_is_accepted_after_one_of_a_later_owner():
     assert min(races.accepted, races.refused, races.taken) > 10, races
 
 
-@pytest.mark.nightly
-@pytest.mark.postgres
-def test_on_postgresql_too_and_a_stopped_process_holds_nothing_up(tmp_path):
+def raced(var, *arguments):
+    """Return what races on a PostgreSQL server of their own found."""
     with running_postgres() as server:
-        environment = {**os.environ, "VAR_DIR": str(tmp_path), "DATABASE_URL": server.url}
-        command = [sys.executable, "-m", "tests.support.sessions.fence_races"]
-        rounds = str(repetitions(300, thorough=100_000))
+        environment = {**os.environ, "VAR_DIR": str(var), "DATABASE_URL": server.url}
+        command = [sys.executable, "-m", "tests.support.sessions.fence_races", *map(str, arguments)]
         done = subprocess.run(
-            [*command, rounds], cwd=ROOT, env=environment, stdout=subprocess.PIPE, check=True
+            command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, check=True
         )
     found = json.loads(done.stdout)
     assert found["wrong"] == 0
     assert min(found["accepted"], found["refused"], found["taken"]) > 10, found
+    return found
+
+
+@pytest.mark.nightly
+@pytest.mark.postgres
+def test_on_postgresql_too_and_a_stopped_process_holds_nothing_up(tmp_path):
+    found = raced(tmp_path, repetitions(300, thorough=100_000))
     assert found["waited"] < 4.0
     assert found["code"] != 0, "the server has ended what it had begun"
     assert found["written"] != -1
+
+
+@pytest.mark.parametrize(
+    ("rounds", "stop"),
+    [
+        pytest.param(500, 3.0, marks=pytest.mark.nightly),
+        pytest.param(350_000, 10.0, marks=pytest.mark.soak),
+    ],
+)
+@pytest.mark.postgres
+def test_of_processes_that_are_stopped_meanwhile_none_writes_after_a_later_owner(
+    tmp_path, rounds, stop
+):
+    raced(tmp_path, rounds, "--stop", stop)
