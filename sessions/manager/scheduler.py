@@ -10,7 +10,7 @@ import datetime
 import random
 from collections import deque
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 import structlog
@@ -87,8 +87,8 @@ class Scheduler:
         self.outbox: deque[ManagerMessage] = deque()
         self._leases: dict[str, tuple[int, float]] = {}  # robot: epoch, when renewed
         self._counted: dict[str, tuple[int, int]] = {}  # robot: epoch, number of the newest copy
-        # session: place, whole minutes, why it is not ready
-        self._places: dict[str, tuple[int, int, str]] = {}
+        # session: place, whole minutes, why it is not ready; or that its turn was offered
+        self._places: dict[str, tuple[int, int, str] | Literal["offered"]] = {}
         self._warned: dict[str, int] = {}  # session: when its turn ends, as it was last told
         # robot: which session was asked for a sign, and when
         self._asked: dict[str, tuple[str, float]] = {}
@@ -215,6 +215,8 @@ class Scheduler:
                 self._asked[robot.name] = notice.session, now.timestamp()
             case FoundThere():
                 del self._asked[robot.name]
+            case Offered():
+                self._places[notice.session] = "offered"
         self._record(notice, now)
         self._send(notice)
 
@@ -231,16 +233,27 @@ class Scheduler:
     def _publish_places(self, robot: Robot, now: datetime.datetime) -> None:
         scene, rules = load_scene(robot, now), rules_of(robot)
         for session in scene.queue:
+            if session.offered_at is not None:
+                self._offer_again(session.id, session.offered_at + rules.start - now.timestamp())
+                continue
             place = place_in_queue(scene, session.id, now.timestamp())
             minutes = minutes_until_turn(scene, place, rules, now.timestamp())
             published = (place, round(minutes), scene.waits_for)
-            if session.offered_at is None and self._places.get(session.id) != published:
+            if self._places.get(session.id) != published:
                 self._places[session.id] = published
                 queued = protocol.Queued(
                     session=session.id, place=place, minutes=minutes, reason=scene.waits_for
                 )
                 self._send(queued)
         self._publish_unready(robot, scene, now)
+
+    def _offer_again(self, session: str, seconds: float) -> None:
+        """Say that a turn is offered where a session manager or a broker before this one may have
+        died between its decision and the page: a visitor who never hears of it loses the turn.
+        """
+        if self._places.get(session) != "offered":
+            self._places[session] = "offered"
+            self._send(Offered(session=session, seconds=max(0.0, seconds)))
 
     def _publish_unready(self, robot: Robot, scene: Scene, now: datetime.datetime) -> None:
         """Note for whom a free robot is not ready; have it go home if that helps, and after some

@@ -296,6 +296,13 @@ const HANDLERS = {
   },
   "session/offered": (visit, { message, now }) => {
     const turn = { session: message.session, startBy: now + message.seconds };
+    // The server says it again when it cannot know whether it was heard.
+    if (visit.phase === "driving") {
+      return [{}];
+    }
+    if (visit.phase === "turn" && visit.session === message.session) {
+      return [turn];
+    }
     if (visit.pressedAt !== null && now - visit.pressedAt <= STILL_PRESSED) {
       return ask(visit, { ...turn, pressedAt: null });
     }

@@ -327,6 +327,15 @@ describe("queue and turn", () => {
     ]);
   });
 
+  test("a turn that is offered once more calls nobody again, and never ends a drive", () => {
+    const turn = [...WAITED, message("session/offered", { session: "s1", seconds: 60 })];
+    const again = message("session/offered", { session: "s1", seconds: 50 });
+    const { visit, effects } = play(...turn, again);
+    assert.deepEqual([visit.phase, visit.startBy, effects], ["turn", 150, []]);
+    const driving = after(play(...DRIVING).visit, again);
+    assert.deepEqual([driving.visit.phase, driving.effects], ["driving", []]);
+  });
+
   test("who has just pressed and gets the turn at once is not asked to press again", () => {
     const waiting = [
       message("session/queued", QUEUED),

@@ -1,0 +1,73 @@
+"""What the scheduler says to pages, and says again when it may have got lost."""
+
+import datetime
+
+import pytest
+from django.utils import timezone
+
+from accounts.models import User
+from robots.models import Robot
+from sessions import protocol
+from sessions.leases import store
+from sessions.leases.transitions import RobotLink
+from sessions.manager.scheduler import Scheduler
+from sessions.protocol import Offered, Queued
+
+pytestmark = pytest.mark.django_db
+NOW = timezone.now()
+
+
+def after(seconds):
+    return NOW + datetime.timedelta(seconds=seconds)
+
+
+@pytest.fixture
+def offered(settings):
+    """The session of somebody who waited, and to whom the robot has just been offered."""
+    settings.START_SECONDS = 60.0
+    giraff = Robot.objects.create(
+        name="giraff", title="Giraff", connection="ONLINE", last_seen_at=after(1000)
+    )
+    ana, ben = (User.objects.create(username=name) for name in ("ana", "ben"))
+    driving = store.take(giraff, ana, "p1", now=NOW)
+    waiting = store.take(giraff, ben, "p2", now=NOW)
+    assert store.leave(driving.session, peer="p1", now=after(1))
+    return waiting.session
+
+
+def said(scheduler, seconds, kind=Offered):
+    """Let it look once; return what it has said of this kind since the last time."""
+    scheduler.tick({}, RobotLink(since=NOW.timestamp()), after(seconds))
+    frames = [letter.payload.decode() for letter in scheduler.outbox if not letter.retain]
+    scheduler.outbox.clear()
+    notices = [protocol.decode_notice(frame) for frame in frames]
+    return [notice for notice in notices if isinstance(notice, kind)]
+
+
+def test_an_offer_is_said_once(offered):
+    scheduler = Scheduler()
+    assert said(scheduler, 2) == [Offered(session=offered, seconds=60.0)]
+    assert said(scheduler, 3) == []
+
+
+def test_an_offer_that_its_session_manager_did_not_live_to_say_is_said_by_the_next(offered):
+    said(Scheduler(), 2)  # and was killed before its loop published it
+    successor = Scheduler()
+    assert said(successor, 12) == [Offered(session=offered, seconds=50.0)]
+    assert said(successor, 13) == []
+
+
+def test_an_offer_is_said_again_to_a_broker_that_may_have_lost_it(offered):
+    scheduler = Scheduler()
+    said(scheduler, 2)
+    scheduler.begin()
+    assert said(scheduler, 12) == [Offered(session=offered, seconds=50.0)]
+
+
+def test_whose_offer_was_taken_back_is_told_their_place_again(offered):
+    scheduler = Scheduler()
+    said(scheduler, 2)
+    Robot.objects.update(turnaround="paused", turnaround_reason="estop", returns_home=True)
+    assert [notice.session for notice in said(scheduler, 3, Queued)] == [offered]
+    Robot.objects.update(turnaround="ready")
+    assert [notice.session for notice in said(scheduler, 5)] == [offered]
