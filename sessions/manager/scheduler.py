@@ -109,7 +109,7 @@ class Scheduler:
             self.outbox.remove(outbound)
         names = Robot.objects.values_list("name", flat=True)
         self._leases = dict.fromkeys(filter(self._ownership.owns, names), NEVER)
-        self._places = {}
+        self._places, self._warned = {}, {}
 
     def _follow_ownership(self, now: datetime.datetime) -> None:
         """Forget robots that another session manager has by now; tell those that are ours by now

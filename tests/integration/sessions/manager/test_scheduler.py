@@ -11,7 +11,8 @@ from sessions import protocol
 from sessions.leases import store
 from sessions.leases.transitions import RobotLink
 from sessions.manager.scheduler import Scheduler
-from sessions.protocol import Offered, Queued
+from sessions.models import Session
+from sessions.protocol import Offered, Queued, TurnWarning
 
 pytestmark = pytest.mark.django_db
 NOW = timezone.now()
@@ -22,22 +23,31 @@ def after(seconds):
 
 
 @pytest.fixture
-def offered(settings):
-    """The session of somebody who waited, and to whom the robot has just been offered."""
-    settings.START_SECONDS = 60.0
+def driven():
+    """The session of somebody who drives, while somebody else waits."""
     giraff = Robot.objects.create(
         name="giraff", title="Giraff", connection="ONLINE", last_seen_at=after(1000)
     )
     ana, ben = (User.objects.create(username=name) for name in ("ana", "ben"))
-    driving = store.take(giraff, ana, "p1", now=NOW)
-    waiting = store.take(giraff, ben, "p2", now=NOW)
-    assert store.leave(driving.session, peer="p1", now=after(1))
-    return waiting.session
+    session = store.take(giraff, ana, "p1", now=NOW).session
+    Session.objects.update(state="driving", driving_at=NOW, first_motion_at=NOW)
+    store.take(giraff, ben, "p2", now=NOW)
+    return session
 
 
-def said(scheduler, seconds, kind=Offered):
-    """Let it look once; return what it has said of this kind since the last time."""
-    scheduler.tick({}, RobotLink(since=NOW.timestamp()), after(seconds))
+@pytest.fixture
+def offered(driven, settings):
+    """The session of somebody who waited, and to whom the robot has just been offered."""
+    settings.START_SECONDS = 60.0
+    assert store.leave(driven, peer="p1", now=after(1))
+    return str(Session.objects.get(state="waiting").pk)
+
+
+def said(scheduler, seconds, kind=Offered, **heard):
+    """Let it look once, having heard this of the robot; return what it has said of this kind since
+    the last time.
+    """
+    scheduler.tick({}, RobotLink(since=NOW.timestamp(), **heard), after(seconds))
     frames = [letter.payload.decode() for letter in scheduler.outbox if not letter.retain]
     scheduler.outbox.clear()
     notices = [protocol.decode_notice(frame) for frame in frames]
@@ -71,3 +81,14 @@ def test_whose_offer_was_taken_back_is_told_their_place_again(offered):
     assert [notice.session for notice in said(scheduler, 3, Queued)] == [offered]
     Robot.objects.update(turnaround="ready")
     assert [notice.session for notice in said(scheduler, 5)] == [offered]
+
+
+def test_a_driver_is_warned_again_over_a_broker_that_may_have_lost_the_warning(driven, settings):
+    settings.TURN_WARNING_SECONDS, settings.IDLE_SECONDS = 10_000.0, 0.0
+    Session.objects.update(seen_at=after(1000))
+    scheduler, at = Scheduler(), after(1).timestamp()
+    heard = {"last_received_at": at, "state_at": at, "session": driven, "epoch": 1, "silence": 0.1}
+    assert [notice.session for notice in said(scheduler, 1, TurnWarning, **heard)] == [driven]
+    assert said(scheduler, 1.5, TurnWarning, **heard) == []
+    scheduler.begin()
+    assert [notice.session for notice in said(scheduler, 2, TurnWarning, **heard)] == [driven]
