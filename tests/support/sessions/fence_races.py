@@ -22,7 +22,7 @@ if __name__ == "__main__":
     os.environ.setdefault("DJANGO_SETTINGS_MODULE", "tests.settings")
     django.setup()
 
-from django.db import InterfaceError, OperationalError, connection, transaction
+from django.db import InterfaceError, InternalError, OperationalError, connection, transaction
 from django.utils import timezone
 
 from sessions.models import ManagerBeat, Shard
@@ -76,7 +76,7 @@ class Racer(threading.Thread):
                 self._take()
             elif self._ownership.epochs:
                 self._write()
-        except (OperationalError, InterfaceError):
+        except (OperationalError, InterfaceError, InternalError):
             if connection.vendor == "sqlite":
                 raise
             connection.close()
