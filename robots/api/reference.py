@@ -269,7 +269,8 @@ of a grant to come back to it; `takeover` |
 `iceServers`, `limits`, `terms` |
 | `session/queued` | server | `session`, `place` (1 is next), `minutes`, `reason` why a robot \
 that nobody drives is not ready |
-| `session/offered` | server | `session`, `seconds` in which `session/take` gets the robot |
+| `session/offered` | server | `session`, `seconds` in which `session/take` gets the robot; \
+may come again for the same turn |
 | `session/refused` | server | `reason`, `session`, `outcome` |
 | `session/turn_warning` | server | `session`; the turn ends in `remaining` seconds |
 | `session/asked_there` | server | `session`; are you there? within `seconds` send a `page/event` \
