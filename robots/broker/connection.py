@@ -111,6 +111,7 @@ class ClientConnection(asyncio.BufferedProtocol):
         for waiting in (self._task, self._next_turn):
             if waiting is not None:
                 waiting.cancel()
+        self._task = self._next_turn = None  # a task that was cancelled keeps its frame, and us
         if self.session is not None:
             self._desk.hub.leave(self.session, self, graceful=False, now=time.monotonic())
         # asyncio's TLS keeps our methods, and 256 KiB beside them: in a circle with us those would
