@@ -21,7 +21,7 @@ from robots.models import FloorPlan, Robot
 from sessions.leases import terms
 from sessions.leases.store import LIVE
 from sessions.leases.terms import FREE, Terms
-from sessions.manager.scheduler import ManagerMessage
+from sessions.manager.scheduler import ManagerMessage, is_ours
 from sessions.models import Lease, Session
 from sessions.shards.ownership import EVERYTHING, Ownership
 
@@ -113,7 +113,7 @@ class DesiredState:
         if everybody:
             self._looked_at = now.timestamp()
         said, self._unsaid = self._unsaid, []
-        return said
+        return [outbound for outbound in said if is_ours(outbound, self._ownership)]
 
     def _begin(self, robot: Robot) -> _Published:
         """Return what a robot was told before this session manager began, as far as it matters."""

@@ -21,7 +21,7 @@ from sessions import signals, system_log
 from sessions.leases.readiness import LEVEL, ORDERED, Kind, Order, Readiness, RobotCondition, decide
 from sessions.leases.store import LIVE
 from sessions.manager.robot_liveness import RobotLiveness
-from sessions.manager.scheduler import ManagerMessage, send
+from sessions.manager.scheduler import ManagerMessage, is_ours, send
 from sessions.models import Lease
 from sessions.shards.ownership import EVERYTHING, Ownership
 
@@ -72,7 +72,7 @@ class ReturnToDock:
                 else:
                     self._bring(robot, last_received.get(robot.name), now)
         said, self._unsaid = self._unsaid, []
-        return said
+        return [outbound for outbound in said if is_ours(outbound, self._ownership)]
 
     def _let_be(self, robot: Robot, now: datetime.datetime) -> None:
         """An operator has taken it, or it need not go home any more."""
@@ -95,10 +95,11 @@ class ReturnToDock:
         if kind is not None:
             action = _action(kind, known, now)
             turnaround = replace(turnaround, order=Order(action.action_id, kind, now.timestamp()))
-            self._unsaid.append(_outbound(robot, action))
             logger.info("robot_sent_home", robot=robot.name, kind=kind, action=action.action_id)
         self._under_way[robot.name] = turnaround
         self._save(robot, turnaround, now)
+        if kind is not None:  # an order that the fence refuses is not given
+            self._unsaid.append(_outbound(robot, action))
 
     def _save(self, robot: Robot, turnaround: Readiness, now: datetime.datetime) -> None:
         if (robot.turnaround, robot.turnaround_reason) == (

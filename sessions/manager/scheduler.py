@@ -68,6 +68,12 @@ class ManagerMessage:
     retain: bool = False
 
 
+def is_ours(outbound: ManagerMessage, ownership: Ownership) -> bool:
+    """Tell whether the robot of a message is still ours, so that it is ours to say."""
+    parsed = topics.parse(outbound.topic)
+    return parsed is not None and ownership.owns(parsed[0])
+
+
 def notice_message(notice: Notice) -> ManagerMessage:
     """Return what web processes hand on to the session's page."""
     frame = protocol.notice_frame(notice)

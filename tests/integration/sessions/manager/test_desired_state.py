@@ -184,3 +184,20 @@ def test_a_database_that_is_away_for_a_moment_leaves_no_robot_untold(giraff, off
     assert told == [
         [name, what] for name in ("another", "giraff") for what in ("config", "floorplan")
     ]
+
+
+def test_what_was_left_unsaid_of_a_robot_that_is_anothers_by_now_is_not_said(giraff, office):
+    ownership, asked = Ownership(), itertools.count(1)
+    ownership.become({shard_of("giraff"): 1})
+    orders = DesiredState(ownership)
+
+    def away(execute, *args):
+        if next(asked) == 5:
+            raise OperationalError
+        return execute(*args)
+
+    with connection.execute_wrapper(away), pytest.raises(OperationalError):
+        orders.tick(NOW)
+    assert orders._unsaid
+    ownership.become({})
+    assert orders.tick(LATER) == []
