@@ -221,10 +221,10 @@ class Scheduler:
                 self._asked[robot.name] = notice.session, now.timestamp()
             case FoundThere():
                 del self._asked[robot.name]
-            case Offered():
-                self._places[notice.session] = "offered"
         self._record(notice, now)
         self._send(notice)
+        if isinstance(notice, Offered):  # last: what the database refused is offered again
+            self._places[notice.session] = "offered"
 
     def _warn(self, warning: TurnWarning, now: datetime.datetime) -> None:
         session, at = warning.session, now.timestamp()
