@@ -29,7 +29,8 @@ step() { printf '\n== %s (%s s)\n' "$1" "$(($(date +%s) - started))"; }
 
 # Nobody's process compiles the same files at every start.
 unset PYTHONDONTWRITEBYTECODE
-# Tests wait for real servers half of their time: the integration lane has two of its workers or browsers for each core.
+# Tests wait for real servers half of their time: the integration lane has a worker for each core beside a browser for every
+# two.
 cores=$(getconf _NPROCESSORS_ONLN)
 # A run that hangs is interrupted after so many minutes, so that it says what it had found.
 limit=75

@@ -76,7 +76,11 @@ def practice_drive(request: HttpRequest, robot: str) -> HttpResponse:
     found = _robot_for(request, robot)
     if not found.practice or not may_drive(request.user, found):
         raise Http404
-    config = page_config(found, request.user) | {"practising": True, "practice": None}
+    config = page_config(found, request.user) | {
+        "practising": True,
+        "practice": None,
+        "again": reverse("try_robot"),
+    }
     if request.user.kind == User.Kind.VISITOR:
         config["signUp"] = reverse("account_signup")
     return render(request, "sessions/drive.html", {"robot": found, "config": config})

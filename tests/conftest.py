@@ -7,7 +7,8 @@ import os
 import shutil
 import sqlite3
 import sys
-from collections.abc import Generator
+import time
+from collections.abc import Callable, Generator
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,7 @@ from tests.support.collected import collected_files
 from tests.support.sessions.site import empty_database
 
 LONGEST_FILE_S = 20.0
+LOCKED_SECONDS = 30.0
 
 pytest.register_assert_rewrite(
     "tests.support.architectures.adapter_conformance", "tests.support.architectures.rca_conformance"
@@ -77,8 +79,9 @@ def django_db_keepdb(django_db_modify_db_settings: None) -> bool:
 
 @pytest.fixture(scope="session", autouse=True)
 def emptied_by_a_copy() -> Generator[None, None, None]:
-    """What a test with transactions of its own left in SQLite goes by a copy of the empty tables,
-    as it came: to delete row by row and to make all permissions anew takes twenty times as long.
+    """Empty SQLite after a test with transactions of its own by copying the empty tables over it:
+    Django's way, which deletes row by row and makes all permissions anew, takes twenty times as
+    long.
     """
     flush = TransactionTestCase._fixture_teardown
 
@@ -88,11 +91,24 @@ def emptied_by_a_copy() -> Generator[None, None, None]:
             return
         with contextlib.closing(sqlite3.connect(empty_database())) as empty:
             connection.ensure_connection()
-            empty.backup(connection.connection)
+            empty.backup(connection.connection, progress=within(LOCKED_SECONDS))
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(TransactionTestCase, "_fixture_teardown", copy_empty)
         yield
+
+
+def within(seconds: float) -> Callable[[int, int, int], None]:
+    """Return what ends a copy that waits for longer than this for somebody's lock: without it,
+    `Connection.backup` waits for ever.
+    """
+    deadline = time.monotonic() + seconds
+
+    def look(status: int, remaining: int, total: int) -> None:
+        if status in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED) and time.monotonic() > deadline:
+            raise TimeoutError("a connection that the test left open locks the database")
+
+    return look
 
 
 @pytest.hookimpl(tryfirst=True)

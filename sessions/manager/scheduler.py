@@ -93,8 +93,8 @@ class Scheduler:
         self.outbox: deque[ManagerMessage] = deque()
         self._leases: dict[str, tuple[int, float]] = {}  # robot: epoch, when renewed
         self._counted: dict[str, tuple[int, int]] = {}  # robot: epoch, number of the newest copy
-        # session: place, whole minutes, why it is not ready; or that its turn was offered
-        self._places: dict[str, tuple[int, int, str] | Literal["offered"]] = {}
+        # what who waits was told last: place, whole minutes, why it is not ready; or of their turn
+        self._told: dict[str, tuple[int, int, str] | Literal["offered"]] = {}
         self._warned: dict[str, int] = {}  # session: when its turn ends, as it was last told
         # robot: which session was asked for a sign, and when
         self._asked: dict[str, tuple[str, float]] = {}
@@ -115,7 +115,7 @@ class Scheduler:
             self.outbox.remove(outbound)
         names = Robot.objects.values_list("name", flat=True)
         self._leases = dict.fromkeys(filter(self._ownership.owns, names), NEVER)
-        self._places, self._warned = {}, {}
+        self._told, self._warned = {}, {}
 
     def _follow_ownership(self, now: datetime.datetime) -> None:
         """Forget robots that another session manager has by now; tell those that are ours by now
@@ -216,25 +216,26 @@ class Scheduler:
     def _publish_recorded(
         self, notice: Offered | AskedThere | FoundThere, robot: Robot, now: datetime.datetime
     ) -> None:
-        match notice:
+        self._record(notice, now)
+        self._send(notice)
+        match notice:  # last: what the database refused to record is said at the next tick
+            case Offered():
+                self._told[notice.session] = "offered"
             case AskedThere():
                 self._asked[robot.name] = notice.session, now.timestamp()
             case FoundThere():
                 del self._asked[robot.name]
-        self._record(notice, now)
-        self._send(notice)
-        if isinstance(notice, Offered):  # last: what the database refused is offered again
-            self._places[notice.session] = "offered"
 
     def _warn(self, warning: TurnWarning, now: datetime.datetime) -> None:
         session, at = warning.session, now.timestamp()
         ends_at = round(at + warning.remaining)
         if abs(self._warned.get(session, 0) - ends_at) > 1:
+            rounded = TurnWarning(session=session, remaining=round(warning.remaining, 1))
+            if not _is_recorded(session, ends_at):
+                self._record(rounded, now)
+            self._send(rounded)
             self._warned = {one: end for one, end in self._warned.items() if end > at}
             self._warned[session] = ends_at
-            rounded = TurnWarning(session=session, remaining=round(warning.remaining, 1))
-            self._record(rounded, now)
-            self._send(rounded)
 
     def _publish_places(self, robot: Robot, now: datetime.datetime) -> None:
         scene, rules = load_scene(robot, now), rules_of(robot)
@@ -245,8 +246,8 @@ class Scheduler:
             place = place_in_queue(scene, session.id, now.timestamp())
             minutes = minutes_until_turn(scene, place, rules, now.timestamp())
             published = (place, round(minutes), scene.waits_for)
-            if self._places.get(session.id) != published:
-                self._places[session.id] = published
+            if self._told.get(session.id) != published:
+                self._told[session.id] = published
                 queued = protocol.Queued(
                     session=session.id, place=place, minutes=minutes, reason=scene.waits_for
                 )
@@ -257,8 +258,8 @@ class Scheduler:
         """Say that a turn is offered where a session manager or a broker before this one may have
         died between its decision and the page: a visitor who never hears of it loses the turn.
         """
-        if self._places.get(session) != "offered":
-            self._places[session] = "offered"
+        if self._told.get(session) != "offered":
+            self._told[session] = "offered"
             self._send(Offered(session=session, seconds=max(0.0, seconds)))
 
     def _publish_unready(self, robot: Robot, scene: Scene, now: datetime.datetime) -> None:
@@ -271,6 +272,10 @@ class Scheduler:
             reason = session.not_ready.removeprefix(f"{terms.START}: ")
             before, since = self._unready.get(session.id, ("", now.timestamp()))
             if reason != before:
+                if reason == terms.NOT_DOCKED and store.send_home(robot, now):
+                    system_log.log(
+                        "robot_sent_home", robot=robot, session=session.id, at=now, reason=reason
+                    )
                 self._note(
                     session.id,
                     "robot_not_ready" if reason else "robot_ready",
@@ -278,10 +283,6 @@ class Scheduler:
                     **({"reason": reason} if reason else {}),
                 )
                 self._unready[session.id] = reason, now.timestamp()
-                if reason == terms.NOT_DOCKED and store.send_home(robot, now):
-                    system_log.log(
-                        "robot_sent_home", robot=robot, session=session.id, at=now, reason=reason
-                    )
             elif reason and now.timestamp() - since >= CALL_SECONDS:
                 self._call_staff(robot, session.id, reason, now)
 
@@ -436,7 +437,7 @@ class Scheduler:
         return items
 
     def _publish_end(self, session: Session, now: datetime.datetime) -> None:
-        self._places.pop(str(session.pk), None)
+        self._told.pop(str(session.pk), None)
         recorded = SessionEvent.objects.filter(
             session=session, source=SessionEvent.Source.SERVER, type="ended"
         )
@@ -456,6 +457,19 @@ class Scheduler:
             outcome=session.outcome,
             reason=session.outcome_reason,
         )
+
+
+def _is_recorded(session: str, ends_at: int) -> bool:
+    """Tell whether a session manager, this or one before, has recorded the warning that the turn
+    ends at this time.
+    """
+    warnings = SessionEvent.objects.filter(
+        session=session,
+        source=SessionEvent.Source.SERVER,
+        type=protocol.NOTICE_NAMES[TurnWarning],
+    )
+    ends = (stamp + data["remaining"] for stamp, data in warnings.values_list("stamp", "data"))
+    return any(abs(end - ends_at) <= 1 for end in ends)
 
 
 def send(signal: Signal, **news: Any) -> None:

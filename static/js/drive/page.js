@@ -38,6 +38,9 @@ const given = {
   study: config.study ?? null,
   practice: config.practice ? "off" : "none",
 };
+if (parent === window) {
+  delete element("drive-page").dataset.framed; // a page of its own has ways out of its own
+}
 const store = createStore({ ...newState(), ...given });
 
 /** @type {import("./registry.js").Page} */

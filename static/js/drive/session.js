@@ -38,7 +38,7 @@ const newSlice = () => ({
   release: /** @type {import("../protocol/estop_release.js").Release | null} */ (null),
   /** whether the robot drives back to its station after a visit */
   returnsHome: false,
-  /** whether this page is in a frame of one that waits for another robot */
+  /** whether the robot is a simulated one, and the visitor has an account */
   practising: false,
   /** whether the visitor tries a simulated robot without an account */
   guest: false,
@@ -284,6 +284,10 @@ const newActions = (page) => ({
     page.config.practising && parent !== window
       ? parent.postMessage("practice_over", location.origin)
       : page.element("home").click(),
+  practise_again: () =>
+    parent === window
+      ? location.assign(page.config.again)
+      : parent.postMessage("practise_again", location.origin),
   sign_up: () => location.assign(page.config.signUp),
   sign_in: () => location.reload(), // the page's address itself asks for it, and leads back here
   reload: () => location.reload(),

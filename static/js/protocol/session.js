@@ -296,11 +296,12 @@ const HANDLERS = {
   },
   "session/offered": (visit, { message, now }) => {
     const turn = { session: message.session, startBy: now + message.seconds };
-    // The server says it again when it cannot know whether it was heard.
-    if (visit.phase === "driving") {
-      return [{}];
+    const known = visit.session === message.session;
+    if (!(waits(visit) || visit.phase === "taking") || (visit.session && !known)) {
+      return [{}]; // driven or given up meanwhile, or another page's
     }
-    if (visit.phase === "turn" && visit.session === message.session) {
+    // The server says it again when it cannot know whether it was heard.
+    if (known && visit.phase !== "queued") {
       return [turn];
     }
     if (visit.pressedAt !== null && now - visit.pressedAt <= STILL_PRESSED) {

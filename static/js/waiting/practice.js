@@ -54,9 +54,17 @@ export const createPractice = ({ store, address, element, words, report }) => {
     store.update({ practice: "off" });
   };
 
+  const practise = () => {
+    clearTimeout(timer);
+    store.update({ practice: "starting" });
+    void ask();
+  };
+
   window.addEventListener("message", ({ origin, source, data }) => {
-    if (origin === location.origin && source === frame.contentWindow && data === "practice_over") {
+    const ours = origin === location.origin && source === frame.contentWindow;
+    if (ours && ["practice_over", "practise_again"].includes(data)) {
       end();
+      data === "practise_again" && practise();
     }
   });
   element("practice-end").addEventListener("click", end);
@@ -72,11 +80,7 @@ export const createPractice = ({ store, address, element, words, report }) => {
   });
 
   return {
-    practise: () => {
-      clearTimeout(timer);
-      store.update({ practice: "starting" });
-      void ask();
-    },
+    practise,
     /** The turn has come, or the visitor waits no more. */
     practice_over: () => store.get().practice !== "none" && end(),
   };

@@ -336,6 +336,35 @@ describe("queue and turn", () => {
     assert.deepEqual([driving.visit.phase, driving.effects], ["driving", []]);
   });
 
+  test("a turn that is offered once more while Start is under way does not undo it", () => {
+    const turn = [...WAITED, message("session/offered", { session: "s1", seconds: 60 })];
+    const again = message("session/offered", { session: "s1", seconds: 50 });
+    const { visit, effects } = play(...turn, { type: "start" }, again);
+    assert.deepEqual([visit.phase, effects], ["taking", []]);
+    const reconnected = [{ type: "socket_closed", code: 1006 }, { type: "socket_open" }];
+    assert.deepEqual(sent(play(...turn, { type: "start" }, again, ...reconnected).effects), [
+      ["session/take", { session: "s1" }],
+    ]);
+  });
+
+  test("a turn that was given up, or that is another page's, calls nobody", () => {
+    const turn = [...WAITED, message("session/offered", { session: "s1", seconds: 60 })];
+    const again = message("session/offered", { session: "s1", seconds: 50 });
+    const elsewhere = message("session/refused", { reason: "elsewhere", session: "s1" });
+    for (const [before, phase] of [
+      [[...turn, { type: "leave" }], "lobby"],
+      [[...turn, { type: "turn_missed" }], "ended"],
+      [[...WAITED, elsewhere], "elsewhere"],
+    ]) {
+      const { visit, effects } = play(...before, again);
+      assert.deepEqual([visit.phase, effects], [phase, []]);
+    }
+    const other = message("session/offered", { session: "s9", seconds: 50 });
+    const queued = play(...WAITED, message("session/queued", QUEUED)).visit;
+    const { visit, effects } = after(queued, other);
+    assert.deepEqual([visit.phase, visit.session, effects], ["queued", "s2", []]);
+  });
+
   test("who has just pressed and gets the turn at once is not asked to press again", () => {
     const waiting = [
       message("session/queued", QUEUED),

@@ -276,12 +276,30 @@ describe("cards", () => {
         state({ phase: "refused", reason: "offline" }, kind),
         state({ phase: "lobby", online: false }, kind),
       ].map((one) => cardFor(one).word);
-      assert.deepEqual(words, ["refused.simulated", "lobby.simulated"]);
+      assert.deepEqual(words, ["refused.simulated", "refused.simulated"]);
       for (const word of words) {
         assert.ok(SENTENCES.has(`${word}.title`) && SENTENCES.has(`${word}.text`));
       }
     }
     assert.equal(cardFor(state({ phase: "refused", reason: "offline" })).word, "refused.offline");
+  });
+
+  test("a simulated robot is asked for again, as nobody starts it otherwise", () => {
+    const actions = (kind) =>
+      [
+        state({ phase: "refused", reason: "offline" }, kind),
+        state({ phase: "lobby", online: false }, kind),
+        ...["idle", "left", "connection_lost", "robot_fault"].map((reason) =>
+          state({ phase: "ended", reason }, kind),
+        ),
+      ].map((one) => cardFor(one).main?.action);
+    assert.deepEqual(new Set(actions({ practising: true })), new Set(["practise_again"]));
+    assert.deepEqual(actions({ guest: true }).slice(0, 3), [
+      "practise_again",
+      "practise_again",
+      "sign_up",
+    ]);
+    assert.ok(!actions({}).includes("practise_again"));
   });
 
   test("who waits for a robot with a fault reads so, and which place they keep", () => {

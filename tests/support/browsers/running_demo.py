@@ -80,11 +80,16 @@ class RunningDemo:
         """Return the one of its processes whose command line has all these words; the first, where
         it started another.
         """
+        found = self.find(*words)
+        assert found, f"no process with {words}"
+        return found
+
+    def find(self, *words: str) -> psutil.Process | None:
         for process in self.family():
             with contextlib.suppress(psutil.NoSuchProcess):
                 if set(words) <= set(process.cmdline()):
                     return process
-        raise AssertionError(f"no process with {words}")
+        return None
 
     def end(self, number: int = signal.SIGTERM) -> int:
         if self.process.poll() is None:

@@ -31,6 +31,8 @@ const HOME = { action: "home", word: "do.home" };
 const AGAIN = { action: "drive", word: "do.again" };
 const PRIVATE = { word: "private" };
 const BACK = { action: "back", word: "do.back" };
+/** A simulated robot is ended when nobody is at it: only asking for one makes one ready again. */
+const PRACTISE_AGAIN = "practise_again";
 const TAKE_OVER = { action: "ask_to_take_over", word: "do.take_over" };
 const GO_SLOW = { action: "go_slow", word: "do.go_slow" };
 const SOUVENIR = { action: "souvenir", word: "do.souvenir" };
@@ -128,10 +130,14 @@ const CARDS = {
       visit.reason === "offline" && isSimulated(state)
         ? "refused.simulated"
         : `refused.${visit.reason}`,
-    main: visit.reason === "offline" || visit.reason === "observers_full" ? BACK : HOME,
+    main: !["offline", "observers_full"].includes(visit.reason)
+      ? HOME
+      : isSimulated(state)
+        ? { ...BACK, action: PRACTISE_AGAIN }
+        : BACK,
   }),
   ended: ({ visit, finding, guest, trip, practising, returnsHome, robot }) => ({
-    ...ended(visit.reason, guest, returnsHome && robot?.docked === false),
+    ...ended(visit.reason, { guest, practising }, returnsHome && robot?.docked === false),
     detail: BROKEN.has(visit.reason) ? finding : null,
     extra:
       trip && trip.metres > SHORTEST_TRIP && !practising && visit.reason !== "moved"
@@ -224,20 +230,22 @@ const queued = ({ place, pause }, room, docked) => {
 /**
  * A newer server may know more ends: for those there are general words.
  * @param {string} reason
- * @param {boolean} guest
+ * @param {{guest: boolean, practising: boolean}} who
  * @param {boolean} goesHome whether the robot drives to its station now
  * @returns {Card}
  */
-const ended = (reason, guest, goesHome) => {
+const ended = (reason, { guest, practising }, goesHome) => {
   if (guest) {
     return { word: "ended.guest", main: { action: "sign_up", word: "do.sign_up" }, other: HOME };
   }
-  const main = AFTER[reason] ?? HOME;
+  const usual = AFTER[reason] ?? HOME;
+  const drives = usual === AGAIN || usual === BACK;
+  const main = practising && drives ? { ...usual, action: PRACTISE_AGAIN } : usual;
   const word = reason in AFTER ? reason : "completed";
   return {
     word: `ended.${word}${goesHome && GOES_HOME.has(word) ? "_home" : ""}`,
     main,
-    other: main === HOME ? undefined : HOME,
+    other: usual === HOME ? undefined : HOME,
   };
 };
 
@@ -271,11 +279,9 @@ const lobby = ({ visit, room, robot, ...state }) => {
     return elsewhere({ visit, ...state });
   }
   if (!visit.online) {
-    return {
-      word: isSimulated(state) ? "lobby.simulated" : "lobby.offline",
-      busy: true,
-      other: HOME,
-    };
+    return isSimulated(state)
+      ? { word: "refused.simulated", main: { ...BACK, action: PRACTISE_AGAIN }, other: HOME }
+      : { word: "lobby.offline", busy: true, other: HOME };
   }
   const mayWatch = visit.mayObserve && !room.private;
   if (!visit.mayDrive) {

@@ -7,10 +7,11 @@ import re
 import pytest
 from playwright.sync_api import expect
 
+from telepresence_site.practice.pool import LINGER
 from tests.support.browsers.running_demo import demo
 from tests.support.browsers.visitor import Visitor
 from tests.support.patience import patient
-from tests.support.sessions.site import Site, free_port
+from tests.support.sessions.site import Site, free_port, wait_for
 
 pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 STARTED = 60_000  # ms until a practice robot is there on a busy computer
@@ -41,3 +42,33 @@ def test_a_stranger_drives_within_seconds_and_is_invited_to_sign_up_and_then_tri
             expect(card).to_be_visible(timeout=1000 * patient(TURN))
         page.get_by_role("button", name="Sign up and drive").click()
         expect(page).to_have_url(re.compile("/accounts/signup/"))
+
+
+def test_with_an_account_one_tries_and_drives_again_after_the_simulated_robot_has_ended(
+    tmp_path, browser
+):
+    port = free_port()
+    with demo(tmp_path / "var", "--port", str(port), PRACTICE_ROBOTS="1") as running:
+        running.link()
+        ana = Visitor(browser, Site(tmp_path / "var", web_port=port), "ana")
+        page = ana.page
+        page.goto("/try/")
+        for _ in range(2):
+            expect(page).to_have_url(re.compile("/practice/practice-1/"), timeout=STARTED)
+            ana.wait_for_picture()
+            expect(page.get_by_role("link", name="All robots")).to_be_visible()
+            ana.leave()
+            with page.expect_request("**/try/"):
+                page.get_by_role("button", name="Drive again").click()
+        # as its page is opened anew later, from the history or a bookmark
+        page.goto("/about/")
+        wait_for(
+            lambda: not running.find("run_robot", "practice-1"),
+            2 * LINGER,
+            "the end of the practice robot",
+        )
+        page.goto("/practice/practice-1/")
+        with page.expect_request("**/try/"):
+            page.get_by_role("button", name="Try again").click(timeout=STARTED)
+        expect(page).to_have_url(re.compile("/practice/practice-1/"), timeout=STARTED)
+        ana.wait_for_picture()

@@ -3,6 +3,7 @@
 import datetime
 
 import pytest
+from django.db import OperationalError, connection
 from django.utils import timezone
 
 from accounts.models import User
@@ -11,8 +12,8 @@ from sessions import protocol
 from sessions.leases import store
 from sessions.leases.transitions import RobotLink
 from sessions.manager.scheduler import Scheduler
-from sessions.models import Session
-from sessions.protocol import Offered, Queued, TurnWarning
+from sessions.models import Session, SessionEvent
+from sessions.protocol import AskedThere, FoundThere, Offered, Queued, TurnWarning
 
 pytestmark = pytest.mark.django_db
 NOW = timezone.now()
@@ -54,6 +55,22 @@ def said(scheduler, seconds, kind=Offered, **heard):
     return [notice for notice in notices if isinstance(notice, kind)]
 
 
+def refused_then_said(scheduler, seconds, kind, **heard):
+    """Return what it says of this kind at the look after one that the database broke off, when this
+    was to be recorded.
+    """
+
+    def refuses(execute, sql, params, *args):
+        if sql.startswith("INSERT") and protocol.NOTICE_NAMES[kind] in params:
+            raise OperationalError
+        return execute(sql, params, *args)
+
+    with connection.execute_wrapper(refuses), pytest.raises(OperationalError):
+        said(scheduler, seconds, kind, **heard)
+    scheduler.outbox.clear()
+    return said(scheduler, seconds + 1, kind, **heard)
+
+
 def test_an_offer_is_said_once(offered):
     scheduler = Scheduler()
     assert said(scheduler, 2) == [Offered(session=offered, seconds=60.0)]
@@ -65,6 +82,13 @@ def test_an_offer_that_its_session_manager_did_not_live_to_say_is_said_by_the_ne
     successor = Scheduler()
     assert said(successor, 12) == [Offered(session=offered, seconds=50.0)]
     assert said(successor, 13) == []
+
+
+@pytest.mark.django_db(transaction=True)
+def test_an_offer_that_the_database_refused_to_record_is_said_at_the_next_look(offered):
+    scheduler = Scheduler()
+    assert refused_then_said(scheduler, 2, Offered) == [Offered(session=offered, seconds=59.0)]
+    assert said(scheduler, 4) == []
 
 
 def test_an_offer_is_said_again_to_a_broker_that_may_have_lost_it(offered):
@@ -83,12 +107,37 @@ def test_whose_offer_was_taken_back_is_told_their_place_again(offered):
     assert [notice.session for notice in said(scheduler, 5)] == [offered]
 
 
-def test_a_driver_is_warned_again_over_a_broker_that_may_have_lost_the_warning(driven, settings):
+@pytest.fixture
+def warned(driven, settings):
+    """What is heard of a robot whose driver is to be told that the turn ends."""
     settings.TURN_WARNING_SECONDS, settings.IDLE_SECONDS = 10_000.0, 0.0
     Session.objects.update(seen_at=after(1000))
-    scheduler, at = Scheduler(), after(1).timestamp()
-    heard = {"last_received_at": at, "state_at": at, "session": driven, "epoch": 1, "silence": 0.1}
-    assert [notice.session for notice in said(scheduler, 1, TurnWarning, **heard)] == [driven]
-    assert said(scheduler, 1.5, TurnWarning, **heard) == []
+    at = after(1).timestamp()
+    return {"last_received_at": at, "state_at": at, "session": driven, "epoch": 1, "silence": 0.1}
+
+
+def test_a_driver_is_warned_again_over_a_broker_that_may_have_lost_the_warning(driven, warned):
+    scheduler = Scheduler()
+    assert [notice.session for notice in said(scheduler, 1, TurnWarning, **warned)] == [driven]
+    assert said(scheduler, 1.5, TurnWarning, **warned) == []
     scheduler.begin()
-    assert [notice.session for notice in said(scheduler, 2, TurnWarning, **heard)] == [driven]
+    assert [notice.session for notice in said(scheduler, 2, TurnWarning, **warned)] == [driven]
+    assert SessionEvent.objects.filter(type="turn_warning").count() == 1
+
+
+@pytest.mark.django_db(transaction=True)
+def test_a_driver_is_warned_after_the_database_refused_to_record_it(driven, warned):
+    (warning,) = refused_then_said(Scheduler(), 1, TurnWarning, **warned)
+    assert warning.session == driven
+
+
+@pytest.mark.django_db(transaction=True)
+def test_a_driver_is_asked_and_found_after_the_database_refused_to_record_it(driven, settings):
+    settings.IDLE_SECONDS = 4.0
+    Session.objects.update(seen_at=after(1000))
+    scheduler, at = Scheduler(), after(5).timestamp()
+    idle = {"last_received_at": at, "state_at": at, "session": driven, "epoch": 1, "silence": 0.1}
+    (asked,) = refused_then_said(scheduler, 5, AskedThere, **idle)
+    assert asked.session == driven
+    back = {**idle, "active_at": after(7).timestamp()}
+    assert refused_then_said(scheduler, 7, FoundThere, **back) == [FoundThere(session=driven)]
