@@ -27,7 +27,7 @@ from robots.admin_pages.keys import EnrolmentPage, ScreenPage
 from robots.admin_pages.now_filter import NowFilter
 from robots.admin_pages.overview import status_of
 from robots.enrol.credentials import make_credentials, revoke
-from robots.forms import AdapterInput, FloorPlanForm, RobotForm, offered
+from robots.forms import AdapterInput, FloorPlanForm, RobotElsewhereForm, RobotForm, offered
 from robots.models import FloorPlan, Robot, RobotElsewhere, RobotPermit
 from robots.presence import standstill_of, trouble_of
 from robots.readiness_text import in_words
@@ -668,9 +668,23 @@ class FloorPlanAdmin(FinishingPage, OfRobots):
 class RobotElsewhereAdmin(ShownFilters):
     """Which other site serves which robot."""
 
+    form = RobotElsewhereForm
     list_display = ("name", "site")
     list_filter = ("site",)
     search_fields = ("name", "site")
+
+    def save_model(
+        self, request: HttpRequest, obj: RobotElsewhere, form: Any, change: bool
+    ) -> None:
+        """Save it, and say when it has no effect yet."""
+        super().save_model(request, obj, form, change)
+        robot = Robot.objects.filter(name=obj.name, enabled=True).first()
+        if robot is not None:
+            text = gettext(
+                "{robot} is enabled here, so this entry has no effect until you disable it."
+            )
+            link = link_to("admin:robots_robot_change", robot.name, robot.pk)
+            self.message_user(request, format_html(text, robot=link), messages.WARNING)
 
 
 def _moment(moment: datetime.datetime) -> str:

@@ -12,7 +12,7 @@ from django.utils.translation import gettext_lazy as _
 
 from robots.api.adapter_names import AmbiguousAdapterError, known_names
 from robots.floorplans import MAX_IMAGE, MAX_PLAN, MAX_YAML, FloorPlanRefusedError, read_upload
-from robots.models import FloorPlan, Robot
+from robots.models import FloorPlan, Robot, RobotElsewhere
 
 
 class AdapterInput(forms.TextInput):
@@ -73,6 +73,18 @@ def offered() -> tuple[str, ...]:
         return known_names()
     except AmbiguousAdapterError:
         return ()
+
+
+class RobotElsewhereForm(forms.ModelForm):
+    """A robot at another site."""
+
+    class Meta:
+        model = RobotElsewhere
+        fields = ("name", "site")
+
+    def clean_site(self) -> str:
+        """Take the address as browsers copy it, with a slash at its end."""
+        return str(self.cleaned_data["site"]).removesuffix("/")
 
 
 class FloorPlanForm(forms.ModelForm):

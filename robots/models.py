@@ -62,7 +62,9 @@ def check_site(value: str) -> None:
     URLValidator(schemes=["https", "http"])(value)
     parts = urlsplit(value)
     if "@" in value or value != f"{parts.scheme}://{parts.netloc}":
-        raise ValidationError(_("Enter an address such as https://robots.north.example.org."))
+        raise ValidationError(
+            _("Enter an address without a path, such as https://robots.north.example.org.")
+        )
 
 
 class FloorPlan(models.Model):

@@ -32,6 +32,20 @@ def test_the_page_of_a_robot_leads_to_the_site_that_serves_it(client, is_signed_
     assert answer.url == f"{NORTH}/robots/giraff/?watch=1&from_site=testserver"
 
 
+@pytest.mark.parametrize("page", ["account_login", "account_signup"])
+def test_whoever_comes_from_another_site_is_told_that_this_one_has_accounts_of_its_own(
+    client, page
+):
+    Robot.objects.create(name="rhodon", title="Rhodon")
+    sent = client.get("/robots/rhodon/?from_site=robots.south.example.org").url
+    asked = client.get(f"{reverse(page)}?{sent.partition('?')[2]}").content.decode()
+    assert "Sites have separate accounts" in asked
+    assert "robots.south.example.org</" not in asked, "it may be made up"
+    usual = client.get("/robots/rhodon/").url
+    asked = client.get(f"{reverse(page)}?{usual.partition('?')[2]}").content.decode()
+    assert "Sites have separate accounts" not in asked
+
+
 def test_of_two_sites_that_name_each_other_the_second_one_answers_itself(client):
     client.force_login(get_user_model().objects.create_user("ada"))
     assert client.get("/robots/giraff/?from_site=robots.north.example.org").status_code == 404
@@ -100,6 +114,27 @@ def test_a_site_is_a_scheme_a_host_and_a_port(entry, site):
     entry.site = site
     with pytest.raises(ValidationError):
         entry.full_clean()
+
+
+def added(admin_client, name: str, site: str) -> str:
+    values = {"name": name, "site": site}
+    page = admin_client.post(reverse("admin:robots_robotelsewhere_add"), values, follow=True)
+    return page.content.decode()
+
+
+def test_the_administration_takes_the_address_as_browsers_show_it(admin_client):
+    added(admin_client, "rhodon", f"{NORTH}/")
+    assert RobotElsewhere.objects.get(name="rhodon").site == NORTH
+    page = added(admin_client, "third", f"{NORTH}/robots/third/")
+    assert "without a path" in page
+
+
+def test_the_administration_says_that_an_entry_has_no_effect_yet(admin_client):
+    assert "has no effect" not in added(admin_client, "third", NORTH).split("<h1>")[0]
+    robot = Robot.objects.create(name="rhodon", title="Rhodon")
+    page = added(admin_client, "rhodon", NORTH)
+    assert ">rhodon</a> is enabled here, so this entry has no effect until you disable it." in page
+    assert reverse("admin:robots_robot_change", args=[robot.pk]) in page
 
 
 @pytest.mark.parametrize("site", ["http://10.0.0.7:8000", "https://north.example.org:8443", NORTH])
