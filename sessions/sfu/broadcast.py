@@ -266,14 +266,15 @@ class Broadcast:
     async def _keep_leg(
         self, session: janus.JanusSession, info: MountpointInfo, now: float
     ) -> None:
-        if self._leg is not None and self._leg.is_lost(now):
+        if self._leg is not None and self._leg.is_lost(self._known.online_boot, now):
             log.warning("sfu_robot_lost", robot=self._robot, reason=self._leg.ended)
             if self._leg.ended == FULL and info.viewers == 0:
                 self._turn_away(FULL)
             await self._end_leg()
         if self._leg is None and now >= self._next_leg_at and self._known.online is not False:
             self._next_leg_at = now + RETRY_SECONDS
-            self._leg = RobotLeg(self._robot, self._bridge, self._wake.set)
+            boot = self._known.online_boot
+            self._leg = RobotLeg(self._robot, boot, self._bridge, self._wake.set)
             await self._leg.begin(session, info.first_port)
         elif self._leg is not None:
             self._leg.vouch(info.viewers, now)

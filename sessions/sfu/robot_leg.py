@@ -28,16 +28,20 @@ class SendingBridge(Protocol):
 
 
 class RobotLeg:
-    """One connection, from Janus' offer to its end; what follows it is another one.
+    """One connection, from Janus' offer to its end; what follows it is another one. `boot` is the
+    run of the robot's agent, empty while that is unknown.
 
     `ended` is why it has, None while it has not; `on_change` is called when it is up, or has ended.
     """
 
-    def __init__(self, robot: str, bridge: SendingBridge, on_change: Callable[[], None]) -> None:
+    def __init__(
+        self, robot: str, boot: str, bridge: SendingBridge, on_change: Callable[[], None]
+    ) -> None:
         self.peer = secrets.token_urlsafe(12)
         self.is_up = False
         self.ended: str | None = None
-        self._robot, self._bridge, self._on_change = robot, bridge, on_change
+        self._robot, self._boot = robot, boot
+        self._bridge, self._on_change = bridge, on_change
         self._handle: janus.Handle | None = None
         self._began = time.monotonic()
         self._vouched = (0, self._began)  # for how many viewers, and when
@@ -74,8 +78,14 @@ class RobotLeg:
             case Bye(reason=reason):
                 self.ended = reason or "left"
 
-    def is_lost(self, now: float) -> bool:
-        """Tell whether another one is needed; `now` is monotonic."""
+    def is_lost(self, boot: str, now: float) -> bool:
+        """Tell whether another one is needed, now that the robot's agent is in its run `boot`;
+        `now` is monotonic.
+        """
+        # Janus does not notice the end of a robot that could not say goodbye.
+        if self._boot and boot != self._boot:
+            self.ended = self.ended or "robot_restarted"
+        self._boot = boot
         if not self.is_up and self.ended is None and now - self._began > CONNECT_SECONDS:
             self.ended = "no_connection"
         return self.ended is not None

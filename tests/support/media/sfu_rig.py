@@ -4,8 +4,8 @@ them but the broker and the web server.
 
 import asyncio
 import functools
-from collections.abc import Callable
-from typing import Any, Self
+from collections.abc import Callable, Coroutine
+from typing import Any, Protocol, Self
 
 from aiortc import RTCConfiguration, RTCPeerConnection, RTCSessionDescription
 
@@ -14,7 +14,7 @@ from robots.agent.media.webrtc.aiortc_hooks import on_encoded_frame
 from robots.api import codec, topics
 from robots.api.messages import Bye, Candidate, Message, SdpAnswer, SdpOffer, Stay
 from sessions.protocol import WantOffer
-from sessions.sfu.broadcast import Broadcast
+from sessions.sfu.broadcast import Broadcast, Tell, ToSfu
 from sessions.sfu.janus import open_session
 from sessions.sfu.mountpoint import mountpoint_of
 from tests.support import words
@@ -116,12 +116,22 @@ class SfuRig(MemoryBridge):
         self.over += 1
 
 
+class PageServer(Protocol):
+    """What a page has of its server: a Broadcast, or the way to one."""
+
+    def join(self, peer: str, tell: Tell) -> None: ...
+
+    def take(self, peer: str, message: ToSfu) -> None: ...
+
+    def leave(self, peer: str) -> None: ...
+
+
 class SfuPage:
     """A page that watches through Janus, as static/js/protocol/sfu_peer.js does; `frames` and
     `sounds` are how many have arrived, `byes` why its connection ended.
     """
 
-    def __init__(self, broadcast: Broadcast, peer: str) -> None:
+    def __init__(self, broadcast: PageServer, peer: str) -> None:
         self.broadcast, self.peer = broadcast, peer
         self.frames = self.sounds = 0
         self.byes: list[str] = []
@@ -146,9 +156,12 @@ class SfuPage:
             self.byes.append(message.reason)
         else:
             self.offers.append(message)
-            task = asyncio.ensure_future(self._answer(message.sdp))
-            self._tasks.add(task)
-            task.add_done_callback(self._tasks.discard)
+            self._launch(self._answer(message.sdp))
+
+    def _launch(self, doing: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.ensure_future(doing)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
 
     async def _answer(self, sdp: str) -> None:
         if self.connection is not None:

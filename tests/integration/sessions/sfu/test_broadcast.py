@@ -1,13 +1,17 @@
 """A robot's stream through the real Janus to pages that are aiortc's."""
 
 import asyncio
+import threading
+import time
 from collections.abc import AsyncIterator, Iterator
 
 import pytest
 
+from robots.api import codec, topics
 from sessions.sfu import broadcast as module
+from tests.support import words
 from tests.support.media.loopback_peer import until
-from tests.support.media.sfu_rig import SfuRig
+from tests.support.media.sfu_rig import ROBOT, SfuRig
 from tests.support.patience import patient
 from tests.support.programs.janus import Janus
 
@@ -38,7 +42,7 @@ async def test_the_robot_sends_once_however_many_watch(rig):
                 await page.watch()
         assert rig.connections() == 1
         await until(lambda n=number: rig.told_viewers()[-1:] == [n], 10.0, "the count")
-        assert rig.media.connected == number
+        await until(lambda n=number: rig.media.connected == n, 10.0, "the robot's count")
     await until(lambda: all(page.sounds for page in pages), 10.0, "sound for everybody")
     assert not any(page.byes for page in pages)
 
@@ -108,6 +112,25 @@ async def test_a_robot_that_ends_the_connection_gets_another_and_pages_keep_thei
     assert not page.byes
     assert len(page.offers) == 1
     assert peer not in rig.media.statistics()
+
+
+async def test_a_robot_whose_program_was_killed_is_connected_again_as_soon_as_it_is_back(rig):
+    page = rig.page(rig.broadcast())
+    await page.watch()
+    killed, released = rig.media, threading.Event()
+    killed._post(released.wait)  # says nothing more to anybody
+    rig.renew_media()
+    for word in (words.broken(), words.online("b2")):
+        rig.delivery.arrive(topics.of(ROBOT, "connection"), codec.encode(word), time.monotonic())
+    try:
+        before = await page.packets()
+        async with asyncio.timeout(patient(20.0)):
+            while await page.packets() < before + 50:
+                await asyncio.sleep(0.1)
+        assert not page.byes
+    finally:
+        released.set()
+        await asyncio.to_thread(killed.close)
 
 
 async def test_a_robot_without_a_place_turns_the_pages_away(janus, monkeypatch):

@@ -328,16 +328,16 @@ async def test_a_janus_that_refuses_the_stream_is_as_good_as_none(broadcast, jan
 
 async def test_a_robot_that_does_not_connect_in_time_is_given_up(janus, bridge):
     bridge.answers = [m.Candidate(candidate="says nothing of the offer")]
-    leg = RobotLeg("giraff", bridge, lambda: None)
+    leg = RobotLeg("giraff", "b1", bridge, lambda: None)
     await leg.begin(janus, 20000)
     await leg.take_reply(bridge.answers[0])
-    assert not leg.is_lost(leg._began + CONNECT_SECONDS)
-    assert leg.is_lost(leg._began + CONNECT_SECONDS + 0.1)
+    assert not leg.is_lost("b1", leg._began + CONNECT_SECONDS)
+    assert leg.is_lost("b1", leg._began + CONNECT_SECONDS + 0.1)
     assert leg.ended == "no_connection"
 
 
 async def test_a_robot_is_told_now_and_then_that_janus_may_stay(janus, bridge):
-    leg = RobotLeg("giraff", bridge, lambda: None)
+    leg = RobotLeg("giraff", "b1", bridge, lambda: None)
     await leg.begin(janus, 20000)
     began = leg._began
     leg.vouch(1, began)
