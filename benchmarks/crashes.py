@@ -8,19 +8,26 @@ while things are down. Afterwards robots, bases and database are held against ea
 may be lost that a robot had, no two sessions may have had a robot at the same moment, and no base
 may have moved while nobody had its robot.
 
+The first of the real agents also has viewers, all through Janus, which is killed too. For each
+crash the table says for how long at most a drive that went on took no commands, and a viewer saw no
+new picture.
+
 `CRASH_PLACE` (demo, server-W[-managers-M][-nats], machines), `CRASH_PARTS`, `CRASH_ROBOTS` and
 `CRASH_AGENTS` choose what is run. On `machines`, the first of three is also cut off from the other
 two for half a minute, while robots and visitors reach all of them.
 """
 
+import contextlib
 import json
 import os
 import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from benchmarks.traffic import verdicts
 from benchmarks.traffic.bases import Bases
@@ -29,7 +36,9 @@ from benchmarks.traffic.worker import Hands
 from sessions.recording.sequence_tracker import ASKING_SECONDS
 from tests.support.host_jitter import watched
 from tests.support.patience import patient
-from tests.support.sessions.site import wait_for
+from tests.support.programs.janus import SECRET, Janus
+from tests.support.programs.networks import LAN_SERVER
+from tests.support.sessions.site import LOOPBACK, wait_for
 
 RESULTS = Path(__file__).parent / "results" / "crashes.json"
 PLACE = os.environ.get("CRASH_PLACE", "server-2")
@@ -39,20 +48,38 @@ STAYS = 12.0  # s that a visitor drives before making room
 RESTART = 1.0  # s, as RestartSec of the units in deploy/systemd
 PARTITION = 30.0  # s for which a cable between machines is cut
 RECOVERY = 60.0
+NOTHING = "nothing"
+VIEWERS = 3  # of the first agent
 RECORD = ASKING_SECONDS + 60.0  # s, after which nothing of the record is still asked for
-CALM = 3.0
+CALM = 5.0
 
 
 @dataclass(frozen=True)
 class Crash:
-    """One part that was killed, and after how many seconds every robot took commands again."""
+    """One part that was killed, when by Unix time, and after how many seconds every robot took
+    commands and every viewer saw pictures again; `NOTHING` is a calm span to compare with.
+    """
 
     part: str
+    at: float
     seconds: float
 
+    def longest(self, moments: list[list[float]]) -> float:
+        """Return the longest pause beside it."""
+        return verdicts.longest_pause(moments, self.at, self.at + self.seconds)
 
-def populate(place: RunningSite, robots: Hands, visitors: Hands, bases: Bases) -> list[str]:
-    """Let robots and visitors come; return the robots' names when all are driven."""
+
+@dataclass(frozen=True)
+class Crowd:
+    """The processes that play robots, visitors and viewers."""
+
+    robots: Hands
+    visitors: Hands
+    viewers: Hands
+
+
+def populate(place: RunningSite, crowd: Crowd, bases: Bases) -> list[str]:
+    """Let everybody come; return the robots' names when all are driven."""
     names = [
         *(f"agent-{number}" for number in range(AGENTS)),
         *(f"light-{number}" for number in range(ROBOTS - AGENTS)),
@@ -70,51 +97,69 @@ def populate(place: RunningSite, robots: Hands, visitors: Hands, bases: Bases) -
             str(bases.port),
         ]
         place.site.start(name, ["-m", "benchmarks.traffic.based_robot", name, *words])
-    robots.ask("add", place.brokers, made[AGENTS:])
+    crowd.robots.ask("add", place.brokers, made[AGENTS:])
     each = [name for name in names for _ in range(VISITORS)]
-    visitors.ask(
+    crowd.visitors.ask(
         "add",
         place.make_visitors([f"visitor-{number}" for number in range(len(each))], each),
         STAYS,
     )
-    recovered(place, names, 0.0)
+    watched_robots = names[: min(1, AGENTS)] * VIEWERS
+    crowd.viewers.ask(
+        "add",
+        place.make_visitors([f"viewer-{n}" for n in range(len(watched_robots))], watched_robots),
+    )
+    recovered(place, crowd, names, 0.0)
     return names
 
 
-def recovered(place: RunningSite, names: list[str], since: float) -> None:
-    """Wait until every robot has taken a command that was given after a moment.
+def recovered(place: RunningSite, crowd: Crowd, names: list[str], since: float) -> None:
+    """Wait until every robot has taken a command, and every viewer has seen a picture, after a
+    moment.
 
     Raises:
         RuntimeError: some take none; a real agent refuses commands that are older than 250 ms, as
             those of a computer that is too busy are.
     """
     deadline = time.monotonic() + patient(RECOVERY)
-    while not (place.is_ready() and set(names) <= set(place.driven(since))):
+    while not (
+        place.is_ready()
+        and set(names) <= set(place.driven(since))
+        and crowd.viewers.ask("all_saw", since)
+    ):
         if time.monotonic() > deadline:
             raise RuntimeError(
-                f"ready: {place.is_ready()}; robots that take no commands:"
-                f" {sorted(set(names) - set(place.driven(since)))}"
+                f"ready: {place.is_ready()}; viewers see: {crowd.viewers.ask('all_saw', since)};"
+                f" robots that take no commands: {sorted(set(names) - set(place.driven(since)))}"
             )
         time.sleep(0.1)
 
 
-def crash(place: RunningSite, part: str, names: list[str]) -> Crash:
-    """Kill a part, start it again, and wait until everybody drives as before."""
+def crash(place: RunningSite, crowd: Crowd, part: str, names: list[str]) -> Crash:
+    """Kill a part, start it again, and wait until everybody drives and sees as before."""
     began, at = time.monotonic(), time.time()
     place.kill(part)
     away = PARTITION if part in place.cables else RESTART
     time.sleep(away)
     place.start(part)
-    recovered(place, names, at + away)
-    done = Crash(part, time.monotonic() - began)
-    print(f"{part:16} killed; every robot drives again after {done.seconds:5.1f} s", flush=True)
+    recovered(place, crowd, names, at + away)
+    done = Crash(part, at, time.monotonic() - began)
+    print(f"{part:18} killed; all is well again after {done.seconds:5.1f} s", flush=True)
     time.sleep(CALM)
     return done
 
 
-def everybody_leaves(place: RunningSite, robots: Hands, visitors: Hands) -> None:
+def calm() -> Crash:
+    """Let a while pass in which nothing is killed."""
+    at = time.time()
+    time.sleep(CALM)
+    return Crash(NOTHING, at, CALM)
+
+
+def everybody_leaves(place: RunningSite, crowd: Crowd) -> None:
     """End every visit, and wait for the record."""
-    visitors.ask("leave")
+    robots = crowd.robots
+    crowd.visitors.ask("leave")
     wait_for(
         lambda: all(drive.until for drive in place.sessions()), RECOVERY, "the end of every visit"
     )
@@ -143,20 +188,24 @@ def main() -> int:
     with (
         tempfile.TemporaryDirectory(prefix="telepresence-crashes-") as folder,
         watched() as jitter,
-        running_place(PLACE, Path(folder)) as place,  # first, since it may have a network
+        # first, since it may have a network
+        place_with_sfu(Path(folder)) as place,
         Bases() as bases,
         Hands("benchmarks.traffic.robots") as robots,
         Hands("benchmarks.traffic.visitors") as visitors,
+        Hands("benchmarks.traffic.viewers") as viewers,
     ):
-        began = time.time()
-        names = populate(place, robots, visitors, bases)
+        began, crowd = time.time(), Crowd(robots, visitors, viewers)
+        names = populate(place, crowd, bases)
         parts = (
             os.environ.get("CRASH_PARTS", "").split(",")
             if os.environ.get("CRASH_PARTS")
             else parts_of(place)
         )
-        crashes = [crash(place, part, names) for part in parts]
-        everybody_leaves(place, robots, visitors)
+        crashes = [calm(), *(crash(place, crowd, part, names) for part in parts)]
+        seen = viewers.ask("seen")
+        everybody_leaves(place, crowd)
+        applied = place.applied()
         drives, record, known = place.sessions(), place.record(), robots.ask("record")
         grants = [(grant["robot"], grant["epoch"], grant["session"]) for grant in known["grants"]]
         late, moves = (
@@ -172,7 +221,26 @@ def main() -> int:
             "motion without a lease": verdicts.moved_alone(moves, drives, late),
             "agents that never moved": [name for name in names[:AGENTS] if name not in moves],
         }
-    return report(crashes, drives, len(record.states), wrong)
+    figures = [
+        {
+            "part": each.part,
+            "seconds": each.seconds,
+            "no_commands": each.longest(applied),
+            "no_picture": each.longest(seen),
+        }
+        for each in crashes
+    ]
+    return report(figures, drives, len(record.states), wrong)
+
+
+@contextlib.contextmanager
+def place_with_sfu(folder: Path) -> Iterator[RunningSite]:
+    """Run the place that was chosen, beside a Janus through which everybody watches."""
+    janus = Janus(folder / "janus", LAN_SERVER if PLACE == "machines" else LOOPBACK)
+    more = {"JANUS_URL": janus.url, "JANUS_SECRET": SECRET, "DIRECT_WATCHERS": "0"}
+    with running_place(PLACE, folder, **more) as place, janus:
+        place.outside["sfu"] = janus
+        yield place
 
 
 def parts_of(place: RunningSite) -> list[str]:
@@ -182,12 +250,18 @@ def parts_of(place: RunningSite) -> list[str]:
 
 
 def report(
-    crashes: list[Crash],
+    crashes: list[dict[str, Any]],
     drives: list[verdicts.DrivePeriod],
     states: int,
     wrong: dict[str, list[str]],
 ) -> int:
     """Print and keep what was found; return how much was wrong."""
+    print(f"{'':18}{'all well after':>16}{'no commands for':>17}{'no picture for':>16}")
+    for figures in crashes:
+        print(
+            f"{figures['part']:18}{figures['seconds']:14.1f} s{figures['no_commands']:15.1f} s"
+            f"{figures['no_picture']:14.1f} s"
+        )
     outcomes = Counter(drive.outcome for drive in drives)
     told = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.most_common())
     print(
@@ -199,7 +273,7 @@ def report(
     RESULTS.parent.mkdir(exist_ok=True)
     kept = {
         "place": PLACE,
-        "seconds": {crash.part: crash.seconds for crash in crashes},
+        "crashes": crashes,
         "drives": dict(outcomes),
         "states": states,
         "wrong": wrong,

@@ -1,9 +1,9 @@
 """`python -m benchmarks.traffic.based_robot NAME --mqtt URL --token TOKEN --var DIR --base PORT`: a
 real agent whose base is somewhere else.
 
-Agent, safety kernel, media and connection are the project's own; only the body is missing. Every
-velocity that the kernel lets through is one datagram to whoever plays the base, so that it can be
-told, also of an agent that is killed, what moved and when.
+Agent, safety kernel, media and connection are the project's own; only the body is missing, and the
+camera shows a drawn picture. Every velocity that the kernel lets through is one datagram to whoever
+plays the base, so that it can be told, also of an agent that is killed, what moved and when.
 """
 
 import argparse
@@ -16,6 +16,9 @@ from robots.agent.agent import Agent, run_until_signalled
 from robots.agent.config import load
 from robots.api.messages import Velocity
 from tests.support.agents.scripted_robot import ScriptedRobot
+from tests.support.media.synthetic_camera import SyntheticCamera
+
+FPS = 5.0  # enough to tell for how long there was no picture
 
 
 class BasedRobot(ScriptedRobot):
@@ -26,6 +29,10 @@ class BasedRobot(ScriptedRobot):
         self._name = name
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.connect(("127.0.0.1", port))
+
+    def video(self) -> SyntheticCamera:
+        """Return the camera, which works while somebody watches."""
+        return SyntheticCamera(FPS)
 
     def apply(self, velocity: Velocity) -> Velocity:
         """Tell the base."""

@@ -23,6 +23,7 @@ from tests.support.clustered_brokers.node import Node
 from tests.support.clustered_brokers.site import ClusterSite
 from tests.support.machines.machine import Partition
 from tests.support.machines.site import Placed, running_machines
+from tests.support.programs.janus import Janus
 from tests.support.programs.postgres import Postgres, running_postgres
 from tests.support.programs.redis import Redis
 from tests.support.sessions.site import LOOPBACK, Site, free_port, wait_for
@@ -71,6 +72,16 @@ from django.db.models import Sum
 from sessions.models import StateChunk
 rows = StateChunk.objects.values("session").annotate(total=Sum("count"))
 print(json.dumps({str(row["session"]): row["total"] for row in rows}))
+"""
+APPLIED = """
+import json
+from collections import defaultdict
+from sessions.models import StateChunk
+applied = defaultdict(list)
+for session, states in StateChunk.objects.values_list("session", "states"):
+    for state in states:
+        applied[str(session)] += [one["stamp"] + one["age"] for one in state.get("applied", ())]
+print(json.dumps(list(applied.values())))
 """
 DRIVEN = """
 import json
@@ -162,6 +173,9 @@ class BrokerNode:
         self.node.kill()
 
 
+OutsidePart = Redis | Database | BrokerNode | Placed | Janus
+
+
 @dataclass
 class RunningSite:
     """A running site and what can be asked of it. `webs` has the host and port of each web process,
@@ -170,7 +184,7 @@ class RunningSite:
 
     site: Site
     webs: dict[str, str]
-    outside: dict[str, Redis | Database | BrokerNode | Placed]
+    outside: dict[str, OutsidePart]
     cables: dict[str, Partition] = field(default_factory=dict)
 
     @property
@@ -241,6 +255,11 @@ class RunningSite:
         found: list[str] = json.loads(self.site.django(DRIVEN.format(since=since)))
         return found
 
+    def applied(self) -> list[list[float]]:
+        """Return when commands were applied, by drive."""
+        found: list[list[float]] = json.loads(self.site.django(APPLIED))
+        return found
+
     def unclosed(self) -> list[str]:
         """Return the sessions of whose record something is still awaited."""
         found: list[str] = json.loads(self.site.django(UNCLOSED))
@@ -277,13 +296,13 @@ SETTINGS = {"LOG_LEVEL": "WARNING", "SOCKETS_PER_ADDRESS": "10000"}
 
 
 @contextlib.contextmanager
-def running_place(kind: str, directory: Path) -> Iterator[RunningSite]:
+def running_place(kind: str, directory: Path, **more: str) -> Iterator[RunningSite]:
     """Run a place: `demo`, or `server-W` with W web processes, `server-W-managers-M` with M session
     managers, either with `-nats` for a broker of three nodes, or `machines` for a cluster on three
-    machines; everything is ended afterwards.
+    machines; everything is ended afterwards. `more` are settings.
     """
     if kind == "machines":
-        with running_machines(directory, **SETTINGS) as on:
+        with running_machines(directory, **SETTINGS, **more) as on:
             one, *others = on.machines
             cables = {"partition": Partition([one], others)}
             place = RunningSite(on.site, on.webs, dict(on.placed), cables)
@@ -296,8 +315,8 @@ def running_place(kind: str, directory: Path) -> Iterator[RunningSite]:
             f"there is no place {kind}: demo, machines, or server-W[-managers-M][-nats]"
         )
     with contextlib.ExitStack() as stack:
-        outside: dict[str, Redis | Database | BrokerNode | Placed] = {}
-        settings = dict(SETTINGS)
+        outside: dict[str, OutsidePart] = {}
+        settings = SETTINGS | more
         if kind != "demo":
             database, redis = Database(stack.enter_context(running_postgres())), Redis(directory)
             redis.start()

@@ -5,7 +5,7 @@ Every function returns what was wrong as sentences, none when nothing was.
 """
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -117,6 +117,21 @@ def moved_alone(
             ):
                 wrong.append(f"{robot} moved from {since:.2f} to {until:.2f} while nobody had it")
     return wrong
+
+
+def longest_pause(moments: Iterable[Sequence[float]], since: float, until: float) -> float:
+    """Return the longest time between two of somebody's moments of which a part lies within a
+    span.
+    """
+    return max(
+        (
+            later - earlier
+            for own in moments
+            for earlier, later in pairwise(sorted(own))
+            if later >= since and earlier <= until
+        ),
+        default=0.0,
+    )
 
 
 def merged(spans: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:

@@ -25,9 +25,9 @@ def _others(folder: str) -> str:
 class Janus:
     """A process that can be killed, stopped and started again under the same address."""
 
-    def __init__(self, directory: Path) -> None:
-        self.directory, self.port = directory, free_port()
-        self.url = f"ws://{LOOPBACK}:{self.port}"
+    def __init__(self, directory: Path, host: str = LOOPBACK) -> None:
+        self.directory, self.host, self.port = directory, host, free_port()
+        self.url = f"ws://{host}:{self.port}"
         self.process: subprocess.Popen[bytes] | None = None
         directory.mkdir(parents=True, exist_ok=True)
         self._write()
@@ -48,7 +48,7 @@ class Janus:
             "janus.transport.websockets.jcfg": f"""general: {{
                 ws = true
                 ws_port = {self.port}
-                ws_ip = "{LOOPBACK}"
+                ws_ip = "{self.host}"
             }}
             admin: {{ admin_ws = false }}""",
             "janus.plugin.nosip.jcfg": f'general: {{ local_ip = "{LOOPBACK}" }}',
@@ -68,6 +68,11 @@ class Janus:
             assert time.monotonic() < deadline, self.log()
             time.sleep(0.05)
         return self
+
+    @property
+    def pid(self) -> int:
+        assert self.process
+        return self.process.pid
 
     def log(self) -> str:
         return (self.directory / "janus.log").read_text(errors="replace")[-2000:]
@@ -104,4 +109,4 @@ class Janus:
 
     def _listens(self) -> bool:
         with socket.socket() as probe:
-            return probe.connect_ex((LOOPBACK, self.port)) == 0
+            return probe.connect_ex((self.host, self.port)) == 0

@@ -9,7 +9,7 @@ import time
 import pytest
 
 from benchmarks import load
-from benchmarks.traffic import mqtt_line, robots
+from benchmarks.traffic import mqtt_line, robots, viewers
 from benchmarks.traffic.every import Timers
 from robots.api import codec, topics
 from robots.api import messages as m
@@ -210,6 +210,39 @@ async def test_commands_that_are_missing_are_counted_by_their_numbers(robot):
         robot.heard(topics.of("light-0", "command/velocity"), codec.encode(command), retained=False)
     assert robot._told.counts["commands_missing"] == 2
     assert len(robot._told.delays) == 3
+
+
+KEY, DELTA = b"\x50\x00", b"\x51\x00"
+
+
+async def test_a_viewer_sees_from_the_first_whole_picture_on_and_asks_again_when_it_sees_none(
+    monkeypatch,
+):
+    asked, clock = [], [100.0]
+    monkeypatch.setattr(viewers.time, "time", lambda: clock[0])
+    viewer = viewers.LightViewer("http://127.0.0.1/ws/robots/giraff/", "cookie")
+    monkeypatch.setattr(viewer, "take", lambda _peer, message: asked.append(message))
+    viewer.look()
+    assert not asked, "the server has not said yet that it watches"
+    viewer._hear('session/observing\n{"sfu":true}')
+    viewer.look()
+    for data in (DELTA, KEY, DELTA):
+        clock[0] += 1.0
+        viewer.page._count_frame(data, 0)
+        viewer.look()
+    assert viewer.page.seen == [102.0, 103.0]
+    assert len(asked) == 1
+    clock[0] += viewers.BLIND + 0.1
+    viewer.look()
+    viewer.page._count_frame(DELTA, 0)
+    assert len(asked) == 2
+    assert len(viewer.page.seen) == 2, "what a new connection begins with is no whole picture"
+    clock[0] += viewers.BLIND + 0.1
+    viewer.look()
+    assert len(asked) == 2, "it may still come"
+    viewer._hear('signal/reply\n{"type":"bye","reason":"sfu_lost"}')
+    viewer.look()
+    assert len(asked) == 3
 
 
 async def test_timers_go_on_and_note_how_late_they_are():

@@ -5,6 +5,7 @@ from benchmarks.traffic.verdicts import (
     LEAVE_SECONDS,
     DrivePeriod,
     NumberedState,
+    longest_pause,
     lost,
     moved_alone,
     shared_epochs,
@@ -66,3 +67,11 @@ def test_a_base_moves_from_a_velocity_to_the_next_zero_or_until_its_watchdog_str
     assert motion([(1.0, True), (1.1, True)]) == [(1.0, 1.1 + WATCHDOG)]
     assert motion([(1.0, True), (5.0, True), (5.1, False)]) == [(1.0, 1.0 + WATCHDOG), (5.0, 5.1)]
     assert motion([]) == []
+
+
+def test_the_longest_pause_is_one_beside_the_crash_and_within_one_drive():
+    first, second = [0.0, 0.1, 5.0, 5.1], [7.0, 7.1, 20.0]
+    assert longest_pause([first, second], 4.0, 4.5) == 4.9, "it began before"
+    assert round(longest_pause([first, second], 5.05, 6.9), 3) == 0.1, "drives end"
+    assert longest_pause([first, second], 8.0, 30.0) == 12.9
+    assert longest_pause([[], [1.0]], 0.0, 9.0) == 0.0

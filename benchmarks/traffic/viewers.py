@@ -1,0 +1,148 @@
+"""`python -m benchmarks.traffic.viewers`: people who watch a robot through the SFU, without
+browsers, many in one process.
+
+Each has a WebSocket of its own, signed in by a session's cookie, and a WebRTC connection to Janus.
+Nothing is decoded: a picture counts as seen when it has arrived as a whole, after a first one that
+needs no earlier one. A connection is asked for again when pictures stop, or when it was refused or
+never came, as pages do.
+"""
+
+import asyncio
+import random
+import time
+
+import msgspec
+
+from benchmarks.traffic import worker
+from benchmarks.traffic.every import Timers
+from experiments.bots.socket import Socket, SocketClosed
+from robots.agent.media.webrtc.aiortc_hooks import ask_key_frame
+from robots.api import messages as m
+from robots.api.codec import encode_frame
+from sessions import protocol
+from sessions.sfu.broadcast import Tell, ToSfu
+from tests.support.media.sfu_rig import SfuPage
+
+BLIND = 2.0  # s without another picture, or since the SFU hung up, until the next attempt
+CONNECT = 10.0  # s for which an attempt may take
+AGAIN = (0.2, 1.0)  # s until the next WebSocket, drawn between
+_REPLIES = msgspec.json.Decoder(m.SdpOffer | m.Bye)
+DELTA = 0x01  # of the first byte of a picture: VP8's "depends on earlier ones" (RFC 6386, 9.1)
+
+
+class WatchingPage(SfuPage):
+    """A page whose server is a real one; `seen` has the Unix time of each picture."""
+
+    def __init__(self, server: "LightViewer") -> None:
+        super().__init__(server, "")
+        self.seen: list[float] = []
+        self._whole = False
+
+    def want(self) -> None:
+        """Ask for a connection, which begins with a picture that needs no other."""
+        self._whole = False
+        super().want()
+
+    def _count_frame(self, data: bytes, _ticks: int) -> None:
+        self._whole = self._whole or not data[0] & DELTA
+        if self._whole:
+            self.seen.append(time.time())
+        elif self.connection is not None:
+            for transceiver in self.connection.getTransceivers():
+                if transceiver.kind == "video":
+                    self._launch(ask_key_frame(transceiver.receiver))
+
+
+class LightViewer:
+    """One viewer of one robot.
+
+    Args:
+        url: the WebSocket's address, as http://.
+        cookie: of the session in which this viewer is signed in.
+    """
+
+    def __init__(self, url: str, cookie: str) -> None:
+        self._url = url
+        self._headers = {"Cookie": f"sessionid={cookie}", "Origin": url.partition("/ws/")[0]}
+        self._socket: Socket | None = None
+        self._watches, self._asked_at = False, 0.0
+        self.page = WatchingPage(self)
+
+    async def live(self) -> None:
+        """Connect, and again whenever the connection is lost, for ever."""
+        while True:
+            try:
+                self._socket = await Socket.connect(self._url, self._headers)
+                self._say("session/observe", protocol.Observe())
+                while True:
+                    self._hear(await self._socket.receive())
+            except (SocketClosed, OSError, TimeoutError):
+                self._socket, self._watches = None, False
+            await asyncio.sleep(random.uniform(*AGAIN))
+
+    def look(self) -> None:
+        """Ask for pictures when there are none."""
+        now = time.time()
+        newest = self.page.seen[-1] if self.page.seen else 0.0
+        tries = newest <= self._asked_at and not self.page.byes
+        if self._watches and now - max(self._asked_at, newest) > (CONNECT if tries else BLIND):
+            self._asked_at = now
+            self.page.byes.clear()
+            self.page.want()
+
+    def _hear(self, frame: str | bytes) -> None:
+        assert isinstance(frame, str)
+        suffix, _, payload = frame.partition("\n")
+        if suffix == "session/observing":
+            self._watches = True
+        elif suffix == "signal/reply":
+            self._tell(_REPLIES.decode(payload))
+
+    # --- what a page asks of its server -----------------------------------------------------------
+
+    def join(self, _peer: str, tell: Tell) -> None:
+        """Have the page told what the SFU says."""
+        self._tell = tell
+
+    def leave(self, _peer: str) -> None:
+        """Have the page told nothing more."""
+
+    def take(self, _peer: str, message: ToSfu) -> None:
+        """Pass on what the page says to the SFU."""
+        self._say(protocol.SIGNAL, message)
+
+    def _say(self, suffix: str, message: m.Message) -> None:
+        if self._socket is not None:
+            self._socket.send(encode_frame(suffix, message))
+
+
+class Viewers:
+    """What the benchmark may ask of this process; see worker.py."""
+
+    def __init__(self) -> None:
+        self._timers = Timers()
+        self._viewers: list[LightViewer] = []
+        self._living: set[asyncio.Task[None]] = set()
+
+    def add(self, viewers: list[list[str]]) -> int:
+        """Let viewers come, given as [address of the WebSocket, cookie]; returns how many there
+        are.
+        """
+        for url, cookie in viewers:
+            viewer = LightViewer(url, cookie)
+            self._viewers.append(viewer)
+            self._timers.every(0.1, random.random(), viewer.look)
+            self._living.add(asyncio.create_task(viewer.live()))
+        return len(self._viewers)
+
+    def all_saw(self, since: float) -> bool:
+        """Tell whether each of them has seen a picture after a moment."""
+        return all(viewer.page.seen[-1:] > [since] for viewer in self._viewers)
+
+    def seen(self) -> list[list[float]]:
+        """Return when each of them saw a picture."""
+        return [viewer.page.seen for viewer in self._viewers]
+
+
+if __name__ == "__main__":
+    worker.serve(Viewers)
