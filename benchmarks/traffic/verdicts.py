@@ -120,15 +120,13 @@ def moved_alone(
 
 
 def longest_pause(moments: Iterable[Sequence[float]], since: float, until: float) -> float:
-    """Return the longest time between two of somebody's moments of which a part lies within a
-    span.
-    """
+    """Return the longest time between two of somebody's moments, of those that end within a span."""
     return max(
         (
             later - earlier
             for own in moments
             for earlier, later in pairwise(sorted(own))
-            if later >= since and earlier <= until
+            if since <= later <= until
         ),
         default=0.0,
     )

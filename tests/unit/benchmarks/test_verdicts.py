@@ -69,9 +69,9 @@ def test_a_base_moves_from_a_velocity_to_the_next_zero_or_until_its_watchdog_str
     assert motion([]) == []
 
 
-def test_the_longest_pause_is_one_beside_the_crash_and_within_one_drive():
+def test_the_longest_pause_is_one_that_ends_beside_the_crash_and_within_one_drive():
     first, second = [0.0, 0.1, 5.0, 5.1], [7.0, 7.1, 20.0]
-    assert longest_pause([first, second], 4.0, 4.5) == 4.9, "it began before"
-    assert round(longest_pause([first, second], 5.05, 6.9), 3) == 0.1, "drives end"
-    assert longest_pause([first, second], 8.0, 30.0) == 12.9
+    assert longest_pause([first, second], 4.0, 5.05) == 4.9, "it began before"
+    assert longest_pause([first, second], 1.0, 4.5) == 0.0, "it is the next crash's"
+    assert round(longest_pause([first, second], 5.05, 7.2), 3) == 0.1, "drives end"
     assert longest_pause([[], [1.0]], 0.0, 9.0) == 0.0
