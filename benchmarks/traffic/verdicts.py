@@ -120,7 +120,7 @@ def moved_alone(
 
 
 def longest_pause(moments: Iterable[Sequence[float]], since: float, until: float) -> float:
-    """Return the longest time between two of somebody's moments, of those that end within a span."""
+    """Return the longest time between two of somebody's moments that ends within a span."""
     return max(
         (
             later - earlier
