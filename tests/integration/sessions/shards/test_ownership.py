@@ -158,6 +158,15 @@ def test_a_write_about_no_robot_needs_every_shard_of_the_process(owner):
     assert set(ManagerBeat.objects.values_list("name", flat=True)) == {"one", "three"}
 
 
+@pytest.mark.django_db(transaction=True)
+def test_who_owns_nothing_writes_nothing(owner):
+    take_away()
+    owner.become({})
+    with owner.fenced(), pytest.raises(Fenced):
+        ManagerBeat.objects.create(name="nobody", beat_at=NOW)
+    assert not ManagerBeat.objects.filter(name="nobody").exists()
+
+
 def test_reading_costs_no_statement_more(owner):
     with CaptureQueriesContext(connection) as queries, owner.fenced():
         list(Robot.objects.all())
