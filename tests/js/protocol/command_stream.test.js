@@ -177,7 +177,7 @@ describe("stop", () => {
     assert.notEqual(commands.repeat(12.1), null);
   });
 
-  test("one that the page sends by itself is repeated, and missed by nobody until it is pressed", () => {
+  test("one that the page sends by itself is missed by nobody until it is pressed", () => {
     const commands = stream();
     commands.stop(1, "stop", false);
     assert.equal(commands.isUnconfirmed(60), false);

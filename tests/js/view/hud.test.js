@@ -7,11 +7,12 @@ import { isRefusal } from "../../../static/js/protocol/estop_release.js";
 import { newVisit } from "../../../static/js/protocol/session.js";
 import { alertFor } from "../../../static/js/view/hud/alert.js";
 import { cardFor } from "../../../static/js/view/hud/card.js";
-import { clockTime, contains, roomAt } from "../../../static/js/view/hud/dials.js";
+import { clockTime, contains, createDials, roomAt } from "../../../static/js/view/map/dials.js";
 import { statusFor } from "../../../static/js/view/hud/status.js";
 import { createWords } from "../../../static/js/lib/words.js";
 import { freeRobotsIn } from "../../../static/js/waiting/free_robots.js";
 import { newState } from "../../../static/js/drive/features.js";
+import { odometerAt } from "../../../static/js/drive/session.js";
 import { createStore } from "../../../static/js/drive/store.js";
 
 const TEMPLATE = readFileSync(
@@ -767,6 +768,48 @@ describe("a camera that gives no video", () => {
     assert.equal(shown("failed", "connection refused"), "alert.camera");
     assert.equal(shown("starting", "connection refused"), "alert.camera");
     assert.notEqual(shown("starting", ""), "alert.camera");
+  });
+
+  test("is not blamed while the robot is out of reach, or whatever moves it: that is said", () => {
+    const said = (visit, more = {}) => {
+      const one = state({ phase: "driving", ...visit }, { ...camera("failed", "gone"), ...more });
+      return [cardFor(one)?.word, alertFor(one)?.word];
+    };
+    for (const link of ["connecting", "lost"]) {
+      assert.deepEqual(said({ link, online: false }), [undefined, "alert.robot_offline"]);
+      assert.deepEqual(said({ link, socket: "lost" }), [undefined, "alert.server_driver"]);
+      assert.deepEqual(said({ link }, { serverSilent: true }), [undefined, "alert.server_driver"]);
+    }
+    assert.deepEqual(said({ link: "lost" }), [undefined, "alert.link_driver"]);
+    const robot = { ...STANDSTILLS[2], cameraStatus: { status: "failed", reason: "gone" } };
+    assert.deepEqual(said({ link: "live" }, { robot }), [undefined, "alert.not_connected"]);
+    assert.ok(SENTENCES.has("alert.not_connected"));
+    assert.deepEqual(said({ link: "lost" }, { slow: true })[0], "camera");
+  });
+});
+
+describe("what is not known any more", () => {
+  test("the speed of a robot that has gone is a dash", () => {
+    const elements = new Map();
+    const element = (id) => elements.get(id) ?? elements.set(id, { textContent: "" }).get(id);
+    const show = createDials(element, "en");
+    const speed = (robotAt) => {
+      const robot = { ...ROBOT, velocity: { linear: 0.25 }, distance: 1 };
+      show(state({ phase: "driving" }, { robot, robotAt, now: 100 }));
+      return element("dial-speed").textContent;
+    };
+    assert.deepEqual([speed(99), speed(90)], ["0.25", "–"]);
+  });
+});
+
+describe("the distance of a drive", () => {
+  test("goes on where an agent that was started again counts from nothing", () => {
+    const began = { at: 1, distance: 10 };
+    const known = { boot: "a", distance: 13 };
+    assert.equal(odometerAt(began, known, { boot: "a", distance: 14 }), began);
+    const { at, distance } = odometerAt(began, known, { boot: "b", distance: 0 });
+    assert.deepEqual([at, 0 - distance], [1, 3]);
+    assert.equal(odometerAt(null, known, { boot: "b", distance: 0 }), null);
   });
 });
 

@@ -7,6 +7,7 @@ import { roleOf } from "../../protocol/session.js";
 import { isAnswered, offersAround, wayOut } from "../../autonomy/offer.js";
 import { wordOf } from "../../autonomy/assistance.js";
 import { profileOf } from "../display/profiles.js";
+import { standstillOf } from "./standstill.js";
 
 const SLOW_SECONDS = 0.4;
 const READING_SECONDS = 8; // of a sentence that nothing else makes disappear
@@ -110,7 +111,8 @@ const robotAlert = (state) => {
     };
   }
   if (robot?.safety.inhibited === "fault") {
-    return { word: "alert.fault", tone: "danger" };
+    const isAway = standstillOf(robot) === "not_connected";
+    return { word: isAway ? "alert.not_connected" : "alert.fault", tone: "danger" };
   }
   const touched = touchedWord(robot?.safety.touched ?? []);
   return touched || robot?.safety.collision
