@@ -111,6 +111,7 @@ const setUp = (page) => {
           config.practising ? dispatch({ type: "leave" }) : rememberLeaving(config.robot);
         }
       },
+      freed: () => dispatch({ type: "freed" }),
       phase: (/** @type {string} */ phase) => {
         store.update({ takingOver: false });
         tabs.mark(phase === "driving");
@@ -287,11 +288,16 @@ const newHandlers = ({ store, emit, words }) => ({
     store.update({ factsheet });
     emit("factsheet", factsheet);
   },
-  room: (/** @type {any} */ room) =>
+  room: (/** @type {any} */ room) => {
+    const isFreed = store.get().room.driver !== null && room.driver === null;
     store.update({
       room: { ...room, driver: words.nameOf(room.driver) },
       ...(room.private && { robot: null }), // what was heard before would be out of date
-    }),
+    });
+    if (isFreed) {
+      emit("freed");
+    }
+  },
   "session/operator_message": (/** @type {{text: string}} */ { text }) =>
     store.update({ notice: text }),
 });

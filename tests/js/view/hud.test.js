@@ -4,7 +4,7 @@ import { describe, test } from "node:test";
 
 import { offerFor } from "../../../static/js/autonomy/offer.js";
 import { isRefusal } from "../../../static/js/protocol/estop_release.js";
-import { newVisit } from "../../../static/js/protocol/session.js";
+import { newVisit, reduce } from "../../../static/js/protocol/session.js";
 import { alertFor } from "../../../static/js/view/hud/alert.js";
 import { cardFor } from "../../../static/js/view/hud/card.js";
 import { clockTime, contains, createDials, roomAt } from "../../../static/js/view/map/dials.js";
@@ -799,6 +799,32 @@ describe("what is not known any more", () => {
       return element("dial-speed").textContent;
     };
     assert.deepEqual([speed(99), speed(90)], ["0.25", "–"]);
+  });
+});
+
+describe("a drive of one's own on another page", () => {
+  const told = (visit, room = {}) => {
+    const one = state({ phase: "lobby", ...visit }, { room: { ...free(), ...room } });
+    return [cardFor(one).word, statusFor(one).word];
+  };
+
+  test("is called so by the card and beside it, also where that page has gone", () => {
+    const there = { liveElsewhere: true, liveSince: 1e9 };
+    assert.deepEqual(told(there), ["elsewhere", "status.own"]);
+    assert.deepEqual(told({ phase: "elsewhere" }), ["elsewhere", "status.own"]);
+    const gone = { liveElsewhere: false, liveSince: 1e9 };
+    assert.deepEqual(told(gone, { driver: "Alex" }), ["lobby.own", "status.own"]);
+    assert.equal(cardFor(state({ phase: "lobby", ...gone })).main.action, "drive");
+  });
+
+  test("is over for this page when nobody has the robot any more, and when it drove itself", () => {
+    const there = { ...state().visit, liveElsewhere: true, liveSince: 1e9 };
+    const freed = (phase) => reduce({ ...there, phase }, { type: "freed" }).visit;
+    assert.deepEqual(told(freed("lobby")), ["lobby", "status.ready"]);
+    assert.deepEqual(told(freed("elsewhere")), ["lobby", "status.ready"]);
+    assert.equal(freed("driving").phase, "driving");
+    const left = reduce({ ...there, phase: "driving", session: "s" }, { type: "leave" }).visit;
+    assert.deepEqual(told(reduce(left, { type: "back" }).visit), ["lobby", "status.ready"]);
   });
 });
 

@@ -278,6 +278,9 @@ const lobby = ({ visit, room, robot, ...state }) => {
   if (visit.liveElsewhere && visit.mayDrive) {
     return elsewhere({ visit, ...state });
   }
+  if (visit.liveSince !== null && visit.mayDrive && visit.online) {
+    return { word: "lobby.own", main: { action: "drive", word: "do.go_on" }, other: HOME };
+  }
   if (!visit.online) {
     return isSimulated(state)
       ? { word: "refused.simulated", main: { ...BACK, action: PRACTISE_AGAIN }, other: HOME }
