@@ -789,6 +789,14 @@ describe("a camera that gives no video", () => {
 });
 
 describe("what is not known any more", () => {
+  test("a fault or a stop that the robot told last is not said once the server is lost", () => {
+    for (const robot of STANDSTILLS) {
+      const said = (visit) => alertFor(state({ phase: "driving", ...visit }, { robot })).word;
+      assert.equal(said({ link: "lost", socket: "lost" }), "alert.server_driver");
+      assert.notEqual(said({ link: "live", socket: "lost" }), "alert.server_driver");
+    }
+  });
+
   test("the speed of a robot that has gone is a dash", () => {
     const elements = new Map();
     const element = (id) => elements.get(id) ?? elements.set(id, { textContent: "" }).get(id);

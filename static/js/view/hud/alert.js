@@ -7,7 +7,7 @@ import { roleOf } from "../../protocol/session.js";
 import { isAnswered, offersAround, wayOut } from "../../autonomy/offer.js";
 import { wordOf } from "../../autonomy/assistance.js";
 import { profileOf } from "../display/profiles.js";
-import { standstillOf } from "./standstill.js";
+import { isCutOff, standstillOf } from "./standstill.js";
 
 const SLOW_SECONDS = 0.4;
 const READING_SECONDS = 8; // of a sentence that nothing else makes disappear
@@ -103,6 +103,9 @@ const robotAlert = (state) => {
         ? { word: "alert.server", tone: "busy" }
         : { word: "alert.robot_offline", tone: "danger" })
     );
+  }
+  if (isCutOff(state)) {
+    return null; // what it said of itself last may be over
   }
   if (robot?.safety.estop) {
     return {

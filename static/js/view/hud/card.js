@@ -7,7 +7,7 @@ import { releaseFor, setsOut } from "../../autonomy/offer.js";
 import { roleOf } from "../../protocol/session.js";
 import { studyCard } from "../../study/end_cards.js";
 import { betweenVisits, pauseOf, reasonForWaiting } from "./pause.js";
-import { isOutOfReach, standstillOf } from "./standstill.js";
+import { isCutOff, standstillOf } from "./standstill.js";
 
 /**
  * @typedef {{action: string, url: string}} FreeRobot the words of its button, and where it leads
@@ -330,7 +330,8 @@ const lobby = ({ visit, room, robot, ...state }) => {
  */
 const link = (/** @type {import("../../drive/features.js").State} */ state) => {
   const { visit, robot, finding, slow } = state;
-  if (!roleOf(visit) || state.playing || isOutOfReach(state)) {
+  const isAway = standstillOf(robot) === "not_connected";
+  if (!roleOf(visit) || state.playing || isCutOff(state) || isAway) {
     return null;
   }
   const isReached = visit.link !== "lost" || slow;

@@ -25,13 +25,11 @@ export const standstillOf = (robot) => {
 };
 
 /**
- * Whether neither the server nor the page reaches it, or whatever moves it is away: what it said of
- * its parts may be over.
+ * Whether neither the server nor the page reaches it: what it said last may be over.
  * @param {import("../../drive/features.js").State} state
  */
-export const isOutOfReach = ({ visit, robot, serverSilent }) =>
-  standstillOf(robot) === "not_connected" ||
-  (visit.link !== "live" && (!visit.online || visit.socket === "lost" || serverSilent));
+export const isCutOff = ({ visit, serverSilent }) =>
+  visit.link !== "live" && (!visit.online || visit.socket === "lost" || serverSilent);
 
 /**
  * Its last state, while that is of the present: a robot that has gone has no speed any more.
