@@ -72,5 +72,6 @@ messages: setup-dev
 
 lock:
 	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 pyproject.toml -o requirements.lock
+	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --extra postgres --extra redis pyproject.toml -o requirements-server.lock
 	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --group dev pyproject.toml -o requirements-dev.lock
 	npm install -q --package-lock-only --omit-lockfile-registry-resolved --ignore-scripts --no-audit --no-fund

@@ -23,11 +23,12 @@ PICTURES = frozenset({"giraff", "rhodon"})  # the series that have a picture of 
 
 @dataclass(frozen=True)
 class Traffic:
-    """Who is at a robot: whether somebody drives it, how many wait, and how many minutes whoever
-    came now would, None when nobody can tell.
+    """Who is at a robot: whether somebody drives it, and whether that is who looks; how many wait,
+    and how many minutes whoever came now would, None when nobody can tell.
     """
 
     driven: bool = False
+    own: bool = False
     waiting: int = 0
     minutes: float | None = None
 
@@ -38,7 +39,7 @@ class RobotCard:
 
     `charge` is in percent, None when nobody knows; `battery` says it in words, empty of a robot
     that is away. `drives` tells that the button means driving, now or in turn; `for_experienced`
-    that it is not the first robot to drive.
+    that it is not the first robot to drive, `own` that whoever looks drives it.
     """
 
     name: str
@@ -54,6 +55,7 @@ class RobotCard:
     action: str
     drives: bool
     for_experienced: bool
+    own: bool
     url: str
 
 
@@ -80,13 +82,14 @@ def card(
         place=robot.floor_plan.shown_title if robot.floor_plan else "",
         picture=picture_of(robot),
         state=state,
-        label=away[0] if away else _label(state),
+        label=away[0] if away else _label(state, own=traffic.own),
         detail=_barred(barred) or (away[1] if away else _detail(state, robot, traffic, now)),
         charge=charge,
         battery="" if state == "offline" else _charge(charge, charging=charging),
-        action=_action(state, robot.shown_title, drives=drives),
+        action=_action(state, robot.shown_title, drives=drives, own=traffic.own),
         drives=drives,
         for_experienced=robot.for_experienced,
+        own=traffic.own,
         url=url,
     )
 
@@ -162,7 +165,9 @@ def _away(robot: Robot) -> tuple[str, str] | None:
     return words.get(Robot.Turnaround(robot.turnaround))
 
 
-def _label(state: CardState) -> str:
+def _label(state: CardState, *, own: bool) -> str:
+    if own and state == "busy":
+        return _("You are driving it")
     words = {"available": _("Free now"), "busy": _("In use"), "offline": _("Offline")}
     return words[state]
 
@@ -172,7 +177,7 @@ def _detail(state: CardState, robot: Robot, traffic: Traffic, now: datetime.date
         ready = _("Ready when you are.")
         return ready if robot.shown_to_visitors else _("Ready, but hidden from visitors.")
     if state == "busy":
-        return _line(traffic)
+        return _("Your drive is not over yet.") if traffic.own else _line(traffic)
     if robot.last_seen_at is None:
         return _("This robot hasn't connected yet.")
     if now - robot.last_seen_at < datetime.timedelta(minutes=1):
@@ -205,9 +210,11 @@ def _barred(reason: str) -> str:
     return words.get(reason, "")
 
 
-def _action(state: CardState, title: str, *, drives: bool) -> str:
+def _action(state: CardState, title: str, *, drives: bool, own: bool) -> str:
     if not drives:
         return _("Open its page")
+    if own:
+        return _("Back to your drive")
     return _("Join the queue") if state == "busy" else _("Drive %(robot)s") % {"robot": title}
 
 

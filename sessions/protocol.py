@@ -181,8 +181,8 @@ ToAudience = RaiseHand | AskQuestion | MarkQuestion | LowerHands
 
 class Hello(Message, frozen=True, kw_only=True):
     """`hello`: first frame of every connection. `peer` is secret to this page; `stamp` the server's
-    clock. `live_since`: since when the visitor drives this robot on another page, as `since` of
-    `session/refused`.
+    clock. `live_since`: since when the visitor drives this robot, as `since` of `session/refused`;
+    without `live_elsewhere` no page drives it just now, and this one may go on.
     """
 
     peer: Id

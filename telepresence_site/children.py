@@ -16,6 +16,7 @@ from typing import NamedTuple
 from robots.processes import tied_to_parent
 
 STOP_SECONDS = 8.0
+TELLS = "tell: "  # begins a line that is for whoever looks at the parent's terminal
 TAIL_BYTES = 4096  # of a log, in which its last line is looked for
 LARGEST_LOG = 5_000_000  # bytes; a longer one is begun anew when its child is started again
 
@@ -33,6 +34,7 @@ class Child:
     log: Path
     log_start: int
     started_at: datetime.datetime
+    _heard: int = 0  # bytes of its output in which it was listened for what it tells
 
     def output(self, last: int | None = None) -> str:
         """Return what it has written, or the last so many bytes of that; nothing when somebody has
@@ -43,6 +45,18 @@ class Child:
             file.seek(self.log_start if last is None else max(self.log_start, size - last))
             return file.read().decode(errors="replace")
         return ""
+
+    def told(self) -> list[str]:
+        """Return the sentences for the terminal that it has written since this was asked last:
+        whole lines that begin with TELLS.
+        """
+        with contextlib.suppress(OSError), self.log.open("rb") as file:
+            file.seek(self.log_start + self._heard)
+            whole, end, _rest = file.read().rpartition(b"\n")
+            self._heard += len(whole + end)
+            lines = whole.decode(errors="replace").splitlines()
+            return [line.removeprefix(TELLS) for line in lines if line.startswith(TELLS)]
+        return []
 
     def last_words(self) -> str:
         """Return the last line of its log that says something."""
@@ -65,14 +79,15 @@ def _signal_name(number: int) -> str:
 
 
 class DemoPart(NamedTuple):
-    """What is to be started: a Python child, how it shows that it is ready, and whether nothing
-    works without it.
+    """What is to be started: a Python child, how it shows that it is ready, whether nothing works
+    without it, and whether it has children of its own to tell of.
     """
 
     name: str
     arguments: list[str]
     ready: Callable[[Child], bool]
     is_essential: bool = False
+    tells: bool = False
 
 
 @dataclass

@@ -5,12 +5,16 @@ NATS, a session manager and a web process, as docs/howto/run-a-cluster.md has it
 The table says for how long the robot stood, and what the page said meanwhile. Pictures of the page
 are in benchmarks/results/cluster: `NAME-away.png` before an engine comes back, `NAME-back.png` when
 the robot turns again and nothing is wrong. `CLUSTER_PARTS` chooses what is killed; `partition`
-cuts the first machine off from the other two. Needs root.
+cuts the first machine off from the other two. `CLUSTER_KEEP=1` kills nothing: it says how to reach
+the site and its processes, and leaves them to whoever wants to see for themselves. Needs root.
 """
 
+import contextlib
 import json
 import os
 import re
+import secrets
+import signal
 import sys
 import tempfile
 import time
@@ -37,6 +41,12 @@ from robots.models import Robot
 from telepresence_site.demo.seed import seed
 seed({url!r})
 Robot.objects.update(returns_home=False, shown_to_visitors=True)
+"""
+PASSWORD = """
+from accounts.models import User
+ana, _ = User.objects.get_or_create(username="ana")
+ana.set_password({password!r})
+ana.save()
 """
 SAID = """
 ["#alert", "#card-title", "#status-text"].map((name) => document.querySelector(name)).filter(
@@ -116,6 +126,7 @@ def main() -> int:
     """Lose every engine in turn, print and keep what was seen."""
     folder = RESULTS / "cluster"
     folder.mkdir(parents=True, exist_ok=True)
+    print("starting three machines, which takes a minute or two …", flush=True)
     with (
         tempfile.TemporaryDirectory(prefix="telepresence-cluster-") as made,
         running_place("machines", Path(made)) as place,
@@ -125,20 +136,40 @@ def main() -> int:
         place.site.django(SEED.format(url=place.site.mqtt_url))
         place.site.write_users()
         place.site.cluster.reload()
+        if os.environ.get("CLUSTER_KEEP"):
+            place.site.start_robot(ROBOT, "--start", START)
+            _keep(place)
+            return 0
         onlooker = place.site.start_robot(ROBOT, "--start", START)
         visitor = Visitor(browser, place.site, "ana", url=f"http://{place.webs['web-0']}")
         visitor.drive(ROBOT)
         drive = ClusterDrive(place, visitor, onlooker, folder)
-        chosen = os.environ.get("CLUSTER_PARTS", "")
-        losses = [drive.lose(part) for part in chosen.split(",") if part] or [
-            drive.lose(part) for part in parts_of(place)
-        ]
+        chosen = [part for part in os.environ.get("CLUSTER_PARTS", "").split(",") if part]
+        losses = []
+        for part in chosen or parts_of(place):
+            print(f"{part:18} is lost …", flush=True)
+            loss = drive.lose(part)
+            print(f"{part:18} the robot stood for {loss.stood:5.1f} s")
+            print(*(f"{at:24.1f} s  {text}" for at, text in loss.said), sep="\n", flush=True)
+            losses.append(loss)
         visitor.close()
-    for loss in losses:
-        print(f"{loss.part:18} the robot stood for {loss.stood:5.1f} s")
-        print(*(f"{at:24.1f} s  {text}" for at, text in loss.said), sep="\n")
     (RESULTS / "cluster.json").write_text(json.dumps([asdict(loss) for loss in losses], indent=1))
     return 0
+
+
+def _keep(place: RunningSite) -> None:
+    """Say how to reach a running site, and wait until somebody ends it."""
+    password = secrets.token_urlsafe(9)
+    place.site.django(PASSWORD.format(password=password))
+    print(f"The site's pages, for ana with the password {password}:")
+    print(*(f"  http://{address}/" for address in place.webs.values()), sep="\n")
+    print("They are in a network of their own. What reaches them:")
+    print(f"  nsenter --target {os.getpid()} --net COMMAND")
+    print("Processes to kill:")
+    print(*(f"  {name:18} {pid}" for name, pid in place.processes.items()), sep="\n")
+    print("Ctrl-C ends everything.", flush=True)
+    with contextlib.suppress(KeyboardInterrupt):
+        signal.pause()
 
 
 def parts_of(place: RunningSite) -> list[str]:

@@ -262,7 +262,8 @@ slowly) and 4010 (replaced by a newer socket of the same program), connect again
 | suffix | from | fields |
 | --- | --- | --- |
 | `hello` | server | first frame: `peer` (secret, of this connection), `stamp`, `robot`, \
-`online`, `mayDrive`, `mayObserve`, `liveElsewhere` |
+`online`, `mayDrive`, `mayObserve`, `liveElsewhere`, `liveSince` \
+(with `liveElsewhere` false: a drive of the visitor that no page drives just now) |
 | `session/take` | program | asks for the robot, or takes an offered turn; `session` and `peer` \
 of a grant to come back to it; `takeover` |
 | `session/granted` | server | `session`, `epoch`, `peer`, `resumed`, `turnSeconds`, \

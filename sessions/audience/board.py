@@ -23,6 +23,8 @@ MOST_NAMES = 30
 OWN_SHOWN = 5
 HAND_SECONDS = 15.0  # without news of its process after which a hand is down
 ORDER = get_args(QuestionState)
+# UAX 9: embeddings, overrides and isolates
+TURNING = {"LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"}
 
 
 class RaisedHand(msgspec.Struct, frozen=True):
@@ -60,9 +62,15 @@ class BoardUpdate(msgspec.Struct, frozen=True):
 
 
 def cleaned(text: str) -> str:
-    """Return a question on one line, without control characters."""
-    line = " ".join(text.split())
-    return "".join(letter for letter in line if unicodedata.category(letter) != "Cc")
+    """Return a question on one line, without control characters and those that turn the direction
+    of what stands around it; empty when nothing of it can be seen.
+    """
+    line = "".join(
+        letter
+        for letter in " ".join(text.split())
+        if unicodedata.category(letter) != "Cc" and unicodedata.bidirectional(letter) not in TURNING
+    )
+    return line if any(unicodedata.category(letter)[0] not in "CZM" for letter in line) else ""
 
 
 class Board:

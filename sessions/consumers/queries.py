@@ -88,12 +88,13 @@ def enter(user: User, name: str, now: datetime.datetime) -> ConnectionContext | 
         return None
     live = turns.living_session_of(robot, user)
     is_live = live is not None and live.state != Session.State.WAITING
+    is_left = live is not None and turns.session_of(live).is_left(now.timestamp())
     return ConnectionContext(
         robot=robot,
         may_drive=may_drive(user, robot),
         may_observe=may_observe(user, robot),
         operator=_operator(user, robot),
-        live_elsewhere=is_live,
+        live_elsewhere=is_live and not is_left,
         live_since=turns.began(live) if is_live else None,
         online=robot.is_online(now),
         waiting=waiting_at(robot, now),

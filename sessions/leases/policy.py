@@ -76,6 +76,12 @@ class ActiveSession:
         """Tell whether a page of this session is connected to the server."""
         return self.seen_at is not None and now - self.seen_at < PAGE_GONE_SECONDS
 
+    def is_left(self, now: float) -> bool:
+        """Tell whether no page drives it, so that any page of its visitor may go on with it. One
+        without a socket may still drive, over the robot's own connection.
+        """
+        return self.state == "reconnecting" or (not self.page_open(now) and self.state != "driving")
+
 
 @dataclass(frozen=True)
 class Hold:
@@ -226,10 +232,7 @@ def _come_back(scene: Scene, own: ActiveSession, ask: Ask, now: float) -> Grant 
         ask.peer == scene.hold.peer or (ask.session == own.id and ask.old_peer == scene.hold.peer)
     ):
         return Resume(own.id)
-    gone = own.state == "reconnecting" or (
-        not own.page_open(now) and (ask.session == own.id or own.state != "driving")
-    )
-    if ask.takeover or gone:
+    if ask.takeover or own.is_left(now) or (not own.page_open(now) and ask.session == own.id):
         return Grant(
             own.id,
             "reconnecting" if own.state in {"driving", "reconnecting"} else "connecting",

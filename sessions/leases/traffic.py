@@ -21,14 +21,21 @@ def living_sessions(robots: Iterable[Robot]) -> dict[Any, list[ActiveSession]]:
     return found
 
 
-def traffic_at(robot: Robot, sessions: list[ActiveSession], now: datetime.datetime) -> Traffic:
-    """Return who is at a robot, given its living sessions, and how long somebody who came now would
-    wait.
+def traffic_at(
+    robot: Robot, sessions: list[ActiveSession], now: datetime.datetime, user: Any = None
+) -> Traffic:
+    """Return who is at a robot, given its living sessions, whether that is `user`, and how long
+    somebody who came now would wait.
     """
-    holder = next((session.id for session in sessions if session.state in AT_THE_WHEEL), None)
-    scene = Scene(Hold(0, holder), tuple(sessions))
+    driven = next((session for session in sessions if session.state in AT_THE_WHEEL), None)
+    scene = Scene(Hold(0, driven.id if driven else None), tuple(sessions))
     place = place_in_queue(scene, None, now.timestamp())
     minutes = (
         minutes_until_turn(scene, place, rules_of(robot), now.timestamp()) if sessions else None
     )
-    return Traffic(driven=holder is not None, waiting=place - 1, minutes=minutes)
+    return Traffic(
+        driven=driven is not None,
+        own=driven is not None and user is not None and driven.visitor == str(user.pk),
+        waiting=place - 1,
+        minutes=minutes,
+    )

@@ -9,6 +9,7 @@ of stands again as the plan has it.
 
 import datetime
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -21,7 +22,7 @@ from robots.models import FloorPlan, Robot
 from sessions.leases import terms
 from sessions.leases.store import LIVE
 from sessions.leases.terms import FREE, Terms
-from sessions.manager.scheduler import ManagerMessage, is_ours
+from sessions.manager.scheduler import ManagerMessage
 from sessions.models import Lease, Session
 from sessions.shards.ownership import EVERYTHING, Ownership
 
@@ -55,11 +56,11 @@ class DesiredState:
         self._held: set[Any] = set()  # the robots that somebody had at the last look
         # robots that had a session, when this began or was given others' robots
         self._driven: set[Any] | None = None
-        # what a look found that an error of the database ended: the next one says it
-        self._unsaid: list[ManagerMessage] = []
 
-    def tick(self, now: datetime.datetime) -> list[ManagerMessage]:
-        """Return what has changed since the last look; everything at the first one."""
+    def tick(self, now: datetime.datetime) -> Iterator[ManagerMessage]:
+        """Yield what has changed since the last look; everything at the first one. Each counts as
+        said from then on, also when an error of the database ends the look.
+        """
         if self._version != self._ownership.version:
             self._version, self._driven = self._ownership.version, None
             self._looked_at = -math.inf
@@ -102,18 +103,15 @@ class DesiredState:
             published.doors |= set(fixed.doors)
             if published.config != config:
                 published.config = config
-                payload = codec.encode(_stamped(config, now))
-                self._unsaid.append(_retained(robot.name, "config", payload))
+                yield _retained(robot.name, "config", codec.encode(_stamped(config, now)))
             if content and published.floor_plan != content:
                 key = robot.floor_plan_id
                 updates[key] = updates.get(key) or _update(key)
                 published.floor_plan = content
-                self._unsaid.append(_retained(robot.name, "floorplan", updates[key]))
+                yield _retained(robot.name, "floorplan", updates[key])
             published.seen = seen
         if everybody:
             self._looked_at = now.timestamp()
-        said, self._unsaid = self._unsaid, []
-        return [outbound for outbound in said if is_ours(outbound, self._ownership)]
 
     def _begin(self, robot: Robot) -> _Published:
         """Return what a robot was told before this session manager began, as far as it matters."""

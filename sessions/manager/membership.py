@@ -150,7 +150,6 @@ class Membership:
             if not self._others or is_disk_full(error):  # then nobody else can have beaten either
                 self.ownership.confirm(self._clock())
             raise
-        self.ownership.confirm(began)
         self._lock_of(self.slot).predecessor()  # if another process looked at it when we joined
         self._lock_of(self.slot).sign(self.holder)
         members = self._table.members()

@@ -9,7 +9,7 @@ going on.
 import datetime
 import math
 import secrets
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,7 +21,7 @@ from sessions import signals, system_log
 from sessions.leases.readiness import LEVEL, ORDERED, Kind, Order, Readiness, RobotCondition, decide
 from sessions.leases.store import LIVE
 from sessions.manager.robot_liveness import RobotLiveness
-from sessions.manager.scheduler import ManagerMessage, is_ours, send
+from sessions.manager.scheduler import ManagerMessage, send
 from sessions.models import Lease
 from sessions.shards.ownership import EVERYTHING, Ownership
 
@@ -46,13 +46,11 @@ class ReturnToDock:
     def __init__(self, ownership: Ownership = EVERYTHING) -> None:
         self._ownership = ownership
         self._under_way: dict[str, Readiness] = {}
-        # what a look found that an error of the database ended: the next one says it
-        self._unsaid: list[ManagerMessage] = []
 
     def tick(
         self, last_received: Mapping[str, RobotLiveness], now: datetime.datetime
-    ) -> list[ManagerMessage]:
-        """Bring every robot that is not ready a step nearer to it; return what is to be said."""
+    ) -> Iterator[ManagerMessage]:
+        """Bring every robot that is not ready a step nearer to it; yield what is to be said."""
         rows = Robot.objects.exclude(turnaround=Robot.Turnaround.READY).select_related("floor_plan")
         away = [robot for robot in rows if self._ownership.owns(robot.name)]
         driven = set(
@@ -68,23 +66,20 @@ class ReturnToDock:
         for robot in away:
             with self._ownership.about(robot.name):
                 if robot.pk in driven or not robot.can_go_home or not robot.enabled:
-                    self._let_be(robot, now)
+                    yield from self._let_be(robot, now)
                 else:
-                    self._bring(robot, last_received.get(robot.name), now)
-        said, self._unsaid = self._unsaid, []
-        return [outbound for outbound in said if is_ours(outbound, self._ownership)]
+                    yield from self._bring(robot, last_received.get(robot.name), now)
 
-    def _let_be(self, robot: Robot, now: datetime.datetime) -> None:
+    def _let_be(self, robot: Robot, now: datetime.datetime) -> Iterator[ManagerMessage]:
         """An operator has taken it, or it need not go home any more."""
         order = self._under_way.pop(robot.name, Readiness()).order
         if order is not None and not order.is_over(now.timestamp()):
-            cancel = messages.Cancel(**_signature(now), target=order.action_id)
-            self._unsaid.append(_outbound(robot, cancel))
+            yield _outbound(robot, messages.Cancel(**_signature(now), target=order.action_id))
         self._save(robot, Readiness("ready"), now)
 
     def _bring(
         self, robot: Robot, last_received: RobotLiveness | None, now: datetime.datetime
-    ) -> None:
+    ) -> Iterator[ManagerMessage]:
         known = _known(robot)
         before = self._under_way.get(robot.name, Readiness(reason=robot.turnaround_reason))
         turnaround, kind = decide(
@@ -96,10 +91,13 @@ class ReturnToDock:
             action = _action(kind, known, now)
             turnaround = replace(turnaround, order=Order(action.action_id, kind, now.timestamp()))
             logger.info("robot_sent_home", robot=robot.name, kind=kind, action=action.action_id)
-        self._under_way[robot.name] = turnaround
+        # First, as an order that the database or the fence refuses is not given.
         self._save(robot, turnaround, now)
-        if kind is not None:  # an order that the fence refuses is not given
-            self._unsaid.append(_outbound(robot, action))
+        self._under_way[robot.name] = turnaround
+        if turnaround.phase == "ready":
+            del self._under_way[robot.name]
+        if kind is not None:
+            yield _outbound(robot, action)
 
     def _save(self, robot: Robot, turnaround: Readiness, now: datetime.datetime) -> None:
         if (robot.turnaround, robot.turnaround_reason) == (
@@ -116,7 +114,6 @@ class ReturnToDock:
             system_log.log("queue_paused", "warning", robot=robot, at=now, reason=turnaround.reason)
             send(signals.queue_paused, robot=robot, reason=turnaround.reason, at=now)
         elif changed and turnaround.phase == "ready":
-            self._under_way.pop(robot.name, None)
             system_log.log("robot_ready", robot=robot, at=now, after=robot.turnaround)
 
 

@@ -68,10 +68,8 @@ class ManagerMessage:
     retain: bool = False
 
 
-def is_ours(outbound: ManagerMessage, ownership: Ownership) -> bool:
-    """Tell whether the robot of a message is still ours, so that it is ours to say."""
-    parsed = topics.parse(outbound.topic)
-    return parsed is not None and ownership.owns(parsed[0])
+def _robot_of(outbound: ManagerMessage) -> str:
+    return (topics.parse(outbound.topic) or ("",))[0]
 
 
 def notice_message(notice: Notice) -> ManagerMessage:
@@ -137,9 +135,8 @@ class Scheduler:
     def _forget(self, name: str) -> None:
         for known in (self._leases, self._counted, self._asked, self._gained):
             known.pop(name, None)
-        of_lease = topics.of(name, "lease")
-        for outbound in [outbound for outbound in self.outbox if outbound.topic == of_lease]:
-            self.outbox.remove(outbound)
+        for outbound in [one for one in self.outbox if one.retain and _robot_of(one) == name]:
+            self.outbox.remove(outbound)  # its new owner says all of it
 
     def tick(
         self, links: dict[str, RobotLink], default: RobotLink, now: datetime.datetime

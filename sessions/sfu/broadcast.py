@@ -37,6 +37,7 @@ log = structlog.stdlib.get_logger(__name__)
 
 STREAMING = "streaming"
 STEP_SECONDS = 2.0
+PORTS_TRIED = 5  # at a time, for a mountpoint
 RETRY_SECONDS = 2.0  # between two attempts to reach Janus, or the robot
 LINGER_SECONDS = 10.0  # without a viewer: a page that reconnects finds everything as it was
 UNSIGNED_SECONDS = 8.0  # after which whoever signed a mountpoint is gone
@@ -208,7 +209,7 @@ class Broadcast:
         if info is None:
             info = await self._make(control)
         if info is None:
-            return False  # another process was quicker: what it made is there at the next step
+            return False
         owned = info.label.startswith(self._name)
         alone = not self._viewers and now - self._left_at > LINGER_SECONDS
         if alone and (not owned or info.viewers == 0):
@@ -235,16 +236,19 @@ class Broadcast:
             return None
 
     async def _make(self, control: janus.Handle) -> MountpointInfo | None:
-        """Make the mountpoint; None when it was there a moment later, or its ports were taken."""
-        try:
-            request = self._mountpoint.create(some_port(self._rng), self._label())
-            await control.ask(request)
-        except janus.JanusError as error:
-            if error.code not in {MOUNTPOINT_EXISTS, CANNOT_CREATE}:
-                raise
-            self._wake.set()
-            return None
-        return await self._look(control)
+        """Make the mountpoint; None when Janus cannot: its next step tries again."""
+        for _ in range(PORTS_TRIED):
+            try:
+                request = self._mountpoint.create(some_port(self._rng), self._label())
+                await control.ask(request)
+            except janus.JanusError as error:
+                if error.code == CANNOT_CREATE:
+                    continue  # its ports may be taken
+                if error.code != MOUNTPOINT_EXISTS:
+                    raise
+            return await self._look(control)  # also where another process was quicker
+        log.warning("sfu_mountpoint_refused", robot=self._robot)
+        return None
 
     def _label(self) -> str:
         return f"{self._name} {self._signatures}"

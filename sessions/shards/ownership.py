@@ -125,6 +125,8 @@ class Ownership:
     def _check(self, numbers: Collection[int]) -> None:
         """Refuse the transaction that this is called in if one of these shards is not ours."""
         known = {number: self._epoch(number) for number in numbers}
+        if not known:
+            raise Fenced("no shard is ours")
         if None in known.values() or dict(_epochs(known)) != known:
             raise Fenced(f"shards {sorted(numbers)} have new epochs")
 
@@ -161,7 +163,7 @@ class Ownership:
     ) -> Any:
         if not _WRITE.match(sql) or _TABLE in sql:
             return execute(sql, params, many, context)
-        numbers = getattr(self._local, "numbers", None) or set(self.epochs)
+        numbers = getattr(self._local, "numbers", None) or set(self.epochs or self.leaving)
         with contextlib.nullcontext() if connection.in_atomic_block else transaction.atomic():
             self._check(numbers)
             return execute(sql, params, many, context)

@@ -216,6 +216,7 @@ class Demo:
                 "practice supervisor",
                 [manage, "run_practice"],
                 lambda child: READY in child.output(),
+                tells=True,
             )
         )
         self.supervisor.start(parts, within=START_SECONDS, step=self.terminal.step)

@@ -105,14 +105,17 @@ class ServiceSupervisor:
             self.look()
 
     def look(self) -> bool:
-        """Start again what ended and is due; say what ended, and what is back. Return whether
-        anything is.
+        """Start again what ended and is due; say what ended, what is back, and what parts tell of
+        their own children. Return whether anything is back.
 
         Raises:
             PartLostError: an essential part does not live.
         """
         now, some_are_back = self._clock(), False
         for service in self._services:
+            if service.part.tells:
+                for sentence in service.child.told():
+                    self._tell(sentence)
             if service.restart_at is None and service.child.process.poll() is not None:
                 self._bury(service, now)
             if service.restart_at is not None and now >= service.restart_at:

@@ -38,13 +38,18 @@ class Supervisor:
         names: of the practice robots.
         log_dir: where each writes its log.
         command: what runs a robot of this name.
+        tell: says a sentence to whoever looks at the terminal.
     """
 
     def __init__(
-        self, names: list[str], log_dir: Path, command: Callable[[str], list[str]] = robot_command
+        self,
+        names: list[str],
+        log_dir: Path,
+        command: Callable[[str], list[str]] = robot_command,
+        tell: Callable[[str], None] = lambda _sentence: None,
     ) -> None:
         self._names = names
-        self._command = command
+        self._command, self._tell = command, tell
         self.children = Children(log_dir, dict(os.environ))
         self._running: dict[str, Child] = {}  # a robot that was ended is in here no more
         # Unix seconds, of every robot that was ever started
@@ -85,11 +90,11 @@ class Supervisor:
         """Name every robot that ended by itself, and forget its process."""
         for name, child in list(self._running.items()):
             if child.process.poll() is not None:
-                log.warning(
-                    "practice_robot_died",
-                    robot=name,
-                    reason=child.cause_of_death(),
-                    log=child.log,
+                reason = child.cause_of_death()
+                log.warning("practice_robot_died", robot=name, reason=reason, log=child.log)
+                self._tell(
+                    f"The practice robot {name} ended: {reason} (its log: {child.log}). It is"
+                    " started again when somebody needs it."
                 )
                 self._end(name)
 

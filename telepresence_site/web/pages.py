@@ -223,7 +223,7 @@ def cards_for(user: Any, robots: list[Robot], now: datetime.datetime) -> list[Ro
     know_permits(user, robots)
     cards = [
         _for_visitor(
-            _card(robot, traffic_at(robot, sessions.get(robot.pk, []), now), user, now), user
+            _card(robot, traffic_at(robot, sessions.get(robot.pk, []), now, user), user, now), user
         )
         for robot in robots
     ]
@@ -256,11 +256,13 @@ def _for_visitor(built: RobotCard, user: Any) -> RobotCard:
 
 
 def _invitation(user: Any, cards: list[RobotCard]) -> Invitation:
-    """Return the invitation to a robot that is free. One for experienced drivers is chosen from
-    the list, which says so: rather than to it, people are invited to wait for another.
+    """Return the invitation back to one's own drive, or else to a robot that is free. One for
+    experienced drivers is chosen from the list, which says so: rather than to it, people are
+    invited to wait for another.
     """
     easy = [c for c in cards if not c.for_experienced]
-    first = next((c for c in easy if c.state == "available"), None)
+    first = next((c for c in cards if c.own), None)
+    first = first or next((c for c in easy if c.state == "available"), None)
     if first is None and len(easy) < len(cards):
         first = next((c for c in easy if c.drives), None)
     if first is not None:

@@ -144,7 +144,8 @@ const poll = ({ store, video, connection }, now, silence) => {
   const transport = router.transport(now);
   return {
     transport,
-    roundTrip: visit.phase === "driving" ? clockSync.roundTrip(transport, ROUND_TRIPS) : null,
+    roundTrip:
+      visit.phase === "driving" ? clockSync.roundTripNow(transport, now, ROUND_TRIPS) : null,
     serverSilent: silence > SERVER_SILENCE,
   };
 };

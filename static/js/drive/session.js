@@ -30,6 +30,8 @@ const newSlice = () => ({
   },
   /** the robot's last state, null before the first; robots.api.messages.State */
   robot: /** @type {any} */ (null),
+  /** when it came, Unix time */
+  robotAt: 0,
   /** when the robot's emergency stop was released, Unix time */
   releasedAt: -Infinity,
   /** whether the visitor operates the robot, and so may release its emergency stop */
@@ -44,7 +46,7 @@ const newSlice = () => ({
   guest: false,
   /** the robot's factsheet, null while unknown; robots.api.messages.Factsheet */
   factsheet: /** @type {any} */ (null),
-  /** when this page began to drive, and the robot's odometer then; null before */
+  /** when this page began to drive, and where the robot's odometer began then; null before */
   began: /** @type {{at: number, distance: number} | null} */ (null),
   /** what was driven in the visit that is over, null without one: waiting/souvenir.js */
   trip: /** @type {import("../waiting/souvenir.js").Trip | null} */ (null),
@@ -109,6 +111,7 @@ const setUp = (page) => {
           config.practising ? dispatch({ type: "leave" }) : rememberLeaving(config.robot);
         }
       },
+      freed: () => dispatch({ type: "freed" }),
       phase: (/** @type {string} */ phase) => {
         store.update({ takingOver: false });
         tabs.mark(phase === "driving");
@@ -245,6 +248,17 @@ const newEffects = (page) => ({
   close_socket: () => page.connection.socket.close(),
 });
 
+/**
+ * The odometer of an agent that was started again begins anew, and what was driven before counts.
+ * @param {{at: number, distance: number} | null} began
+ * @param {any} known the robot's state before
+ * @param {{boot: string, distance: number}} state
+ */
+export const odometerAt = (began, known, { boot, distance }) =>
+  began && known && known.boot !== boot
+    ? { ...began, distance: began.distance + distance - known.distance }
+    : began;
+
 /** @param {import("./registry.js").Page} page */
 const newHandlers = ({ store, emit, words }) => ({
   state: (/** @type {any} */ message) => {
@@ -252,7 +266,12 @@ const newHandlers = ({ store, emit, words }) => ({
     if (!known || known.boot !== message.boot || known.seq < message.seq) {
       const isReleased = known?.safety.estop && !message.safety.estop;
       const released = isReleased ? { releasedAt: unixNow(), release: null } : {};
-      store.update({ robot: message, ...released });
+      store.update({
+        robot: message,
+        robotAt: unixNow(),
+        began: odometerAt(began, known, message),
+        ...released,
+      });
       emit("newRobotState", message);
     }
     if (began === null && visit.phase === "driving" && message.session === visit.session) {
@@ -269,11 +288,16 @@ const newHandlers = ({ store, emit, words }) => ({
     store.update({ factsheet });
     emit("factsheet", factsheet);
   },
-  room: (/** @type {any} */ room) =>
+  room: (/** @type {any} */ room) => {
+    const isFreed = store.get().room.driver !== null && room.driver === null;
     store.update({
       room: { ...room, driver: words.nameOf(room.driver) },
       ...(room.private && { robot: null }), // what was heard before would be out of date
-    }),
+    });
+    if (isFreed) {
+      emit("freed");
+    }
+  },
   "session/operator_message": (/** @type {{text: string}} */ { text }) =>
     store.update({ notice: text }),
 });

@@ -21,7 +21,7 @@ const newSlice = () => ({
   barred: /** @type {{method: string, at: number} | null} */ (null),
   /** whether a stop is on its way and not yet echoed */
   stopping: false,
-  /** whether the robot has not echoed a stop for longer than it should */
+  /** whether the robot has not echoed a stop that was pressed for longer than it should */
   stopUnconfirmed: false,
 });
 
@@ -31,18 +31,15 @@ const setUp = (page) => {
   const { commands, router } = page.connection;
   const sendVelocity = () => router.sendVelocity(unixNow(), page.video.frameStamp());
 
-  const stop = () => {
+  /** Everything counts as lifted, and the robot stops. */
+  const halt = (/** @type {boolean} */ isAsked) => {
+    steering.letGo();
     if (roleOf(store.get().visit)) {
-      router.stop(unixNow(), "stop");
+      router.stop(unixNow(), "stop", isAsked);
       store.update({ stopping: true });
     }
   };
-
-  /** Everything counts as lifted, and the robot stops. */
-  const brake = () => {
-    steering.letGo();
-    stop();
-  };
+  const brake = () => halt(true); // the visitor pressed it
 
   const steering = new Steering({
     keys: page.keys,
@@ -63,7 +60,7 @@ const setUp = (page) => {
   setUpOwnKeys(page);
   onFocusLoss((why) => {
     if (steering.enabled) {
-      brake();
+      halt(false);
       page.connection.report(why);
     }
     emit("focusLost", why);
@@ -74,7 +71,7 @@ const setUp = (page) => {
       steering,
       brake,
       sendVelocity,
-      standStill: newStandStill(store, brake),
+      standStill: newStandStill(store, halt),
       ...senders(page),
     },
     handlers: {
@@ -106,11 +103,11 @@ const setUpOwnKeys = (page) => {
  * Nobody drives by video that is not there: what the page says then, that the robot has stopped, is
  * true.
  * @param {import("../drive/store.js").Store} store
- * @param {() => void} brake
+ * @param {(isAsked: boolean) => void} halt
  */
-const newStandStill = (store, brake) => () => {
+const newStandStill = (store, halt) => () => {
   store.update({ playing: false });
-  brake();
+  halt(false);
 };
 
 /** @param {import("../drive/registry.js").Page} page */

@@ -18,6 +18,7 @@ export const HASTY_SECONDS = BEAT_SECONDS / 2; // while they say what cannot wai
 const LATE_SECONDS = 0.1; // by which a picture is older than at its best
 const FORGOTTEN = 0.0005; // s by which the best may be worse at the next look
 const FRESH_SECONDS = 0.5;
+const PAST_SECONDS = 3;
 const SAMPLES = 10;
 const LONGEST_ROUND_TRIP = 10;
 const PARITY = { datachannel: 0, mqtt: 1 };
@@ -165,5 +166,16 @@ export class ClockSync {
   roundTrip(transport, least = 1) {
     const sorted = [...this.transports[transport].roundTrips].sort((a, b) => a - b);
     return sorted.length >= least ? sorted[sorted.length >> 1] : null;
+  }
+
+  /**
+   * The same, while it is of the present: null when nothing was echoed for some seconds.
+   * @param {Transport} transport
+   * @param {number} now
+   * @param {number} [least]
+   */
+  roundTripNow(transport, now, least) {
+    const isPast = now - this.transports[transport].echoedAt > PAST_SECONDS;
+    return isPast ? null : this.roundTrip(transport, least);
   }
 }

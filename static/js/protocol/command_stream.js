@@ -34,7 +34,9 @@ export class CommandStream {
     /** @type {Intent} */
     this.intent = NONE;
     this.zeros = 0;
-    /** @type {{message: Record<string, any>, since: number, sentAt: number} | null} */
+    /**
+     * @type {{message: Record<string, any>, since: number, askedAt: number, sentAt: number} | null}
+     */
     this.pending = null;
   }
 
@@ -103,12 +105,16 @@ export class CommandStream {
 
   /**
    * Brake. Works without a lease too: anybody may stop a robot.
-   * @param {number} now @param {"stop" | "estop"} [type]
+   * @param {number} now
+   * @param {"stop" | "estop"} [type]
+   * @param {boolean} [isAsked] whether somebody pressed it, or the page stops the robot by itself
    * @returns {Record<string, any>} the first copy of the action; `repeat` gives the others
    */
-  stop(now, type = "stop") {
+  stop(now, type = "stop", isAsked = true) {
     this.#rest();
+    const askedAt = isAsked ? now : Infinity;
     if (this.pending && !(type === "estop" && this.pending.message.type === "stop")) {
+      this.pending.askedAt = Math.min(this.pending.askedAt, askedAt);
       return this.#copy(now);
     }
     const message = {
@@ -117,7 +123,7 @@ export class CommandStream {
       ...this.binding,
       ...(type === "stop" ? { seq: this.#next() } : {}),
     };
-    this.pending = { message, since: now, sentAt: now };
+    this.pending = { message, since: now, askedAt, sentAt: now };
     return this.#copy(now);
   }
 
@@ -138,9 +144,12 @@ export class CommandStream {
     this.pending = null;
   }
 
-  /** Whether a stop has been on its way for longer than it should. @param {number} now */
+  /**
+   * Whether a stop that somebody asked for has been on its way for longer than it should.
+   * @param {number} now
+   */
   isUnconfirmed(now) {
-    return this.pending !== null && now - this.pending.since > UNCONFIRMED_SECONDS;
+    return this.pending !== null && now - this.pending.askedAt > UNCONFIRMED_SECONDS;
   }
 
   /**

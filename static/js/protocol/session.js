@@ -27,7 +27,8 @@
  * @property {boolean} mayDrive
  * @property {boolean} mayObserve
  * @property {boolean} liveElsewhere the visitor drives this robot on another page
- * @property {number | null} liveSince since when, Unix time
+ * @property {number | null} liveSince since when, Unix time; without `liveElsewhere` that page is
+ *   gone
  * @property {string | null} session the visit's id at the server
  * @property {string | null} peer this page's id while it drives; secret
  * @property {number} epoch of the lease
@@ -189,6 +190,8 @@ const OVER = /** @type {const} */ ({
   sfu: false,
   sfuLost: false,
   attempt: 0,
+  liveElsewhere: false,
+  liveSince: null,
 });
 
 /**
@@ -234,6 +237,15 @@ const HANDLERS = {
       mayObserve: message.mayObserve,
       liveElsewhere: message.liveElsewhere,
       liveSince: message.liveSince,
+    },
+  ],
+
+  /** Nobody has the robot any more: nor has another page of the visitor's. */
+  freed: ({ phase }) => [
+    {
+      liveElsewhere: false,
+      liveSince: null,
+      ...(phase === "elsewhere" && { phase: /** @type {const} */ ("lobby") }),
     },
   ],
 

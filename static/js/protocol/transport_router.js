@@ -94,9 +94,9 @@ export class TransportRouter {
     }
   }
 
-  /** @param {number} now @param {"stop" | "estop"} type */
-  stop(now, type) {
-    this.#both(this.commands.stop(now, type));
+  /** @param {number} now @param {"stop" | "estop"} type @param {boolean} [isAsked] */
+  stop(now, type, isAsked) {
+    this.#both(this.commands.stop(now, type, isAsked));
   }
 
   /** @param {number} now */

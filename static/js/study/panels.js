@@ -3,7 +3,7 @@
  * on the map, and what is read out of them. Fetched by pages of studies alone.
  */
 
-import { clockTime } from "../view/hud/dials.js";
+import { clockTime } from "../view/map/dials.js";
 import { write } from "../lib/dom.js";
 import { unixNow } from "../lib/clock.js";
 import { guideFor } from "./guide.js";

@@ -3,7 +3,7 @@
  * that opens.
  */
 
-import { clockTime } from "../view/hud/dials.js";
+import { clockTime } from "../view/map/dials.js";
 import { write } from "../lib/dom.js";
 import { maySteer } from "./restrictions.js";
 import { guideFor } from "./guide.js";

@@ -8,6 +8,7 @@ from django.conf import settings
 from django.core.management.base import BaseCommand
 
 from robots.processes import END_SIGNALS
+from telepresence_site.children import TELLS
 from telepresence_site.practice.robots import prepare
 from telepresence_site.practice.supervisor import READY, Supervisor
 from telepresence_site.rehearsal.runner import RehearsalRunner
@@ -33,5 +34,9 @@ class Command(BaseCommand):
         names = prepare(settings.PRACTICE_ROBOTS, settings.MQTT_URL)
         self.stdout.write(READY)
         self.stdout.flush()
-        supervisor = Supervisor(names, settings.VAR_DIR / "log")
+        supervisor = Supervisor(names, settings.VAR_DIR / "log", tell=self._tell)
         supervisor.run(stopping, RehearsalRunner(supervisor.children).look)
+
+    def _tell(self, sentence: str) -> None:
+        self.stdout.write(f"{TELLS}{sentence}")
+        self.stdout.flush()

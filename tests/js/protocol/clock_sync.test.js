@@ -45,6 +45,15 @@ test("a round trip is told once there are enough of them", () => {
   assert.ok(Math.abs(clockSync.roundTrip("datachannel", 5) - 0.02) < 1e-9);
 });
 
+test("a round trip to a robot that has gone is not told for long", () => {
+  const clockSync = new ClockSync();
+  const now = exchange(clockSync, "datachannel", 100);
+  assert.ok(Math.abs(clockSync.roundTripNow("datachannel", now + 2) - 0.02) < 1e-9);
+  assert.equal(clockSync.roundTripNow("datachannel", now + 2, 5), null);
+  assert.equal(clockSync.roundTripNow("datachannel", now + 4), null);
+  assert.equal(clockSync.roundTripNow("mqtt", now), null);
+});
+
 test("of the last ten the least round trip is believed", () => {
   const clockSync = new ClockSync();
   exchange(clockSync, "mqtt", 100, { there: 0.4, back: 0.01 });

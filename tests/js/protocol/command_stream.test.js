@@ -176,6 +176,17 @@ describe("stop", () => {
     assert.equal(commands.repeat(11.05), null);
     assert.notEqual(commands.repeat(12.1), null);
   });
+
+  test("one that the page sends by itself is missed by nobody until it is pressed", () => {
+    const commands = stream();
+    commands.stop(1, "stop", false);
+    assert.equal(commands.isUnconfirmed(60), false);
+    assert.notEqual(commands.repeat(60), null);
+    assert.equal(commands.stop(60, "stop").actionId, "stop-1");
+    commands.stop(60.9, "stop", false);
+    assert.equal(commands.isUnconfirmed(60.9), false);
+    assert.equal(commands.isUnconfirmed(61.1), true);
+  });
 });
 
 describe("which way", () => {

@@ -4,14 +4,15 @@ import { describe, test } from "node:test";
 
 import { offerFor } from "../../../static/js/autonomy/offer.js";
 import { isRefusal } from "../../../static/js/protocol/estop_release.js";
-import { newVisit } from "../../../static/js/protocol/session.js";
+import { newVisit, reduce } from "../../../static/js/protocol/session.js";
 import { alertFor } from "../../../static/js/view/hud/alert.js";
 import { cardFor } from "../../../static/js/view/hud/card.js";
-import { clockTime, contains, roomAt } from "../../../static/js/view/hud/dials.js";
+import { clockTime, contains, createDials, roomAt } from "../../../static/js/view/map/dials.js";
 import { statusFor } from "../../../static/js/view/hud/status.js";
 import { createWords } from "../../../static/js/lib/words.js";
 import { freeRobotsIn } from "../../../static/js/waiting/free_robots.js";
 import { newState } from "../../../static/js/drive/features.js";
+import { odometerAt } from "../../../static/js/drive/session.js";
 import { createStore } from "../../../static/js/drive/store.js";
 
 const TEMPLATE = readFileSync(
@@ -767,6 +768,82 @@ describe("a camera that gives no video", () => {
     assert.equal(shown("failed", "connection refused"), "alert.camera");
     assert.equal(shown("starting", "connection refused"), "alert.camera");
     assert.notEqual(shown("starting", ""), "alert.camera");
+  });
+
+  test("is not blamed while the robot is out of reach, or whatever moves it: that is said", () => {
+    const said = (visit, more = {}) => {
+      const one = state({ phase: "driving", ...visit }, { ...camera("failed", "gone"), ...more });
+      return [cardFor(one)?.word, alertFor(one)?.word];
+    };
+    for (const link of ["connecting", "lost"]) {
+      assert.deepEqual(said({ link, online: false }), [undefined, "alert.robot_offline"]);
+      assert.deepEqual(said({ link, socket: "lost" }), [undefined, "alert.server_driver"]);
+      assert.deepEqual(said({ link }, { serverSilent: true }), [undefined, "alert.server_driver"]);
+    }
+    assert.deepEqual(said({ link: "lost" }), [undefined, "alert.link_driver"]);
+    const robot = { ...STANDSTILLS[2], cameraStatus: { status: "failed", reason: "gone" } };
+    assert.deepEqual(said({ link: "live" }, { robot }), [undefined, "alert.not_connected"]);
+    assert.ok(SENTENCES.has("alert.not_connected"));
+    assert.deepEqual(said({ link: "lost" }, { slow: true })[0], "camera");
+  });
+});
+
+describe("what is not known any more", () => {
+  test("a fault or a stop that the robot told last is not said once the server is lost", () => {
+    for (const robot of STANDSTILLS) {
+      const said = (visit) => alertFor(state({ phase: "driving", ...visit }, { robot })).word;
+      assert.equal(said({ link: "lost", socket: "lost" }), "alert.server_driver");
+      assert.notEqual(said({ link: "live", socket: "lost" }), "alert.server_driver");
+    }
+  });
+
+  test("the speed of a robot that has gone is a dash", () => {
+    const elements = new Map();
+    const element = (id) => elements.get(id) ?? elements.set(id, { textContent: "" }).get(id);
+    const show = createDials(element, "en");
+    const speed = (robotAt) => {
+      const robot = { ...ROBOT, velocity: { linear: 0.25 }, distance: 1 };
+      show(state({ phase: "driving" }, { robot, robotAt, now: 100 }));
+      return element("dial-speed").textContent;
+    };
+    assert.deepEqual([speed(99), speed(90)], ["0.25", "–"]);
+  });
+});
+
+describe("a drive of one's own on another page", () => {
+  const told = (visit, room = {}) => {
+    const one = state({ phase: "lobby", ...visit }, { room: { ...free(), ...room } });
+    return [cardFor(one).word, statusFor(one).word];
+  };
+
+  test("is called so by the card and beside it, also where that page has gone", () => {
+    const there = { liveElsewhere: true, liveSince: 1e9 };
+    assert.deepEqual(told(there), ["elsewhere", "status.own"]);
+    assert.deepEqual(told({ phase: "elsewhere" }), ["elsewhere", "status.own"]);
+    const gone = { liveElsewhere: false, liveSince: 1e9 };
+    assert.deepEqual(told(gone, { driver: "Alex" }), ["lobby.own", "status.own"]);
+    assert.equal(cardFor(state({ phase: "lobby", ...gone })).main.action, "drive");
+  });
+
+  test("is over for this page when nobody has the robot any more, and when it drove itself", () => {
+    const there = { ...state().visit, liveElsewhere: true, liveSince: 1e9 };
+    const freed = (phase) => reduce({ ...there, phase }, { type: "freed" }).visit;
+    assert.deepEqual(told(freed("lobby")), ["lobby", "status.ready"]);
+    assert.deepEqual(told(freed("elsewhere")), ["lobby", "status.ready"]);
+    assert.equal(freed("driving").phase, "driving");
+    const left = reduce({ ...there, phase: "driving", session: "s" }, { type: "leave" }).visit;
+    assert.deepEqual(told(reduce(left, { type: "back" }).visit), ["lobby", "status.ready"]);
+  });
+});
+
+describe("the distance of a drive", () => {
+  test("goes on where an agent that was started again counts from nothing", () => {
+    const began = { at: 1, distance: 10 };
+    const known = { boot: "a", distance: 13 };
+    assert.equal(odometerAt(began, known, { boot: "a", distance: 14 }), began);
+    const { at, distance } = odometerAt(began, known, { boot: "b", distance: 0 });
+    assert.deepEqual([at, 0 - distance], [1, 3]);
+    assert.equal(odometerAt(null, known, { boot: "b", distance: 0 }), null);
   });
 });
 

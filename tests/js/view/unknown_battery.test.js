@@ -32,14 +32,17 @@ const fakeElement = () => {
   };
 };
 
-const shown = (battery) => {
+const shown = (battery, more = {}) => {
   const elements = new Map();
   const element = (id) => elements.get(id) ?? elements.set(id, fakeElement()).get(id);
   createReadings(
     element,
     words,
-  )({ ...newState(), visit: newVisit(), robot: { battery, safety: {} } });
+  )({ ...newState(), visit: newVisit(), robot: { battery, safety: {} }, ...more });
   const part = (id) => elements.get(id);
+  if (part("battery").hidden) {
+    return null;
+  }
   return {
     said: `${part("battery-name").hidden ? "" : "Battery "}${part("battery-text").textContent}`,
     more: part("battery-more").textContent,
@@ -68,6 +71,12 @@ test("an unknown battery is called so, with a cell that shows no level and is no
     level: true,
     marks: ["data-low"],
   });
+});
+
+test("the battery of a robot that has not been heard of for seconds is not shown", () => {
+  const battery = { charge: 0.5, voltage: null, charging: false };
+  assert.notEqual(shown(battery, { robotAt: 98, now: 100 }), null);
+  assert.equal(shown(battery, { robotAt: 90, now: 100 }), null);
 });
 
 test("a state without a charge is read, and one of an older agent as before", () => {

@@ -1,6 +1,7 @@
 """Session managers that race for one shard in a real database, and write under its fence. `python
 -m tests.support.sessions.fence_races ROUNDS` races on the database of DATABASE_URL, as threads;
-with `--stop SECONDS` as processes, of which one at a time is stopped for so long, wherever it is.
+with `--stop SECONDS` as processes, of which nearly always one is stopped, wherever it is: for so
+long, unless the others are done before.
 """
 
 import argparse
@@ -139,8 +140,11 @@ def stop_within_a_transaction() -> int:
 
 
 def race_as_processes(rounds: int, stop: float, racers: int = 3) -> Races:
-    """Do the same as `race` in processes of their own, of which always one is stopped: for `stop`
-    seconds, and then another.
+    """Do the same as `race` in processes of their own, of which nearly always one is stopped: for
+    `stop` seconds, and a second later another.
+
+    Raises:
+        RuntimeError: a process has failed.
     """
     _prepare()
     command = [sys.executable, "-m", __spec__.name, str(rounds)]
@@ -148,20 +152,26 @@ def race_as_processes(rounds: int, stop: float, racers: int = 3) -> Races:
         subprocess.Popen([*command, "--racer", str(number)], stdout=subprocess.PIPE)
         for number in range(racers)
     ]
-    while living := [process for process in running if process.poll() is None]:
-        stopped = random.choice(living)
-        stopped.send_signal(signal.SIGSTOP)
-        others = [process for process in living if process is not stopped]
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            for process in others:
-                process.wait(stop / len(others))
-        stopped.send_signal(signal.SIGCONT)
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            stopped.wait(1.0)
+    try:
+        while living := [process for process in running if process.poll() is None]:
+            stopped = random.choice(living)
+            stopped.send_signal(signal.SIGSTOP)
+            others = [process for process in living if process is not stopped]
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                for process in others:
+                    process.wait(stop / len(others))
+            stopped.send_signal(signal.SIGCONT)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                stopped.wait(1.0)
+    finally:
+        for process in running:
+            process.kill()  # one that is stopped, too
     found = Races()
     for process in running:
-        assert process.stdout is not None
-        for name, n in json.loads(process.stdout.read()).items():
+        said, _ = process.communicate()
+        if process.returncode:
+            raise RuntimeError(f"a racer ended with {process.returncode}")
+        for name, n in json.loads(said).items():
             setattr(found, name, getattr(found, name) + n)
     return found
 

@@ -43,3 +43,5 @@ def test_a_robot_that_is_driven_is_called_the_same_too():
     robot = Robot(name="giraff", title="Giraff", connection="ONLINE", last_seen_at=NOW)
     shown = card(robot, Traffic(driven=True), barred="", url="", now=NOW)
     assert words()["busy"] == shown.label
+    own = card(robot, Traffic(driven=True, own=True), barred="", url="", now=NOW)
+    assert words()["own"] == own.label

@@ -104,8 +104,9 @@ class _Source:
             AdapterError: the simulator is gone.
         """
         address = self._where()
-        if address is None:
-            raise AdapterError(f"the {self.role} is not connected")
+        if address is None:  # the simulator is being started: nothing is wrong with the source
+            time.sleep(max(timeout, 0.0))
+            return None
         try:
             if self._line is None:
                 self._line = MediaSocket(address, self.role)

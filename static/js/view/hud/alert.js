@@ -7,6 +7,7 @@ import { roleOf } from "../../protocol/session.js";
 import { isAnswered, offersAround, wayOut } from "../../autonomy/offer.js";
 import { wordOf } from "../../autonomy/assistance.js";
 import { profileOf } from "../display/profiles.js";
+import { isCutOff, standstillOf } from "./standstill.js";
 
 const SLOW_SECONDS = 0.4;
 const READING_SECONDS = 8; // of a sentence that nothing else makes disappear
@@ -103,6 +104,9 @@ const robotAlert = (state) => {
         : { word: "alert.robot_offline", tone: "danger" })
     );
   }
+  if (isCutOff(state)) {
+    return null; // what it said of itself last may be over
+  }
   if (robot?.safety.estop) {
     return {
       word: robot.safety.estopSource?.startsWith("screen") ? "alert.estop_screen" : "alert.estop",
@@ -110,7 +114,8 @@ const robotAlert = (state) => {
     };
   }
   if (robot?.safety.inhibited === "fault") {
-    return { word: "alert.fault", tone: "danger" };
+    const isAway = standstillOf(robot) === "not_connected";
+    return { word: isAway ? "alert.not_connected" : "alert.fault", tone: "danger" };
   }
   const touched = touchedWord(robot?.safety.touched ?? []);
   return touched || robot?.safety.collision

@@ -7,7 +7,7 @@ import { releaseFor, setsOut } from "../../autonomy/offer.js";
 import { roleOf } from "../../protocol/session.js";
 import { studyCard } from "../../study/end_cards.js";
 import { betweenVisits, pauseOf, reasonForWaiting } from "./pause.js";
-import { standstillOf } from "./standstill.js";
+import { isCutOff, standstillOf } from "./standstill.js";
 
 /**
  * @typedef {{action: string, url: string}} FreeRobot the words of its button, and where it leads
@@ -278,6 +278,9 @@ const lobby = ({ visit, room, robot, ...state }) => {
   if (visit.liveElsewhere && visit.mayDrive) {
     return elsewhere({ visit, ...state });
   }
+  if (visit.liveSince !== null && visit.mayDrive && visit.online) {
+    return { word: "lobby.own", main: { action: "drive", word: "do.go_on" }, other: HOME };
+  }
   if (!visit.online) {
     return isSimulated(state)
       ? { word: "refused.simulated", main: { ...BACK, action: PRACTISE_AGAIN }, other: HOME }
@@ -322,15 +325,18 @@ const lobby = ({ visit, room, robot, ...state }) => {
 
 /**
  * Video has not begun: the link is made, or the camera starts, or why it does not. A link that is
- * lost has its banner instead, so that the last picture stays in sight, until it is known why.
+ * lost has its banner instead, so that the last picture stays in sight, until it is known why; so
+ * has a robot that is out of reach, whose camera nobody knows anything of.
  */
 const link = (/** @type {import("../../drive/features.js").State} */ state) => {
-  const camera = state.robot?.cameraStatus;
-  if (
-    !roleOf(state.visit) ||
-    state.playing ||
-    (state.visit.link !== "connecting" && !state.finding && !camera)
-  ) {
+  const { visit, robot, finding, slow } = state;
+  const isAway = standstillOf(robot) === "not_connected";
+  if (!roleOf(visit) || state.playing || isCutOff(state) || isAway) {
+    return null;
+  }
+  const isReached = visit.link !== "lost" || slow;
+  const camera = isReached ? robot?.cameraStatus : null;
+  if (visit.link !== "connecting" && !finding && !camera) {
     return null;
   }
   if (camera?.reason) {
@@ -340,5 +346,5 @@ const link = (/** @type {import("../../drive/features.js").State} */ state) => {
       detail: { word: "camera.reason", values: { reason: camera.reason } },
     };
   }
-  return { word: "link", busy: true, detail: camera ? null : state.finding };
+  return { word: "link", busy: true, detail: camera ? null : finding };
 };

@@ -1,6 +1,6 @@
 /**
- * What lies over and round the video: the card, the bar on top, the dials, the buttons, and what
- * screen readers are told.
+ * What lies over and round the video: the card, the bar on top, the buttons, and what screen
+ * readers are told.
  */
 
 import { offerFor } from "../../autonomy/offer.js";
@@ -10,7 +10,6 @@ import { alertFor } from "./alert.js";
 import { cardFor } from "./card.js";
 import { CardPanel, textOf } from "./card_panel.js";
 import { createControls } from "./controls.js";
-import { createDials } from "./dials.js";
 import { createReadings } from "./readings.js";
 
 /** @param {import("../../drive/registry.js").Page} page */
@@ -19,7 +18,6 @@ const setUp = ({ words, element, act }) => {
   const panel = new CardPanel({ element: element("card"), words, onAction: act });
   const renders = [
     createReadings(element, words),
-    createDials(element, document.documentElement.lang),
     createControls(element, words, act),
     createAnnouncer(element("announcer"), words),
   ];

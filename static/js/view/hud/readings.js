@@ -6,6 +6,7 @@
 import { roleOf } from "../../protocol/session.js";
 import { alertFor } from "./alert.js";
 import { write } from "../../lib/dom.js";
+import { knownNow } from "./standstill.js";
 import { statusFor } from "./status.js";
 
 const LOW_BATTERY = 0.2;
@@ -89,7 +90,8 @@ const showPeople = (parts, { visit, room }, words) => {
  * @param {import("../../drive/features.js").State} state
  * @param {import("../../lib/words.js").Words} words
  */
-const showBattery = (parts, { robot }, words) => {
+const showBattery = (parts, state, words) => {
+  const robot = knownNow(state);
   parts.battery.hidden = !robot;
   if (!robot) {
     return;

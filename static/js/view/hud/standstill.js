@@ -1,7 +1,9 @@
 /**
- * Why nobody can drive a robot that is connected, by its last state: as robots/presence.py says it
- * to lists and the queue. Pure.
+ * What the robot's last state still tells: why nobody can drive one that is connected, as
+ * robots/presence.py says it to lists and the queue, and what it is like now. Pure.
  */
+
+const STALE_SECONDS = 4; // robots speak at least once a second to a page that is open
 
 const THERE = new Set(["screen", "button"]);
 
@@ -21,3 +23,17 @@ export const standstillOf = (robot) => {
   }
   return robot?.safety.inhibited === "fault" ? "fault" : "";
 };
+
+/**
+ * Whether neither the server nor the page reaches it: what it said last may be over.
+ * @param {import("../../drive/features.js").State} state
+ */
+export const isCutOff = ({ visit, serverSilent }) =>
+  visit.link !== "live" && (!visit.online || visit.socket === "lost" || serverSilent);
+
+/**
+ * Its last state, while that is of the present: a robot that has gone has no speed any more.
+ * @param {import("../../drive/features.js").State} state
+ * @returns {any} null when it has not been heard of for some seconds
+ */
+export const knownNow = ({ robot, robotAt, now }) => (now - robotAt > STALE_SECONDS ? null : robot);

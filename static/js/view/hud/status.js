@@ -46,6 +46,9 @@ export const statusFor = ({ visit, room, playing, slow, robot }) => {
   if (visit.phase === "queued" || visit.phase === "turn") {
     return { word: "status.waiting", tone: "busy" };
   }
+  if (visit.online && (visit.liveSince !== null || visit.phase === "elsewhere")) {
+    return { word: "status.own", tone: "busy" };
+  }
   if (visit.online && room.driver !== null) {
     return { word: "status.busy", tone: "busy" };
   }

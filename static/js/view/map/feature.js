@@ -1,10 +1,11 @@
 /**
- * The map on the drive page: the floor plan with the robot on it, its buttons, and how large it is.
+ * The map on the drive page: the floor plan with the robot on it, its buttons, how large it is, and
+ * the dials beside it.
  */
 
 import { loadFloorPlan, RobotMap } from "./robot_map.js";
 import { write } from "../../lib/dom.js";
-import { roomAt } from "../hud/dials.js";
+import { createDials, roomAt } from "./dials.js";
 import { addGestures } from "./gestures.js";
 import { FOLLOWING, ZOOM_STEP } from "./pan_zoom.js";
 
@@ -41,6 +42,7 @@ const setUp = (page) => {
   });
   load(page, map);
 
+  const showDials = createDials(element, document.documentElement.lang);
   const state = page.element("map-state");
   const setPose = (/** @type {any} */ { pose, stamp }) => map.setPose(pose, stamp);
   return {
@@ -58,7 +60,9 @@ const setUp = (page) => {
       began: () => map.setTrail([]),
       second: () => write(state, mapState(store.get(), page.words)),
     },
-    render: (/** @type {any} */ { mapFollows, mapTurns, mapSize, mapOpen }) => {
+    render: (/** @type {any} */ shown) => {
+      const { mapFollows, mapTurns, mapSize, mapOpen } = shown;
+      showDials(shown);
       const pressed = /** @type {Record<string, boolean>} */ ({
         map_follow: mapFollows,
         map_turn: mapTurns,

@@ -3,6 +3,7 @@
  * wanted.
  */
 
+import { unixNow } from "../../lib/clock.js";
 import { lazy } from "../../lib/lazy.js";
 import { profileOf } from "../display/profiles.js";
 
@@ -38,7 +39,10 @@ const rawOf = ({
 }) => ({
   connection: fallback.on ? null : (link.peer?.connection ?? null),
   state: store.get(),
-  trips: { datachannel: clockSync.roundTrip("datachannel"), mqtt: clockSync.roundTrip("mqtt") },
+  trips: {
+    datachannel: clockSync.roundTripNow("datachannel", unixNow()),
+    mqtt: clockSync.roundTripNow("mqtt", unixNow()),
+  },
   glass:
     fallback.on || clockSync.offset === null || shown.stamp === null
       ? null

@@ -335,7 +335,13 @@ async def test_a_second_tab_is_refused_or_takes_over_and_the_first_is_told(bridg
         assert (refused.reason, refused.session) == ("elsewhere", granted.session)
         assert refused.since == pytest.approx(time.time(), abs=patient(30.0))
         async with Page("giraff", ada) as third_tab:
-            assert (await third_tab.expect("hello")).live_since == refused.since
+            hello = await third_tab.expect("hello")
+            assert (hello.live_elsewhere, hello.live_since) == (True, refused.since)
+        await Session.objects.filter(pk=granted.session).aupdate(state="reconnecting")
+        async with Page("giraff", ada) as late_tab:  # nobody drives it: any page may go on
+            hello = await late_tab.expect("hello")
+            assert (hello.live_elsewhere, hello.live_since) == (False, refused.since)
+        await Session.objects.filter(pk=granted.session).aupdate(state="driving")
         moved = await second_tab.take(session=granted.session, takeover=True)
         ended = await first_tab.expect("session/ended")
         await first_tab.say(

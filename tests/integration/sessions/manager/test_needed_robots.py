@@ -55,9 +55,9 @@ def test_what_robots_are_told_takes_as_many_queries_for_many_as_for_few(
     desired, now = DesiredState(), timezone.now()
     later = now + datetime.timedelta(seconds=LOOK_SECONDS)
     with django_assert_max_num_queries(4):
-        assert len(desired.tick(now)) == 30
+        assert len(list(desired.tick(now))) == 30
     with django_assert_max_num_queries(3):
-        assert desired.tick(later) == []
+        assert list(desired.tick(later)) == []
     Robot.objects.filter(name="robot-7").update(assist="slow")
     assert [message.topic.split("/")[-2:] for message in desired.tick(later + (later - now))] == [
         ["robot-7", "config"]

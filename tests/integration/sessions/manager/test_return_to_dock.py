@@ -3,6 +3,7 @@ what stands in the database.
 """
 
 import datetime
+from collections import deque
 
 import pytest
 from django.db import OperationalError, connection
@@ -61,6 +62,7 @@ class Situation:
 
     def __init__(self):
         self.return_to_dock, self.last_received, self.seq = ReturnToDock(), RobotLiveness(), 0
+        self.outbox = deque()
 
     def says(self, now, *, trip=0.05, **changes):
         """A state, and an answer to the server's beat that was under way for so many seconds."""
@@ -73,10 +75,10 @@ class Situation:
         )
 
     def look(self, now):
-        return [
-            codec.decode("command/action", outbound.payload, "to_robot")
-            for outbound in self.return_to_dock.tick({"giraff": self.last_received}, now)
-        ]
+        self.outbox.extend(self.return_to_dock.tick({"giraff": self.last_received}, now))
+        said = [codec.decode("command/action", one.payload, "to_robot") for one in self.outbox]
+        self.outbox.clear()
+        return said
 
 
 @pytest.fixture
@@ -139,38 +141,51 @@ def test_an_offer_is_taken_back_when_the_robot_is_not_ready_after_all(giraff, an
     )
 
 
-def test_an_operator_may_take_a_robot_that_is_stuck_and_what_was_ordered_is_taken_back(
-    giraff, ana, ben, situation
-):
+@pytest.fixture
+def taken_on_its_way(giraff, ana, ben, situation):
+    """What a robot was ordered that an operator has taken while it goes home."""
     robot = a_visit_ends(giraff, ana)
     situation.says(after(1), docked=False)
     (dock,) = situation.look(after(1))
     RobotPermit.objects.create(robot=robot, user=ben, kind="operator")
     assert isinstance(store.take(Robot.objects.get(), ben, "p2", now=after(2)), store.TakeGranted)
+    return dock
+
+
+def test_an_operator_may_take_a_robot_that_is_stuck_and_what_was_ordered_is_taken_back(
+    taken_on_its_way, situation
+):
     (cancel,) = situation.look(after(3))
-    assert (type(cancel), cancel.target) == (m.Cancel, dock.action_id)
+    assert (type(cancel), cancel.target) == (m.Cancel, taken_on_its_way.action_id)
     assert Robot.objects.get().turnaround == "ready"
+
+
+def away(execute, sql, *args):
+    """Stand for a database that takes nothing: for `execute_wrapper`."""
+    if sql.startswith(("UPDATE", "INSERT")):
+        raise OperationalError
+    return execute(sql, *args)
 
 
 @pytest.mark.django_db(transaction=True)
 def test_what_is_taken_back_is_said_though_the_database_goes_away_meanwhile(
-    giraff, ana, ben, situation
+    taken_on_its_way, situation
 ):
-    robot = a_visit_ends(giraff, ana)
-    situation.says(after(1), docked=False)
-    (dock,) = situation.look(after(1))
-    RobotPermit.objects.create(robot=robot, user=ben, kind="operator")
-    store.take(Robot.objects.get(), ben, "p2", now=after(2))
-
-    def away(execute, sql, *args):
-        if sql.startswith(("UPDATE", "INSERT")):
-            raise OperationalError
-        return execute(sql, *args)
-
     with connection.execute_wrapper(away), pytest.raises(OperationalError):
         situation.look(after(3))
     (cancel,) = situation.look(after(4))
-    assert (type(cancel), cancel.target) == (m.Cancel, dock.action_id)
+    assert (type(cancel), cancel.target) == (m.Cancel, taken_on_its_way.action_id)
+
+
+@pytest.mark.django_db(transaction=True)
+def test_an_order_that_the_database_refused_is_given_at_the_next_look(giraff, ana, situation):
+    a_visit_ends(giraff, ana)
+    Robot.objects.update(turnaround_reason="")
+    situation.says(after(1), docked=False)
+    with connection.execute_wrapper(away), pytest.raises(OperationalError):
+        situation.look(after(1))
+    (dock,) = situation.look(after(2))
+    assert isinstance(dock, m.Dock)
 
 
 def test_a_robot_that_cannot_get_home_pauses_the_queue_and_says_why_and_is_tried_again(

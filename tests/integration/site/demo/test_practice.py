@@ -219,11 +219,17 @@ def test_a_robot_that_is_gone_when_it_is_to_be_ended_is_no_error(supervisor, ana
 
 def test_a_robot_that_died_is_named_once_with_its_reason_and_its_log(supervisor, ana, caplog):
     drives(ana)
+    said = []
+    supervisor._tell = said.append
     supervisor.look()
     process(supervisor).kill()
     process(supervisor).wait()
     supervisor.look()
     supervisor.look()
+    assert len(said) == 1
+    assert said[0].startswith(
+        "The practice robot practice-1 ended: it was ended by SIGKILL (its log"
+    )
     told = [
         record.getMessage()
         for record in caplog.records

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from telepresence_site.children import Child, Children, DemoPart, StartFailed
+from telepresence_site.children import TELLS, Child, Children, DemoPart, StartFailed
 from telepresence_site.demo.restart import RestartPolicy
 from telepresence_site.demo.supervision import PartLostError, ServiceSupervisor
 from tests.support.sessions.site import wait_for
@@ -74,6 +74,15 @@ def test_a_part_that_is_killed_is_named_with_its_log_and_again_when_it_is_back_t
         assert told[1].startswith("The broker is back after ")
         assert [child.process.poll() for child in children.running] == [None]
         assert children.running[0] is not first
+
+
+def test_what_a_part_tells_of_its_own_children_is_said_once(supervisor, told):
+    lines = f"{TELLS}The practice robot ended.", "2026 not for people", f"{TELLS}One é more."
+    script = f"import time; print({chr(10).join(lines)!r}, flush=True); time.sleep(600)"
+    start(supervisor, DemoPart("practice", ["-c", script], lambda _child: True, tells=True))
+    look_until(supervisor, lambda: len(told) > 1)
+    supervisor.look()
+    assert told == ["The practice robot ended.", "One é more."]
 
 
 def test_a_part_whose_log_cannot_be_written_is_tried_again_until_it_can(

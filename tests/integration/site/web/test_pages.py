@@ -87,6 +87,28 @@ def card_of(client, name: str) -> dict:
     return next(c for c in client.get(reverse("robots_json")).json()["robots"] if c["name"] == name)
 
 
+@pytest.mark.parametrize("state", ["driving", "reconnecting"])
+@pytest.mark.parametrize(
+    ("language", "said"),
+    [
+        ("en", ("You are driving it", "Back to your drive")),
+        ("es", ("Lo estás conduciendo", "Volver a tu conducción")),
+    ],
+)
+def test_who_drives_a_robot_is_led_back_to_it(client, robots, state, language, said):
+    own = visit(robots["rhodon"], "driver", state)
+    visit(robots["rhodon"], "second", "waiting")
+    client.force_login(own.visitor)
+    answer = client.get(reverse("robots_json"), headers={"accept-language": language}).json()
+    card = next(one for one in answer["robots"] if one["name"] == "rhodon")
+    assert (card["label"], card["action"]) == said
+    assert answer["invitation"] == {"label": said[1], "url": card["url"]}
+    page = read(client.get(reverse("home"), headers={"accept-language": language}))
+    assert said[0] in page.text
+    client.force_login(person("somebody"))
+    assert card_of(client, "rhodon")["action"] == "Join the queue"
+
+
 @pytest.mark.parametrize("language", ["en", "es"])
 @pytest.mark.parametrize("name", PUBLIC)
 def test_every_public_page_is_sound_in_both_languages(client, robots, name, language):
@@ -220,6 +242,7 @@ def test_the_list_tells_no_secrets(client, robots):
         "action",
         "drives",
         "for_experienced",
+        "own",
         "url",
     }
 

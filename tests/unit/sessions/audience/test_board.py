@@ -138,6 +138,10 @@ def test_a_list_that_nobody_can_answer_is_full():
         ("<b>&amp;</b>", "<b>&amp;</b>"),
         ("a\x00\x1b[31mb", "a[31mb"),
         ("\n \x00", ""),
+        ("\u200b\u2060 \u0301", ""),
+        ("\u202eabc\u2066", "abc"),
+        ("\N{FAMILY}\u200d\N{BOY} ?", "\N{FAMILY}\u200d\N{BOY} ?"),
+        ("\u0645\u0627\u061f", "\u0645\u0627\u061f"),
     ],
 )
 def test_a_question_is_one_line_of_plain_text(said, kept):

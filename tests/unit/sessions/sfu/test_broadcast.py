@@ -14,7 +14,12 @@ from sessions.protocol import WantOffer
 from sessions.sfu import broadcast as module
 from sessions.sfu.broadcast import Broadcast
 from sessions.sfu.janus import HANGUP, UP, Handle
-from sessions.sfu.mountpoint import MOUNTPOINT_EXISTS, NO_SUCH_MOUNTPOINT, mountpoint_of
+from sessions.sfu.mountpoint import (
+    CANNOT_CREATE,
+    MOUNTPOINT_EXISTS,
+    NO_SUCH_MOUNTPOINT,
+    mountpoint_of,
+)
 from sessions.sfu.robot_leg import CONNECT_SECONDS, STAY_SECONDS, RobotLeg
 from tests.support import words
 from tests.support.sessions.memory_bridge import MemoryBridge
@@ -324,6 +329,22 @@ async def test_a_janus_that_refuses_the_stream_is_as_good_as_none(broadcast, jan
     await until(lambda: not broadcast.fault)
     page.told.clear()
     await page.offered()
+
+
+async def test_a_janus_that_cannot_make_the_stream_is_asked_a_few_times_and_then_later(
+    broadcast, janus, monkeypatch
+):
+    monkeypatch.setattr(module, "STEP_SECONDS", 60.0)
+    janus.refuses["create"] = CANNOT_CREATE
+    page = Viewer(broadcast, "page")
+    page.say(WantOffer())
+    await until(lambda: "create" in janus.asked)
+    for _ in range(1000):
+        await asyncio.sleep(0)
+    assert janus.asked.count("create") <= 2 * module.PORTS_TRIED, "at its beginning, for the page"
+    janus.refuses.clear()
+    page.say(WantOffer())
+    await until(lambda: any(isinstance(one, m.SdpOffer) for one in page.told))
 
 
 async def test_a_robot_that_does_not_connect_in_time_is_given_up(janus, bridge):

@@ -3,6 +3,7 @@
  */
 
 import { write } from "../../lib/dom.js";
+import { knownNow } from "../hud/standstill.js";
 
 /**
  * Whether a point lies in a simple polygon (even-odd rule).
@@ -48,10 +49,12 @@ export const createDials = (element, language) => {
     minimumFractionDigits: 2,
     maximumFractionDigits: 2,
   });
-  return ({ robot, plan, visit, began, now }) => {
+  return (state) => {
+    const { robot, plan, visit, began, now } = state;
     const drives = visit.phase === "driving" && began !== null;
     write(element("dial-room"), roomAt(plan, robot?.pose) || "–");
-    write(element("dial-speed"), robot ? two.format(Math.abs(robot.velocity.linear)) : "–");
+    const known = knownNow(state);
+    write(element("dial-speed"), known ? two.format(Math.abs(known.velocity.linear)) : "–");
     write(
       element("dial-distance"),
       drives && robot ? one.format(Math.max(0, robot.distance - began.distance)) : "–",
