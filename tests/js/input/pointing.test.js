@@ -436,7 +436,8 @@ describe("I press and nothing moves", () => {
     ["stuck.held", {}, { refused: { stopped: 3 } }],
     ["stuck.not_yours", {}, { refused: { wrong_epoch: 3 } }],
     ["stuck.error", {}, { errors: ["battery empty"] }],
-    ["stuck.unknown", {}, {}],
+    ["stuck.unheard", {}, { visitorSilence: 1.5 }],
+    ["stuck.unknown", {}, { visitorSilence: 0.2 }],
   ];
   for (const [word, more, robotMore] of REASONS) {
     test(`${word.slice(6)}: ${JSON.stringify({ ...more, ...robotMore })}`, () => {

@@ -47,6 +47,9 @@ export const stuckFor = (state, { now, heardAt, movedAt }) => {
   if (!robot || now - heardAt > SILENCE) {
     return { word: "stuck.silent" };
   }
+  if (robot.visitorSilence > SILENCE) {
+    return { word: "stuck.unheard" };
+  }
   if (!state.playing) {
     return { word: "stuck.no_picture" };
   }
