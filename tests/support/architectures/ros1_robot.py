@@ -111,6 +111,9 @@ class Ros1Rig(RcaRig):
             )
         robot.restarted()
 
+    async def loses_its_driver(self):
+        self._bus._say(op="lose_publishers", topic="/cmd_vel")
+
     async def restart_robot(self):
         self.running = False
         await self._bus.shut()

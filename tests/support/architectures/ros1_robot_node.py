@@ -25,6 +25,15 @@ class RobotNode(ros1_node.Node):
             self.rospy.Service(service, self.roslib.message.get_service_class(kind), called)
         )
 
+    def do_lose_publishers(self, topic):
+        """Be without whoever publishes a topic, as when rospy has not heard of them."""
+        from rospy.impl.registration import get_topic_manager
+
+        heard = get_topic_manager().get_subscriber_impl(topic)
+        for connection in list(heard.connections):
+            heard.remove_connection(connection)
+            connection.close()
+
     def watch_master(self):
         """Nothing: a driver of ROS 1 does not look after its master."""
 

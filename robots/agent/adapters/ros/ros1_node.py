@@ -91,9 +91,11 @@ class Node:
         self.waiting: Any = {}  # topic to the messages that nobody is connected to hear yet
         self.subscribers: Any = []
         self.driving = ""  # the topic of velocities
+        self.was_alone = False  # at the last look: who listens for velocities had not connected
         self.driven: Any = None  # (topic, monotonic time) while the robot may be moving
         # one for each thread: it has one connection
         self.new_master: Any = functools.partial(rosgraph.Master, "/telepresence")
+        self.own_master: Any = rosgraph.Master
         self.master = self.new_master()
         self.unknown = rosgraph.MasterError
         self.unreachable = (
@@ -216,7 +218,9 @@ class Node:
                     entry[which] += len([node for node in nodes if node != own])
             if self.driving:  # the master knows a topic by the type of who published last: ours
                 wanted = sorted(set(self.refused.get(driving, {}).values()) - {""})
-                found.setdefault(driving, [[], 0, 0])[0] = wanted
+                entry = found.setdefault(driving, [[], 0, 0])
+                entry[0] = wanted
+                self.call_again(bool(entry[1]) and not wanted)
             names = {
                 node for each in (speaking, listening, serving) for _, at in each for node in at
             }
@@ -228,6 +232,18 @@ class Node:
         except self.unreachable:
             pass  # watch_master says so
         self.say(op="response", number=number, topics=found, **nodes)
+
+    def call_again(self, wanted: bool) -> None:
+        """Have the master tell who listens once more that we publish velocities, if nobody has come
+        since the last look: of two lists of publishers that reach a node at once, rospy takes the
+        one that came last, which need not be the newest (rospy/impl/registration.py, RegManager).
+        """
+        publisher, topic = self.publishers.get(self.driving), self.driving
+        alone = publisher is not None and wanted and not publisher.get_num_connections()
+        if alone and self.was_alone:
+            name, uri = self.rospy.get_name(), self.rospy.get_node_uri()
+            self.own_master(name).registerPublisher(topic, publisher.type, uri)
+        self.was_alone = alone
 
     def look_up(self, master: Any, names: Any) -> None:
         """Know the slave API of each of these nodes, and of no others."""

@@ -33,6 +33,12 @@ class TestRhodon(RcaConformance):
     async def test_pictures_of_a_topic_are_its_camera(self):
         await sees_grey(self.rig.adapter(image="/camera/compressed"))
 
+    async def test_a_base_that_the_news_of_its_driver_did_not_reach_is_told_again(self, adapter):
+        await wait_for(adapter, lambda _: adapter._bus.listeners("/cmd_vel") == 1)
+        await asyncio.to_thread(self.rig.call, self.rig.loses_its_driver())
+        await wait_for(adapter, lambda _: adapter._bus.listeners("/cmd_vel") == 0)
+        await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)
+
     @pytest.mark.nightly
     async def test_a_master_that_is_started_anew_is_noticed_and_joined(self, adapter):
         await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)

@@ -76,12 +76,35 @@ def test_what_we_published_ourselves_says_nothing_of_who_listens():
     node.new_master = lambda: master
     node.rospy = SimpleNamespace(get_name=lambda: "/telepresence")
     node.refused, node.others, node.unreachable, node.driving = {}, {}, (OSError,), "/cmd_vel"
+    node.publishers = {}
     node.look_up = lambda *_: None
     node.say = lambda **message: said.append(message["topics"]["/cmd_vel"])
     node.look_round(1, "/cmd_vel", {})
     node.refused = {"/cmd_vel": {"/base_driver": "geometry_msgs/Twist"}}
     node.look_round(2, "/cmd_vel", {})
     assert said == [[[], 1, 0], [["geometry_msgs/Twist"], 1, 0]]
+
+
+def test_who_listens_and_has_not_come_by_the_second_look_is_called_again():
+    called, connected = [], [0]
+    node = object.__new__(Node)
+    node.driving, node.was_alone = "/cmd_vel", False
+    node.publishers = {
+        "/cmd_vel": SimpleNamespace(
+            type="geometry_msgs/Twist", get_num_connections=lambda: connected[0]
+        )
+    }
+    node.rospy = SimpleNamespace(get_name=lambda: "/us", get_node_uri=lambda: "http://us:1/")
+    node.own_master = lambda name: SimpleNamespace(
+        registerPublisher=lambda *more: called.append((name, *more))
+    )
+    looks = []
+    for wanted, there in ((True, 0), (True, 0), (True, 1), (True, 0), (False, 0), (True, 0)):
+        connected[0] = there
+        node.call_again(wanted)
+        looks.append(len(called))
+    assert looks == [0, 1, 1, 1, 1, 1]
+    assert called == [("/us", "/cmd_vel", "geometry_msgs/Twist", "http://us:1/")]
 
 
 @pytest.fixture
