@@ -87,9 +87,10 @@ def _changes(
 def _move(move: Move, session: ActiveSession, now: datetime.datetime) -> bool:
     if session.state == "waiting" and not _terms_fixed(move.session, now):
         return False
-    moved = _update(
-        move.session, {"state": move.state, "lost_at": _at(move.lost_at)}, **_as_decided(session)
-    )
+    changes: dict[str, Any] = {"state": move.state, "lost_at": _at(move.lost_at)}
+    if session.granted_at is None:  # the process that granted it did not live to say so
+        changes["granted_at"] = now
+    moved = _update(move.session, changes, **_as_decided(session))
     if moved and move.state == "driving":
         _update(move.session, {"driving_at": now}, driving_at__isnull=True)
     return moved

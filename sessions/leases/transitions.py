@@ -218,7 +218,9 @@ def _driver(
 def _fault(scene: Scene, holder: ActiveSession, link: RobotLink, now: float) -> Ended | None:
     if not scene.enabled:
         return Ended(session=holder.id, outcome="stopped_by_operator", reason="robot_disabled")
-    heard = max(link.since, link.last_received_at or 0.0, holder.granted_at or 0.0)
+    # While a web process is about to grant it, the session has no time of that yet.
+    granted_at = holder.granted_at or scene.changed_at
+    heard = max(link.since, link.last_received_at or 0.0, granted_at)
     if now - heard > ROBOT_SILENCE:
         return Ended(session=holder.id, outcome="robot_fault", reason="robot_offline")
     return None

@@ -141,3 +141,17 @@ def test_a_driver_is_asked_and_found_after_the_database_refused_to_record_it(dri
     assert asked.session == driven
     back = {**idle, "active_at": after(7).timestamp()}
     assert refused_then_said(scheduler, 7, FoundThere, **back) == [FoundThere(session=driven)]
+
+
+def test_who_is_being_granted_a_robot_that_was_idle_does_not_lose_it_for_its_silence(driven):
+    """A web process has changed the lease, and not yet the session: an idle robot says something
+    every half a minute.
+    """
+    Session.objects.filter(pk=driven).update(state="waiting", granted_at=None, driving_at=None)
+    heard = (NOW - datetime.timedelta(seconds=20)).timestamp()
+    idle = RobotLink(since=heard, last_received_at=heard, state_at=heard)
+    Scheduler().tick({"giraff": idle}, idle, after(1))
+    session = Session.objects.get(pk=driven)
+    assert (session.state, session.granted_at) == ("connecting", after(1))
+    Scheduler().tick({"giraff": idle}, idle, after(60))
+    assert Session.objects.get(pk=driven).outcome_reason == "robot_offline"
