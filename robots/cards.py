@@ -23,8 +23,8 @@ PICTURES = frozenset({"giraff", "rhodon"})  # the series that have a picture of 
 
 @dataclass(frozen=True)
 class Traffic:
-    """Who is at a robot: whether somebody drives it, and whether that is who looks; how many wait,
-    and how many minutes whoever came now would, None when nobody can tell.
+    """Who is at a robot: whether somebody drives it, and whether it is the reader (`own`); how many
+    wait, and how many minutes a newcomer would, None when nobody can tell.
     """
 
     driven: bool = False
@@ -39,7 +39,7 @@ class RobotCard:
 
     `charge` is in percent, None when nobody knows; `battery` says it in words, empty of a robot
     that is away. `drives` tells that the button means driving, now or in turn; `for_experienced`
-    that it is not the first robot to drive, `own` that whoever looks drives it.
+    that it is not the first robot to drive, `own` that the reader drives it.
     """
 
     name: str

@@ -228,7 +228,7 @@ class Scheduler:
         ends_at = round(at + warning.remaining)
         if abs(self._warned.get(session, 0) - ends_at) > 1:
             rounded = TurnWarning(session=session, remaining=round(warning.remaining, 1))
-            if not _is_recorded(session, ends_at):
+            if not _is_warned(session, ends_at):
                 self._record(rounded, now)
             self._send(rounded)
             self._warned = {one: end for one, end in self._warned.items() if end > at}
@@ -285,10 +285,8 @@ class Scheduler:
 
     def _call_staff(self, robot: Robot, session: str, reason: str, now: datetime.datetime) -> None:
         """Once for each session and reason, whatever a session manager before this one has done."""
-        called = SessionEvent.objects.filter(
-            session=session, source=SessionEvent.Source.SERVER, type="staff_called"
-        )
-        if reason in {data.get("reason") for data in called.values_list("data", flat=True)}:
+        called = _recorded(session, "staff_called").values_list("data", flat=True)
+        if reason in {data.get("reason") for data in called}:
             return
         self._note(session, "staff_called", now, reason=reason)
         system_log.log(
@@ -435,10 +433,7 @@ class Scheduler:
 
     def _publish_end(self, session: Session, now: datetime.datetime) -> None:
         self._told.pop(str(session.pk), None)
-        recorded = SessionEvent.objects.filter(
-            session=session, source=SessionEvent.Source.SERVER, type="ended"
-        )
-        if recorded.exists():
+        if _recorded(str(session.pk), "ended").exists():
             return  # by a session manager before this one
         ended = Ended(
             session=str(session.pk), outcome=session.outcome, reason=session.outcome_reason
@@ -456,15 +451,16 @@ class Scheduler:
         )
 
 
-def _is_recorded(session: str, ends_at: int) -> bool:
-    """Tell whether a session manager, this or one before, has recorded the warning that the turn
-    ends at this time.
-    """
-    warnings = SessionEvent.objects.filter(
-        session=session,
-        source=SessionEvent.Source.SERVER,
-        type=protocol.NOTICE_NAMES[TurnWarning],
+def _recorded(session: str, kind: str) -> Any:
+    """Return what session managers, this or those before, have recorded of this kind."""
+    return SessionEvent.objects.filter(
+        session=session, source=SessionEvent.Source.SERVER, type=kind
     )
+
+
+def _is_warned(session: str, ends_at: int) -> bool:
+    """Tell whether the warning that the turn ends at this time has been recorded."""
+    warnings = _recorded(session, protocol.NOTICE_NAMES[TurnWarning])
     ends = (stamp + data["remaining"] for stamp, data in warnings.values_list("stamp", "data"))
     return any(abs(end - ends_at) <= 1 for end in ends)
 

@@ -60,16 +60,14 @@ class Racer(threading.Thread):
         self._ownership = Ownership()
 
     def run(self) -> None:
-        try:
-            for number in range(self._rounds):
-                if number % ABREAST == 0:
-                    self._line.wait()
-                self._race()
-        except BaseException:
-            self._line.abort()  # nobody waits for one that has failed
-            raise
-        finally:
-            connection.close()
+        with contextlib.ExitStack() as unless_done:
+            unless_done.callback(self._line.abort)  # nobody waits for one that has failed
+            with contextlib.closing(connection):
+                for number in range(self._rounds):
+                    if number % ABREAST == 0:
+                        self._line.wait()
+                    self._race()
+            unless_done.pop_all()
 
     def _race(self) -> None:
         try:

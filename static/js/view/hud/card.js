@@ -32,7 +32,7 @@ const AGAIN = { action: "drive", word: "do.again" };
 const PRIVATE = { word: "private" };
 const BACK = { action: "back", word: "do.back" };
 /** A simulated robot is ended when nobody is at it: only asking for one makes one ready again. */
-const PRACTISE_AGAIN = "practise_again";
+const PRACTISE_AGAIN = { action: "practise_again", word: "do.back" };
 const TAKE_OVER = { action: "ask_to_take_over", word: "do.take_over" };
 const GO_SLOW = { action: "go_slow", word: "do.go_slow" };
 const SOUVENIR = { action: "souvenir", word: "do.souvenir" };
@@ -130,11 +130,7 @@ const CARDS = {
       visit.reason === "offline" && isSimulated(state)
         ? "refused.simulated"
         : `refused.${visit.reason}`,
-    main: !["offline", "observers_full"].includes(visit.reason)
-      ? HOME
-      : isSimulated(state)
-        ? { ...BACK, action: PRACTISE_AGAIN }
-        : BACK,
+    main: ["offline", "observers_full"].includes(visit.reason) ? tryAgain(state) : HOME,
   }),
   ended: ({ visit, finding, guest, trip, practising, returnsHome, robot }) => ({
     ...ended(visit.reason, { guest, practising }, returnsHome && robot?.docked === false),
@@ -151,6 +147,9 @@ const CARDS = {
  * @param {Pick<import("../../drive/features.js").State, "practising" | "guest">} state
  */
 const isSimulated = ({ practising, guest }) => practising || guest;
+
+/** @param {Parameters<typeof isSimulated>[0]} state */
+const tryAgain = (state) => (isSimulated(state) ? PRACTISE_AGAIN : BACK);
 
 /**
  * What one may do while one waits.
@@ -240,7 +239,7 @@ const ended = (reason, { guest, practising }, goesHome) => {
   }
   const usual = AFTER[reason] ?? HOME;
   const drives = usual === AGAIN || usual === BACK;
-  const main = practising && drives ? { ...usual, action: PRACTISE_AGAIN } : usual;
+  const main = practising && drives ? { ...PRACTISE_AGAIN, word: usual.word } : usual;
   const word = reason in AFTER ? reason : "completed";
   return {
     word: `ended.${word}${goesHome && GOES_HOME.has(word) ? "_home" : ""}`,
@@ -283,7 +282,7 @@ const lobby = ({ visit, room, robot, ...state }) => {
   }
   if (!visit.online) {
     return isSimulated(state)
-      ? { word: "refused.simulated", main: { ...BACK, action: PRACTISE_AGAIN }, other: HOME }
+      ? { word: "refused.simulated", main: PRACTISE_AGAIN, other: HOME }
       : { word: "lobby.offline", busy: true, other: HOME };
   }
   const mayWatch = visit.mayObserve && !room.private;
