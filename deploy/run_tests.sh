@@ -11,7 +11,7 @@ set -eu
 started=${RUN_STARTED:-$(date +%s)}
 logs=${LOGS:-$(mktemp -d)}
 lanes=""
-scripts="static/js tests/js eslint.config.js"
+formatted="static/js tests/js eslint.config.js"
 # A run that is ended early ends its lanes, with the servers and browsers of their tests, and shows how far they had come.
 finish() {
     trap '' INT TERM
@@ -29,8 +29,6 @@ step() { printf '\n== %s (%s s)\n' "$1" "$(($(date +%s) - started))"; }
 
 # Nobody's process compiles the same files at every start.
 unset PYTHONDONTWRITEBYTECODE
-# Tests wait for real servers half of their time: the integration lane has a worker for each core beside a browser for every
-# two.
 cores=$(getconf _NPROCESSORS_ONLN)
 # A run that hangs is interrupted after so many minutes, so that it says what it had found.
 limit=75
@@ -48,18 +46,25 @@ unit() {
     if [ "$1" = quick ]; then set -- -m "not slow" --hypothesis-profile=quick; else set --; fi
     side_by_side logical "$@" tests/unit
 }
-servers() {
-    side_by_side "$cores" -m "$1" tests/integration --ignore tests/integration/browser --ignore tests/integration/accounts \
-        --ignore tests/integration/experiments --ignore tests/integration/surveys
+scripts() {
+    node --test --test-reporter=dot tests/js/
 }
-# A browser that shows live video and the robot that sends it take a core of their own, and keep files of their own. Studies
-# follow: the servers' tests need as long as both.
-browsers_and_studies() {
-    went=0
-    export VAR_DIR="$logs/var"
-    side_by_side "$((cores / 2 > 1 ? cores / 2 : 1))" -m "$1" tests/integration/browser || went=1
-    side_by_side "$cores" -m "$1" tests/integration/accounts tests/integration/experiments tests/integration/surveys || went=1
-    return "$went"
+# These wait for robots and servers most of their time.
+servers() {
+    side_by_side "$((cores * 3 / 2))" -m "$1" tests/integration --ignore tests/integration/browser \
+        --ignore tests/integration/accounts --ignore tests/integration/experiments --ignore tests/integration/surveys
+}
+# A browser that shows live video and the robot that sends it take a core of their own.
+browsers() {
+    side_by_side "$((cores / 2 > 1 ? cores / 2 : 1))" -m "$1" tests/integration/browser
+}
+# Studies compute all the time, while the others wait for a robot or a picture: they have what those leave. Linux shares its
+# time among sessions (sched_autogroup) before it asks how nice a process is.
+studies() {
+    renice -n 5 $$ >/dev/null
+    [ ! -w /proc/$$/autogroup ] || echo 5 >/proc/$$/autogroup
+    side_by_side "$((cores / 2 > 1 ? cores / 2 : 1))" -m "$1" tests/integration/accounts tests/integration/experiments \
+        tests/integration/surveys
 }
 # Of these, what waits for other programs has room for two others beside it, and a browser has not.
 timing() {
@@ -69,7 +74,7 @@ timing() {
 
 format() {
     "$BIN/ruff" format .
-    node_modules/.bin/prettier --log-level warn --write $scripts
+    node_modules/.bin/prettier --log-level warn --write $formatted
 }
 
 lint() {
@@ -79,7 +84,7 @@ lint() {
     step "eslint"
     node_modules/.bin/eslint .
     step "prettier"
-    node_modules/.bin/prettier --cache --log-level warn --check $scripts
+    node_modules/.bin/prettier --cache --log-level warn --check $formatted
     step "import-linter"
     "$BIN/lint-imports" --no-cache
     step "mypy"
@@ -116,7 +121,7 @@ together() {
 }
 
 integration() {
-    together "integration" servers "$1" browsers_and_studies "$1"
+    together "integration" servers "$1" browsers "$1" studies "$1"
     step "timing: beside no other lane"
     timing "$1"
 }
@@ -135,9 +140,7 @@ case "${1:-test}" in
         together "style, types and the unit lane" lint "" unit quick
         ;;
     test)
-        step "node --test"
-        node --test --test-reporter=dot tests/js/
-        together "style, types and the unit lane" lint "" unit ""
+        together "style, types and the unit lane" lint "" scripts "" unit ""
         integration "not nightly and not soak"
         ;;
     integration) integration "not nightly and not soak" ;;
@@ -151,7 +154,8 @@ case "${1:-test}" in
         export PYTEST_ARGS="--timeout 0 ${PYTEST_ARGS:-}"
         side_by_side logical --hypothesis-profile=search tests/unit
         servers soak
-        browsers_and_studies soak
+        browsers soak
+        studies soak
         timing soak
         ;;
 esac
