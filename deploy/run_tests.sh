@@ -66,9 +66,9 @@ studies() {
     side_by_side "$((cores / 2 > 1 ? cores / 2 : 1))" -m "$1" tests/integration/accounts tests/integration/experiments \
         tests/integration/surveys
 }
-# Of these, what waits for other programs has room for two others beside it, and a browser has not.
+# Of these, what waits for other programs has room for three others beside it, and a browser has not.
 timing() {
-    side_by_side 3 --dist worksteal -m "$1" tests/timing/robots
+    side_by_side 4 --dist worksteal -m "$1" tests/timing/robots
     pytest -m "$1" tests/timing/browser
 }
 

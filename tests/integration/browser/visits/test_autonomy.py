@@ -15,7 +15,8 @@ from tests.support.media.photographs import keep_at_all_sizes
 from tests.support.patience import patient
 from tests.support.sessions.site import wait_for
 
-pytestmark = pytest.mark.browser
+# what the robot does and what the page shows of it have quicker tests, apart from each other
+pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 TRAIL = """() => {
   const canvas = document.getElementById('map');
   const colour = getComputedStyle(canvas).getPropertyValue('--map-trail');
@@ -113,7 +114,6 @@ def test_a_visitor_arrives_facing_the_room_and_a_reload_sends_nobody_out_of_the_
     assert giraff.truth().docked, "who drove into the station stays there"
 
 
-@pytest.mark.nightly
 def test_a_robot_leaves_its_dock_by_the_button_and_pressing_forward_there_explains_itself(
     visitor, giraff
 ):
@@ -131,7 +131,6 @@ def test_a_robot_leaves_its_dock_by_the_button_and_pressing_forward_there_explai
     assert not giraff.truth().docked
 
 
-@pytest.mark.nightly
 def test_it_goes_where_the_map_was_tapped_and_says_when_it_is_there(site, visitor, giraff):
     ben = in_the_room(visitor("ben"), giraff)
     goal = (2.6, 4.2)
@@ -154,7 +153,6 @@ def test_it_goes_where_the_map_was_tapped_and_says_when_it_is_there(site, visito
     )
 
 
-@pytest.mark.nightly
 def test_a_key_takes_over_at_once_and_a_place_of_the_menu_is_a_goal_too(visitor, giraff):
     cora = in_the_room(visitor("cora"), giraff)
     press(cora, "Go to…")
@@ -176,7 +174,6 @@ def test_a_key_takes_over_at_once_and_a_place_of_the_menu_is_a_goal_too(visitor,
     cora.page.keyboard.up("ArrowLeft")
 
 
-@pytest.mark.nightly
 def test_a_robot_that_cannot_get_there_says_why_and_offers_a_way_on(visitor, giraff):
     dan = in_the_room(visitor("dan"), giraff)
     tap(dan, 6.0, -1.0)  # below the southernmost wall
@@ -191,7 +188,6 @@ def test_a_robot_that_cannot_get_there_says_why_and_offers_a_way_on(visitor, gir
     assert dan.page.evaluate("document.activeElement.id") == "viewport"
 
 
-@pytest.mark.nightly
 def test_the_help_that_is_chosen_is_in_force_and_says_why_it_holds_back(site, visitor, giraff):
     eva = in_the_room(visitor("eva"), giraff)
     press(eva, "Steers around them")
@@ -211,7 +207,6 @@ def test_the_help_that_is_chosen_is_in_force_and_says_why_it_holds_back(site, vi
     assert giraff.truth().contacts == contacts
 
 
-@pytest.mark.nightly
 def test_a_lost_robot_is_shown_its_place_on_the_map(visitor, giraff, operator):
     fay = in_the_room(visitor("fay"), giraff)
     assert operator.wish(CarryTo(8.6, 4.4, 1.57)) == ""
@@ -227,7 +222,6 @@ def test_a_lost_robot_is_shown_its_place_on_the_map(visitor, giraff, operator):
     expect(fay.page.locator("#alert")).to_be_hidden()
 
 
-@pytest.mark.nightly
 def test_a_robot_goes_home_after_a_visit_and_whoever_waits_is_told_so_and_then_gets_it(
     site, visitor, giraff, operator
 ):
