@@ -16,7 +16,6 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, BinaryIO
 
-import av
 import numpy as np
 import numpy.typing as npt
 import yaml
@@ -138,6 +137,8 @@ def _decoded(
     source: str | BinaryIO, name: str
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.bool_] | None]:
     """Return the grey values (h, w), and which of them are opaque, None when all are."""
+    import av  # noqa: PLC0415 -- a third of the time that a simulator takes to load
+
     try:
         # opening it would already unpack a picture of any size
         _check_size(*_told_size(_beginning(source), name), name)
@@ -185,6 +186,8 @@ def _check_size(width: int, height: int, name: str) -> None:
 
 def encode_png(image: npt.NDArray[np.uint8]) -> bytes:
     """Return (h, w) grey or (h, w, 3) RGB as a PNG."""
+    import av  # noqa: PLC0415 -- as above
+
     grey = image.ndim == 2
     codec = av.CodecContext.create("png", "w")
     codec.width, codec.height, codec.pix_fmt = (

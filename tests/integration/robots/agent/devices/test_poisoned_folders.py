@@ -97,7 +97,11 @@ def test_without_the_products_care_both_would_be_read(tmp_path):
     "command",
     [
         pytest.param(
-            python("import robots.world.grid, sys; assert 'av' in sys.modules"),
+            python(
+                "import sys, numpy, robots.world.grid as grid\n"
+                "grid.encode_png(numpy.zeros((2, 2), 'uint8'))\n"
+                "assert 'av' in sys.modules"
+            ),
             id="a plan, as the server reads it",
         ),
         pytest.param(
