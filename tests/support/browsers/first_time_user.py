@@ -56,6 +56,7 @@ LOOK = """() => {
     card: document.getElementById('card').hidden ? '' : text('card-title'),
   };
 }"""
+LET_GO = "Release the controls, then drive on"  # what the page says after a stop
 # seconds that people think ahead of what they see, because the robot goes on for a moment
 AHEAD = 0.25
 # m/s and rad/s that are worth a key
@@ -229,7 +230,8 @@ class FirstTimeUser:
         node, step = Mind(Driver(plan, guide, SpeedSetting(0.6, 0.6))), "Normal"
         deadline = time.monotonic() + patient(within)
         while time.monotonic() < deadline:
-            view, bumped = self.look(guide)
+            view, alert = self.look(guide)
+            bumped = "ouched something" in alert
             if not self.said or self.said[-1] != view.task.cue:
                 self.said.append(view.task.cue)
             if view.task.cue in OVER:
@@ -239,13 +241,18 @@ class FirstTimeUser:
                 self.hands.let_go()
                 self.press(self.page.get_by_role("button", name=wanted, exact=True))
                 step = wanted
-            self._do(intent, step)
+            if LET_GO in alert:
+                self.hands.let_go()
+            else:
+                self._do(intent, step)
             self.page.wait_for_timeout(60)
+        else:
+            self.said.append(f"not over; the page says: {alert or 'nothing'}")
         self.hands.let_go()
         return self.said
 
-    def look(self, guide: Guide) -> tuple[View, bool]:
-        """What the map and the words say, and whether the robot is said to touch something."""
+    def look(self, guide: Guide) -> tuple[View, str]:
+        """What the map and the words say, and the line over the picture."""
         seen = self.page.evaluate(LOOK)
         # The end may come so soon after the last cue that only its card is ever seen.
         words = f"{seen['card']} {seen['photo']} {seen['cue']}"
@@ -267,7 +274,7 @@ class FirstTimeUser:
             x=at and at[0],
             y=at and at[1],
         )
-        return view, "ouched something" in seen["alert"]
+        return view, seen["alert"]
 
     def _do(self, intent: Intent, step: str) -> None:
         self.hands.steer(intent.speed, step)
