@@ -54,6 +54,23 @@ async def test_one_click_shows_the_robots_view_and_a_held_key_drives_it_over_the
         )
 
 
+async def test_who_holds_a_key_when_the_base_was_silent_is_told_to_release_it_and_drives_on(
+    browser, site
+):
+    async with opened(browser, site, query="?go=1") as page:
+        await driving(page)
+        for _ in range(2):
+            await hold(page, "ArrowLeft", lambda: site.simulation.motion.angular > 0.1)
+            site.do(site.kernel.set_fault, "the base is silent")
+            await until(lambda: site.simulation.motion.angular == 0.0)
+            site.do(lambda: site.kernel.clear_fault(time.monotonic()))
+            await page.wait_for_selector("#alert[data-word='stuck.held']")
+            said = await page.inner_text("#alert")
+            assert said == "The robot was stopped. Release the controls, then drive on."
+            await page.keyboard.up("ArrowLeft")
+            await page.wait_for_selector("#alert[hidden]", state="attached")
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize(
     "missing", ["**/js/protocol/peer.*.js", "**/js/drive/page.*.js", "**/css/drive.*.css"]
