@@ -63,8 +63,7 @@ browsers() {
 studies() {
     renice -n 5 $$ >/dev/null
     [ ! -w /proc/$$/autogroup ] || echo 5 >/proc/$$/autogroup
-    side_by_side "$((cores / 2 > 1 ? cores / 2 : 1))" -m "$1" tests/integration/accounts tests/integration/experiments \
-        tests/integration/surveys
+    side_by_side "$cores" -m "$1" tests/integration/accounts tests/integration/experiments tests/integration/surveys
 }
 # Of these, what waits for other programs has room for three others beside it, and a browser has not.
 timing() {
