@@ -58,12 +58,14 @@ servers() {
 browsers() {
     side_by_side "$((cores / 2 > 1 ? cores / 2 : 1))" -m "$1" tests/integration/browser
 }
-# Studies compute all the time, while the others wait for a robot or a picture: they have what those leave. Linux shares its
-# time among sessions (sched_autogroup) before it asks how nice a process is.
 studies() {
+    side_by_side "$cores" -m "$1" tests/integration/accounts tests/integration/experiments tests/integration/surveys
+}
+# Studies compute all the time, while the others wait for a robot or a picture: beside these they have what those leave. Linux
+# shares its time among sessions (sched_autogroup) before it asks how nice a process is.
+give_way() {
     renice -n 5 $$ >/dev/null
     [ ! -w /proc/$$/autogroup ] || echo 5 >/proc/$$/autogroup
-    side_by_side "$cores" -m "$1" tests/integration/accounts tests/integration/experiments tests/integration/surveys
 }
 # Of these, what waits for other programs has room for three others beside it, and a browser has not.
 timing() {
@@ -127,6 +129,7 @@ integration() {
 
 case "${1:-test}" in
     lane)
+        [ "$2" != studies ] || give_way
         "$2" "$3"
         exit
         ;;

@@ -137,7 +137,7 @@ def _decoded(
     source: str | BinaryIO, name: str
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.bool_] | None]:
     """Return the grey values (h, w), and which of them are opaque, None when all are."""
-    import av  # noqa: PLC0415 -- a third of the time that a simulator takes to load
+    import av  # noqa: PLC0415 -- a sixth of the time that a simulator takes to load
 
     try:
         # opening it would already unpack a picture of any size
