@@ -23,8 +23,8 @@ PICTURES = frozenset({"giraff", "rhodon"})  # the series that have a picture of 
 
 @dataclass(frozen=True)
 class Traffic:
-    """Who is at a robot: whether somebody drives it, and whether it is the reader (`own`); how many
-    wait, and how many minutes a newcomer would, None when nobody can tell.
+    """Whether somebody drives a robot, and whether the reader does (`own`); how many people wait,
+    and for how many minutes a newcomer would, None when nobody can tell.
     """
 
     driven: bool = False
