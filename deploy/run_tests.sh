@@ -1,53 +1,76 @@
 #!/bin/sh
-# What is checked before a change lands: run_tests.sh format|lint|check|integration|test|nightly|soak. BIN names the virtual environment's bin folder.
+# What is checked before a change lands: run_tests.sh format|lint|check|test|nightly|soak. BIN names the virtual environment's bin folder.
 #   format        write Python and JavaScript as lint wants them
-#   lint          style, types, and the direction of imports
-#   check         lint and the unit lane, for every change: without slow tests, and with fewer examples
-#   integration   the integration lane and the timing lane: what make test runs after check
-#   test          everything that proves function
-#   nightly       whole stories, and the same faults at every part and architecture
+#   lint          style, types, also as Windows and the newest Python would have them, and the direction of imports
+#   check         for every change: lint for this computer, and the unit lane without slow tests and with fewer examples
+#   test          everything that proves function: lint for this computer, scripts, the unit, integration and timing lanes
+#   nightly       whole stories, the same faults at every part and architecture, and types as elsewhere
 #   soak          the unit lane with many more examples, and everything that proves endurance, before a release
 set -eu
-started=${RUN_STARTED:-$(date +%s)}
-logs=${LOGS:-$(mktemp -d)}
+# Each lane is a process of its own: run_tests.sh lane STARTED LIMIT LOGS FUNCTION ARGUMENT.
+if [ "${1:-}" = lane ]; then
+    started=$2 limit=$3 logs=$4
+else
+    # A run that hangs is interrupted after so many minutes, so that it says what it had found.
+    started=$(date +%s) limit=75 logs=$(mktemp -d)
+fi
 lanes=""
+failed=""
 formatted="static/js tests/js eslint.config.js"
 # A run that is ended early ends its lanes, with the servers and browsers of their tests, and shows how far they had come.
 finish() {
-    trap '' INT TERM
+    trap '' INT TERM HUP PIPE
     for lane in $lanes; do kill -INT "-$lane" 2>/dev/null || true; done
     wait
-    for log in "$logs"/*.running; do
-        [ ! -f "$log" ] || { printf '\n-- %s, not finished\n' "$(basename "$log")"; tail -n 60 "$log"; }
-    done
+    show_unfinished || true
     rm -rf "$logs"
 }
-[ "${1:-}" = lane ] || trap finish EXIT
+show_unfinished() {
+    for log in "$logs"/*.running; do
+        [ ! -f "$log" ] || { printf '\n-- %s, not finished\n' "$(basename "$log" .running)"; cat "$log"; }
+    done
+}
+if [ "${1:-}" != lane ]; then
+    trap finish EXIT
+    trap 'exit 129' HUP
+    trap 'exit 141' PIPE
+fi
 trap 'exit 130' INT
 trap 'exit 143' TERM
 step() { printf '\n== %s (%s s)\n' "$1" "$(($(date +%s) - started))"; }
 
-# Nobody's process compiles the same files at every start.
-unset PYTHONDONTWRITEBYTECODE
+# Nobody's process compiles the same files at every start, and the settings of somebody's site are not those of the tests'.
+unset PYTHONDONTWRITEBYTECODE $(sed -n 's/^| \(`[^|]*`\) |.*/\1/p' docs/reference/settings.md | tr -d '`,')
 cores=$(getconf _NPROCESSORS_ONLN)
-# A run that hangs is interrupted after so many minutes, so that it says what it had found.
-limit=75
-# 5 says that the arguments chose no test: with -k, or where nothing is marked so.
 pytest() {
     left=$((limit * 60 - $(date +%s) + started))
+    code=0
     timeout --foreground --signal INT --kill-after 60 "$((left > 60 ? left : 60))" \
-        "$BIN/python" -m pytest -q --durations 10 --durations-min 1 "$@" ${PYTEST_ARGS:-} && return
-    code=$?
-    [ "$code" -eq 124 ] && echo "ended: the run has taken longer than $limit minutes"
-    [ "$code" -eq 5 ]
+        "$BIN/python" -m pytest -q --durations 10 --durations-min 1 "$@" ${PYTEST_ARGS:-} || code=$?
+    case "$code" in
+        5) may_be_empty "$@" && return ;; # 5 says that no test was chosen
+        124 | 137) echo "ended: the run has taken longer than $limit minutes" ;;
+    esac
+    : >"$logs/tested"
+    return "$code"
+}
+# One part of a run may have no test that is marked so, or that somebody's PYTEST_ARGS ask for. All together may not.
+may_be_empty() {
+    case "${PYTEST_ARGS:+chosen} $*" in
+        chosen* | *"-m nightly"* | *"-m soak"*) true ;;
+        *) false ;;
+    esac
 }
 side_by_side() { pytest --dist loadfile --no-loadscope-reorder -n "$@"; }
 unit() {
-    if [ "$1" = quick ]; then set -- -m "not slow" --hypothesis-profile=quick; else set --; fi
-    side_by_side logical "$@" tests/unit
+    case "$1" in
+        quick) side_by_side logical -m "not slow and not soak" --hypothesis-profile=quick tests/unit ;;
+        thorough) side_by_side logical --hypothesis-profile=search tests/unit ;;
+        *) side_by_side logical -m "not soak" tests/unit ;;
+    esac
 }
 scripts() {
-    node --test --test-reporter=dot tests/js/
+    node --test --test-reporter=dot $(find tests/js -name '*.test.js')
 }
 # These wait for robots and servers most of their time.
 servers() {
@@ -64,12 +87,14 @@ studies() {
 # Studies compute all the time, while the others wait for a robot or a picture: beside these they have what those leave. Linux
 # shares its time among sessions (sched_autogroup) before it asks how nice a process is.
 give_way() {
-    renice -n 5 $$ >/dev/null
-    [ ! -w /proc/$$/autogroup ] || echo 5 >/proc/$$/autogroup
+    [ "$(nice)" -ge 5 ] || renice -n 5 $$ >/dev/null
+    [ ! -w /proc/$$/autogroup ] || echo 5 >/proc/$$/autogroup 2>/dev/null || true
 }
 # Of these, what waits for other programs has room for three others beside it, and a browser has not.
-timing() {
+timing_of_robots() {
     side_by_side 4 --dist worksteal -m "$1" tests/timing/robots
+}
+timing_of_browsers() {
     pytest -m "$1" tests/timing/browser
 }
 
@@ -97,40 +122,59 @@ other_platforms() {
     "$BIN/mypy" --platform win32 --python-version 3.13 robots/api robots/agent
 }
 
-# together NAME FUNCTION ARGUMENT [FUNCTION ARGUMENT …]: run them side by side, each in a process group of its own, then show
-# what each said. Fails when one did.
+# begin FUNCTION ARGUMENT: run it in a process group of its own. What a shell starts in the background ignores an interrupt
+# unless told otherwise.
+begin() {
+    env --default-signal=INT setsid sh "$0" lane "$started" "$limit" "$logs" "$1" "$2" &
+    lanes="$lanes $!"
+}
+# alone FUNCTION ARGUMENT: run it beside nothing else, and show what it says at once.
+alone() {
+    step "$(echo "$1" | tr _ ' ')"
+    begin "$1" "$2"
+    wait "$!" || failed="$failed $1"
+    lanes=""
+}
+# together NAME FUNCTION ARGUMENT [FUNCTION ARGUMENT …]: run them side by side, and show what each has said when it ends.
 together() {
     step "$1"
     shift
-    waited=""
+    left=""
     while [ $# -gt 0 ]; do
-        # What a shell starts in the background ignores an interrupt unless told otherwise.
-        RUN_STARTED=$started LOGS=$logs env --default-signal=INT setsid sh "$0" lane "$1" "$2" >"$logs/$1.running" 2>&1 &
-        waited="$waited $1:$!"
-        lanes="$lanes $!"
+        begin "$1" "$2" >"$logs/$1.running" 2>&1
+        left="$left $1:$!"
         shift 2
     done
-    failed=""
-    for one in $waited; do
-        wait "${one#*:}" || failed="$failed ${one%%:*}"
-        printf '\n-- %s (%s s)\n' "${one%%:*}" "$(($(date +%s) - started))"
-        mv "$logs/${one%%:*}.running" "$logs/shown"
-        cat "$logs/shown"
+    while [ -n "$left" ]; do
+        sleep 1
+        running=""
+        for one in $left; do
+            if kill -0 "${one#*:}" 2>/dev/null; then running="$running $one"; else ended "${one%%:*}" "${one#*:}"; fi
+        done
+        left=$running
     done
     lanes=""
+}
+ended() {
+    wait "$2" || failed="$failed $1"
+    printf '\n-- %s, ended after %s s\n' "$1" "$(($(date +%s) - started))"
+    mv "$logs/$1.running" "$logs/shown"
+    cat "$logs/shown"
+}
+end_if_failed() {
     [ -z "$failed" ] || { echo "failed:$failed" >&2; exit 1; }
 }
 
 integration() {
     together "integration" servers "$1" browsers "$1" studies "$1"
-    step "timing: beside no other lane"
-    timing "$1"
+    alone timing_of_robots "$1"
+    alone timing_of_browsers "$1"
 }
 
 case "${1:-test}" in
     lane)
-        [ "$2" != studies ] || give_way
-        "$2" "$3"
+        [ "$5" != studies ] || give_way
+        "$5" "$6"
         exit
         ;;
     format) format ;;
@@ -142,23 +186,33 @@ case "${1:-test}" in
         together "style, types and the unit lane" lint "" unit quick
         ;;
     test)
-        together "style, types and the unit lane" lint "" scripts "" unit ""
+        together "style, types, scripts and the unit lane" lint "" scripts "" unit ""
+        end_if_failed
         integration "not nightly and not soak"
         ;;
-    integration) integration "not nightly and not soak" ;;
     nightly)
-        other_platforms
+        alone other_platforms ""
         integration "nightly and not soak"
         ;;
     soak)
         step "soak: this takes hours, and prints what each part took"
         limit=$((36 * 60))
         export PYTEST_ARGS="--timeout 0 ${PYTEST_ARGS:-}"
-        side_by_side logical --hypothesis-profile=search tests/unit
-        servers soak
-        browsers soak
-        studies soak
-        timing soak
+        alone unit thorough
+        alone servers soak
+        alone browsers soak
+        alone studies soak
+        alone timing_of_robots soak
+        alone timing_of_browsers soak
         ;;
+    *)
+        echo "run_tests.sh format|lint|check|test|nightly|soak, not $1" >&2
+        exit 2
+        ;;
+esac
+end_if_failed
+case "${1:-test}" in
+    format | lint) ;;
+    *) [ -e "$logs/tested" ] || { echo "No test was chosen: look at PYTEST_ARGS." >&2; exit 1; } ;;
 esac
 step "done"

@@ -1,6 +1,6 @@
-"""How often a test tries something: an ordinary number in `make test`, a fifth of it in
-`make check`, and a larger one for a thorough run, `pytest --hypothesis-profile=search`, which
-`make soak` does.
+"""How often a test tries something: an ordinary number in `make test`, and a larger one for a
+thorough run, `pytest --hypothesis-profile=search`, which `make soak` does. In `make check`, a
+property is tried with a fifth of its examples.
 """
 
 from typing import Any

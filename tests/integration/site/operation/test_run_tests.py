@@ -1,0 +1,127 @@
+"""What runs the tests is itself no reason to believe a run: a word that it does not know, a run
+without a test and a part that failed are red, and whoever ends it finds what it had said.
+
+A shell script answers for the programs of the virtual environment, so that each run takes seconds.
+"""
+
+import os
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.support.paths import ROOT
+from tests.support.sessions.site import wait_for
+
+PARTS = ["tests/integration", "tests/integration/browser", "tests/timing/robots"]
+ANSWER = """#!/bin/sh
+last=""
+for word in "$@"; do
+    case "$word" in --ignore) break ;; tests/*) last=$word ;; esac
+done
+echo "$last" >>"$CALLED"
+echo "this is what $last said"
+[ "$last" != "${HANGS:-nobody}" ] || sleep 300
+code=0
+for one in ${ENDS:-}; do [ "${one%=*}" != "$last" ] || code=${one#*=}; done
+exit "$code"
+"""
+
+
+class Runner:
+    def __init__(self, folder: Path) -> None:
+        self.called = folder / "called"
+        self.temporary = folder / "tmp"
+        self.temporary.mkdir()
+        programs = folder / "bin"
+        programs.mkdir()
+        for name in ("python", "mypy"):
+            (programs / name).write_text(ANSWER)
+            (programs / name).chmod(0o755)
+        self.environment = {
+            "PATH": os.environ["PATH"],
+            "BIN": str(programs),
+            "CALLED": str(self.called),
+            "TMPDIR": str(self.temporary),
+        }
+
+    def begin(self, word: str, **more: str) -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            ["/bin/sh", "deploy/run_tests.sh", word],
+            cwd=ROOT,
+            env={**self.environment, **more},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+
+    def run(self, word: str, **more: str) -> tuple[int, str]:
+        process = self.begin(word, **more)
+        said, _ = process.communicate(timeout=60)
+        return process.returncode, said
+
+    def parts(self) -> list[str]:
+        return self.called.read_text().splitlines() if self.called.exists() else []
+
+
+@pytest.fixture
+def runner(tmp_path) -> Runner:
+    return Runner(tmp_path)
+
+
+def test_a_word_that_it_does_not_know_is_no_green_run(runner):
+    code, said = runner.run("nigthly")
+    assert code == 2
+    assert "not nigthly" in said
+
+
+def test_a_folder_that_the_environment_names_is_left_alone(runner, tmp_path):
+    (tmp_path / "mine").mkdir()
+    code, _ = runner.run("nightly", LOGS=str(tmp_path / "mine"), RUN_STARTED="1")
+    assert code == 0
+    assert (tmp_path / "mine").is_dir()
+    assert list(runner.temporary.iterdir()) == []
+
+
+@pytest.mark.parametrize("word", ["nightly", "soak"])
+def test_what_fails_first_keeps_nobody_from_the_rest_and_is_named_at_the_end(runner, word):
+    code, said = runner.run(word, ENDS="tests/integration=1 tests/timing/robots=2")
+    assert code == 1
+    assert said.strip().endswith("failed: servers timing_of_robots")
+    assert set(PARTS) < set(runner.parts())
+    assert runner.parts()[-1] == "tests/timing/browser"
+
+
+def test_one_part_without_a_test_that_is_marked_so_is_green_and_a_run_without_any_is_not(runner):
+    code, _ = runner.run("nightly", ENDS="tests/timing/robots=5")
+    assert code == 0
+    folders = [*PARTS, "tests/integration/surveys", "tests/timing/browser"]
+    code, said = runner.run("nightly", ENDS=" ".join(f"{name}=5" for name in folders))
+    assert code == 1
+    assert "No test was chosen" in said
+
+
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_run_that_is_ended_ends_its_parts_says_what_they_had_said_and_leaves_nothing(
+    runner, end: signal.Signals
+):
+    process = runner.begin("nightly", HANGS="tests/integration/browser")
+    wait_for(lambda: PARTS[1] in runner.parts(), 30, "the browsers' part")
+    process.send_signal(end)
+    said, _ = process.communicate(timeout=60)
+    assert process.returncode == 128 + end
+    assert "-- browsers, not finished" in said
+    assert f"this is what {PARTS[1]} said" in said
+    assert list(runner.temporary.iterdir()) == []
+
+
+def test_what_ends_first_is_shown_first(runner):
+    process = runner.begin("nightly", HANGS="tests/integration")
+    assert process.stdout is not None
+    for line in process.stdout:
+        if line.startswith("-- browsers, ended"):
+            break
+    process.send_signal(signal.SIGINT)
+    said, _ = process.communicate(timeout=60)
+    assert "-- servers, not finished" in said
