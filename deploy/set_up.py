@@ -123,11 +123,13 @@ def main():
     stamps = installed(venv)
     if stamp not in stamps:
         install(python, lock)
+        # What was installed before may now have other versions: only this lock is there as it says.
+        stamps = [stamp]
         # The developers' lock holds the run-time's, at the same versions.
         if lock == "requirements-dev.lock":
-            stamps = [stamp_of("requirements.lock")]
+            stamps.append(stamp_of("requirements.lock"))
         with open(os.path.join(venv, "installed"), "w") as file:
-            file.write("\n".join(stamps[-3:] + [stamp]))
+            file.write("\n".join(stamps))
 
 
 if __name__ == "__main__":

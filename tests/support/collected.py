@@ -21,8 +21,9 @@ from tests.support.paths import ROOT
 
 @functools.cache
 def collected_files() -> Path:
-    """Return the folder: made once for what static/ holds now."""
+    """Return the folder: made once for what static/ and the installed packages hold now."""
     sources = [path for path in (ROOT / "static").rglob("*") if path.is_file()]
+    sources += ROOT.glob("requirements*.lock")
     sources += [
         ROOT / "telepresence_site" / name for name in ("settings.py", "web/static_files.py")
     ]

@@ -83,13 +83,34 @@ def test_a_package_that_cannot_be_installed_ends_in_one_sentence_and_is_not_mark
     assert not (tmp_path / "venv" / "installed").exists()
 
 
-def test_an_environment_that_is_up_to_date_is_left_alone(set_up, monkeypatch, tmp_path):
-    lock = tmp_path / "some.lock"
-    lock.write_text("")
-    venv = tmp_path / "venv"
-    venv.mkdir()
-    (venv / "installed").write_text(set_up.stamp_of(str(lock)))
+def test_an_environment_that_is_up_to_date_is_left_alone_and_any_other_is_installed(
+    set_up, monkeypatch, tmp_path
+):
+    """Also when another commit's packages were installed in between, and after the developers' lock
+    for the run-time's, which is a part of it.
+    """
+    monkeypatch.chdir(tmp_path)
+    Path("venv").mkdir()
+    installs = []
     monkeypatch.setattr(set_up, "make_environment", lambda folder: "python")
-    monkeypatch.setattr(set_up, "install", lambda *arguments: pytest.fail("it was installed again"))
-    monkeypatch.setattr(sys, "argv", ["set_up.py", str(venv), str(lock)])
-    set_up.main()
+    monkeypatch.setattr(set_up, "install", lambda _, lock: installs.append(lock))
+
+    def asked(lock: str, commit: str) -> list[str]:
+        for name in ("requirements.lock", "requirements-dev.lock"):
+            Path(name).write_text(f"{name} of {commit}")
+        monkeypatch.setattr(sys, "argv", ["set_up.py", "venv", lock])
+        installs.clear()
+        set_up.main()
+        return list(installs)
+
+    for lock, commit, is_installed in (
+        ("requirements.lock", "one", True),
+        ("requirements.lock", "one", False),
+        ("requirements-dev.lock", "one", True),
+        ("requirements.lock", "one", False),
+        ("requirements.lock", "other", True),
+        ("requirements-dev.lock", "one", True),
+        ("requirements.lock", "other", True),
+        ("requirements.lock", "one", True),
+    ):
+        assert asked(lock, commit) == ([lock] if is_installed else []), (lock, commit)
