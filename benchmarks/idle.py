@@ -8,7 +8,7 @@ that the broker passes on in a quiet time is counted by a subscriber, some robot
 broker is killed and started again. A robot counts as leasable when its row in the database says
 that it is online by a word that came after the restart.
 
-`IDLE_ROBOTS` is how many robots there are, `IDLE_SECONDS` how long the quiet time is counted.
+`IDLE_ROBOTS` is how many robots there are, `IDLE_QUIET_SECONDS` how long the quiet time is counted.
 """
 
 import asyncio
@@ -36,7 +36,7 @@ from robots.api.idle import WATCHER
 from tests.support.sessions.site import LOOPBACK, wait_for
 
 ROBOTS = int(os.environ.get("IDLE_ROBOTS", "10000"))
-SECONDS = float(os.environ.get("IDLE_SECONDS", "60"))
+SECONDS = float(os.environ.get("IDLE_QUIET_SECONDS", "60"))
 SETTLE_SECONDS = 10.0
 WOKEN = 50
 BUS_BOUND, BACK_BOUND_S, WAKE_BOUND_S = 500.0, 60.0, 0.5

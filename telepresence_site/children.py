@@ -1,4 +1,6 @@
-"""The child processes of the demo: started side by side, watched, and never left behind."""
+"""The child processes of the demo, of practice and of rehearsals: started side by side, watched,
+and never left behind.
+"""
 
 import contextlib
 import datetime

@@ -34,6 +34,7 @@ from telepresence_site.serving import APPLICATION, DAPHNE
 
 # each robot lives in a simulated office of its own; somebody walks about in Giraff's
 MOVING_THINGS = {"giraff": ["--option", "people=1"]}
+DELETED_BY_RESET = ("broker", "credentials", "log", "static", "media", "agent", "mail", "sandboxes")
 START_SECONDS = 30.0  # that each part may need after the one before it is ready
 WATCH_SECONDS = 0.2
 
@@ -176,7 +177,7 @@ class Demo:
             "telepresence.sqlite3-shm",
         ):
             (var / name).unlink(missing_ok=True)
-        for name in ("broker", "credentials", "log", "static", "media", "agent"):
+        for name in DELETED_BY_RESET:
             shutil.rmtree(var / name, ignore_errors=True)
 
     def start(self) -> None:

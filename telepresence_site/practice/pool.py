@@ -40,7 +40,7 @@ class Demand:
 
 @dataclass(frozen=True)
 class StartRobot:
-    """StartRobot this robot's process."""
+    """Start this robot's process."""
 
     name: str
 

@@ -30,7 +30,7 @@ class Command(BaseCommand):
             "--reset",
             action="store_true",
             default=flag("RESET"),
-            help="delete everything from earlier runs",
+            help="delete the data of earlier runs; passwords and imported sites stay",
         )
 
     def handle(self, *_args: object, **options: object) -> None:

@@ -10,11 +10,6 @@ from tests.support.paths import ROOT
 EXAMPLE = ROOT / "docs" / "examples" / "acme_robot"
 
 
-def importable(monkeypatch):
-    """Let the package be imported, as its installation would."""
-    monkeypatch.syspath_prepend(str(EXAMPLE))
-
-
 def acme_sdk():
     return sys.modules["telepresence_acme.acme_sdk"]
 

@@ -6,7 +6,6 @@ import datetime
 import uuid
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -351,8 +350,3 @@ def _response(dataset: Dataset, response, stored: Stored, questionnaire: Questio
         for n, (key, said) in enumerate(stated.items())
     )
     Answer.objects.bulk_create(rows)
-
-
-def state_folder(path: Path) -> list[str]:
-    """The names of the files below a folder."""
-    return sorted(one.relative_to(path).as_posix() for one in path.rglob("*") if one.is_file())

@@ -104,8 +104,12 @@ def test_starting_over_forgets_what_earlier_runs_stored(tmp_path):
     with demo(tmp_path, "--port", port) as running:
         running.link()
     before = dict(sessions_of(tmp_path))
+    message = tmp_path / "mail" / "to-anna.log"
+    message.parent.mkdir(exist_ok=True)
+    message.write_text("Subject: your turn")
     with demo(tmp_path, "--port", port, "--reset") as running:
         running.link()
+    assert not message.exists()
     after = dict(sessions_of(tmp_path))
     assert before.keys() == after.keys()
     assert before["visitor"] != after["visitor"]
