@@ -24,12 +24,14 @@ PICTURES = frozenset({"giraff", "rhodon"})  # the series that have a picture of 
 @dataclass(frozen=True)
 class Traffic:
     """Whether somebody drives a robot, and whether the reader does (`own`); how many people wait,
-    and for how many minutes a newcomer would, None when nobody can tell.
+    and the reader's place among them, 0 for a newcomer; for how many minutes the reader waits, or
+    would, None when nobody can tell.
     """
 
     driven: bool = False
     own: bool = False
     waiting: int = 0
+    place: int = 0
     minutes: float | None = None
 
 
@@ -39,7 +41,7 @@ class RobotCard:
 
     `charge` is in percent, None when nobody knows; `battery` says it in words, empty of a robot
     that is away. `drives` tells that the button means driving, now or in turn; `for_experienced`
-    that it is not the first robot to drive, `own` that the reader drives it.
+    that it is not the first robot to drive, `own` that the reader drives it or waits for it.
     """
 
     name: str
@@ -83,13 +85,13 @@ def card(
         picture=picture_of(robot),
         state=state,
         label=away[0] if away else _label(state, own=traffic.own),
-        detail=_barred(barred) or (away[1] if away else _detail(state, robot, traffic, now)),
+        detail=_barred(barred) or _detail(state, robot, traffic, now, away),
         charge=charge,
         battery="" if state == "offline" else _charge(charge, charging=charging),
-        action=_action(state, robot.shown_title, drives=drives, own=traffic.own),
+        action=_action(state, robot.shown_title, traffic, drives=drives),
         drives=drives,
         for_experienced=robot.for_experienced,
-        own=traffic.own,
+        own=traffic.own or traffic.place > 0,
         url=url,
     )
 
@@ -172,7 +174,17 @@ def _label(state: CardState, *, own: bool) -> str:
     return words[state]
 
 
-def _detail(state: CardState, robot: Robot, traffic: Traffic, now: datetime.datetime) -> str:
+def _detail(
+    state: CardState,
+    robot: Robot,
+    traffic: Traffic,
+    now: datetime.datetime,
+    away: tuple[str, str] | None,
+) -> str:
+    if state == "busy" and traffic.place:
+        return _own_place(traffic)
+    if away:
+        return away[1]
     if state == "available":
         ready = _("Ready when you are.")
         return ready if robot.shown_to_visitors else _("Ready, but hidden from visitors.")
@@ -201,6 +213,14 @@ def _line(traffic: Traffic) -> str:
     )
 
 
+def _own_place(traffic: Traffic) -> str:
+    """Return which place the reader has in the queue, and for how long."""
+    if traffic.minutes is None:
+        return _("You are number %(place)d in the queue.") % {"place": traffic.place}
+    words = {"place": traffic.place, "minutes": max(1, math.ceil(traffic.minutes))}
+    return _("You are number %(place)d in the queue, with a wait of about %(minutes)d min.") % words
+
+
 def _barred(reason: str) -> str:
     words = {
         "not_invited": _("By invitation from its owner."),
@@ -210,11 +230,13 @@ def _barred(reason: str) -> str:
     return words.get(reason, "")
 
 
-def _action(state: CardState, title: str, *, drives: bool, own: bool) -> str:
+def _action(state: CardState, title: str, traffic: Traffic, *, drives: bool) -> str:
     if not drives:
         return _("Open its page")
-    if own:
+    if traffic.own:
         return _("Back to your drive")
+    if traffic.place and state == "busy":
+        return _("Back to the queue")
     return _("Join the queue") if state == "busy" else _("Drive %(robot)s") % {"robot": title}
 
 

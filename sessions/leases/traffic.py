@@ -24,18 +24,21 @@ def living_sessions(robots: Iterable[Robot]) -> dict[Any, list[ActiveSession]]:
 def traffic_at(
     robot: Robot, sessions: list[ActiveSession], now: datetime.datetime, user: Any = None
 ) -> Traffic:
-    """Return who is at a robot, given its living sessions, whether that is `user`, and how long
-    somebody who came now would wait.
+    """Return who is at a robot, given its living sessions, whether `user` drives it or waits for
+    it, and how long they wait, or would if they came now.
     """
+    own = None if user is None else next((s for s in sessions if s.visitor == str(user.pk)), None)
     driven = next((session for session in sessions if session.state in AT_THE_WHEEL), None)
     scene = Scene(Hold(0, driven.id if driven else None), tuple(sessions))
-    place = place_in_queue(scene, None, now.timestamp())
+    waits = own is not None and own.state == Session.State.WAITING
+    place = place_in_queue(scene, own.id if own and waits else None, now.timestamp())
     minutes = (
         minutes_until_turn(scene, place, rules_of(robot), now.timestamp()) if sessions else None
     )
     return Traffic(
         driven=driven is not None,
-        own=driven is not None and user is not None and driven.visitor == str(user.pk),
-        waiting=place - 1,
+        own=own is not None and not waits,
+        waiting=place_in_queue(scene, None, now.timestamp()) - 1,
+        place=place if waits else 0,
         minutes=minutes,
     )

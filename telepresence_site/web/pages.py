@@ -256,8 +256,8 @@ def _for_visitor(built: RobotCard, user: Any) -> RobotCard:
 
 
 def _invitation(user: Any, cards: list[RobotCard]) -> Invitation:
-    """Return the invitation back to one's own drive, or else to a robot that is free. One for
-    experienced drivers is chosen from the list, which says so: rather than to it, people are
+    """Return the invitation back to one's own drive or queue, or else to a robot that is free. One
+    for experienced drivers is chosen from the list, which says so: rather than to it, people are
     invited to wait for another.
     """
     easy = [c for c in cards if not c.for_experienced]

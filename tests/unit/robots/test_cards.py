@@ -188,6 +188,19 @@ def test_a_busy_robot_says_which_place_one_would_have_and_for_how_long(waiting, 
     assert shown(Traffic(driven=True, waiting=waiting, minutes=minutes)).detail == words
 
 
+@pytest.mark.parametrize(
+    ("minutes", "words"),
+    [
+        (None, "You are number 2 in the queue."),
+        (7.5, "You are number 2 in the queue, with a wait of about 8 min."),
+    ],
+)
+@pytest.mark.parametrize("changes", [{}, {"held": True}])
+def test_who_waits_reads_their_own_place_and_is_led_back_to_it(minutes, words, changes):
+    it = shown(Traffic(driven=True, waiting=3, place=2, minutes=minutes), **changes)
+    assert (it.state, it.detail, it.action, it.own) == ("busy", words, "Back to the queue", True)
+
+
 LOST = {"errors": ["lens dirty", "adapter_lost: the MOOSDB at 10.0.0.7:9000 does not answer"]}
 
 

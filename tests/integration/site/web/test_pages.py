@@ -109,6 +109,30 @@ def test_who_drives_a_robot_is_led_back_to_it(client, robots, state, language, s
     assert card_of(client, "rhodon")["action"] == "Join the queue"
 
 
+@pytest.mark.parametrize(
+    ("language", "said"),
+    [
+        ("en", ("You are number 2 in the queue", "Back to the queue")),
+        ("es", ("Tienes el número 2 en la cola", "Volver a la cola")),
+    ],
+)
+def test_who_waits_for_a_robot_reads_their_place_and_is_led_back_to_it(
+    client, robots, language, said
+):
+    visit(robots["rhodon"], "driver", "driving")
+    visit(robots["rhodon"], "first", "waiting")
+    second = visit(robots["rhodon"], "second", "waiting")
+    visit(robots["rhodon"], "third", "waiting")
+    client.force_login(second.visitor)
+    answer = client.get(reverse("robots_json"), headers={"accept-language": language}).json()
+    card = next(one for one in answer["robots"] if one["name"] == "rhodon")
+    assert card["detail"].startswith(said[0])
+    assert card["action"] == said[1]
+    assert answer["invitation"] == {"label": said[1], "url": card["url"]}
+    client.force_login(person("somebody"))
+    assert card_of(client, "rhodon")["detail"].startswith("You'd be number 4 in the queue")
+
+
 @pytest.mark.parametrize("language", ["en", "es"])
 @pytest.mark.parametrize("name", PUBLIC)
 def test_every_public_page_is_sound_in_both_languages(client, robots, name, language):
