@@ -90,7 +90,7 @@ give_way() {
     [ "$(nice)" -ge 5 ] || renice -n 5 $$ >/dev/null
     [ ! -w /proc/$$/autogroup ] || echo 5 >/proc/$$/autogroup 2>/dev/null || true
 }
-# Of these, what waits for other programs has room for three others beside it, and a browser has not.
+# These wait for other programs more than half of their time.
 timing_of_robots() {
     side_by_side 4 --dist worksteal -m "$1" tests/timing/robots
 }
@@ -167,8 +167,7 @@ end_if_failed() {
 
 integration() {
     together "integration" servers "$1" browsers "$1" studies "$1"
-    alone timing_of_robots "$1"
-    alone timing_of_browsers "$1"
+    together "timing: beside no other lane" timing_of_robots "$1" timing_of_browsers "$1"
 }
 
 case "${1:-test}" in
