@@ -10,7 +10,7 @@ import pytest
 from tests.support.browsers.document_client import DocumentClient
 from tests.support.sessions.site import wait_for
 
-# No browser, but it measures what browsers' tests measure, and so runs beside nothing else.
+# No browser, but it measures what browsers' tests measure, and so runs beside no other lane.
 pytestmark = pytest.mark.nightly
 RESTART = 1.0  # s, as RestartSec of the units in deploy/systemd
 SOON = 4.0  # s from when the part is there again; our own page needs as long

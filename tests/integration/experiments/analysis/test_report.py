@@ -43,7 +43,9 @@ def written(tmp_path_factory):
     return dataset, folder
 
 
-def one_excluded(dataset):
+def one_excluded():
+    """A dataset of which one session is excluded."""
+    dataset = made_up(np.random.default_rng(51), 14)
     sessions = (replace(dataset.sessions[0], excluded="a test drive"), *dataset.sessions[1:])
     return replace(dataset, sessions=sessions)
 
@@ -58,7 +60,7 @@ def contents(folder):
 
 @pytest.mark.nightly
 def test_an_exported_dataset_alone_gives_the_same_bytes_in_another_process(tmp_path):
-    folder, dataset = tmp_path, one_excluded(made_up(np.random.default_rng(51), 14))
+    folder, dataset = tmp_path, one_excluded()
     write(dataset, folder / "dataset")
     analyse(dataset, folder / "report")
     settings = tmp_path / "settings"
@@ -93,7 +95,7 @@ def test_the_sums_are_those_of_every_file(written):
 
 
 def test_tables_are_made_with_and_without_excluded_sessions():
-    dataset = one_excluded(made_up(np.random.default_rng(51), 14))
+    dataset = one_excluded()
     every, without = reports(dataset)
     assert len(every.measured) == len(without.measured) + 1
     assert dataset.sessions[0].id not in {one.session.id for one in without.measured}
