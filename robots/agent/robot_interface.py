@@ -40,9 +40,18 @@ NOWHERE = Pose(x=0.0, y=0.0, theta=0.0, localized=False, score=0.0)
 
 
 class AdapterError(Exception):
-    """The robot control architecture cannot be reached, or said no; the message is one sentence for
+    """The robot control architecture cannot be reached, or refused; the message is one sentence for
     the robot's owner.
     """
+
+
+class ActionRefusedError(AdapterError):
+    """The RCA has certainly not taken the action. After any other error of `start` it may run."""
+
+
+# What stops the RCA's own navigation when the agent, its link or its lease is lost: the agent,
+# which passes on each of its velocities; a guard process on the RCA's side; or nothing.
+NavigationControl = Literal["agent", "guarded", "unguarded"]
 
 
 class Sonar(Struct, frozen=True, forbid_unknown_fields=True):
@@ -87,6 +96,9 @@ class Profile:
     `laser` (readings have `scan`), `sonars` (`sonar`), `bumper` (`bumper`) and `depth` (`points`).
     `plan` is the site where such a robot stands, a shipped name or a folder, and `start` where it
     stands there when it is connected first; both are empty when the RCA cannot know.
+
+    A robot that is measured slower than `standstill_linear` (m/s) and `standstill_angular` (rad/s)
+    is at rest. `navigation_control` is None for a robot whose RCA does not move it by itself.
     """
 
     series: str
@@ -104,6 +116,9 @@ class Profile:
     map_id: str = ""
     plan: str = ""
     start: Pose2D | None = None
+    standstill_linear: float = 0.02
+    standstill_angular: float = 0.05
+    navigation_control: NavigationControl | None = None
 
 
 @dataclass(frozen=True)
@@ -285,14 +300,16 @@ class Adapter(Protocol):
     profile: Profile
 
     async def connect(self) -> None:
-        """Reach the RCA; called again, without a `close()` between, whenever it was lost.
+        """Reach the RCA, and cancel every action that an earlier connection or an earlier run of
+        the agent has left there. Called again, without a `close()` between, whenever it was lost.
 
         Raises:
             AdapterError: it cannot be reached; the agent tries again for ever.
         """
 
     def apply(self, velocity: Velocity) -> Velocity:
-        """Send a velocity to the base, now, and return what was really sent.
+        """Send a velocity to the base, now, and return what was last really sent: where it has to
+        wait, or is lowered, that is another one.
 
         Called on every accepted command and on every tick (50 Hz) while the robot moves; zeros are
         sent to brake and then silence, so that idle never fights a planner. Must return at once.
@@ -304,12 +321,21 @@ class Adapter(Protocol):
     async def start(self, action: Action) -> None:
         """Begin an action named in `profile.capabilities`; progress comes from `progress()`.
 
+        The agent owns an action that may move the robot until a terminal status arrives: after
+        any error but `ActionRefusedError` it cancels the action, because it may run.
+
         Raises:
-            AdapterError: not possible, with the reason.
+            ActionRefusedError: the RCA has certainly not taken it, with the reason.
+            AdapterError: the RCA did not confirm it.
         """
 
-    async def cancel(self, action_id: str) -> None:
-        """Cancel a running action; unknown ids are ignored."""
+    async def cancel(self, action_id: str) -> bool:
+        """Ask the RCA to end an action, also one that it has not accepted yet or has ended.
+
+        Return True when the action certainly does not run any more, and never will; the RCA has
+        then confirmed it, or does not know the action. The agent calls again every 0.5 s until
+        then, or until `progress()` yields a terminal status.
+        """
 
     def states(self) -> AsyncIterator[RcaState]:
         """Yield the RCA's state as it comes, at least at 10 Hz; ends or raises AdapterError when
@@ -332,6 +358,38 @@ class Adapter(Protocol):
 
     async def close(self) -> None:
         """Leave the robot standing and let go of it."""
+
+
+@runtime_checkable
+class PassesVelocities(Protocol):
+    """What an adapter offers besides when the velocities of the RCA's own navigation pass through
+    the agent (`navigation_control` is "agent").
+    """
+
+    def wanted(self) -> Velocity | None:
+        """Return what the navigation wants now, None when no action of ours runs; zero when its
+        last velocity is older than 0.3 s.
+        """
+
+
+@runtime_checkable
+class WithLock(Protocol):
+    """What an adapter offers besides when the robot has a lock of its own against velocities."""
+
+    def set_lock(self, *, locked: bool) -> None:
+        """Lock or release the base; called again at each change and after each connection.
+
+        Raises:
+            AdapterError: the lock cannot be reached.
+        """
+
+
+@runtime_checkable
+class LimitsSpeed(Protocol):
+    """What an adapter offers besides when the RCA's own navigation takes a speed limit."""
+
+    def limit_speed(self, linear: float) -> None:
+        """Set the largest speed of the RCA's navigation, in m/s."""
 
 
 @runtime_checkable
