@@ -250,7 +250,8 @@ class SimulatorAdapter:
             self._address = await self._find()
             reader, writer = await self._greet(self._address)
         self._writer, self._failure = writer, ""
-        writer.write(framing.pack(wire.DriveOrder(0.0, 0.0)))  # an earlier connection may have driven
+        # an earlier connection may have driven
+        writer.write(framing.pack(wire.DriveOrder(0.0, 0.0)))
         writer.write(framing.pack(wire.SetDoors(self._doors)))
         self._reading = asyncio.create_task(self._read(reader))
         log.info("simulator_connected", address=self.address)
