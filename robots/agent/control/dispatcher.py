@@ -25,7 +25,6 @@ from robots.agent.control.supervised_adapter import AdapterLink
 from robots.agent.lab.in_force import CLEAN, Networks, in_force, is_held
 from robots.agent.lab.timed import TimedLine
 from robots.agent.media.webrtc.packet_gate import Command
-from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import ActionProgress, RcaState
 from robots.agent.safety.collision_monitor import CollisionMonitor, seen_from
 from robots.agent.safety.contacts import SIDES, sides_of
@@ -68,7 +67,7 @@ ADAPTER_LOST, ADAPTER_STARTING = "adapter_lost", "adapter_starting"
 RIVAL = "rival"
 CLOSING = "closing"
 STORE = "store"
-RUNS_ON = "runs_on"
+RUNS_ON, SETTLING = "runs_on", "settling"
 
 
 @dataclass(frozen=True)
@@ -192,7 +191,6 @@ class CommandDispatcher:
             log.exception("message_failed", suffix=suffix)
             self.rejected("failed")
             self._kernel.brake(self._times.now())
-            self.turn_wheels()
 
     def rejected(self, reason: str, count: int = 1) -> None:
         """Count what could not be decoded."""
@@ -246,7 +244,7 @@ class CommandDispatcher:
         """Take what the RCA reports, and say what has changed."""
         before, was_docked = self.reports.reading, self.reports.docked
         self._kernel.measured(reading.velocity, self._times.now())
-        if self._kernel.button(
+        if reading.estop is not None and self._kernel.button(
             pressed=reading.estop, now=self._times.now(), unix=self._times.unix()
         ):
             self.turn_wheels()
@@ -288,6 +286,7 @@ class CommandDispatcher:
             if ADAPTER_LOST not in self._faults and self._was_up:
                 self.reports.event("adapter_lost", detail=reason)
             self._set_fault(ADAPTER_LOST, reason)
+            self.actions.cancel_all()
         self._clear_fault(ADAPTER_STARTING)
         if up:
             self.reports.connected()
@@ -305,6 +304,9 @@ class CommandDispatcher:
         self._lapse()
         self.turn_wheels()
         self.actions.tick()
+        self._adapter.set_lock(locked=self._kernel.is_stopped)
+        if self._kernel.navigation:
+            self._adapter.limit_speed(self._kernel.caps(self._times.now()).linear)
         self._look_after_standstill()
         self._look_after_call()
         if self._heartbeat_due.due(self._times.now()):
@@ -335,9 +337,10 @@ class CommandDispatcher:
         self._set_fault(CLOSING, "the agent ends")
 
     @property
-    def stands(self) -> bool:
-        """Tell whether the base was told to stand still."""
-        return self._kernel.commanded == ZERO or not self._adapter.up
+    def is_at_rest(self) -> bool:
+        """Tell whether the robot is at rest and every action has ended, or cannot be reached."""
+        kernel = self._kernel
+        return not self._adapter.up or (kernel.is_at_rest and not kernel.is_end_unconfirmed)
 
     # --- handlers ---------------------------------------------------------------------------------
 
@@ -452,14 +455,27 @@ class CommandDispatcher:
         return self._kernel.leases.live(self._times.now())
 
     def _look_after_standstill(self) -> None:
-        """Say that the robot moves though it is told to stand, for as long as it does."""
-        if not (self._adapter.up and self._kernel.runs_on(self._times.now())):
-            self.reports.errors.pop(RUNS_ON, None)
-        elif RUNS_ON not in self.reports.errors:
-            log.error("robot_runs_on", velocity=self.reports.reading.velocity)
-            self.reports.errors[RUNS_ON] = (
-                f"{RUNS_ON}: the robot keeps moving although it was told to stop"
-            )
+        """Report a robot that moves although it has to be at rest, or is never measured so."""
+        kernel, now = self._kernel, self._times.now()
+        self._report(
+            RUNS_ON,
+            "the robot keeps moving although it was told to stop",
+            holds=self._adapter.up and kernel.moves_despite_stop(now),
+        )
+        self._report(
+            SETTLING,
+            "the robot is never measured at rest; set its standstill thresholds",
+            holds=self._adapter.up and kernel.settles_too_long(now),
+        )
+
+    def _report(self, name: str, text: str, *, holds: bool) -> None:
+        """Report an error for as long as it holds, at once when it begins."""
+        if not holds:
+            self.reports.errors.pop(name, None)
+        elif name not in self.reports.errors:
+            log.error(name, velocity=self.reports.reading.velocity)
+            self.reports.errors[name] = f"{name}: {text}"
+            self.reports.hurry()
 
     def _look_after_call(self) -> None:
         """Tell the media side, when it has changed, what of the driver's voice and face is let

@@ -26,7 +26,7 @@ from robots.agent.safety.kernel import Kernel
 from robots.agent.store import Store
 from robots.agent.thread_priority import FIRST, ORDINARY, set_nice
 from robots.agent.timing import TimeSource
-from robots.api.messages import Capability, Message, Role, SignalReply
+from robots.api.messages import Capability, Message, Role, SignalReply, Velocity
 from robots.cancellation import cancel
 
 log = structlog.stdlib.get_logger(__name__)
@@ -76,6 +76,9 @@ class ControlLoop:
             latch=store.latch(),
             newest_lease=store.lease(),
             monitor=shaper,
+            standstill=Velocity(
+                linear=profile.standstill_linear, angular=profile.standstill_angular
+            ),
         )
         self.failed = True  # until it has ended well; why it did not, threading.excepthook is told
         self._adapter, self._link, self._store, self._boot = (
@@ -212,7 +215,7 @@ class ControlLoop:
 
     async def _until_standing(self, dispatcher: CommandDispatcher) -> None:
         until = self._times.now() + BRAKING_TIME
-        while not dispatcher.stands and self._times.now() < until:
+        while not dispatcher.is_at_rest and self._times.now() < until:
             dispatcher.tick()
             await asyncio.sleep(PERIOD)
         dispatcher.reports.state()
