@@ -163,6 +163,7 @@ class NavigatingRobot(ScriptedRobot):
         self.going = False
         self.cancel_hangs = self.ignores_cancel = False
         self.cancel_fails = ""
+        self.ignored_cancels = 0  # the next ones
         self.rolls_until = 0.0  # after the architecture has let go
 
     @property
@@ -172,14 +173,15 @@ class NavigatingRobot(ScriptedRobot):
 
     async def start(self, action):
         await super().start(action)
-        self.going = True
+        self.going = not isinstance(action, m.Tilt)
 
     async def cancel(self, action_id):
         if self.cancel_hangs:
             await asyncio.Future()
         if self.cancel_fails:
             raise AdapterError(self.cancel_fails)
-        if self.ignores_cancel:
+        if self.ignores_cancel or self.ignored_cancels > 0:
+            self.ignored_cancels -= 1
             self.cancelled.append(action_id)
             return False
         self.halt()
