@@ -450,7 +450,7 @@ class KernelMachine(RuleBasedStateMachine):
 
     def base_moves(self):
         silent = self.now - self.told_at > self.bench.watchdog
-        self.base = GOING if self.goes else ZERO if silent else self.told
+        self.base = self.bench.motion = GOING if self.goes else ZERO if silent else self.told
 
     # --- what is promised -------------------------------------------------------------------------
 
