@@ -456,6 +456,11 @@ class Kernel:
         """Return the velocity that the base was last sent."""
         return self._sent
 
+    @property
+    def is_waiting(self) -> bool:
+        """Tell whether the adapter has not sent the newest velocity."""
+        return self._sent != self._current
+
     # --- stop -------------------------------------------------------------------------------------
 
     def stop(self, action: Stop, sender: CommandSender, now: float) -> bool:

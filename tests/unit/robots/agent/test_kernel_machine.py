@@ -409,6 +409,7 @@ class KernelMachine(RuleBasedStateMachine):
         self.navigation_is_over()
         self.held = self.by_person = False
         self.told, self.told_at, self.taken = ZERO, -math.inf, -1
+        self.unbidden_for = 0
         self.pressed_at = {}
         self.renewal += 1
         self.bench.lease(
