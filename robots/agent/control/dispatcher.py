@@ -407,7 +407,10 @@ class CommandDispatcher:
             self._beat()
 
     def _beat(self) -> None:
-        self.out.send("heartbeat", self._kernel.clocks.beat(self._times.now(), self._times.unix()))
+        now, kernel = self._times.now(), self._kernel
+        lease = kernel.leases.announced(now)
+        peers = (lease.peer, lease.wizard or lease.peer) if lease else ()
+        self.out.send("heartbeat", kernel.clocks.beat(now, self._times.unix(), first=peers))
 
     def _heartbeat(self, peer: str, beat: CommandHeartbeat, sender: CommandSender) -> None:
         now = self._times.now()

@@ -487,6 +487,17 @@ def test_heartbeats_go_out_on_both_ways_with_the_echo_of_each_way(rig):
     )
 
 
+def test_pages_of_the_lease_are_in_every_heartbeat_among_any_number_of_viewers(rig):
+    rig.lease(kind="wizard", peer="p1", wizard="w1", wizard_epoch=1)
+    rig.wait(lambda: rig.kernel.leases.live(rig.now()))
+    for _ in range(10):
+        for peer in ("p1", "w1", *(f"v{number}" for number in range(150))):
+            rig.beat(peer, way="mqtt")
+        beat = rig.link.wait("heartbeat", since=rig.link.count)
+        assert {"p1", "w1"} <= {echo.peer for echo in beat.echoes}
+    assert rig.kernel.clocks.of("w1") is not None
+
+
 def test_a_page_gets_what_it_shows_and_nothing_of_the_record(rig):
     rig.robot.reading = still(
         velocity=m.Velocity(linear=0.3, angular=0.0),
