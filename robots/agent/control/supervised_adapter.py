@@ -8,14 +8,18 @@ control loop goes on.
 
 import asyncio
 import contextlib
-import math
 import random
 from collections.abc import AsyncIterator, Callable, Iterator
 from typing import Any, Protocol, TypeVar
 
 import structlog
 
-from robots.agent.control.state_validation import UnsoundReadingError, sound
+from robots.agent.control.state_validation import (
+    UnsoundReadingError,
+    sound,
+    sound_progress,
+    sound_velocity,
+)
 from robots.agent.robot_interface import ActionProgress, Adapter, AdapterError, Navigating, RcaState
 from robots.agent.timing import Backoff
 from robots.api.floorplan import ChargingDock as Station
@@ -85,7 +89,7 @@ class AdapterLink:
             return None
         try:
             with its_fault():
-                return checked_velocity(self.adapter.apply(velocity))
+                return sound_velocity(self.adapter.apply(velocity))
         except AdapterError as error:
             self._fail(error)
             return None
@@ -94,7 +98,15 @@ class AdapterLink:
         """Return what the agent's own navigation wants now; None when there is none, or nothing
         runs.
         """
-        return self._navigation.wanted() if self.up and self._navigation else None
+        if not (self.up and self._navigation):
+            return None
+        try:
+            with its_fault():
+                wanted = self._navigation.wanted()
+                return None if wanted is None else sound_velocity(wanted)
+        except AdapterError as error:
+            self._fail(error)
+            return None
 
     def located(self, reading: RcaState, points: Floats) -> RcaState:
         """Return a reading with what the agent's own navigation makes of it, and of the points (n,
@@ -217,7 +229,8 @@ class AdapterLink:
 
     async def _progress(self, listener: AdapterListener) -> None:
         async for progress in told_by(self.adapter.progress):
-            listener.progressed(progress)
+            with its_fault():
+                listener.progressed(sound_progress(progress))
         # an adapter without actions has no more to say, and is not lost for that
         await asyncio.Future()
 
@@ -259,16 +272,3 @@ async def told_by(source: Callable[[], AsyncIterator[Told]]) -> AsyncIterator[To
     with its_fault():
         async for each in source():
             yield each
-
-
-def checked_velocity(sent: object) -> Velocity:
-    """Return what an adapter says it has sent.
-
-    Raises:
-        AdapterError: it is no velocity.
-    """
-    if not isinstance(sent, Velocity) or not (
-        math.isfinite(sent.linear) and math.isfinite(sent.angular)
-    ):
-        raise AdapterError(f"the adapter reports that it sent {sent!r}, which is not a velocity")
-    return sent
