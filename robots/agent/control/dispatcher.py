@@ -353,9 +353,14 @@ class CommandDispatcher:
         """
         if self._line is not None and is_held(message, sender, self._driver()):
             self._line.offer(
-                len(codec.encode(message)), functools.partial(self._command, message, sender)
+                len(codec.encode(message)), functools.partial(self._delayed, message, sender)
             )
         else:
+            self._command(message, sender)
+
+    def _delayed(self, message: VelocityCommand | Action, sender: CommandSender) -> None:
+        """Take a command that the network lab has held, outside of the message that brought it."""
+        with self._surviving("network lab"):
             self._command(message, sender)
 
     def _command(self, message: VelocityCommand | Action, sender: CommandSender) -> None:
@@ -595,8 +600,10 @@ class CommandDispatcher:
 
     async def _look_at_disk(self) -> None:
         """Ask for the space that is left off the loop, which a disk that hangs must not hold up."""
-        self._shortage = await asyncio.to_thread(self._store.shortage)
-        self._looks_at_disk = False
+        try:
+            self._shortage = await asyncio.to_thread(self._store.shortage)
+        finally:
+            self._looks_at_disk = False
 
     async def _keep_latch(self) -> None:
         async with self._writing:

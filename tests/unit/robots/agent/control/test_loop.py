@@ -442,6 +442,39 @@ def test_a_photo_without_a_picture_has_failed(rig):
     assert rig.status("a1", "FAILED").reason == "no_picture"
 
 
+def test_a_photo_of_a_camera_that_gives_no_frame_fails_and_the_drive_goes_on(rig):
+    rig.grant()
+    rig.drive(0.5)
+    rig.media.picture = "of the adapter's own"
+    rig.act(staff(m.Photo))
+    assert rig.status("a1", "FAILED").reason == "no_picture"
+    rig.drive(0.3)
+    assert rig.kernel.fault is None
+
+
+def test_a_look_at_the_disk_that_raises_is_repeated_and_the_drive_goes_on(rig, caplog):
+    rig.grant(ttl=30.0)
+    looks = []
+    rig.store.shortage = lambda: looks.append(rig.now()) or 1 / 0
+    rig.drive(0.5, until=lambda: len(looks) >= 2, within=12.0)
+    assert caplog.text.count("background_task_failed") == len(looks)
+    assert "ZeroDivisionError" in caplog.text
+
+
+@pytest.mark.parametrize("fault", ["raises", "returns"])
+def test_a_broker_link_that_ends_ends_the_control_loop(tmp_path, fault):
+    async def end(_inbox):
+        if fault == "raises":
+            raise ZeroDivisionError
+
+    rig = ControlRig(tmp_path)
+    rig.link.run, rig.link.close = end, lambda: None
+    rig.start()
+    with rig.time, pytest.raises((RuntimeError, ZeroDivisionError)):
+        rig.time.run(rig._running)
+    assert rig.robot.closed
+
+
 def test_states_are_said_again_from_the_agents_buffer(rig):
     rig.grant()
     rig.wait(lambda: len(rig.link.all("state")) >= 6)
