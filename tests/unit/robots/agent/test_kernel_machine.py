@@ -463,7 +463,7 @@ class KernelMachine(RuleBasedStateMachine):
             return
         self.counts_unbidden_motion(velocity)
         before = self.told
-        if moves(self.base) and abs(self.base.linear) > abs(before.linear):
+        if moves(self.base) and before == ZERO:
             before = self.base  # as the architecture has left it
         drives = decision.why in {"driving", "navigating"}
         against = self.goes and decision.why == "driving" and velocity != ZERO
