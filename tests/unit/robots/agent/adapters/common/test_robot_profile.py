@@ -45,7 +45,11 @@ def test_the_command_line_of_the_paper_is_enough():
 
 def test_a_profile_of_ones_own_overrules_defaults_and_options_overrule_it(tmp_path):
     file = tmp_path / "mine.toml"
-    file.write_text(MINE + LIMITS + '[moos]\nwatchdog = 0.5\nclient_ack_interval = 0.5\nport = 9001\nhost = "robot"\n')
+    file.write_text(
+        MINE
+        + LIMITS
+        + '[moos]\nwatchdog = 0.5\nclient_ack_interval = 0.5\nport = 9001\nhost = "robot"\n'
+    )
     assert registry.create("moos", str(file)).place == "the MOOSDB at robot:9001"
     assert registry.create("moos", str(file), {"port": "9002"}).place == "the MOOSDB at robot:9002"
 
