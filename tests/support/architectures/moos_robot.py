@@ -42,6 +42,14 @@ NODES = {"Sofa": (6.4, 1.0), "Door": (5.9, 1.0)}
 VIA = {"Sofa": "Door"}  # a plan of two journeys
 
 
+class HangingClient(MoosClient):
+    """A client whose process may be stopped: what is sent to it then stays in its socket."""
+
+    def hang(self, on):
+        transport = self._writer.transport
+        (transport.pause_reading if on else transport.resume_reading)()
+
+
 class MoosRig(RcaRig):
     """`address` is a real MOOSDB's host:port."""
 
@@ -83,7 +91,7 @@ class MoosRig(RcaRig):
             self._client.register(key)
 
     async def _connected(self, name, take=lambda _: None):
-        client = MoosClient(name, *self.where(), take, lambda _: None)
+        client = HangingClient(name, *self.where(), take, lambda _: None)
         await client.connect()
         return client
 
@@ -99,7 +107,17 @@ class MoosRig(RcaRig):
         self._plan, self._plan_at = [], math.inf
 
     def freeze(self, *, on):
+        self.world.hung = on  # the navigator's velocities reach the base through the database
         self.db.freeze(on=on)
+
+    def hang(self, *, on):
+        """Let all modules of the robot hang behind a database that goes on."""
+        self.running, self.world.hung = not on, on
+        self.loop.call_soon_threadsafe(self._client.hang, on)
+
+    def resume(self, goal):
+        """Let OpenMORA drive on by itself."""
+        self.loop.call_soon_threadsafe(self._go_to, (goal.x, goal.y))
 
     def _take(self, mail):
         if mail.time < self._began:

@@ -78,6 +78,23 @@ class OpenMoraRig(RcaRig):
     def freeze(self, *, on):
         self.broker.freeze(on=on)
 
+    def hang(self, *, on):
+        """Let all modules of the robot hang behind a broker that goes on."""
+        self.running, self.world.hung = not on, on
+        self.loop.call_soon_threadsafe(self._hang, on)
+
+    def _hang(self, on):
+        paho = self._client._client
+        socket = paho.socket().fileno()
+        if on:
+            self.loop.remove_reader(socket)
+        else:
+            self.loop.add_reader(socket, paho.loop_read)
+
+    def resume(self, goal):
+        """Let OpenMORA drive on by itself."""
+        self.loop.call_soon_threadsafe(self._on_gotopoint, goal.x, goal.y)
+
     async def after_reset(self):
         self._destination, self._mode, self._plan = "NULL", "Manual", None
 

@@ -34,8 +34,8 @@ class RcaWorld:
     moves ends it.
 
     `believed` is where its localization takes it to be; `deaf` is a localization that ignores what
-    it is told. Its planner accepts a goal after `accept_after` seconds, and disregards the next
-    `ignored_cancels` of the `cancels` that it receives.
+    it is told. Its planner accepts a goal after `accept_after` seconds, disregards the next
+    `ignored_cancels` of the `cancels` that it receives, and does nothing while it is `hung`.
     """
 
     watchdog = None  # seconds, where it is another one than the simulated robot's
@@ -56,6 +56,7 @@ class RcaWorld:
         self.deaf = False
         self.accept_after, self.ignored_cancels, self.cancels = 0.0, 0.0, 0
         self._late = None  # a goal, its kind, and when it is accepted
+        self.hung = False
 
     @property
     def truth(self):
@@ -122,7 +123,7 @@ class RcaWorld:
         if self._late is not None and time.monotonic() > self._late[2]:
             self.goal, self.kind, _ = self._late
             self._late, self.journey = None, "running"
-        if self.journey == "running":
+        if self.journey == "running" and not self.hung:
             self._travel()
 
     def _travel(self):

@@ -309,10 +309,13 @@ class MoosAdapter(RemoteAdapter):
         self._client.notify(key, value)
 
     def _drive(self, velocity: Velocity) -> None:
-        if velocity == ZERO and openmora.is_cancelling(self.pending_actions):
-            self._cancel_navigation()  # a MOTION_REQUEST would set the autonomous mode again
-        else:
+        now = time.monotonic()
+        if velocity != ZERO or not openmora.is_cancelling(self.pending_actions):
             self._notify("MOTION_REQUEST", openmora.motion(velocity))
+        elif now - self._cancelled_at > openmora.CANCEL_AGAIN:
+            # it sets the autonomous mode, which the cancel behind it ends
+            self._notify("MOTION_REQUEST", openmora.motion(ZERO))
+            self._cancel_navigation()
 
     def _turn_head(self, angle: float) -> None:
         self._notify(

@@ -356,11 +356,14 @@ class OpenMoraMqttAdapter(RemoteAdapter):
     # --- what it sends ----------------------------------------------------------------------------
 
     def _drive(self, velocity: Velocity) -> None:
-        if velocity == ZERO and openmora.is_cancelling(self.pending_actions):
-            self._cancel_navigation()  # a Motion would set the autonomous mode again
+        now = time.monotonic()
+        is_braking = velocity == ZERO and openmora.is_cancelling(self.pending_actions)
+        if is_braking and now - self._cancelled_at <= openmora.CANCEL_AGAIN:
             return
         self._outgoing.drive(("NavigationCommand", f"Motion {openmora.motion(velocity)}"))
-        self._moved_at = time.monotonic()
+        self._moved_at = now
+        if is_braking:  # a Motion sets the autonomous mode, which the cancel behind it ends
+            self._cancel_navigation()
 
     def _turn_head(self, angle: float) -> None:
         self._command(
