@@ -96,6 +96,10 @@ def main(wish):
     rig.grant(ttl=60.0)
     driver = Driver(rig)
     threading.Thread(target=driver.run, daemon=True).start()
+    if wish.get("plan"):
+        rig.wait(lambda: any(s.pose.localized for s in rig.link.all("state")), 40.0)
+        simulator = adapter.inner
+        tell(port=simulator.address, pids=[simulator._child.pid, adapter.node.pid])
     tell(ready=True)
     for line in sys.stdin:
         driver.wish = line.split()

@@ -13,6 +13,7 @@ named in openmora_rules.py.
 import asyncio
 import contextlib
 import math
+import os
 import time
 
 from robots.agent.adapters.moos.client import MoosClient
@@ -50,16 +51,26 @@ class HangingClient(MoosClient):
         (transport.pause_reading if on else transport.resume_reading)()
 
 
+class RealMoosDb(ServerProcess):
+    """The program MOOSDB of core-moos, which listens on all addresses of this machine."""
+
+    def command(self):
+        return [self.module, f"--moos_port={self.port}", "--moos_community=test"]
+
+
 class MoosRig(RcaRig):
-    """`address` is a real MOOSDB's host:port."""
+    """`address` is a real MOOSDB's host:port. With MOOSDB_PROGRAM=/path/to/MOOSDB, the rig starts
+    a real one instead of the double.
+    """
 
     adapter_name = "moos"
 
     def __init__(self, series="giraff", address="", listening="127.0.0.1"):
         super().__init__(series)
-        self.db = (
-            None if address else ServerProcess("tests.support.architectures.moosdb", listening)
-        )
+        program = os.environ.get("MOOSDB_PROGRAM")
+        double = "tests.support.architectures.moosdb"
+        made = RealMoosDb(program, listening) if program else ServerProcess(double, listening)
+        self.db = None if address else made
         self._address = address
         self._client = self._controller = self._navigator = None
         self.ack_interval = patient(CLIENT_ACK_INTERVAL)

@@ -11,10 +11,7 @@ marked nightly run in `make nightly`.
 """
 
 import contextlib
-import json
-import os
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -22,7 +19,8 @@ from dataclasses import dataclass
 
 import pytest
 
-from tests.support.architectures.frozen import ROOT
+from tests.support.agents.agent_process import AgentProcess, wait
+from tests.support.agents.orders import caught_at_most_one
 from tests.support.architectures.moos_robot import MoosRig
 from tests.support.architectures.openmora_robot import OpenMoraRig
 from tests.support.patience import patient
@@ -55,71 +53,6 @@ ARCHITECTURES = {
 ROWS = ("idle", "driven", "navigating", "docking")
 START = {"docking": "1.9,6.3,3.14159", "navigating": "4.0,1.0,0.0"}
 FAST = {"driven": 0.24, "navigating": 0.45, "docking": 0.19}  # m/s: near its speed
-
-
-class Agent:
-    """The process, and the lines that it has printed."""
-
-    def __init__(self, rca, directory, prefix=()):
-        wish = {
-            "adapter": rca.adapter_name,
-            "profile": rca.profile,
-            "options": rca.options(),
-            "directory": str(directory),
-        }
-        module = [sys.executable, "-m", "tests.support.agents.ordered_agent", json.dumps(wish)]
-        self.process = subprocess.Popen(
-            [*prefix, *module],
-            cwd=ROOT,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            text=True,
-        )
-        self.events = []
-        threading.Thread(target=self._read, daemon=True).start()
-        self.wait_for(lambda event: "ready" in event, 40.0)
-
-    def _read(self):
-        for line in self.process.stdout:
-            self.events.append(json.loads(line))
-
-    def request(self, *words):
-        self.process.stdin.write(" ".join(words) + "\n")
-        self.process.stdin.flush()
-
-    def wait_for(self, wanted, seconds=10.0, since=0.0):
-        deadline = time.monotonic() + patient(seconds)
-        while time.monotonic() < deadline:
-            for event in [each for each in self.events if each["at"] >= since]:
-                if wanted(event):
-                    return event
-            time.sleep(0.02)
-        raise AssertionError(f"no such event among {self.events[-8:]}")
-
-    def signal(self, number):
-        os.kill(self.process.pid, number)
-
-    def end(self):
-        with contextlib.suppress(ProcessLookupError):
-            self.signal(signal.SIGCONT)
-        self.process.kill()
-        self.process.wait()
-
-    def said(self):
-        """Return the last status of an action and the last state, as words."""
-        actions = [each for each in self.events if "action" in each]
-        states = [each for each in self.events if "mode" in each]
-        return " ".join(
-            [
-                f"{actions[-1]['action']} {actions[-1]['status']} {actions[-1]['reason']};"
-                if actions
-                else "",
-                f"{states[-1]['mode']} {states[-1]['inhibited']} {states[-1]['errors']}"
-                if states
-                else "",
-            ]
-        )
 
 
 class Motion:
@@ -167,7 +100,7 @@ def robot(name, row, directory, *, network=None, **world):
         for key, value in world.items():
             setattr(rca.world, key, value)
         prefix = ("ip", "netns", "exec", network.name) if network else ()
-        agent = Agent(rca, directory, prefix)
+        agent = AgentProcess(rca.adapter_name, rca.profile, rca.options(), directory, prefix=prefix)
         try:
             begin(row, rca, agent)
             if row != "idle" and not world:
@@ -187,13 +120,6 @@ def begin(row, rca, agent):
             agent.request("goto", f"{place.x + 6.0}", f"{place.y}")
         case "docking":
             agent.request("dock")
-
-
-def wait(condition, seconds=10.0):
-    deadline = time.monotonic() + patient(seconds)
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
 
 
 def bound(name, row):
@@ -283,8 +209,8 @@ def test_robot_comes_to_rest_when_it_or_its_middleman_hangs(name, row, column, t
         hang(on=False)
         found = motion.until_rest(bound(name, row))
         assert_rest(f"{name}, {row}: {column} hung 4 s", found, AWAY + 1.0, said=agent.said())
-        late = [each for each in rca.world.commands if each[0] > thawed]
-        assert sum(bool(linear or angular) for _, linear, angular in late) <= 1
+        late = [at for at, linear, angular in rca.world.commands if at > thawed and linear]
+        assert caught_at_most_one(late, rca.world.commands)
 
 
 @pytest.mark.parametrize(
