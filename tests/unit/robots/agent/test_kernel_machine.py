@@ -164,8 +164,8 @@ class KernelMachine(RuleBasedStateMachine):
     @rule(back=st.integers(1, 3), retained=st.booleans())
     def an_old_lease_comes(self, back, retained):
         before = self.kernel.leases.live(self.now)
-        old = self.epoch - back
-        self.bench.lease(session=f"s{old}", epoch=max(0, old), renewal=9, retained=retained)
+        old = max(0, self.epoch - back)
+        self.bench.lease(session=f"s{old}", epoch=old, renewal=9, retained=retained)
         after = self.kernel.leases.live(self.now)
         assert before is None or after is None or after.epoch == before.epoch
         if after is not None and after.epoch != self.epoch:  # the server's counter began anew
