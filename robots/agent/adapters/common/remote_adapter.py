@@ -521,6 +521,12 @@ class RemoteAdapter(ABC):
     def configure(self, config: Any) -> None:
         """Ignore a `Config`: nothing in it is the RCA's."""
 
+    def sever(self) -> None:
+        """Drop the connection as the death of the agent would (robot_interface.Severable)."""
+        self._lose("the connection was cut on purpose")
+        for task in self._tasks:
+            task.cancel()
+
     async def close(self) -> None:
         """Cancel, brake, wait for the standstill, and disconnect."""
         if not self._failure:

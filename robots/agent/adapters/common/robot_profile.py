@@ -50,9 +50,11 @@ class BatteryRange(Struct, frozen=True):
         return min(1.0, max(0.0, (voltage - self.empty) / (self.full - self.empty)))
 
 
-# a larger threshold would take a robot for standing that a person sees moving
-LinearStandstill = Annotated[float, Meta(gt=0.0, le=0.1)]  # m/s
-AngularStandstill = Annotated[float, Meta(gt=0.0, le=0.3)]  # rad/s
+# m/s and rad/s: with a larger threshold, a robot that a person sees moving would count as at rest
+LARGEST_LINEAR_STANDSTILL = 0.1
+LARGEST_ANGULAR_STANDSTILL = 0.3
+LinearStandstill = Annotated[float, Meta(gt=0.0, le=LARGEST_LINEAR_STANDSTILL)]
+AngularStandstill = Annotated[float, Meta(gt=0.0, le=LARGEST_ANGULAR_STANDSTILL)]
 # a section or key of a profile, and the RcaState field that an adapter has to fill for it
 ObstacleSensor = Literal["sonars", "bumper", "depth"]
 
