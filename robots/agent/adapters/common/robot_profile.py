@@ -94,7 +94,7 @@ UNDELIVERED: dict[ObstacleSensor, str] = {
     "sonars": "[[sonars]] cannot be used with {rca}, which delivers no echoes of sonars: remove"
     " these sections",
     "bumper": "bumper = true cannot be used with {rca}, which reports contacts without their"
-    " direction: remove it; a contact stops the robot all the same",
+    " direction: remove it; a contact still stops the robot",
     "depth": "[depth] cannot be used with {rca}, which delivers no points of a depth camera: remove"
     " this section",
 }
