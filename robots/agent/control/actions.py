@@ -7,7 +7,6 @@ from collections import OrderedDict
 from collections.abc import Callable, Coroutine
 from typing import Any
 
-import av
 import msgspec
 import structlog
 
@@ -16,7 +15,7 @@ from robots.agent.control.owned_actions import OwnedActions
 from robots.agent.control.publisher import Media, Publisher
 from robots.agent.control.receipts import Receipts
 from robots.agent.control.reports import Reports
-from robots.agent.control.supervised_adapter import AdapterLink
+from robots.agent.control.supervised_adapter import AdapterLink, its_fault
 from robots.agent.media.photos import develop
 from robots.agent.robot_interface import (
     ActionProgress,
@@ -412,9 +411,10 @@ class Actions:
 
     async def _take_photo(self, action: Photo) -> None:
         try:
-            frame = await asyncio.to_thread(self._snapshot)
-            photo = await asyncio.to_thread(develop, frame) if frame is not None else None
-        except (AdapterError, av.FFmpegError, ValueError) as error:
+            with its_fault():  # the camera may be the adapter's own
+                frame = await asyncio.to_thread(self._snapshot)
+                photo = await asyncio.to_thread(develop, frame) if frame is not None else None
+        except AdapterError as error:
             log.warning("photo_failed", reason=str(error))
             frame = photo = None
         finally:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+import msgspec
 import structlog
 
 from robots.agent.autonomy.area import dock_of
@@ -138,6 +139,7 @@ class CommandDispatcher:
         self._heartbeat_due = Cadence(HEARTBEAT_PERIOD)
         self._disk_due = Cadence(DISK_PERIOD)
         self._shortage: tuple[str, ...] = ()
+        self._unreported: AppliedCommand | None = None  # its velocity has not been sent yet
         self._looks_at_disk = False
         self._dock: Station | None = None  # this robot's own, on the server's map
         self._writing = asyncio.Lock()  # one after the other
@@ -303,6 +305,7 @@ class CommandDispatcher:
         """Fifty times a second: the lease's end, the wheels, and what is due to be said."""
         self._lapse()
         self.turn_wheels()
+        self._report_applied()
         self.actions.tick()
         self._adapter.set_lock(locked=self._kernel.is_stopped)
         if self._kernel.navigation:
@@ -350,9 +353,14 @@ class CommandDispatcher:
         """
         if self._line is not None and is_held(message, sender, self._driver()):
             self._line.offer(
-                len(codec.encode(message)), functools.partial(self._command, message, sender)
+                len(codec.encode(message)), functools.partial(self._delayed, message, sender)
             )
         else:
+            self._command(message, sender)
+
+    def _delayed(self, message: VelocityCommand | Action, sender: CommandSender) -> None:
+        """Take a command that the network lab has held, outside of the message that brought it."""
+        with self._surviving("network lab"):
             self._command(message, sender)
 
     def _command(self, message: VelocityCommand | Action, sender: CommandSender) -> None:
@@ -368,22 +376,34 @@ class CommandDispatcher:
         if verdict.reason is not None:
             return
         self.turn_wheels()
-        told = self._kernel.commanded
-        self.reports.applied(
-            AppliedCommand(
-                seq=command.seq,
-                stamp=command.stamp,
-                method=command.method,
-                way=sender.way,
-                age=verdict.age,
-                linear=told.linear,
-                angular=told.angular,
-                frame_age=frame_age(command, self._times.unix()),
-                asked=Velocity(linear=command.linear, angular=command.angular),
-                allowed=verdict.allowed,
-                share=verdict.share,
-            )
+        self._report_applied()
+        applied = AppliedCommand(
+            seq=command.seq,
+            stamp=command.stamp,
+            method=command.method,
+            way=sender.way,
+            age=verdict.age,
+            linear=0.0,
+            angular=0.0,
+            frame_age=frame_age(command, self._times.unix()),
+            asked=Velocity(linear=command.linear, angular=command.angular),
+            allowed=verdict.allowed,
+            share=verdict.share,
         )
+        self._unreported = applied
+        if not self._kernel.is_waiting:
+            self._report_applied()
+
+    def _report_applied(self) -> None:
+        """Report the newest command with the velocity that the base was really sent. Where the
+        adapter holds a velocity back, that is known at the next tick.
+        """
+        applied, sent = self._unreported, self._kernel.commanded
+        self._unreported = None
+        if applied is not None:
+            self.reports.applied(
+                msgspec.structs.replace(applied, linear=sent.linear, angular=sent.angular)
+            )
 
     def _attract(self) -> None:
         """Note that somebody needs the robot; one that was idle speaks at once."""
@@ -492,6 +512,7 @@ class CommandDispatcher:
 
     def _close_session(self, lease: Lease) -> None:
         """Say the last state of a session, and that it was the last."""
+        self._report_applied()
         last = self.reports.state(lease)
         self.reports.event("session_closed", lease, last_seq=last)
 
@@ -579,8 +600,10 @@ class CommandDispatcher:
 
     async def _look_at_disk(self) -> None:
         """Ask for the space that is left off the loop, which a disk that hangs must not hold up."""
-        self._shortage = await asyncio.to_thread(self._store.shortage)
-        self._looks_at_disk = False
+        try:
+            self._shortage = await asyncio.to_thread(self._store.shortage)
+        finally:
+            self._looks_at_disk = False
 
     async def _keep_latch(self) -> None:
         async with self._writing:

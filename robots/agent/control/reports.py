@@ -322,6 +322,7 @@ class Reports:
             stop_seq=kernel.stop_seq,
             stop_id=kernel.stop_id,
             touched=kernel.contacts.sides,
+            button=self.reading.estop,
         )
 
 

@@ -8,14 +8,18 @@ control loop goes on.
 
 import asyncio
 import contextlib
-import math
 import random
 from collections.abc import AsyncIterator, Callable, Iterator
 from typing import Any, Protocol, TypeVar
 
 import structlog
 
-from robots.agent.control.state_validation import UnsoundReadingError, sound
+from robots.agent.control.state_validation import (
+    UnsoundReadingError,
+    sound,
+    sound_progress,
+    sound_velocity,
+)
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import (
     ActionProgress,
@@ -100,7 +104,7 @@ class AdapterLink:
             return None
         try:
             with its_fault():
-                return checked_velocity(self.adapter.apply(velocity))
+                return sound_velocity(self.adapter.apply(velocity))
         except AdapterError as error:
             self._fail(error)
             return None
@@ -114,7 +118,7 @@ class AdapterLink:
         try:
             with its_fault():
                 wanted = self._velocities.wanted()
-                return None if wanted is None else checked_velocity(wanted)
+                return None if wanted is None else sound_velocity(wanted)
         except AdapterError as error:
             self._fail(error)
             return ZERO
@@ -255,7 +259,8 @@ class AdapterLink:
 
     async def _progress(self, listener: AdapterListener) -> None:
         async for progress in told_by(self.adapter.progress):
-            listener.progressed(progress)
+            with its_fault():
+                listener.progressed(sound_progress(progress))
         # an adapter without actions has no more to say, and is not lost for that
         await asyncio.Future()
 
@@ -297,16 +302,3 @@ async def told_by(source: Callable[[], AsyncIterator[Told]]) -> AsyncIterator[To
     with its_fault():
         async for each in source():
             yield each
-
-
-def checked_velocity(sent: object) -> Velocity:
-    """Return what an adapter says it has sent.
-
-    Raises:
-        AdapterError: it is no velocity.
-    """
-    if not isinstance(sent, Velocity) or not (
-        math.isfinite(sent.linear) and math.isfinite(sent.angular)
-    ):
-        raise AdapterError(f"the adapter reports that it sent {sent!r}, which is not a velocity")
-    return sent

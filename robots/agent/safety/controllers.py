@@ -18,7 +18,7 @@ class Controller(Enum):
     RCA = "rca"  # the RCA moves the base by itself; the kernel watches
 
 
-class Event(Enum):
+class Change(Enum):
     """What can change the controller."""
 
     DRIVEN = "driven"  # a velocity is sent for the driver, or a stop for an idle robot
@@ -30,30 +30,31 @@ class Event(Enum):
     NAVIGATION_LEFT = "navigation left"  # it ended, failed or was cancelled
 
 
-TRANSITIONS: dict[Controller, dict[Event, Controller]] = {
+TRANSITIONS: dict[Controller, dict[Change, Controller]] = {
     Controller.NONE: {
-        Event.DRIVEN: Controller.DRIVER,
-        Event.MOVES_UNBIDDEN: Controller.SETTLING,
-        Event.HANDED_OVER: Controller.RCA,
-        Event.PASSED_ON: Controller.NAVIGATION,
+        Change.DRIVEN: Controller.DRIVER,
+        Change.MOVES_UNBIDDEN: Controller.SETTLING,
+        Change.HANDED_OVER: Controller.RCA,
+        Change.PASSED_ON: Controller.NAVIGATION,
     },
     Controller.DRIVER: {
-        Event.AT_REST: Controller.NONE,
-        Event.DRIVER_CHANGED: Controller.SETTLING,
+        Change.AT_REST: Controller.NONE,
+        Change.DRIVER_CHANGED: Controller.SETTLING,
+        Change.MOVES_UNBIDDEN: Controller.SETTLING,
     },
     Controller.SETTLING: {
-        Event.AT_REST: Controller.NONE,
+        Change.AT_REST: Controller.NONE,
     },
     Controller.NAVIGATION: {
-        Event.NAVIGATION_LEFT: Controller.DRIVER,
+        Change.NAVIGATION_LEFT: Controller.DRIVER,
     },
     Controller.RCA: {
-        Event.PASSED_ON: Controller.NAVIGATION,
-        Event.NAVIGATION_LEFT: Controller.SETTLING,
+        Change.PASSED_ON: Controller.NAVIGATION,
+        Change.NAVIGATION_LEFT: Controller.SETTLING,
     },
 }
 
 
-def after(controller: Controller, event: Event) -> Controller:
+def after(controller: Controller, event: Change) -> Controller:
     """Return the controller after an event."""
     return TRANSITIONS[controller].get(event, controller)

@@ -50,7 +50,7 @@ from typing import Protocol
 from robots.agent.ramp import ZERO, Caps, assist_speed, caps, check_times, no_faster, ramp
 from robots.agent.safety.clock_sync import SERVER_PEER, PeerClock, PeerClocks
 from robots.agent.safety.contacts import Contacts, Side
-from robots.agent.safety.controllers import Controller, Event, after
+from robots.agent.safety.controllers import Change, Controller, after
 from robots.agent.safety.estop_latch import BUTTON, EStopLatch, stricter
 from robots.agent.safety.estop_latch import refusal as latch_refusal
 from robots.agent.safety.freshness import judge
@@ -94,7 +94,7 @@ class KernelParams:
     # s after its last velocity other than zero, from which a robot that moves is an error
     moves_despite_stop_after: float = 0.4
     longest_wait: float = 0.3  # s for which an adapter may hold a velocity back until it is sent
-    settling_timeout: float = 5.0  # s: a robot that is not measured at rest by then is an error
+    rest_timeout: float = 5.0  # s: a robot that is not measured at rest by then is an error
     overspeed: float = 1.1  # times the limit: the RCA's navigation may not drive faster than that
     overspeed_for: float = 0.5  # s
     grants_kept: int = 16  # newest
@@ -228,7 +228,7 @@ class Kernel:
         self._too_fast_since: float | None = None
         self._moved_unbidden = False  # since the robot was last at rest
         self.controller = Controller.NONE
-        self._settling_since = float("-inf")
+        self._controller_since = float("-inf")
         self.contacts = Contacts()
 
     # --- who drives -------------------------------------------------------------------------------
@@ -267,7 +267,7 @@ class Kernel:
             self._cancel_navigation("lease_changed")
         elif self.held:
             self._cancel_navigation("stopped")
-        self._change(Event.DRIVER_CHANGED)
+        self._change(Change.DRIVER_CHANGED)
 
     def heard(self, peer: str, way: Way, now: float) -> None:
         """Take a heartbeat: the driver's keeps navigation going, and shows that silence means
@@ -333,9 +333,9 @@ class Kernel:
         self._watch_motion(now)
         if self.navigation and self.navigation.may_begin and not self._blocked():
             if wanted is None and self.controller is not Controller.NAVIGATION:
-                self._change(Event.HANDED_OVER)
+                self._change(Change.HANDED_OVER)
                 return Decision(None, "navigating")
-            self._change(Event.PASSED_ON)
+            self._change(Change.PASSED_ON)
             return self._navigated(wanted or ZERO, now)
         why = self.braking(now)
         if why:
@@ -354,9 +354,10 @@ class Kernel:
                 self._at_rest_since = now
             return
         self._at_rest_since = None
-        if self.controller is Controller.NONE:
+        resumed = self.is_end_unconfirmed and self.moves_despite_stop(now)
+        if self.controller is Controller.NONE or (self.controller is Controller.DRIVER and resumed):
             self._moved_unbidden = True
-            self._change(Event.MOVES_UNBIDDEN)
+            self._change(Change.MOVES_UNBIDDEN)
 
     def touched(self, sides: Collection[Side] = ()) -> None:
         """Take note of a contact: stop, end the RCA's own travel, and go no further towards it;
@@ -389,7 +390,7 @@ class Kernel:
         rest.
         """
         is_waiting = self.controller is Controller.SETTLING
-        return is_waiting and now - self._settling_since > KERNEL.settling_timeout
+        return is_waiting and now - self._controller_since > KERNEL.rest_timeout
 
     def caps(self, now: float) -> Caps:
         """Return the largest speeds allowed now: the least of robot, lease and assistance."""
@@ -455,6 +456,11 @@ class Kernel:
     def commanded(self) -> Velocity:
         """Return the velocity that the base was last sent."""
         return self._sent
+
+    @property
+    def is_waiting(self) -> bool:
+        """Tell whether the adapter has not sent the newest velocity."""
+        return self._sent != self._current
 
     # --- stop -------------------------------------------------------------------------------------
 
@@ -528,7 +534,7 @@ class Kernel:
         self._hold_on(now)
         self._own = self._current = self._sent = self._target = ZERO
         self._brake_until_rest()
-        self._change(Event.DRIVER_CHANGED)
+        self._change(Change.DRIVER_CHANGED)
 
     # --- actions ----------------------------------------------------------------------------------
 
@@ -660,21 +666,21 @@ class Kernel:
         if self.controller is Controller.RCA:
             self._own = self._current = self.caps(self._now).clamp(self._motion)
             self._output_at, self._at_rest_since = self._now, None
-        self._change(Event.NAVIGATION_LEFT)
+        self._change(Change.NAVIGATION_LEFT)
 
     def _docks(self) -> bool:
         return self.navigation is not None and self.navigation.mode == "docking"
 
-    def _change(self, event: Event) -> None:
+    def _change(self, event: Change) -> None:
         """Follow the table of controllers."""
         before, self.controller = self.controller, after(self.controller, event)
         if self.controller is not before:
-            self._settling_since = self._now
+            self._controller_since = self._now
 
     def _brake_until_rest(self) -> None:
         """Send zeros until the robot has been measured at rest from now on."""
         self._at_rest_since = None
-        self._change(Event.DRIVEN)
+        self._change(Change.DRIVEN)
 
     def _moves(self) -> bool:
         return (
@@ -696,7 +702,7 @@ class Kernel:
         needed = KERNEL.at_rest_after_unbidden if self._moved_unbidden else KERNEL.at_rest_for
         if self._at_rest_since is not None and now - self._at_rest_since >= needed:
             self._moved_unbidden = False
-            self._change(Event.AT_REST)
+            self._change(Change.AT_REST)
         if self.is_at_rest and self.navigation and not self.is_end_unconfirmed:
             self.navigation = replace(self.navigation, may_begin=True)
 
@@ -756,7 +762,7 @@ class Kernel:
         if self.controller is Controller.SETTLING:
             self._own = self._current = no_faster(self._current, self._motion)
         if self._current != ZERO:
-            self._change(Event.DRIVEN)
+            self._change(Change.DRIVEN)
         elif self.is_at_rest and not self.is_end_unconfirmed:
             return Decision(None, "idle")
         self._output_at, self._sent = now, self._current

@@ -13,6 +13,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from robots.agent.navigation.assistance.assist import Assisted
 from robots.agent.ramp import ZERO
+from robots.agent.safety.clock_sync import SERVER_PEER
 from robots.agent.safety.contacts import CREEP, SIDES
 from robots.agent.safety.controllers import Controller
 from robots.agent.safety.estop_latch import BUTTON
@@ -80,6 +81,12 @@ class KernelMachine(RuleBasedStateMachine):
         self.was_begun = False  # the architecture has an action that it has not ended
         self.fights = False  # it went on while the driver was driving
         self.unbidden_for = 0  # ticks for which it has moved the robot against zeros
+        self.too_fast_for = 0  # ticks for which it has driven faster than the limits
+        self.server_beat_at = -math.inf
+        self.has_lagged = self.lags = (
+            False  # the adapter sends a velocity only when the next one is asked for
+        )
+        self.held_back = ZERO
         self.own = False
         self.latched = False
         self.pressed_at = {}  # e-stops by their number
@@ -186,6 +193,11 @@ class KernelMachine(RuleBasedStateMachine):
         for _ in range(round(seconds / 0.2)):
             self.passes(10)
             self.beats(self.now, way)
+
+    @rule()
+    def server_is_heard(self):
+        self.server_beat_at = self.now
+        self.kernel.heard(SERVER_PEER, "mqtt", self.now)
 
     # --- velocities -------------------------------------------------------------------------------
 
@@ -389,6 +401,10 @@ class KernelMachine(RuleBasedStateMachine):
             self.hold()
         self.faulty = self.kernel.fault is not None
 
+    @rule(lags=st.booleans())
+    def adapter_holds_velocities_back(self, lags):
+        self.lags = lags
+
     @rule(sides=st.sets(st.sampled_from(SIDES), max_size=2))
     def touches_something(self, sides):
         self.kernel.touched(sides)
@@ -409,6 +425,7 @@ class KernelMachine(RuleBasedStateMachine):
         self.navigation_is_over()
         self.held = self.by_person = False
         self.told, self.told_at, self.taken = ZERO, -math.inf, -1
+        self.held_back, self.unbidden_for = ZERO, 0
         self.pressed_at = {}
         self.renewal += 1
         self.bench.lease(
@@ -447,10 +464,11 @@ class KernelMachine(RuleBasedStateMachine):
             if self.kernel.navigation is None and running is not None:
                 self.navigation_is_over()
             self.sees(decision)
+            self.counts_speed_of_the_architecture()
 
     def base_moves(self):
         silent = self.now - self.told_at > self.bench.watchdog
-        self.base = GOING if self.goes else ZERO if silent else self.told
+        self.base = self.bench.motion = GOING if self.goes else ZERO if silent else self.told
 
     # --- what is promised -------------------------------------------------------------------------
 
@@ -461,8 +479,9 @@ class KernelMachine(RuleBasedStateMachine):
             self.sees_silence(decision)
             return
         self.counts_unbidden_motion(velocity)
+        velocity = self.sent(velocity)
         before = self.told
-        if moves(self.base) and abs(self.base.linear) > abs(before.linear):
+        if moves(self.base) and before == ZERO:
             before = self.base  # as the architecture has left it
         drives = decision.why in {"driving", "navigating"}
         against = self.goes and decision.why == "driving" and velocity != ZERO
@@ -474,7 +493,8 @@ class KernelMachine(RuleBasedStateMachine):
         ):
             assert abs(new) <= limit + SLACK
             if drives:
-                assert abs(new) <= abs(old) + up * KERNEL.max_step + SLACK
+                step = KERNEL.max_step + (KERNEL.longest_wait if self.has_lagged else 0.0)
+                assert abs(new) <= abs(old) + up * step + SLACK
             else:
                 assert (
                     abs(new) <= max(abs(old), abs(self.base.angular), abs(self.base.linear)) + SLACK
@@ -537,6 +557,24 @@ class KernelMachine(RuleBasedStateMachine):
             self.goes = self.was_begun = True
         self.unbidden_for = 0
 
+    def sent(self, velocity):
+        """Return what the base is sent: the newest, or what the adapter has held back."""
+        if self.lags:
+            self.has_lagged = True
+            # a zero is not held back
+            velocity, self.held_back = (velocity if velocity == ZERO else self.held_back), velocity
+        return velocity
+
+    def counts_speed_of_the_architecture(self):
+        caps = self.kernel.caps(self.now)
+        is_too_fast = (
+            self.kernel.controller is Controller.RCA
+            and self.goes
+            and (GOING.linear > 1.1 * caps.linear or GOING.angular > 1.1 * caps.angular)
+        )
+        self.too_fast_for = self.too_fast_for + 1 if is_too_fast else 0
+        assert self.too_fast_for * TICK <= KERNEL.overspeed_for + 3 * TICK
+
     def counts_unbidden_motion(self, velocity):
         is_unbidden = moves(self.base) and velocity == ZERO == self.told and not self.own
         self.unbidden_for = self.unbidden_for + 1 if is_unbidden else 0
@@ -546,6 +584,13 @@ class KernelMachine(RuleBasedStateMachine):
     @invariant()
     def a_latch_is_released_by_nothing_but_its_release(self):
         assert (self.kernel.latch is not None) == self.latched
+
+    @invariant()
+    def what_the_server_ordered_ends_without_its_heartbeats(self):
+        running = self.kernel.navigation
+        if running is not None and running.ordered_by_server and self.now == self.kernel._now:
+            silence = self.now - max(running.since, self.server_beat_at)
+            assert silence < KERNEL.navigation_silence
 
     @invariant()
     def what_cannot_move_says_why(self):

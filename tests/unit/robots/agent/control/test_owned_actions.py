@@ -220,3 +220,25 @@ class LockedRobot(NavigatingRobot):
 
     def limit_speed(self, linear):
         self.limited.append(linear)
+
+
+@pytest.mark.parametrize("action", [None, m.Goto])
+def test_control_that_fails_brakes_and_cancels_before_it_ends(tmp_path, monkeypatch, action):
+    rig = ControlRig(tmp_path, robot=NavigatingRobot())
+    rig.__enter__()
+    rig.grant()
+    if action is None:
+        rig.drive(0.5)
+    else:
+        go(rig, action)
+    monkeypatch.setattr(rig.control._dispatcher, "deadline", fail)
+    with pytest.raises(ZeroDivisionError):
+        rig.time.run(rig._running)
+    rig.time.close()
+    assert rig.robot.told == ZERO
+    assert not rig.robot.going
+    assert rig.robot.closed
+
+
+def fail(*_):
+    raise ZeroDivisionError

@@ -2,7 +2,7 @@
 
 import itertools
 
-from robots.agent.safety.controllers import TRANSITIONS, Controller, Event, after
+from robots.agent.safety.controllers import TRANSITIONS, Change, Controller, after
 from tests.support.agents.controller_table import EXPECTED
 
 
@@ -16,7 +16,7 @@ def test_table_of_the_kernel_is_that_of_the_model():
 
 
 def test_every_other_event_leaves_the_controller_unchanged():
-    for before, event in itertools.product(Controller, Event):
+    for before, event in itertools.product(Controller, Change):
         if (before.value, event.value) not in EXPECTED:
             assert after(before, event) is before
 
