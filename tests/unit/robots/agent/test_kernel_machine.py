@@ -11,9 +11,9 @@ import math
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from robots.agent.navigation.assistance.assist import Assisted
 from robots.agent.ramp import ZERO
 from robots.agent.safety.clock_sync import SERVER_PEER
+from robots.agent.safety.collision.assist import Assisted
 from robots.agent.safety.contacts import CREEP, SIDES
 from robots.agent.safety.controllers import Controller
 from robots.agent.safety.estop_latch import BUTTON
