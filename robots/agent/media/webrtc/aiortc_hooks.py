@@ -319,6 +319,14 @@ def set_turn_tls_context(connection: RTCPeerConnection, context: ssl.SSLContext)
             ice.turn_ssl = context
 
 
+async def close_sockets(connection: RTCPeerConnection) -> None:
+    """Close the sockets of a connection whose own close() failed: an offer that aiortc gave up
+    half-way leaves parts that cannot be closed, and that stops at the first of them.
+    """
+    for transport in connection._RTCPeerConnection__iceTransports:  # type: ignore[attr-defined]
+        await transport.iceGatherer._connection.close()
+
+
 class _EncodedFrameTap(queue.Queue[Any]):
     """Takes the place of the queue to aiortc's decoder, whose thread then sleeps until the end."""
 
