@@ -66,6 +66,11 @@ def to_standard_library(
     return (LogEvent(event),), passed_on
 
 
+def reason_of(error: BaseException) -> str:
+    """Return what an error says, or its class when it says nothing, as a TimeoutError does."""
+    return str(error) or type(error).__name__
+
+
 def configure() -> None:
     """Have every logger of structlog hand its events to the standard library, unless the program
     around has set it up in its own way.

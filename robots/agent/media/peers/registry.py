@@ -146,7 +146,7 @@ class OfferLimits:
 
     def allow(self, peer: str, now: float, *, drives: bool) -> bool:
         """Return whether an offer may be answered, and count it."""
-        own = self._of[peer] = self._of.pop(peer, None) or Bucket(rate=0.5, burst=5.0)
+        own = self._of[peer] = self._of.pop(peer, Bucket(rate=0.5, burst=5.0))
         if len(self._of) > MAX_LIMITED_PEERS:
             del self._of[next(iter(self._of))]
         return own.spend(now) and (drives or self._all.spend(now))

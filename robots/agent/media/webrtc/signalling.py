@@ -30,6 +30,7 @@ from robots.agent.media.webrtc.packet_gate import PacketGate, ReceivedPacket
 from robots.agent.media.webrtc.relays import Relays
 from robots.api.messages import Candidate, SdpOffer
 from robots.cancellation import cancel
+from robots.logs import reason_of
 
 log = structlog.stdlib.get_logger(__name__)
 
@@ -195,7 +196,7 @@ class PageConnection:
                 try:
                     await self._connection.close()
                 except UNUSABLE as error:
-                    log.warning("connection_close_failed", peer=self.peer, reason=str(error))
+                    log.warning("connection_close_failed", peer=self.peer, reason=reason_of(error))
                     await aiortc_hooks.close_sockets(self._connection)
 
     async def ask_key_frame(self) -> None:
@@ -228,6 +229,7 @@ class PageConnection:
                     outbox,
                     _CODECS[line.kind],
                     listens=self.on_media is not None,
+                    on_failure=functools.partial(self.on_end, "failed"),
                 )
             else:
                 # A page that may give something learns by the direction whether it is wanted.
@@ -265,7 +267,7 @@ class PageConnection:
     def _candidate_added(self, task: "asyncio.Task[None]") -> None:
         self._tasks.discard(task)
         if not task.cancelled() and (error := task.exception()) is not None:
-            log.info("candidate_unusable", peer=self.peer, reason=str(error))
+            log.info("candidate_unusable", peer=self.peer, reason=reason_of(error))
 
     def _on_state(self) -> None:
         assert self._connection is not None

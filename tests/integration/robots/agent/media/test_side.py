@@ -14,7 +14,7 @@ import pytest
 
 from robots.agent.media import MediaSide
 from robots.agent.media.peers.connections import FLOOD_PAUSE
-from robots.agent.media.rtp import capture_stamp
+from robots.agent.media.rtp import RtpStream, capture_stamp
 from robots.agent.media.webrtc import sender_queue, signalling
 from robots.agent.media.webrtc.packet_gate import MAX_BYTES
 from robots.api.codec import encode_frame
@@ -509,6 +509,22 @@ async def test_a_page_that_goes_quiet_frees_its_place_and_one_that_speaks_keeps_
     )
     assert exchange.byes("quiet") == ["failed"]
     assert exchange.byes("speaking") == []
+
+
+async def test_a_page_whose_video_can_no_longer_be_sent_is_told_and_may_connect_again(
+    media, exchange, new_page, monkeypatch, caplog
+) -> None:
+    page = new_page("p1", decode=False)
+    await page.connect()
+    await until(lambda: len(page.pictures) > 5)
+    with monkeypatch.context() as broken:
+        broken.setattr(RtpStream, "packets", lambda *_, **__: 1 / 0)
+        await until(lambda: exchange.byes("p1") == ["failed"], what="a goodbye")
+    assert "sender_failed" in caplog.text
+    assert "ZeroDivisionError" in caplog.text
+    again = new_page("p1", decode=False)
+    await again.connect()
+    await until(lambda: len(again.pictures) > 5, what="pictures again")
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
