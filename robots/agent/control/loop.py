@@ -30,14 +30,14 @@ from robots.agent.store import Store
 from robots.agent.thread_priority import FIRST, ORDINARY, set_nice
 from robots.agent.timing import TimeSource
 from robots.agent.watchdog import end_process
-from robots.api.messages import Capability, Message, Role, SignalReply
+from robots.api.messages import Capability, Message, Role, SignalReply, Velocity
 from robots.cancellation import cancel
 
 log = structlog.stdlib.get_logger(__name__)
 
 PERIOD = 0.02
 LATE = 0.2
-BRAKING_TIME = 3.0
+BRAKING_TIME = 5.0  # s; a Giraff needs 3.5 s from its largest speed
 FAREWELL_TIME = 3.0
 # s for all of it, and for a photo that a thread of the executor still takes
 CLOSE_TIME = 20.0
@@ -82,6 +82,9 @@ class ControlLoop:
             latch=store.latch(),
             newest_lease=store.lease(),
             monitor=shaper,
+            standstill=Velocity(
+                linear=profile.standstill_linear, angular=profile.standstill_angular
+            ),
         )
         # until it has ended as it was asked to; threading.excepthook logs why it did not
         self.failed = True
@@ -177,9 +180,8 @@ class ControlLoop:
         self._ready.set()
         try:
             await self._until_closing(dispatcher, {adapter, link})
-            dispatcher.brake()
-            await self._until_standing(dispatcher)
         finally:
+            await self._bring_to_rest(dispatcher)
             await cancel(adapter)
             await self._adapter.close()
             self._link.close()
@@ -221,12 +223,17 @@ class ControlLoop:
             wake = min(next_tick, dispatcher.deadline() or next_tick)
             await asyncio.sleep(max(0.0, wake - self._times.now()))
 
-    async def _until_standing(self, dispatcher: CommandDispatcher) -> None:
+    async def _bring_to_rest(self, dispatcher: CommandDispatcher) -> None:
+        """Brake and end what the RCA does by itself, whether control was closed or has failed."""
         until = self._times.now() + BRAKING_TIME
-        while not dispatcher.stands and self._times.now() < until:
-            dispatcher.tick()
-            await asyncio.sleep(PERIOD)
-        dispatcher.reports.state()
+        try:
+            dispatcher.brake()
+            while not dispatcher.is_at_rest and self._times.now() < until:
+                dispatcher.tick()
+                await asyncio.sleep(PERIOD)
+            dispatcher.reports.state()
+        except Exception:  # the base's watchdog and the guard of the RCA are left
+            log.exception("braking_failed")
 
     def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
         task = asyncio.get_running_loop().create_task(

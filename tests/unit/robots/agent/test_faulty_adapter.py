@@ -73,7 +73,7 @@ def told_why(rig):
 
 def drives_again(rig):
     rig.robot.faulty = ""
-    rig.wait(lambda: rig.kernel.fault is None and rig.kernel.stands, 60.0)
+    rig.wait(lambda: rig.kernel.fault is None and rig.kernel.is_at_rest, 60.0)
     epoch = 2
     rig.lease(epoch=epoch)
     rig.know_clock()

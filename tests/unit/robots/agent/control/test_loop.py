@@ -60,6 +60,26 @@ def test_every_applied_command_is_in_exactly_one_state(rig):
     assert len(seqs) > last / 2
 
 
+def test_record_has_the_velocity_that_was_sent_where_the_adapter_holds_one_back(tmp_path):
+    class SlowToSend(ScriptedRobot):
+        """One whose adapter sends a velocity only after the next one was asked for."""
+
+        held_back = ZERO
+
+        def apply(self, velocity):
+            sent, self.held_back = self.held_back, velocity
+            return super().apply(sent)
+
+    with ControlRig(tmp_path, robot=SlowToSend()) as rig:
+        rig.grant()
+        rig.drive(0.5)
+        rig.sleep(0.5)
+        sent = {velocity.linear for _, velocity in rig.robot.velocities()}
+        applied = [command for state in rig.link.all("state") for command in state.applied]
+        assert {command.linear for command in applied} <= sent
+        assert applied[0].linear == 0.0, "nothing was sent yet"
+
+
 def test_an_observers_commands_are_refused_and_counted_and_its_stop_is_obeyed(rig):
     rig.grant()
     rig.drive(0.5)
@@ -231,7 +251,12 @@ def test_the_robots_own_button_latches_and_is_reported(rig):
     rig.robot.reading = still(estop=True)
     event = rig.link.wait("event", lambda e: e.type == "estop")
     assert event.detail == "button button"
+    assert rig.link.wait("state", since=rig.link.count).safety.button is True
     rig.robot.reading = still()
+    rig.sleep(0.5)
+    assert rig.kernel.button_pressed, "a robot that reports nothing has released nothing"
+    assert rig.link.wait("state", since=rig.link.count).safety.button is None
+    rig.robot.reading = still(estop=False)
     rig.wait(lambda: rig.robot.told == ZERO)
     rig.wait(lambda: not rig.kernel.button_pressed)
     rig.act(staff(m.ClearEStop, "c1"))
@@ -493,6 +518,17 @@ def test_heartbeats_go_out_on_both_ways_with_the_echo_of_each_way(rig):
             name == "heartbeat" and len(message.echoes) == 2 for name, message in rig.media.told
         )
     )
+
+
+def test_pages_of_the_lease_are_in_every_heartbeat_among_any_number_of_viewers(rig):
+    rig.lease(kind="wizard", peer="p1", wizard="w1", wizard_epoch=1)
+    rig.wait(lambda: rig.kernel.leases.live(rig.now()))
+    for _ in range(10):
+        for peer in ("p1", "w1", *(f"v{number}" for number in range(150))):
+            rig.beat(peer, way="mqtt")
+        beat = rig.link.wait("heartbeat", since=rig.link.count)
+        assert {"p1", "w1"} <= {echo.peer for echo in beat.echoes}
+    assert rig.kernel.clocks.of("w1") is not None
 
 
 def test_a_page_gets_what_it_shows_and_nothing_of_the_record(rig):
