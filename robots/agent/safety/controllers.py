@@ -40,6 +40,7 @@ TRANSITIONS: dict[Controller, dict[Change, Controller]] = {
     Controller.DRIVER: {
         Change.AT_REST: Controller.NONE,
         Change.DRIVER_CHANGED: Controller.SETTLING,
+        Change.MOVES_UNBIDDEN: Controller.SETTLING,
     },
     Controller.SETTLING: {
         Change.AT_REST: Controller.NONE,

@@ -354,7 +354,8 @@ class Kernel:
                 self._at_rest_since = now
             return
         self._at_rest_since = None
-        if self.controller is Controller.NONE:
+        resumed = self.is_end_unconfirmed and self.moves_despite_stop(now)
+        if self.controller is Controller.NONE or (self.controller is Controller.DRIVER and resumed):
             self._moved_unbidden = True
             self._change(Change.MOVES_UNBIDDEN)
 

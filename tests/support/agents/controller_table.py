@@ -9,6 +9,7 @@ ALLOWED = """
     none,       passed on,        navigation
     driver,     at rest,          none
     driver,     driver changed,   settling
+    driver,     moves unbidden,   settling
     settling,   at rest,          none
     navigation, navigation left,  driver
     rca,        passed on,        navigation
