@@ -56,7 +56,7 @@ KEEPALIVE = 5
 # seconds after a Motion in which the robot would cancel any new journey with it
 MOTION_MEMORY = 0.6
 MOTION_ENDS = 2.0  # seconds after the last Motion, after which the robot is in manual mode
-PLAN_STARTS = 1.5  # seconds in which a plan starts, and sets the autonomous mode
+PLAN_STARTS = 1.0  # seconds in which a plan starts, and sets the autonomous mode
 STAYS = 0.1  # metres that the pose of a robot at rest may vary
 # seconds after which a robot that does not leave its place has ended its journey, if it is where it
 # should be
