@@ -151,13 +151,13 @@ class RcaState:
     `odometry` is dead reckoning, in a frame of its own that begins anywhere. `clearance` is the
     distance in metres from the footprint to the nearest thing, None when unknown. `contacts` counts
     the collisions that began since connect(), `distance` the metres driven since then. `estop` is
-    true while the robot's own emergency button is pressed. `path` is what the robot follows by
-    itself, in map metres, () when that is nothing, None when unknown. `scan`, `sonar` and `points`
-    are what is new since the reading before. `bumper` has the directions, in radians in the robot's
-    frame, in which something touches the robot now: () nothing, None when that is not known.
-    `assist_why` and `assist_point` say what the assistance of an RCA that has one minds, as in
-    `messages.State`. `battery` and `tilt` have None for what the robot does not know: never a
-    guess.
+    true while the robot's own emergency button is pressed, None until that is reported. `path` is
+    what the robot follows by itself, in map metres, () when that is nothing, None when unknown.
+    `scan`, `sonar` and `points` are what is new since the reading before. `bumper` has the
+    directions, in radians in the robot's frame, in which something touches the robot now: ()
+    nothing, None when that is not known. `assist_why` and `assist_point` say what the assistance of
+    an RCA that has one minds, as in `messages.State`. `battery` and `tilt` have None for what the
+    robot does not know: never a guess.
     """
 
     stamp: float
@@ -171,7 +171,7 @@ class RcaState:
     distance: float = 0.0
     scan: Scan | None = None
     errors: tuple[str, ...] = ()
-    estop: bool = False
+    estop: bool | None = None
     odometry: Pose2D | None = None
     path: tuple[Point, ...] | None = None
     assist_why: str = ""

@@ -4,9 +4,10 @@ anywhere as a path that ends in .toml.
 series = "giraff"                      how the site calls this kind of robot
 footprint = [[0.3, -0.2], …]           convex, metres in the robot's frame
 [limits]  [tilt]  [laser]  [camera]  [battery]   as in the factsheet; SI units and radians
-[[sonars]]  bumper = true  [depth]       sensors for obstacles, as in robot_interface.py, whose
-readings the adapter gives [moos]  [ros1]  …             what one adapter must know about this
-robot; options of the command line overrule it
+[[sonars]]  bumper = true  [depth]     sensors for obstacles, as in robot_interface.py
+standstill_linear = 0.02               m/s, and standstill_angular rad/s: slower is at rest
+unguarded_navigation = true            allows navigation that nothing stops when the agent is lost
+[moos]  [ros1]  …                      of one adapter; options of the command line overrule it
 
 Each adapter's table states its `watchdog`, the seconds after which the base stops by itself when
 velocities no longer come: no adapter has a default, and no option overrules it, for it is a
@@ -19,10 +20,10 @@ import re
 import tomllib
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import msgspec
-from msgspec import Struct
+from msgspec import Meta, Struct
 
 from robots.agent.adapters.common.profile_errors import line_of, refused, shown, unreadable
 from robots.agent.ramp import check_times
@@ -49,9 +50,13 @@ class BatteryRange(Struct, frozen=True):
         return min(1.0, max(0.0, (voltage - self.empty) / (self.full - self.empty)))
 
 
+Speed = Annotated[float, Meta(gt=0.0, le=0.5)]  # m/s or rad/s that still counts as a standstill
+
+
 class RobotProfile(Struct, frozen=True):
-    """One robot. `adapters` holds the table of each adapter, unchecked; `file` is where it all
-    stands.
+    """One robot. `adapters` holds the table of each adapter, unchecked; `file` is its path.
+
+    `unguarded_navigation` allows the RCA to navigate where nothing stops it when the agent is lost.
     """
 
     series: Name
@@ -64,6 +69,9 @@ class RobotProfile(Struct, frozen=True):
     sonars: tuple[Sonar, ...] = ()
     bumper: bool = False
     depth: DepthCamera | None = None
+    unguarded_navigation: bool = False
+    standstill_linear: Speed = 0.02
+    standstill_angular: Speed = 0.05
     adapters: dict[str, dict[str, Any]] = {}
     file: str = ""
 
@@ -75,7 +83,19 @@ SECTIONS: dict[str, type[Struct]] = {
     "camera": Camera,
     "battery": BatteryRange,
 }
-SHARED = frozenset({"series", "footprint", "sonars", "bumper", "depth", *SECTIONS})
+SHARED = frozenset(
+    {
+        "series",
+        "footprint",
+        "sonars",
+        "bumper",
+        "depth",
+        "unguarded_navigation",
+        "standstill_linear",
+        "standstill_angular",
+        *SECTIONS,
+    }
+)
 
 
 def nearest(word: str, known: Collection[str]) -> str:
