@@ -64,6 +64,14 @@ async def _until(adapter: Adapter, until, seconds: float, act) -> RcaState:
     raise AssertionError("the states ended")
 
 
+async def sent(adapter: Adapter, velocity: Velocity, expected: Velocity) -> Velocity:
+    """Apply a velocity until `apply` says that the expected one was sent; return what it said."""
+    async with asyncio.timeout(patient(5.0)):
+        while (found := adapter.apply(velocity)) != expected:
+            await asyncio.sleep(TICK)
+    return found
+
+
 def stands(state: RcaState) -> bool:
     return abs(state.velocity.linear) < 0.005 and abs(state.velocity.angular) < 0.005
 
@@ -138,7 +146,8 @@ class AdapterConformance:
 
     async def test_it_moves_as_it_is_told_and_says_what_it_sent(self, adapter: Adapter) -> None:
         start = (await some(adapter.states(), 1))[0]
-        assert adapter.apply(Velocity(linear=0.2, angular=0.0)) == Velocity(linear=0.2, angular=0.0)
+        ahead = Velocity(linear=0.2, angular=0.0)
+        assert await sent(adapter, ahead, ahead) == ahead
 
         # Whoever is late in saying it is braked by the watchdog meanwhile, and begins again.
         def goes_steadily(state: RcaState) -> bool:
@@ -169,13 +178,11 @@ class AdapterConformance:
 
     async def test_it_never_sends_more_than_its_limits(self, adapter: Adapter) -> None:
         limits = adapter.profile.limits
-        assert adapter.apply(Velocity(linear=9.0, angular=19.0)) == Velocity(
-            linear=limits.linear, angular=limits.angular
-        )
-        assert adapter.apply(Velocity(linear=-9.0, angular=-19.0)) == Velocity(
-            linear=-limits.reverse, angular=-limits.angular
-        )
-        adapter.apply(STILL)
+        most = Velocity(linear=limits.linear, angular=limits.angular)
+        assert await sent(adapter, Velocity(linear=9.0, angular=19.0), most) == most
+        most = Velocity(linear=-limits.reverse, angular=-limits.angular)
+        assert await sent(adapter, Velocity(linear=-9.0, angular=-19.0), most) == most
+        assert adapter.apply(STILL) == STILL
 
     async def test_zeros_brake(self, adapter: Adapter) -> None:
         await drive(adapter, Velocity(linear=0.2, angular=0.0), lambda s: s.velocity.linear > 0.15)

@@ -7,13 +7,16 @@ beside the test.
 
 import asyncio
 import math
+import tempfile
 import threading
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from robots.agent.adapters import registry
+from robots.agent.adapters.common.robot_profile import SHIPPED
 from robots.agent.simulator.physics.realtime import Playback
 from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.geometry import Pose2D, wrap_angle
@@ -135,6 +138,7 @@ class RcaRig:
 
     def __init__(self, series=None):
         self.world = RcaWorld(series or self.series)
+        self._directory = tempfile.TemporaryDirectory()
         self.loop = asyncio.new_event_loop()
         self.running = False
         self.errors = []
@@ -175,7 +179,15 @@ class RcaRig:
             self._thread.join(10)
 
     def adapter(self, **options):
-        return registry.create(self.adapter_name, self.world.series, {**self.options(), **options})
+        return registry.create(self.adapter_name, self.profile, {**self.options(), **options})
+
+    @property
+    def profile(self):
+        """The robot's profile, which allows its RCA to navigate without a guard."""
+        path = Path(self._directory.name) / f"{self.world.series}.toml"
+        shipped = (SHIPPED / f"{self.world.series}.toml").read_text()
+        path.write_text(f"unguarded_navigation = true\n{shipped}")
+        return str(path)
 
     def call(self, work, within=15.0):
         return asyncio.run_coroutine_threadsafe(work, self.loop).result(patient(within))

@@ -117,14 +117,15 @@ class RemoteAdapter(ABC):
     place = "the robot control architecture"
     vital = "its readings"
     must_answer = True  # whether an RCA that does not answer is lost while its readings come
-    connect_time = CONNECT_TIME
+    connect_time: float | None = None  # where it is not CONNECT_TIME
+    gate_params: GateParams | None = None  # where they are not GATE
 
     def __init__(self, profile: Profile, battery: BatteryRange | None = None) -> None:
         self.profile = profile
         self._battery = battery
         self.readings = Readings(battery)
         self.pending_actions = PendingActions(self._tell)
-        self._gate = VelocityGate(GATE, time.monotonic())
+        self._gate = VelocityGate(self.gate_params or GATE, time.monotonic())
         self._failure = "not connected"
         self._progress = ProgressQueue()
         self._news = asyncio.Event()
@@ -171,7 +172,7 @@ class RemoteAdapter(ABC):
 
     def _why_late(self) -> str:
         """Return why the connection was not made in time, as the end of a sentence."""
-        return f"not connected after {self.connect_time:.0f} s"
+        return f"it is not connected after {self.connect_time or CONNECT_TIME:.0f} s"
 
     def _why_silent(self) -> str:
         """Return why the RCA says nothing of what is vital, in a sentence, "" when nobody knows."""
@@ -287,10 +288,10 @@ class RemoteAdapter(ABC):
         self.readings.estop = estop  # the last known state counts until it is reported again
         self._failure = ""
         try:
-            async with asyncio.timeout(self.connect_time):
+            async with asyncio.timeout(self.connect_time or CONNECT_TIME):
                 await self._open()
                 await self._cancel_leftovers()
-            self._gate = VelocityGate(GATE, time.monotonic())
+            self._gate = VelocityGate(self.gate_params or GATE, time.monotonic())
             await self._cancel_all()
             self._tell_to_stand(time.monotonic())  # an earlier client may have driven
             await self._first_reading()

@@ -18,7 +18,8 @@ import structlog
 from msgspec import Meta
 
 from robots.agent.adapters.common.robot_profile import load_profile, settings_of
-from robots.agent.adapters.ros.base import Goals, Handler, RosAdapter, RosOptions
+from robots.agent.adapters.ros.base import RosAdapter, RosOptions
+from robots.agent.adapters.ros.bus import Goals, Handler
 from robots.agent.adapters.ros.graph import Graph, TopicPeers
 from robots.agent.robot_interface import AdapterError
 
