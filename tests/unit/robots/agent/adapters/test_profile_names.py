@@ -13,6 +13,7 @@ from robots.api.messages import Limits
 
 ROBOT = """
 series = "mine"
+unguarded_navigation = true
 footprint = [[0.2, -0.2], [0.2, 0.2], [-0.2, 0.0]]
 [limits]
 linear = 0.5
@@ -106,7 +107,8 @@ def test_a_profile_that_states_no_watchdog_is_refused_for_no_default_is_a_proper
 ):
     with pytest.raises(AdapterError, match=f"has no watchdog for {adapter}: set in its section"):
         made(tmp_path, "", adapter=adapter)
-    assert made(tmp_path, f"[{adapter}]\nwatchdog = 0.7\n", adapter=adapter).profile.watchdog == 0.7
+    stated = f"[{adapter}]\nwatchdog = 0.7\n"
+    assert made(tmp_path, stated, adapter=adapter).profile.watchdog == 0.7
 
 
 def test_no_option_overrules_it(tmp_path):
