@@ -8,8 +8,11 @@ stay in one place.
 """
 
 import json
+import logging
+import queue
 import re
 import sys
+import threading
 from collections.abc import Mapping, MutableMapping
 from typing import Any
 
@@ -22,6 +25,8 @@ import structlog  # noqa: E402 -- without the above
 for _name in _UNUSED:
     del sys.modules[_name]
 
+MOST_WAITING = 2000  # lines for a terminal or a journal that takes none
+FLUSH_S = 1.0
 _PLAIN = re.compile(r"[^\s\"=]+")
 TRACEBACK = "exc_info"
 
@@ -71,3 +76,58 @@ def configure() -> None:
         wrapper_class=structlog.stdlib.BoundLogger,
         cache_logger_on_first_use=True,
     )
+
+
+class ThreadedHandler(logging.Handler):
+    """Has other handlers write in a thread of its own: a terminal or a journal that takes no more
+    lines must not stop the thread that logs. Lines that find no room are dropped and counted.
+
+    Args:
+        handlers: that write.
+        most: lines that may wait.
+    """
+
+    def __init__(self, handlers: list[logging.Handler], most: int = MOST_WAITING) -> None:
+        super().__init__()
+        self._handlers, self._dropped = handlers, 0
+        self._lines: queue.Queue[logging.LogRecord] = queue.Queue(most)
+        threading.Thread(target=self._write, name="log", daemon=True).start()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Queue a line; called with the handler's lock, like the count of those dropped."""
+        try:
+            self._lines.put_nowait(record)
+        except queue.Full:
+            self._dropped += 1
+
+    def flush(self) -> None:
+        """Wait until all lines are written, at most `FLUSH_S` seconds."""
+        with self._lines.all_tasks_done:
+            self._lines.all_tasks_done.wait_for(lambda: not self._lines.unfinished_tasks, FLUSH_S)
+
+    def _write(self) -> None:
+        while True:
+            record = self._lines.get()
+            for handler in self._handlers:
+                if record.levelno >= handler.level:
+                    handler.handle(record)
+            self._lines.task_done()
+            self.acquire()
+            dropped, self._dropped = self._dropped, 0
+            self.release()
+            if dropped:
+                logging.getLogger(__name__).warning(LogEvent(event="lines_dropped", count=dropped))
+
+
+def write_in_a_thread() -> None:
+    """Have the root logger's handlers write in a thread from now on; idempotent."""
+    root = logging.getLogger()
+    if not any(isinstance(handler, ThreadedHandler) for handler in root.handlers):
+        root.handlers = [ThreadedHandler(root.handlers)]
+
+
+def flush() -> None:
+    """Wait until what was logged is written, at most `FLUSH_S` seconds."""
+    for handler in logging.getLogger().handlers:
+        if isinstance(handler, ThreadedHandler):
+            handler.flush()

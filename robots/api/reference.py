@@ -188,6 +188,8 @@ then.
   in order. Keep the states of ten minutes for `resend_states`.
 - Publish `pose` while the robot moves, at most 15 times a second (30 while its head tilts), and
   `heartbeat` five times a second on both transports, with one echo for each peer and transport.
+  Echo the server and the peers of the lease (`peer`, `wizard`) each time; where other peers exceed
+  the room, they take turns.
 - Do not stop a drive when the broker is unavailable: commands on the data channel count until the
   lease ends.
 - Leave out what the robot does not know; never guess. A robot that reports nothing for 1 s, or

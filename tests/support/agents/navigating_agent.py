@@ -1,10 +1,10 @@
-"""`python -m tests.support.agents.navigating_agent JSON`: an adapter that sends its robot to a goal,
-in a process that is made to be killed and stopped.
+"""`python -m tests.support.agents.navigating_agent JSON`: an adapter that sends its robot to a
+goal, in a process that is made to be killed and stopped.
 
 It does what the kernel does with an adapter, and no more: it connects again for ever, passes the
-navigation's velocities on where they pass through the agent, and after a line "cancel" on standard
-input cancels every 0.5 s until that is confirmed. JSON: `adapter`, `profile`, `options`, `goal`
-(metres ahead; null: it only connects). Each event is a JSON line.
+navigation's velocities on where they pass through the agent, starts what a line on standard input
+names (`goto`, 60 m ahead, or `dock`), and after `cancel` cancels it every 0.5 s until that is
+confirmed. JSON: `adapter`, `profile`, `options`. Each event is a JSON line.
 """
 
 import asyncio
@@ -14,10 +14,14 @@ import sys
 import time
 
 from robots.agent.adapters import registry
-from robots.agent.robot_interface import AdapterError
-from robots.api.messages import Goto, Velocity
+from robots.agent.robot_interface import ActionRefusedError, AdapterError
+from robots.api.messages import Dock, Goto, Velocity
 
 ZERO = Velocity(linear=0.0, angular=0.0)
+ACTIONS = {
+    b"goto\n": Goto(action_id="action", stamp=0.0, x=60.0, y=0.0, theta=0.0),
+    b"dock\n": Dock(action_id="action", stamp=0.0),
+}
 
 
 def report(**event):
@@ -40,30 +44,33 @@ async def read_progress(adapter):
         report(progress=news.status, reason=news.reason)
 
 
-async def cancel_on_request(adapter):
+async def obey(adapter):
     reader = asyncio.StreamReader()
     await asyncio.get_running_loop().connect_read_pipe(
         lambda: asyncio.StreamReaderProtocol(reader), sys.stdin
     )
-    while await reader.readline():
-        while not await adapter.cancel("goal"):
-            await asyncio.sleep(0.5)
-        report(confirmed=True)
+    while line := await reader.readline():
+        if line == b"cancel\n":
+            while not await adapter.cancel("action"):
+                await asyncio.sleep(0.5)
+            report(confirmed=True)
+            continue
+        try:
+            await adapter.start(ACTIONS[line])
+        except AdapterError as error:
+            report(failed=str(error), refused=isinstance(error, ActionRefusedError))
 
 
 async def main(wish):
     adapter = registry.create(wish["adapter"], wish["profile"], wish["options"])
     report(control=adapter.profile.navigation_control)
-    goal, errors = wish["goal"], ()
-    work = [read_progress(adapter), pass_velocities(adapter), cancel_on_request(adapter)]
+    errors = ()
+    work = [read_progress(adapter), pass_velocities(adapter), obey(adapter)]
     tasks = [asyncio.ensure_future(each) for each in work]
     while True:
         try:
             await adapter.connect()
             report(connected=True)
-            if goal is not None:
-                await adapter.start(Goto(action_id="goal", stamp=0.0, x=goal, y=0.0, theta=0.0))
-                goal = None
             async for state in adapter.states():
                 if state.errors != errors:
                     errors = state.errors

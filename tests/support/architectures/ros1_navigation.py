@@ -3,13 +3,15 @@
 `base LOG` is a mobile base: it accelerates with 0.8 m/s², obeys the newest velocity on /cmd_vel,
 stops 0.5 s after it, and writes what it does as JSON lines.
 
-`planner HABIT TOPIC LOG` is move_base, by actionlib's SimpleActionServer: it publishes 0.3 m/s ten
-times a second while a goal is active. Habits: `obeys`; `misses` the first two cancels, which the
-server never receives; `ignores` every cancel; `resumes` a second after a cancel; `hesitates` 6 s
-before it accepts a goal (actionlib lists it as PENDING meanwhile).
+`planner HABIT TOPIC LOG` is move_base, by actionlib's SimpleActionServer, and docks by services: it
+publishes 0.3 m/s ten times a second while a goal is active or it docks. Habits: `obeys`; `misses`
+the first two cancels, which the server never receives; `ignores` every cancel; `resumes` a second
+after a cancel; `hesitates` 6 s before it accepts a goal (actionlib lists it as PENDING meanwhile),
+and answers a call to dock as late as 12 s after it.
 """
 
 import json
+import pathlib
 import sys
 import threading
 import time
@@ -24,7 +26,8 @@ MISSED = 2
 
 class Log:
     def __init__(self, path):
-        self.file, self.lock = open(path, "a", buffering=1), threading.Lock()  # noqa: SIM115
+        self.file = pathlib.Path(path).open("a", buffering=1)  # noqa: SIM115 - until the end
+        self.lock = threading.Lock()
 
     def write(self, **entry):
         with self.lock:
@@ -71,6 +74,11 @@ def planner(habit, topic, log):
     rospy.init_node("move_base", disable_signals=True, disable_rosout=True)
     velocity = rospy.Publisher(topic, Twist, queue_size=1, tcp_nodelay=True)
 
+    def publish(speed):
+        message = Twist()
+        message.linear.x = speed
+        velocity.publish(message)
+
     def execute(goal):
         log.write(started=goal.target_pose.pose.position.x)
         cancelled_at = None
@@ -80,35 +88,67 @@ def planner(habit, topic, log):
                 if habit not in {"ignores", "resumes"}:
                     break
             waits = cancelled_at is not None and time.monotonic() - cancelled_at < 1.0
-            message = Twist()
-            message.linear.x = 0.0 if habit == "resumes" and waits else SPEED
-            velocity.publish(message)
+            publish(0.0 if habit == "resumes" and waits else SPEED)
             time.sleep(0.1)
-        velocity.publish(Twist())
+        publish(0.0)
         log.write(ended=goal.target_pose.pose.position.x)
         server.set_preempted()
 
     server = actionlib.SimpleActionServer("move_base", MoveBaseAction, execute, auto_start=False)
     inner, received = server.action_server, [0]
     cancel, accept = inner.internal_cancel_callback, server.internal_goal_callback
+    cancelled = set()
 
     def take_cancel(goal_id):
         received[0] += 1
         log.write(cancel=goal_id.id)
         if habit != "misses" or received[0] > MISSED:
+            cancelled.add(goal_id.id)
             cancel(goal_id)
 
-    def hesitate(goal):
+    def accept_late(goal):
+        accept(goal)
+        if goal.get_goal_id().id in cancelled:
+            server.internal_preempt_callback(goal)
+
+    def take_goal(goal):
         log.write(received=goal.get_goal_id().id)
         if habit == "hesitates":
-            threading.Timer(6.0, accept, [goal]).start()
+            threading.Timer(6.0, accept_late, [goal]).start()
         else:
             accept(goal)
 
     inner.internal_cancel_callback = take_cancel
-    inner.goal_callback = hesitate
+    inner.goal_callback = take_goal
     server.start()
-    threading.Event().wait()
+    docking = serve_docking(habit, log)
+    log.write(ready=True)
+    while True:
+        docking.wait()
+        publish(SPEED)
+        time.sleep(0.1)
+
+
+def serve_docking(habit, log):
+    from std_srvs.srv import Trigger, TriggerResponse
+
+    docking = threading.Event()
+
+    def dock(_request):
+        log.write(dock=True)
+        docking.set()
+        if habit == "hesitates":
+            time.sleep(12.0)
+        return TriggerResponse(True, "")
+
+    def cancel_dock(_request):
+        log.write(cancel_dock=True)
+        docking.clear()
+        return TriggerResponse(True, "")
+
+    rospy.Service("/dock", Trigger, dock)
+    rospy.Service("/cancel_dock", Trigger, cancel_dock)
+    return docking
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 that sends it to a goal: each can be frozen and killed.
 """
 
+import itertools
 import json
 import math
 import signal
@@ -16,7 +17,6 @@ from tests.support.patience import patient
 
 SCRIPT = Path(__file__).with_name("ros1_navigation.py")
 MOVES = 0.03  # m/s
-FAR = 60.0  # m to the goal
 
 
 class Process:
@@ -51,6 +51,10 @@ class Process:
         self.process.kill()
         self.process.wait()
 
+    def request(self, word):
+        self.process.stdin.write(f"{word}\n".encode())
+        self.process.stdin.flush()
+
 
 class Ros1Processes:
     """Use as a context manager; `agent()` may be started again."""
@@ -59,6 +63,7 @@ class Ros1Processes:
         self.directory = directory
         self.master = RosMaster(host)
         self._running = []
+        self._numbers = itertools.count()
 
     def __enter__(self):
         self.master.start()
@@ -81,20 +86,27 @@ class Ros1Processes:
         command = [PYTHON, str(SCRIPT), *words, str(log)]
         return self._keep(Process(command, log, environment, stdout=subprocess.DEVNULL))
 
+    def stop(self, process):
+        self._running.remove(process)
+        process.kill()
+
     def _keep(self, process):
         self._running.append(process)
         return process
 
     def plan(self, habit, topic="/cmd_vel"):
-        self.planner = self._node("planner", ["planner", habit, topic])
+        """Start a planner and wait until it takes goals."""
+        planner = self._node(f"planner{next(self._numbers)}", ["planner", habit, topic])
+        planner.wait_for(lambda event: "ready" in event, within=60.0)
+        return planner
 
-    def agent(self, options, *, goal=FAR, prefix=()):
-        log = self.directory / f"agent{len(self._running)}.log"
+    def agent(self, options, prefix=()):
+        """Start an agent and wait until it is connected."""
+        log = self.directory / f"agent{next(self._numbers)}.log"
         wish = {
             "adapter": "ros1",
             "profile": "rhodon",
             "options": {"master": self.master.uri, "ip": self.master.host, **options},
-            "goal": goal,
         }
         command = [
             *prefix,
@@ -104,7 +116,9 @@ class Ros1Processes:
             json.dumps(wish),
         ]
         with log.open("w") as out:
-            return self._keep(Process(command, log, stdin=subprocess.PIPE, stdout=out))
+            agent = self._keep(Process(command, log, stdin=subprocess.PIPE, stdout=out))
+        agent.wait_for(lambda event: "connected" in event, within=60.0)
+        return agent
 
     def drives(self):
         """Wait until the base drives as fast as the planner wants."""

@@ -44,7 +44,8 @@ const ALONE = new Set(["goto", "docking"]);
  * @property {boolean} canHangUp
  * @property {string} knock
  * @property {number} watching
- * @property {"" | "ours" | "other" | "wait" | "unconfirmed" | "unreleased" | "sure"} stopped
+ * @property {"" | "ours" | "other" | "wait" | "unconfirmed" | "unreleased" | "sure" | "runs_on"
+ *   } stopped
  * @property {"" | "offered" | "sure" | "asked"} release
  */
 
@@ -137,6 +138,9 @@ const stopOf = (told, now) => {
 const stoppedBy = ({ state, stop }, now) => {
   if (stop) {
     return now - stop.since > UNCONFIRMED ? "unconfirmed" : "wait";
+  }
+  if (state?.errors?.some((/** @type {string} */ error) => error.startsWith("runs_on: "))) {
+    return "runs_on";
   }
   if (!state?.safety?.estop) {
     return "";

@@ -6,7 +6,7 @@ import pytest
 from robots.agent.control import dispatcher, reports
 from robots.agent.ramp import LONGEST_DEADMAN, LONGEST_WATCHDOG
 from robots.agent.safety import freshness, hold, permissions
-from robots.agent.safety.kernel import KERNEL
+from robots.agent.safety.kernel import KERNEL, STANDSTILL
 from robots.api import messages, topics
 from robots.api import reference as made
 from robots.api.reference import classes
@@ -70,8 +70,8 @@ def test_what_needs_no_lease_stands_among_the_rules_of_an_agent():
     [
         f"`deadman` is at most {LONGEST_DEADMAN:g} s, `watchdog` at most {LONGEST_WATCHDOG:g} s",
         (
-            f"at most {KERNEL.standstill:g} m/s and {KERNEL.standstill_turning:g} rad/s for"
-            f" {KERNEL.stands_for:g} s"
+            f"at most {STANDSTILL.linear:g} m/s and {STANDSTILL.angular:g} rad/s for"
+            f" {KERNEL.at_rest_for:g} s"
         ),
         f"{KERNEL.navigation_silence:g} s after the driver's last heartbeat",
         f"The same `actionId` within {KERNEL.same_stop:g} s",

@@ -163,5 +163,5 @@ class MoveBase:
 
     def _end(self, goal: str, status: ActionState, text: str) -> None:
         if self._sent.pop(goal, None) is not None:
-            reason = "" if status == "FINISHED" else text or "navigation gave up"
-            self._goals.ended(goal, status, reason)
+            usual = {"FINISHED": "", "CANCELLED": "cancelled"}.get(status, "navigation gave up")
+            self._goals.ended(goal, status, "" if status == "FINISHED" else text or usual)
