@@ -248,13 +248,13 @@ def said_lately(robot: Robot, now: datetime.datetime) -> start_condition.RobotSn
     of its agent that is over.
     """
     fresh = (
-        robot.last_seen_at is not None
-        and (now - robot.last_seen_at).total_seconds() <= SAID_SECONDS
+        robot.presence.last_seen_at is not None
+        and (now - robot.presence.last_seen_at).total_seconds() <= SAID_SECONDS
     )
-    report = robot.report or {}
+    report = robot.presence.report or {}
     return (
         start_condition.snapshot(report)
-        if fresh and report and report.get("boot", "") == robot.boot
+        if fresh and report and report.get("boot", "") == robot.presence.boot
         else None
     )
 
@@ -453,7 +453,7 @@ def _doors(robot: Robot) -> list[str]:
     """Return the doors that the server can move: those of a simulated site. A real door is
     somebody's to close.
     """
-    movable = "doors" in (robot.factsheet or {}).get("capabilities", ())
+    movable = "doors" in (robot.presence.factsheet or {}).get("capabilities", ())
     return (
         [door["name"] for door in robot.floor_plan.plan.get("doors", ())]
         if movable and robot.floor_plan

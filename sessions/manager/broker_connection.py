@@ -27,7 +27,7 @@ from robots.api import codec, messages, topics
 from robots.bridge import broker_address
 from robots.cancellation import until_one_ends
 from robots.models import Robot
-from robots.presence import PresenceWriter
+from robots.presence.writer import PresenceWriter
 from sessions import signals, system_log
 from sessions.leases.transitions import RobotLink
 from sessions.manager import notices
@@ -225,10 +225,10 @@ class BrokerConnection:
         with self._work.ownership.about(*(change.robot.name for change in changes)):
             SystemLog.objects.bulk_create(
                 system_log.entry(
-                    "robot_online" if change.online else "robot_offline",
+                    "robot_online" if change.connection == "ONLINE" else "robot_offline",
                     robot=change.robot,
                     at=now,
-                    state=change.state,
+                    state=change.connection,
                 )
                 for change in changes
             )

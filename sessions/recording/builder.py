@@ -16,7 +16,7 @@ from django.db.models import Model
 
 from robots.api.errors import Rejection
 from robots.api.messages import Event
-from robots.presence import without_nul
+from robots.presence.writer import without_nul
 from sessions import protocol
 from sessions.models import NetworkSample, SessionEvent, Snapshot, SystemLog
 from sessions.recording.chunks import Chunk, Chunks

@@ -206,7 +206,7 @@ def _found(robots: QuerySet[Robot], searched: str) -> QuerySet[Robot]:
 
 def _in_order(robots: QuerySet[Robot], now: datetime.datetime) -> QuerySet[Robot]:
     heard = now - datetime.timedelta(seconds=HEARD_SECONDS)
-    is_online = Q(connection="ONLINE", enabled=True, last_seen_at__gt=heard)
+    is_online = Q(presence__connection="ONLINE", enabled=True, presence__last_seen_at__gt=heard)
     return (
         robots.annotate(away=Case(When(is_online, then=0), default=1, output_field=IntegerField()))
         .order_by("away", "for_experienced", "title", "name")

@@ -17,6 +17,7 @@ from robots.access import (
 )
 from robots.models import Robot, RobotPermit
 from sessions.protocol import Refused
+from tests.support.robots import create_robot
 
 pytestmark = pytest.mark.django_db
 Kind, Access = RobotPermit.Privilege, Robot.Access
@@ -33,7 +34,7 @@ def overseer(name="staff"):
 
 
 def robot(**fields):
-    return Robot.objects.create(**({"name": "giraff", "title": "Giraff"} | fields))
+    return create_robot(**({"name": "giraff", "title": "Giraff"} | fields))
 
 
 def permit(user, robot, kind):
