@@ -437,7 +437,8 @@ class Scheduler:
         return items
 
     def _publish_end(self, session: Session, now: datetime.datetime) -> None:
-        self._told.pop(str(session.pk), None)
+        for known in (self._told, self._unready):
+            known.pop(str(session.pk), None)
         if _recorded(str(session.pk), "ended").exists():
             return  # by a session manager before this one
         ended = Ended(

@@ -138,6 +138,10 @@ class RecordStore:
         self._robot_of_session[session] = name
         return name
 
+    def forget(self, session: str) -> None:
+        """Keep no more of a session than the database does."""
+        self._robot_of_session.pop(session, None)
+
     def _remember_unknown(self, session: str, now: float) -> None:
         if len(self._unknown) > 10_000:
             self._unknown.clear()
