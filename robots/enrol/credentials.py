@@ -22,7 +22,8 @@ from typing import Any, Literal
 from django.utils import timezone
 from django.utils.crypto import salted_hmac
 
-from robots.api.credentials_file import keep, toml
+from robots.api.credentials_file import toml
+from robots.api.private_files import write_private
 from robots.enrol.bcrypt import bcrypt_hash
 from robots.models import Robot, RobotCredentials
 
@@ -188,7 +189,8 @@ def keep_credentials(credentials: Credentials, path: Path, **addresses: str) -> 
     """Write a credentials file that only its owner can read (for a robot on the server's own
     machine).
     """
-    keep(path, credentials.toml(**addresses))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_private(path, credentials.toml(**addresses))
 
 
 def users_of(name: str, kept: RobotCredentials, now: datetime.datetime) -> dict[str, str]:
