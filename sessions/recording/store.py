@@ -237,10 +237,9 @@ class RecordStore:
 
     def _insert_one(self, row: Model) -> None:
         try:
-            with transaction.atomic():
+            # its commit tells of a session that was deleted meanwhile
+            with transaction.atomic(durable=True):
                 row.save(force_insert=True)
-                # a session that was deleted meanwhile shows here and not at some later commit
-                connection.check_constraints()
         except IntegrityError as error:
             if isinstance(row, StateChunk) and self._insert_rest(row):
                 return

@@ -11,6 +11,7 @@ import msgspec
 import pytest
 from aiomqtt import Message, Topic
 from django.db import IntegrityError, OperationalError, connection
+from django.test.utils import CaptureQueriesContext
 from django.utils import timezone
 
 from accounts.models import User
@@ -634,3 +635,17 @@ def test_of_sessions_whose_records_are_closed_nothing_is_kept_in_memory(session)
     assert not Session.objects.filter(closed_at=None).exists()
     parts = repr([vars(part) for part in (record, record._store, record._runs)])
     assert not [row for row in rows if str(row.pk) in parts]
+
+
+def test_rows_of_a_deleted_session_cost_no_check_of_the_whole_database(session):
+    record = builder()
+    for seq in range(1, 200, 10):
+        record.take(state_item(session, seq))
+        record.take(event_item(session, "docked", seq))
+    record.close_all()
+    session.delete()
+    with CaptureQueriesContext(connection) as asked:
+        record.write()
+    assert record.counts["refused"] + record._store.counts["refused"] > 20
+    assert not SessionEvent.objects.exists()
+    assert not [query["sql"] for query in asked if "foreign_key_check" in query["sql"]]
