@@ -310,9 +310,9 @@ def test_whom_nobody_invited_costs_one_look_and_an_invitation_as_many_as_two(
     Participant.objects.filter(user=invited).exclude(study__slug="first").update(step="experience")
     assert robot.floor_plan is not None, "it is read with the robot, wherever robots are shown"
     with django_assert_num_queries(1):
-        assert not grants.invites(comer, robot)
+        assert not grants.invited_to(comer, [robot])
     with django_assert_num_queries(2):
-        assert grants.invites(invited, robot)
+        assert grants.invited_to(invited, [robot]) == [robot]
 
 
 def test_everybody_else_drives_freely_where_the_study_does_not_mind(robot, study):
