@@ -100,7 +100,7 @@ def page_config(robot: Robot, user: Any) -> dict[str, Any]:
         "socket": "/" + protocol.PATH.replace("<slug:robot>", robot.name),
         "floorplan": reverse("floor_plan", args=[plan.name]) if plan is not None else None,
         "snapshots": reverse("snapshots", args=[robot.name]),
-        "factsheet": robot.factsheet,
+        "factsheet": robot.presence.factsheet,
         "returnsHome": robot.returns_home,
         "suggested": interfaces.suggested_to(user),
         "operates": bool(may_operate(user, robot)),

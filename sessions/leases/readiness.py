@@ -25,6 +25,8 @@ Times are Unix seconds.
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from robots.api.messages import ENDED
+
 Phase = Literal["ready", "returning", "charging", "paused"]
 Kind = Literal["dock", "level", "relocalize", "picture"]
 
@@ -36,7 +38,6 @@ PAUSE = 120.0
 LATE = 30.0  # seconds of a bad network after which the queue is paused
 LONGEST = {"dock": 300.0, "level": 15.0, "relocalize": 60.0, "picture": 15.0}
 LEVEL = 0.03  # rad
-ENDED = frozenset({"FINISHED", "FAILED", "CANCELLED"})
 
 
 @dataclass(frozen=True)

@@ -34,8 +34,8 @@ from django.db.models import Q
 from accounts.models import User
 from robots.access import may_operate
 from robots.api import messages as m
-from robots.models import Robot
-from robots.presence import standstill_of
+from robots.models import Robot, RobotPresence
+from robots.presence.report import standstill_of
 from sessions.leases import terms
 from sessions.leases.absences import note_page_closed
 from sessions.leases.policy import (
@@ -156,7 +156,7 @@ def take(  # noqa: D417 -- the rest is what the page said
             session=session,
             old_peer=old_peer,
             takeover=takeover,
-            operator=(robot.turnaround != Robot.Turnaround.READY or bool(scene.waits_for))
+            operator=(robot.presence.turnaround != Robot.Turnaround.READY or bool(scene.waits_for))
             and bool(may_operate(visitor, robot)),
             not_ready=terms.not_ready(visitor, robot, now) if scene.holder is None else "",
         )
@@ -287,7 +287,7 @@ def _assistance_to_begin_with(row: Session) -> str:
     obstacles. Empty for the robot's own level.
     """
     robot = row.robot
-    can_assist = "assist" in (robot.factsheet or {}).get("capabilities", ())
+    can_assist = "assist" in (robot.presence.factsheet or {}).get("capabilities", ())
     if row.assist or robot.assist != Robot.DriveAssist.OFF or not can_assist:
         return ""
     driven = Session.objects.filter(visitor=row.visitor, first_motion_at__isnull=False)
@@ -323,13 +323,22 @@ def set_assist(session: str, level: str, *, peer: str) -> tuple[Hold, int] | Non
 
     Whether the driver has a choice was asked before (sessions/consumers/queries.py).
     """
-    lease = Lease.objects.filter(session_id=session, peer=peer).first()
-    if lease is None or not Session.objects.filter(pk=session, state__in=LIVE).update(assist=level):
+    if not Session.objects.filter(pk=session, state__in=LIVE).update(assist=level):
         return None
-    renewal = lease.renewal + 1
-    if not Lease.objects.filter(robot=lease.robot_id, epoch=lease.epoch).update(renewal=renewal):
-        return None
-    return hold_of(lease), renewal
+    while (lease := Lease.objects.filter(session_id=session, peer=peer).first()) is not None:
+        if renewal := count_renewal(lease, lease.renewal + 1):
+            return hold_of(lease), renewal
+    return None
+
+
+def count_renewal(lease: Lease, renewal: int, *only_if: Q) -> int | None:
+    """Store the number of the next copy of a lease and return it; None when the lease has changed
+    since it was read. No two copies get one number: of two, the robot ignores what came last.
+    """
+    same = Lease.objects.filter(
+        *only_if, robot=lease.robot_id, epoch=lease.epoch, renewal=lease.renewal
+    )
+    return renewal if same.update(renewal=renewal) else None
 
 
 def seen(sessions: Collection[str], now: datetime.datetime) -> set[str]:
@@ -425,7 +434,7 @@ def send_home(robot: Robot, now: datetime.datetime) -> bool:
     """
     if not robot.can_go_home:
         return False
-    ready = Robot.objects.filter(pk=robot.pk, turnaround=Robot.Turnaround.READY)
+    ready = RobotPresence.objects.filter(robot=robot, turnaround=Robot.Turnaround.READY)
     return bool(
         ready.update(
             turnaround=Robot.Turnaround.RETURNING, turnaround_reason="dock", turnaround_at=now
@@ -630,8 +639,8 @@ def pause_of(robot: Robot) -> str:
 
 
 def _pauses_of(keys: Sequence[Any]) -> dict[Any, str]:
-    rows = Robot.objects.filter(pk__in=keys).values_list(
-        "pk", "report", "held", "returns_home", "turnaround", "turnaround_reason"
+    rows = RobotPresence.objects.filter(robot__in=keys).values_list(
+        "robot", "report", "robot__held", "robot__returns_home", "turnaround", "turnaround_reason"
     )
     return {key: _pause(*values) for key, *values in rows}
 
@@ -689,13 +698,12 @@ def is_free_drive(lease: Lease) -> bool:
     return session is not None and not session.terms and session.first_motion_at is not None
 
 
-def waits_here(now: datetime.datetime, prefix: str = "") -> Q:
+def waits_here(now: datetime.datetime) -> Q:
     """Return the condition for sessions that wait with an open page, as
-    ActiveSession.page_open has it; `prefix` leads to the sessions from another row.
+    ActiveSession.page_open has it.
     """
     since = now - datetime.timedelta(seconds=PAGE_GONE_SECONDS)
-    is_waiting = Q(**{f"{prefix}state": Session.State.WAITING})
-    return is_waiting & Q(**{f"{prefix}seen_at__gt": since})
+    return Q(state=Session.State.WAITING, seen_at__gt=since)
 
 
 def began(session: Session | None) -> float | None:

@@ -13,7 +13,7 @@ import datetime
 import itertools
 import secrets
 import time
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
@@ -24,10 +24,11 @@ from django.db import DatabaseError, InterfaceError, transaction
 from django.utils import timezone
 
 from robots.api import codec, messages, topics
+from robots.api.bucket import Bucket
 from robots.bridge import broker_address
 from robots.cancellation import until_one_ends
 from robots.models import Robot
-from robots.presence import PresenceWriter
+from robots.presence.writer import PresenceWriter
 from sessions import signals, system_log
 from sessions.leases.transitions import RobotLink
 from sessions.manager import notices
@@ -42,6 +43,7 @@ from sessions.manager.return_to_dock import ReturnToDock
 from sessions.manager.robot_liveness import PEER
 from sessions.manager.scheduler import ManagerMessage, Scheduler, notice_message, send
 from sessions.models import Session, SystemLog
+from sessions.recording.builder import LOGGED_RATE
 from sessions.recording.items import CloseItem
 from sessions.recording.recorder import Recorder
 from sessions.shards.ownership import Ownership
@@ -112,6 +114,8 @@ class BrokerConnection:
         self.prepared: tuple[int, ...] = ()  # the slots by whose division we have subscribed
         self._asking: set[asyncio.Task[None]] = set()
         self._needed: frozenset[str] = frozenset()
+        # of each robot, for entries of the system log
+        self._log_allowances: dict[str, Bucket] = defaultdict(lambda: Bucket(*LOGGED_RATE))
 
     async def begin(self) -> None:
         """Subscribe, and have every lease published anew."""
@@ -220,15 +224,19 @@ class BrokerConnection:
         presence = self._work.presence
         presence.read({one.robot for one in news}, now)
         taken = (presence.take(one.robot, one.message, now, retained=one.retained) for one in news)
-        changes = [change for change in taken if change is not None]
+        changes = [
+            row
+            for row in taken
+            if row is not None and self._log_allowances[row.robot.name].spend(now.timestamp())
+        ]
         presence.write(now)
         with self._work.ownership.about(*(change.robot.name for change in changes)):
             SystemLog.objects.bulk_create(
                 system_log.entry(
-                    "robot_online" if change.online else "robot_offline",
+                    "robot_online" if change.connection == "ONLINE" else "robot_offline",
                     robot=change.robot,
                     at=now,
-                    state=change.state,
+                    state=change.connection,
                 )
                 for change in changes
             )

@@ -16,7 +16,7 @@ from typing import Any
 import structlog
 
 from robots.api import codec, messages, topics
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from sessions import signals, system_log
 from sessions.leases.readiness import LEVEL, ORDERED, Kind, Order, Readiness, RobotCondition, decide
 from sessions.leases.store import LIVE
@@ -51,7 +51,9 @@ class ReturnToDock:
         self, last_received: Mapping[str, RobotLiveness], now: datetime.datetime
     ) -> Iterator[ManagerMessage]:
         """Bring every robot that is not ready a step nearer to it; yield what is to be said."""
-        rows = Robot.objects.exclude(turnaround=Robot.Turnaround.READY).select_related("floor_plan")
+        rows = Robot.objects.exclude(presence__turnaround=Robot.Turnaround.READY).select_related(
+            "floor_plan"
+        )
         away = [robot for robot in rows if self._ownership.owns(robot.name)]
         driven = set(
             Lease.objects.filter(robot__in=away, session__state__in=LIVE).values_list(
@@ -81,7 +83,7 @@ class ReturnToDock:
         self, robot: Robot, last_received: RobotLiveness | None, now: datetime.datetime
     ) -> Iterator[ManagerMessage]:
         known = _known(robot)
-        before = self._under_way.get(robot.name, Readiness(reason=robot.turnaround_reason))
+        before = self._under_way.get(robot.name, Readiness(reason=robot.presence.turnaround_reason))
         turnaround, kind = decide(
             _answered(before, last_received),
             _condition(robot, known, last_received, now),
@@ -100,21 +102,22 @@ class ReturnToDock:
             yield _outbound(robot, action)
 
     def _save(self, robot: Robot, turnaround: Readiness, now: datetime.datetime) -> None:
-        if (robot.turnaround, robot.turnaround_reason) == (
+        if (robot.presence.turnaround, robot.presence.turnaround_reason) == (
             turnaround.phase,
             turnaround.reason[:300],
         ):
             return
-        changed = Robot.objects.filter(pk=robot.pk, turnaround=robot.turnaround).update(
+        before = robot.presence.turnaround
+        changed = RobotPresence.objects.filter(robot=robot, turnaround=before).update(
             turnaround=turnaround.phase,
             turnaround_reason=turnaround.reason[:300],
             turnaround_at=now,
         )
-        if changed and turnaround.phase == "paused" and robot.turnaround != "paused":
+        if changed and turnaround.phase == "paused" and before != "paused":
             system_log.log("queue_paused", "warning", robot=robot, at=now, reason=turnaround.reason)
             send(signals.queue_paused, robot=robot, reason=turnaround.reason, at=now)
         elif changed and turnaround.phase == "ready":
-            system_log.log("robot_ready", robot=robot, at=now, after=robot.turnaround)
+            system_log.log("robot_ready", robot=robot, at=now, after=before)
 
 
 def _answered(turnaround: Readiness, last_received: RobotLiveness | None) -> Readiness:
@@ -160,7 +163,7 @@ def _condition(
 
 
 def _known(robot: Robot) -> _Known:
-    factsheet = robot.factsheet or {}
+    factsheet = robot.presence.factsheet or {}
     capabilities = factsheet.get("capabilities", ())
     tilt = factsheet.get("tilt") if "tilt" in capabilities else None
     docks = robot.floor_plan.plan.get("docks", ()) if robot.floor_plan else ()

@@ -28,6 +28,7 @@ from sessions.leases.absences import WebAbsences
 from sessions.leases.policy import Scene, minutes_until_turn, place_in_queue
 from sessions.leases.store import (
     LIVE,
+    count_renewal,
     hold_of,
     lease_message,
     load_scene,
@@ -56,7 +57,11 @@ CLOSE_AGAIN_SECONDS = 5.0
 # come says how it is
 CALL_SECONDS = 5.0
 NEVER = (-1, 0.0)  # epoch and time of a lease that was not published yet
-UNREAD = ("report", "doors", "description")  # of a robot, which nobody needs here twice a second
+UNREAD = (
+    "presence__report",
+    "doors",
+    "description",
+)  # of a robot, which nobody needs here twice a second
 
 
 @dataclass(frozen=True)
@@ -392,8 +397,8 @@ class Scheduler:
         epoch, counted = self._counted.get(lease.robot.name, (lease.epoch, 0))
         renewal: int = max(lease.renewal, counted if epoch == lease.epoch else 0) + 1
         try:
-            same = Lease.objects.filter(robot=lease.robot, epoch=lease.epoch)
-            if not same.filter(self._ownership.condition(lease.robot.name)).update(renewal=renewal):
+            ours = self._ownership.condition(lease.robot.name)
+            if count_renewal(lease, renewal, ours) is None:
                 return None
         except DatabaseError as error:
             if not is_disk_full(error):
@@ -432,7 +437,8 @@ class Scheduler:
         return items
 
     def _publish_end(self, session: Session, now: datetime.datetime) -> None:
-        self._told.pop(str(session.pk), None)
+        for known in (self._told, self._unready):
+            known.pop(str(session.pk), None)
         if _recorded(str(session.pk), "ended").exists():
             return  # by a session manager before this one
         ended = Ended(

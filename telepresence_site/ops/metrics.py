@@ -19,7 +19,7 @@ from typing import Any
 
 from channels.db import database_sync_to_async
 from django.conf import settings
-from django.db.models import Count, Q
+from django.db.models import Count
 from django.http import Http404, HttpRequest, HttpResponse
 from django.utils import timezone
 from django.views.decorators.cache import never_cache
@@ -146,12 +146,21 @@ def _sessions() -> Iterator[Metric]:
 
 def _robots(now: datetime.datetime) -> Iterator[Metric]:
     in_use = Robot.objects.filter(enabled=True, practice=False)
-    robots = list(in_use)
-    waiting = Count("sessions", filter=Q(sessions__state=Session.State.WAITING))
-    queues = dict(in_use.order_by().annotate(n=waiting).values_list("name", "n"))
+    robots = list(
+        in_use.only(
+            "name",
+            "enabled",
+            "presence__connection",
+            "presence__last_seen_at",
+            "presence__report",
+        )
+    )
+    waiting = Session.objects.filter(state=Session.State.WAITING).order_by()
+    queues = dict(waiting.values_list("robot").annotate(n=Count("pk")))
     held = set(Lease.objects.filter(session__isnull=False).values_list("robot_id", flat=True))
     charges = {
-        robot.name: (robot.report or {}).get("battery", {}).get("charge") for robot in robots
+        robot.name: (robot.presence.report or {}).get("battery", {}).get("charge")
+        for robot in robots
     }
     yield _gauges(
         "robot_online",
@@ -165,7 +174,12 @@ def _robots(now: datetime.datetime) -> Iterator[Metric]:
         "robot",
         {robot.name: robot.pk in held for robot in robots},
     )
-    yield _gauges("robot_queue_length", "Visitors who wait for a robot.", "robot", queues)
+    yield _gauges(
+        "robot_queue_length",
+        "Visitors who wait for a robot.",
+        "robot",
+        {robot.name: queues.get(robot.pk, 0) for robot in robots},
+    )
     yield _gauges(
         "robot_charge",
         "A robot's charge, 0 to 1.",

@@ -14,6 +14,7 @@ from robots.bridge import bridge as mqtt_bridge
 from robots.models import FloorPlan, Robot, RobotPermit
 from sessions import views
 from sessions.models import Session, Snapshot
+from tests.support.robots import create_robot
 from tests.support.sessions.memory_bridge import MemoryBridge
 
 pytestmark = pytest.mark.django_db
@@ -32,7 +33,7 @@ def robot():
         image=b"png",
         sha256="a" * 64,
     )
-    return Robot.objects.create(
+    return create_robot(
         name="giraff",
         title="Giraff",
         floor_plan=plan,

@@ -4,6 +4,7 @@ import pytest
 
 from robots.cards import STATES, Traffic, card
 from robots.models import FloorPlan, Robot
+from tests.support.robots import unsaved_robot
 
 NOW = datetime.datetime(2026, 3, 1, 12, 0, tzinfo=datetime.UTC)
 
@@ -16,7 +17,7 @@ def robot(**changes) -> Robot:
         "last_seen_at": NOW,
         "report": {"battery": {"charge": 0.824}},
     }
-    return Robot(**(fields | changes))
+    return unsaved_robot(**(fields | changes))
 
 
 def shown(traffic: Traffic | None = None, barred: str = "", **changes):

@@ -14,6 +14,7 @@ from sessions.consumers import page_session
 from sessions.leases.terms import Terms
 from tests.support import words
 from tests.support.browsers.pages import Page, until
+from tests.support.robots import create_robot
 from tests.support.studies.fixed_terms import provided
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -24,7 +25,7 @@ OF_THE_ROBOT = {"state", "pose", "path", "scan", "heartbeat", "event", "action",
 
 @pytest.fixture
 def robot(db):
-    return Robot.objects.create(
+    return create_robot(
         name="giraff", title="Giraff", connection="ONLINE", boot="b1", last_seen_at=timezone.now()
     )
 

@@ -7,8 +7,8 @@ from aiomqtt import Message, Topic
 from django.db import OperationalError
 
 from robots.api import codec, topics
-from robots.models import Robot
-from robots.presence import PresenceWriter
+from robots.models import Robot, RobotPresence
+from robots.presence.writer import PresenceWriter
 from sessions.manager.broker_connection import BrokerConnection, Work
 from sessions.manager.health import ManagerHealth
 from sessions.manager.ingest import Intake
@@ -79,7 +79,7 @@ def look(giraff):
 
 
 def connection_of_giraff():
-    return Robot.objects.get().connection
+    return Robot.objects.get().presence.connection
 
 
 def test_a_process_that_has_just_gone_on_after_a_stop_writes_nothing_until_it_has_beaten(look):
@@ -108,7 +108,7 @@ def test_presence_that_the_database_refused_is_stored_by_the_next_look(look, mon
     assert connection_of_giraff() != "ONLINE"
     look.tick()
     assert connection_of_giraff() == "ONLINE"
-    assert Robot.objects.get().factsheet
+    assert Robot.objects.get().presence.factsheet
 
 
 def test_the_presence_of_a_robot_that_is_anothers_by_now_is_left_to_its_owner(look):
@@ -117,7 +117,7 @@ def test_the_presence_of_a_robot_that_is_anothers_by_now_is_left_to_its_owner(lo
     look.ownership.become({n: epoch for n, epoch in look.epochs.items() if n != GIRAFF})
     look.tick()
     assert connection_of_giraff() != "ONLINE"
-    Robot.objects.update(connection="ONLINE", boot="b1")  # by its owner meanwhile
+    RobotPresence.objects.update(connection="ONLINE", boot="b1")  # by its owner meanwhile
     look.ownership.become(look.epochs)
     look.hear(words.broken())
     look.tick()
@@ -128,7 +128,7 @@ def test_a_row_is_read_anew_when_shards_changed_hands_while_there_was_no_connect
     look.hear(words.online())
     look.tick()
     look.ownership.become({n: epoch for n, epoch in look.epochs.items() if n != GIRAFF})
-    Robot.objects.update(connection="CONNECTIONBROKEN")  # by its owner meanwhile
+    RobotPresence.objects.update(connection="CONNECTIONBROKEN")  # by its owner meanwhile
     look.ownership.become(look.epochs)
     look.reconnect()
     look.hear(words.online())
@@ -142,7 +142,7 @@ def test_a_row_is_read_anew_although_the_database_was_away_when_shards_changed_h
     look.hear(words.online())
     look.tick()
     look.ownership.become({n: epoch for n, epoch in look.epochs.items() if n != GIRAFF})
-    Robot.objects.update(connection="CONNECTIONBROKEN")  # by its owner meanwhile
+    RobotPresence.objects.update(connection="CONNECTIONBROKEN")  # by its owner meanwhile
     look.ownership.become(look.epochs)
 
     def away(*_, **__):

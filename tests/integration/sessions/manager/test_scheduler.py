@@ -1,19 +1,22 @@
 """What the scheduler says to pages, and says again when it may have got lost."""
 
+import contextlib
 import datetime
+import json
 
 import pytest
 from django.db import OperationalError, connection
 from django.utils import timezone
 
 from accounts.models import User
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from sessions import protocol
 from sessions.leases import store
 from sessions.leases.transitions import RobotLink
 from sessions.manager.scheduler import Scheduler
 from sessions.models import Session, SessionEvent
 from sessions.protocol import AskedThere, FoundThere, Offered, Queued, TurnWarning
+from tests.support.robots import create_robot, update_robots
 
 pytestmark = pytest.mark.django_db
 NOW = timezone.now()
@@ -26,7 +29,7 @@ def after(seconds):
 @pytest.fixture
 def driven():
     """The session of somebody who drives, while somebody else waits."""
-    giraff = Robot.objects.create(
+    giraff = create_robot(
         name="giraff", title="Giraff", connection="ONLINE", last_seen_at=after(1000)
     )
     ana, ben = (User.objects.create(username=name) for name in ("ana", "ben"))
@@ -101,9 +104,9 @@ def test_an_offer_is_said_again_to_a_broker_that_may_have_lost_it(offered):
 def test_whose_offer_was_taken_back_is_told_their_place_again(offered):
     scheduler = Scheduler()
     said(scheduler, 2)
-    Robot.objects.update(turnaround="paused", turnaround_reason="estop", returns_home=True)
+    update_robots(turnaround="paused", turnaround_reason="estop", returns_home=True)
     assert [notice.session for notice in said(scheduler, 3, Queued)] == [offered]
-    Robot.objects.update(turnaround="ready")
+    RobotPresence.objects.update(turnaround="ready")
     assert [notice.session for notice in said(scheduler, 5)] == [offered]
 
 
@@ -155,3 +158,27 @@ def test_who_is_being_granted_a_robot_that_was_idle_does_not_lose_it_for_its_sil
     assert (session.state, session.granted_at) == ("connecting", after(1))
     Scheduler().tick({"giraff": idle}, idle, after(60))
     assert Session.objects.get(pk=driven).outcome_reason == "robot_offline"
+
+
+def test_two_copies_of_a_lease_never_have_one_number(driven, monkeypatch):
+    scheduler, numbers = Scheduler(), []
+
+    def renew():
+        scheduler.begin()
+        scheduler.renew(after(1))
+        copies = [json.loads(one.payload) for one in scheduler.outbox if one.retain]
+        numbers.extend(copy["renewal"] for copy in copies)
+        scheduler.outbox.clear()
+
+    def meanwhile(execute, sql, params, many, context):
+        if sql.startswith('UPDATE "telepresence_sessions_lease"') and "renewal" in sql:
+            watching.pop().close()
+            renew()
+        return execute(sql, params, many, context)
+
+    watching = [contextlib.ExitStack()]
+    watching[0].enter_context(connection.execute_wrapper(meanwhile))
+    _hold, chosen = store.set_assist(driven, "slow", peer="p1")
+    renew()
+    assert len({*numbers, chosen}) == 3
+    assert max(numbers) > chosen > min(numbers)

@@ -18,7 +18,7 @@ from accounts.models import User
 from robots.api import codec, messages, topics
 from robots.api.disk_space import DiskSpace
 from robots.cancellation import cancel
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from sessions import protocol, signals
 from sessions.leases import store
 from sessions.models import (
@@ -184,7 +184,8 @@ async def test_presence_follows_the_robot(broker, giraff):
                 "connection", messages.Connection(boot="boot-1", state="OFFLINE", stamp=1.0)
             )
             await wait_for(
-                lambda: Robot.objects.get(name="giraff").connection == "OFFLINE", what="absence"
+                lambda: Robot.objects.get(name="giraff").presence.connection == "OFFLINE",
+                what="absence",
             )
         assert await sync_to_async(
             lambda: list(SystemLog.objects.order_by("at").values_list("event", flat=True))
@@ -226,7 +227,7 @@ async def test_a_robot_that_is_taken_during_the_first_look_keeps_its_lease(
             assert isinstance(taken, store.TakeGranted)
 
     async with ScriptedRobot("giraff", broker.url) as robot:
-        await sync_to_async(Robot.objects.filter(name="giraff").update)(
+        await sync_to_async(RobotPresence.objects.filter(robot__name="giraff").update)(
             connection="ONLINE", last_seen_at=timezone.now()
         )
         signals.ticked.connect(takes, weak=False, dispatch_uid="test")
@@ -355,7 +356,11 @@ async def test_what_an_agent_cannot_send_again_is_counted_as_missing(broker, gir
         # however soon it is asked, it is killed before it answers
         robot.loses, robot.answers = (lambda seq: first <= seq < first + 4), False
         await wait_for(lambda: robot.seq > first + 6)
-        robot.boot, robot.seq, robot.buffer = "boot-2", 0, {}  # the agent was killed and is back
+        robot.presence.boot, robot.seq, robot.buffer = (
+            "boot-2",
+            0,
+            {},
+        )  # the agent was killed and is back
         robot.loses, robot.answers = (lambda _seq: False), True
         missing = await wait_for(
             lambda: SessionEvent.objects.filter(session=session, type="states_missing").first(),
