@@ -5,7 +5,7 @@ Any process may call these at any time, on any of the supported databases. Corre
 things alone, never on a transaction: a lease changes only where its epoch is still the one that was
 read, and `live_key` is unique, so that a visitor has one living session at a robot.
 
-What a consumer calls, each through `database_sync_to_async`:
+What a consumer calls, each through consumers/database.py:
 
 - `take` for `session/take`. On `TakeGranted` publish `granted.lease` (retained) at once; the
   session manager renews it.
