@@ -184,14 +184,9 @@ def _counted(
 
     @functools.wraps(view)
     async def checked(request: HttpRequest, robot: str) -> JsonResponse:
-        key = await database_sync_to_async(_key_or_problem)(request)
+        key = await database_sync_to_async(_acting_key)(request, robot)
         if isinstance(key, JsonResponse):
             return key
-        if key is None or key.robot.name != robot:
-            return _problem(403, "not_allowed", "To act on a robot, send a key of that robot.")
-        name, now = str(key.pk), time.time()
-        if not ACTED.count(name, now):
-            return _too_many("too_many_actions", ACTED.wait(name, now))
         kind = _kind(request)
         if kind is None:
             return _problem(
@@ -200,6 +195,17 @@ def _counted(
         return await view(request, key, kind)
 
     return checked
+
+
+def _acting_key(request: HttpRequest, robot: str) -> ApiKey | JsonResponse:
+    """Count an action of the key that comes along. Asks database and cache, so not on the loop."""
+    key = _key_or_problem(request)
+    if isinstance(key, JsonResponse):
+        return key
+    if key is None or key.robot.name != robot:
+        return _problem(403, "not_allowed", "To act on a robot, send a key of that robot.")
+    name, now = str(key.pk), time.time()
+    return key if ACTED.count(name, now) else _too_many("too_many_actions", ACTED.wait(name, now))
 
 
 def _kind(request: HttpRequest) -> str | None:

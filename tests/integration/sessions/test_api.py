@@ -1,7 +1,9 @@
 """The JSON API: what everybody may read, what a key adds, and that no key drives."""
 
+import asyncio
 import io
 import re
+import threading
 from pathlib import Path
 
 import pytest
@@ -11,10 +13,13 @@ from django.core.management import CommandError, call_command
 from django.test import AsyncClient, Client
 from django.utils import timezone
 
+from accounts.attempts import Attempts
 from robots.api.messages import EStop, Stop
 from robots.models import FloorPlan, Robot
 from sessions.api.keys import key_of
 from sessions.models import ApiKey, Lease, Session, SystemLog
+from tests.support.loop_gap import longest_gap
+from tests.support.patience import patient
 from tests.support.people import person
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -260,3 +265,23 @@ def test_every_field_and_error_stands_in_the_reference(giraff, bearer):
     assert set(Client().get("/api/v1/robots/giraff/", headers=bearer).json()["robot"]) <= explained
     source = (Path(site.BASE_DIR) / "sessions/api/views.py").read_text()
     assert set(re.findall(r'_problem\(\d+, "(\w+)"', source)) <= explained
+
+
+async def test_a_cache_that_does_not_answer_holds_no_command(giraff, bridge, bearer, monkeypatch):
+    """A Redis that hangs, as Django's cache meets it."""
+    right, called, answers = Attempts.count, threading.Event(), threading.Event()
+
+    def hangs(*arguments):
+        called.set()
+        answers.wait(patient(20))
+        return right(*arguments)
+
+    monkeypatch.setattr(Attempts, "count", hangs)
+    async with longest_gap() as gap:
+        acting = asyncio.create_task(act("stop", bearer))
+        assert await asyncio.to_thread(called.wait, patient(10))
+        await asyncio.sleep(0.1)
+        assert not acting.done()
+        answers.set()
+        assert (await asyncio.wait_for(acting, patient(10)))[0] == 202
+    assert gap() < patient(0.5)
