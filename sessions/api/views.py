@@ -27,6 +27,7 @@ from accounts.attempts import Attempts, address_of
 from robots.access import robots_visible_to
 from robots.api.messages import EStop, Stop
 from robots.bridge import bridge as mqtt_bridge
+from robots.cards import was_stopped
 from robots.models import Robot
 from robots.presence import standstill_of
 from sessions import system_log
@@ -169,7 +170,7 @@ def _state(row: Any, report: dict[str, Any], *, online: bool) -> str:
         "busy"
         if row.driven
         or row.waiting
-        or (row.can_go_home and row.turnaround != Robot.Turnaround.READY)
+        or (row.can_go_home and row.turnaround != Robot.Turnaround.READY and not was_stopped(row))
         else "available"
     )
 
