@@ -257,6 +257,13 @@ async def _send_home(key: ApiKey, now: datetime.datetime) -> JsonResponse:
             "cannot_go_home",
             "The robot does not dock by itself, or its owner has turned this off.",
         )
+    if was_stopped(key.robot):
+        return _problem(
+            409,
+            "stopped",
+            "Someone stopped the robot. A person at the robot, an operator or a new driver must"
+            " release it.",
+        )
     if not await database_sync_to_async(_mark_returning)(key.robot, now):
         return _problem(
             409, "driven", "A visitor has the robot. It returns to its station when the visit ends."

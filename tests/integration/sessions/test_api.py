@@ -254,6 +254,21 @@ async def test_a_body_that_is_none_is_refused(bridge, giraff, bearer, body):
     assert (answer.status_code, bridge.stops) == (400, [])
 
 
+async def test_a_robot_that_was_stopped_is_free_and_not_sent_home(bridge, giraff, bearer):
+    await Robot.objects.aupdate(turnaround="paused", turnaround_reason="stopped")
+    told = await AsyncClient().get("/api/v1/robots/giraff/", headers=bearer)
+    robot = told.json()["robot"]
+    assert (robot["state"], robot["turnaround"], robot["reason"]) == (
+        "available",
+        "paused",
+        "stopped",
+    )
+    status, answer = await act("dock", bearer)
+    assert (status, answer["error"]) == (409, "stopped")
+    row = await Robot.objects.aget()
+    assert (row.turnaround, row.turnaround_reason) == ("paused", "stopped")
+
+
 async def test_a_key_acts_thirty_times_a_minute(bridge, giraff, bearer, monkeypatch):
     monkeypatch.setattr("sessions.api.views.time.time", lambda: 1e9)
     assert [(await act("stop", bearer))[0] for _ in range(31)] == [202] * 30 + [429]
