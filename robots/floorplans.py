@@ -7,7 +7,7 @@ from typing import Any
 from django.urls import reverse
 from django.utils.translation import get_language
 
-from robots.limited_process import RefusedError, run_limited
+from robots.files.limited_process import ImportRefusedError, run_limited
 from robots.models import FloorPlan
 from robots.world import site_files
 from robots.world.grid import load_grid, write_grid
@@ -67,7 +67,7 @@ def read_upload(
         values: dict[str, Any] = run_limited(
             site_files.read_upload, map_yaml, image, plan_json, name, title
         )
-    except RefusedError as error:
+    except ImportRefusedError as error:
         raise FloorPlanRefusedError(*error.problems) from error
     return values
 

@@ -10,7 +10,7 @@ from typing import Any
 from django.db.models import QuerySet
 from django.http import StreamingHttpResponse
 
-from robots.csv_text import csv_text
+from robots.files.csv_text import csv_text
 from sessions.models import Session, SessionEvent, StateChunk
 
 COLUMNS = (

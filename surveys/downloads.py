@@ -15,7 +15,7 @@ from asgiref.sync import sync_to_async
 from django.db.models import QuerySet
 from django.http import StreamingHttpResponse
 
-from robots.csv_text import csv_text
+from robots.files.csv_text import csv_text
 from surveys.definition import Definition, cells_of, columns_of
 from surveys.models import Answer, Questionnaire, Response
 from surveys.scoring import scores

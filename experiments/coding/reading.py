@@ -10,7 +10,7 @@ from experiments.coding.boris import from_boris
 from experiments.coding.eaf import from_eaf
 from experiments.coding.scheme import BadCodingError, CodedEvent, events_from
 from experiments.definition.coding import Code
-from robots.limited_process import RefusedError, run_limited
+from robots.files.limited_process import ImportRefusedError, run_limited
 
 
 def import_coding(
@@ -24,7 +24,7 @@ def import_coding(
     known = msgspec.to_builtins(codes)
     try:
         found = run_limited(read_plain, document, known, limit, duration, observation)
-    except RefusedError as error:
+    except ImportRefusedError as error:
         raise BadCodingError(error.problems) from error
     return msgspec.convert(found, tuple[list[CodedEvent], list[str]])
 

@@ -23,7 +23,7 @@ from experiments.models import PersonalLink, Study, StudyMember
 from experiments.participation import links
 from experiments.research.study_access import study_for
 from experiments.study_admin import opening_hours
-from robots.csv_text import csv_text
+from robots.files.csv_text import csv_text
 
 MOST_LISTED = 500
 

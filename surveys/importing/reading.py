@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 from django.utils.translation import gettext as _
 
-from robots.limited_process import RefusedError, run_limited
+from robots.files.limited_process import ImportRefusedError, run_limited
 from surveys.definition import Definition
 from surveys.document_forms.problem_text import sentences
 from surveys.documents import BadDefinitionError
@@ -40,7 +40,7 @@ def import_survey(document: bytes, wishes: Wishes | None = None, slug: str = "")
     asked = wishes or Wishes()
     try:
         found = run_limited(read_plain, document, asked.language, asked.form, slug)
-    except RefusedError as error:
+    except ImportRefusedError as error:
         raise BadDefinitionError(error.problems) from error
     return msgspec.convert(found, ImportedSurvey)
 

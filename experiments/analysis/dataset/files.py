@@ -37,7 +37,7 @@ from experiments.analysis.dataset.records import (
 from experiments.analysis.dataset.wide import wide_tables
 from experiments.definition.schema import to_json as study_json
 from robots.api import floorplan
-from robots.csv_text import csv_text
+from robots.files.csv_text import csv_text
 from surveys.definition import to_json
 
 File = tuple[str, Iterable[str]]  # where in the folder, and its text in parts

@@ -45,7 +45,7 @@ from experiments.analysis.dataset.records import (
 from experiments.definition.publication import PublicationDetails, from_json_ld
 from experiments.definition.schema import StudyDefinition
 from robots.api import floorplan
-from robots.csv_text import unguarded
+from robots.files.csv_text import unguarded
 from surveys.definition import Definition
 
 __all__ = ["DatasetError", "put", "read", "read_numbers", "write"]

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from robots.csv_text import csv_text
+from robots.files.csv_text import csv_text
 
 NOTHING = "–"
 

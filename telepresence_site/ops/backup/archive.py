@@ -31,7 +31,7 @@ class BackupError(Exception):
 
     @property
     def problems(self) -> list[str]:
-        """The message, for robots.limited_process."""
+        """The message, for robots.files.limited_process."""
         return [str(self)]
 
 

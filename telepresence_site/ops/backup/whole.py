@@ -14,7 +14,7 @@ from django.db import connection
 from django.db.migrations.loader import MigrationLoader
 from django.utils.crypto import salted_hmac
 
-from robots.limited_process import Limits, RefusedError, run_limited
+from robots.files.limited_process import ChildLimits, ImportRefusedError, run_limited
 from telepresence_site.ops.backup import archive, databases
 from telepresence_site.ops.backup.archive import BackupError
 
@@ -23,7 +23,7 @@ from telepresence_site.ops.backup.archive import BackupError
 FOLDERS = ("secrets", "credentials", "media", "sites")
 LARGEST = 20 * archive.GB  # bytes, unless the operator allows more
 RESERVE = archive.GB  # bytes of the disk that a restore leaves free
-UNPACKING = Limits(memory=2 * archive.GB, processor=4 * 3600, elapsed=8 * 3600.0)
+UNPACKING = ChildLimits(memory=2 * archive.GB, processor=4 * 3600, elapsed=8 * 3600.0)
 # Every command makes one where there is none, so that it is there before anything can be restored.
 REPLACED = Path("secrets/secret_key")
 
@@ -80,7 +80,7 @@ def _unpacked(source: Path, directory: Path, largest: int) -> dict[str, Any]:
         manifest: dict[str, Any] = run_limited(
             archive.unpack, str(source), str(directory), min(largest, room), limits=UNPACKING
         )
-    except RefusedError as error:
+    except ImportRefusedError as error:
         raise BackupError(str(error)) from error
     return manifest
 

@@ -16,10 +16,10 @@ from django.core.exceptions import ValidationError
 from django.core.files.uploadedfile import SimpleUploadedFile
 from django.utils import timezone
 
-from robots import limited_process
 from robots.enrol.credentials import robot_of
+from robots.files import limited_process
+from robots.files.limited_process import ChildLimits
 from robots.floorplans import MAX_PLAN, store_floor_plan
-from robots.limited_process import Limits
 from robots.models import FloorPlan, Robot, RobotPermit
 from robots.world.sites import SHIPPED
 from sessions.models import Lease, Session
@@ -422,7 +422,9 @@ def test_files_that_cannot_be_used_are_refused_with_a_sentence(client, researche
 
 
 def test_a_map_that_takes_too_long_is_refused_with_a_sentence(client, researcher, monkeypatch):
-    monkeypatch.setattr(limited_process, "Limits", functools.partial(Limits, elapsed=0.01))
+    monkeypatch.setattr(
+        limited_process, "ChildLimits", functools.partial(ChildLimits, elapsed=0.01)
+    )
     text = client.post("/admin/robots/floorplan/add/", files()).content.decode()
     assert "The file needs too much memory or time" in text
     assert not FloorPlan.objects.exists()

@@ -13,8 +13,8 @@ from django.core.management import CommandError, call_command
 from django.urls import reverse
 
 from accounts.models import AuditEntry
-from robots import limited_process
-from robots.limited_process import Limits
+from robots.files import limited_process
+from robots.files.limited_process import ChildLimits
 from surveys.models import Questionnaire
 from surveys.questionnaires import freeze
 from tests.support.browsers.html_page import faults, read
@@ -259,12 +259,16 @@ def test_a_question_of_many_choices_is_read_in_seconds(client, researcher):
 
 
 def test_a_file_that_takes_too_long_is_refused_with_a_sentence(client, researcher, monkeypatch):
-    monkeypatch.setattr(limited_process, "Limits", functools.partial(Limits, elapsed=0.01))
+    monkeypatch.setattr(
+        limited_process, "ChildLimits", functools.partial(ChildLimits, elapsed=0.01)
+    )
     assert "The file needs too much memory or time" in read(choose(client, FRUIT)).text
 
 
 def test_the_command_says_so_as_well(tmp_path, monkeypatch):
     (tmp_path / "fruit.qsf").write_bytes(FRUIT)
-    monkeypatch.setattr(limited_process, "Limits", functools.partial(Limits, elapsed=0.01))
+    monkeypatch.setattr(
+        limited_process, "ChildLimits", functools.partial(ChildLimits, elapsed=0.01)
+    )
     with pytest.raises(CommandError, match="too much memory or time"):
         call_command("import_questionnaire", tmp_path / "fruit.qsf")

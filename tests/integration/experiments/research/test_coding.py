@@ -15,8 +15,8 @@ from experiments.models import Coding, CodingEdit, CodingSchemeVersion, Particip
 from experiments.participation.own_data import gather
 from experiments.participation.withdrawal import receipt
 from experiments.participation.withdrawal.deletion import withdraw
-from robots import limited_process
-from robots.limited_process import Limits
+from robots.files import limited_process
+from robots.files.limited_process import ChildLimits
 from tests.support.people import person
 from tests.support.sessions import replays
 
@@ -264,7 +264,9 @@ def test_a_file_that_cannot_be_imported_says_why_and_changes_nothing(client, dri
 
 def test_a_file_that_takes_too_long_changes_nothing(client, drive, monkeypatch):
     as_coder(client, "carl")
-    monkeypatch.setattr(limited_process, "Limits", functools.partial(Limits, elapsed=0.01))
+    monkeypatch.setattr(
+        limited_process, "ChildLimits", functools.partial(ChildLimits, elapsed=0.01)
+    )
     page = client.post(
         reverse("coding_import", args=[drive.session_id]), {"file": file(b"{}")}, follow=True
     )

@@ -11,7 +11,7 @@ import pytest
 from django.conf import settings as site
 from django.core.management import CommandError, call_command
 
-from robots.limited_process import Limits
+from robots.files.limited_process import ChildLimits
 from telepresence_site.ops.backup import archive
 from telepresence_site.ops.backup.archive import BackupError
 from tests.support.django_shell import DjangoShell
@@ -250,7 +250,9 @@ def test_restore_leaves_room_on_the_disk(tmp_path, monkeypatch):
 
 
 def test_a_header_that_takes_much_memory_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("telepresence_site.ops.backup.whole.UNPACKING", Limits(memory=300 * MB))
+    monkeypatch.setattr(
+        "telepresence_site.ops.backup.whole.UNPACKING", ChildLimits(memory=300 * MB)
+    )
     header = tarfile.TarInfo("x")
     header.type, header.size = tarfile.XHDTYPE, 400 * MB
     with gzip.open(tmp_path / "bomb", "wb", compresslevel=1) as file:

@@ -6,7 +6,7 @@ import time
 import pytest
 from django.utils.translation import gettext, override
 
-from robots.limited_process import Limits, RefusedError, run_limited
+from robots.files.limited_process import ChildLimits, ImportRefusedError, run_limited
 
 
 class NoGoodError(Exception):
@@ -59,7 +59,7 @@ def test_an_answer_of_plain_data_comes_back():
 
 
 def test_a_refusal_comes_back_with_its_sentences():
-    with pytest.raises(RefusedError) as refused:
+    with pytest.raises(ImportRefusedError) as refused:
         run_limited(refuse)
     assert refused.value.problems == ["This is wrong.", "So is that."]
 
@@ -72,15 +72,15 @@ def test_any_other_failure_comes_back_with_its_traceback():
 @pytest.mark.parametrize(
     ("function", "arguments", "limits"),
     [
-        (use_memory, [2 * 1024**3], Limits()),
-        (use_processor, [], Limits(processor=1)),
-        (sleep, [], Limits(elapsed=1.0)),
-        (nest, [], Limits()),
-        (overflow_stack, [], Limits()),
+        (use_memory, [2 * 1024**3], ChildLimits()),
+        (use_processor, [], ChildLimits(processor=1)),
+        (sleep, [], ChildLimits(elapsed=1.0)),
+        (nest, [], ChildLimits()),
+        (overflow_stack, [], ChildLimits()),
     ],
 )
 def test_what_reaches_a_limit_is_refused(function, arguments, limits):
-    with pytest.raises(RefusedError, match="too much memory or time"):
+    with pytest.raises(ImportRefusedError, match="too much memory or time"):
         run_limited(function, *arguments, limits=limits)
 
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.csv_text import csv_text, unguarded
+from robots.files.csv_text import csv_text, unguarded
 
 CELLS = st.text(alphabet="aé=+-@＝\t\r\n;,'\"| 1.", max_size=12)
 ROWS = st.lists(st.lists(CELLS, min_size=1, max_size=4), max_size=4)

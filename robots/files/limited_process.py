@@ -24,15 +24,15 @@ from django.utils.translation import activate, get_language
 from django.utils.translation import gettext as _
 
 PASSED_ON = ("PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "TMPDIR", "TEMP", "SYSTEMROOT")
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 _one_at_a_time = threading.Lock()  # several would need several times the memory
 
 
 @dataclass(frozen=True)
-class Limits:
+class ChildLimits:
     """What a child may use. Windows has only the limit on elapsed time."""
 
-    memory: int = 1024**3  # bytes of address space, of which libraries take about a third
+    memory: int = 768 * 1024**2  # bytes of address space, of which libraries take about a third
     processor: int = 10  # s
     elapsed: float = 30.0  # s, and as long again to wait for another import
 
@@ -44,12 +44,12 @@ class Request:
     module: str
     function: str
     arguments: list[Any]
-    limits: Limits
+    limits: ChildLimits
     language: str
     catalogues: list[str]
 
 
-class RefusedError(Exception):
+class ImportRefusedError(Exception):
     """A file cannot be imported; `problems` has a sentence for each reason."""
 
     def __init__(self, problems: list[str]) -> None:
@@ -57,7 +57,9 @@ class RefusedError(Exception):
         self.problems = problems
 
 
-def run_limited(function: Callable[..., Any], *arguments: Any, limits: Limits | None = None) -> Any:
+def run_limited(
+    function: Callable[..., Any], *arguments: Any, limits: ChildLimits | None = None
+) -> Any:
     """Return what a function returns for these arguments.
 
     Args:
@@ -66,22 +68,24 @@ def run_limited(function: Callable[..., Any], *arguments: Any, limits: Limits | 
         limits: what it may use.
 
     Raises:
-        RefusedError: the function raised an exception with `problems`, or reached a limit.
+        ImportRefusedError: the function raised an exception with `problems`, or reached a limit.
         RuntimeError: it failed otherwise; the text is the child's traceback.
     """
     request = Request(
         function.__module__,
         function.__name__,
         list(arguments),
-        limits or Limits(),
+        limits or ChildLimits(),
         get_language() or settings.LANGUAGE_CODE,
         [str(path) for path in settings.LOCALE_PATHS],
     )
     answer = _answer(request)
     if answer is None:
-        raise RefusedError([_("The file needs too much memory or time, or is nested too deeply.")])
+        raise ImportRefusedError(
+            [_("The file needs too much memory or time, or is nested too deeply.")]
+        )
     if "problems" in answer:
-        raise RefusedError(answer["problems"])
+        raise ImportRefusedError(answer["problems"])
     return answer["result"]
 
 
@@ -91,7 +95,7 @@ def _answer(request: Request) -> dict[str, Any] | None:
         return None
     try:
         child = subprocess.run(
-            [sys.executable, "-m", "robots.limited_process"],
+            [sys.executable, "-m", "robots.files.limited_process"],
             input=msgspec.msgpack.encode(request),
             capture_output=True,
             timeout=request.limits.elapsed,
@@ -131,7 +135,7 @@ def _main() -> None:
     sys.stdout.buffer.write(answer)
 
 
-def _limit(limits: Limits) -> None:
+def _limit(limits: ChildLimits) -> None:
     with contextlib.suppress(ImportError):  # Windows
         import resource  # noqa: PLC0415
 
