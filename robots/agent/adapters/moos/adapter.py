@@ -266,19 +266,16 @@ class MoosAdapter(RemoteAdapter):
 
     def _watch_journey(self, now: float) -> None:
         pending = self.pending_actions.drive
-        if pending is None or pending.kind != "goto" or pending.failure:
+        if pending is None or pending.failure:
             return
         if pending.first_cancelled_at is not None and pending.action_id != self._arrived:
             return  # the confirmation ends it
-        if pending.over_at < now and self._is_there(pending):
+        is_goto = pending.kind == "goto"
+        if is_goto and pending.over_at < now and self._is_there(pending):
             self._finish(pending, now)
-        elif now - pending.over_at > LANDING:
+        elif is_goto and now - pending.over_at > LANDING:
             pending.failure = "the robot stopped before it arrived"
-        elif (
-            pending.over_at > now
-            and not pending.seen_running
-            and now - pending.began > openmora.SETTING_OUT
-        ):
+        elif not pending.seen_running and now - pending.began > openmora.SETTING_OUT:
             pending.failure = "the robot does not start moving"
 
     def _finish(self, pending: PendingAction, now: float) -> None:

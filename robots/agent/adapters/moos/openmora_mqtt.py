@@ -301,7 +301,9 @@ class OpenMoraMqttAdapter(RemoteAdapter):
         if pending.first_cancelled_at is not None:
             return  # the confirmation ends it
         pending.seen_running |= status.autonomous
-        if pending.kind == "dock":
+        if not pending.seen_running and now - pending.began > openmora.SETTING_OUT:
+            pending.failure = "the robot does not start moving"
+        elif pending.kind == "dock":
             is_at_rest = pending.seen_running and not status.autonomous
             if is_at_rest and not self.readings.charger_contact and now - self._mode[1] > LANDING:
                 self.pending_actions.end_drive("FAILED", "the robot stopped before it was docked")
@@ -317,8 +319,6 @@ class OpenMoraMqttAdapter(RemoteAdapter):
                 pending.over_at = now
         elif pending.seen_running and not status.autonomous:
             self.pending_actions.end_drive("FAILED", "the robot stopped before it arrived")
-        elif not pending.seen_running and now - pending.began > openmora.SETTING_OUT:
-            pending.failure = "the robot does not start moving"
         elif stays > GIVEN_UP:
             pending.failure = "the robot did not arrive in time"
 

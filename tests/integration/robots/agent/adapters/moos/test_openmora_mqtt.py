@@ -13,7 +13,7 @@ from robots.agent.adapters.common.robot_profile import load_profile
 from robots.agent.adapters.moos import openmora, openmora_mqtt
 from robots.agent.robot_interface import ActionRefusedError, AdapterError
 from robots.api.geometry import Pose2D
-from robots.api.messages import Goto, Relocalize, Velocity
+from robots.api.messages import Dock, Goto, Relocalize, Velocity
 from tests.support.architectures.adapter_conformance import some, wait_for
 from tests.support.architectures.openmora_robot import OpenMoraRig
 from tests.support.architectures.rca_conformance import (
@@ -79,6 +79,15 @@ class TestGiraff(RcaConformance):
         await cancelled(adapter, "g")
         await self.has_stopped()
         assert not any(text.startswith("GoToPoint") for _, text in self.rig.said)
+
+    async def test_a_docking_that_never_begins_is_cancelled(self, near_dock, monkeypatch):
+        monkeypatch.setattr(openmora, "SETTING_OUT", 1.0)
+        self.rig.world.accept_after = 60.0
+        before = self.rig.world.cancels
+        await near_dock.start(Dock(action_id="d", stamp=0.0))
+        last = (await heard(near_dock, ended("d")))[-1]
+        assert (last.status, last.reason) == ("FAILED", "the robot does not start moving")
+        assert self.rig.world.cancels > before
 
     async def test_what_the_robot_starts_by_itself_is_cancelled(self, adapter):
         await wait_for(adapter, lambda _: not adapter._mode[0])
