@@ -46,7 +46,11 @@ def test_the_command_line_of_the_paper_is_enough():
 
 def test_a_profile_of_ones_own_overrules_defaults_and_options_overrule_it(tmp_path):
     file = tmp_path / "mine.toml"
-    file.write_text(MINE + LIMITS + '[moos]\nwatchdog = 0.5\nport = 9001\nhost = "robot"\n')
+    file.write_text(
+        MINE
+        + LIMITS
+        + '[moos]\nwatchdog = 0.5\nclient_ack_interval = 0.5\nport = 9001\nhost = "robot"\n'
+    )
     assert registry.create("moos", str(file)).place == "the MOOSDB at robot:9001"
     assert registry.create("moos", str(file), {"port": "9002"}).place == "the MOOSDB at robot:9002"
 
@@ -189,7 +193,7 @@ def test_a_value_of_the_wrong_kind_is_named_with_its_line_and_what_to_write(
         f"{MINE}{LIMITS}[camera]\nwidth = 64\nheight = 48\nfps = 5\nhfov = 1.5\nx = 0\nz = 1\n"
         "[battery]\nempty = 20\nfull = 30\n"
         "[[sonars]]\nx = 0.2\ny = 0\ntheta = 0\n[[sonars]]\nx = 0.2\ny = 1\ntheta = 1\n"
-        "[moos]\nwatchdog = 0.5\nport = 9000\n"
+        "[moos]\nwatchdog = 0.5\nclient_ack_interval = 0.5\nport = 9000\n"
     )
     text = text.replace("[limits]", "bumper = true\n[limits]") if "bumper" in before else text
     file = tmp_path / "mine.toml"
