@@ -78,18 +78,21 @@ class NodeBus:
     answers = True
     connect_time: float | None = 20.0
     problems: tuple[str, ...] = ()
+    advice = "run the agent on the computer of the ROS master, or "
     script = NODE
     arguments: tuple[str, ...] = ()  # of the script, after the port
 
     def __init__(self, options: Ros1Options) -> None:
         uri = _master_of(options)
-        self.place = f"ROS 1 at {uri}"
         self.guards = _is_here(urlsplit(uri).hostname or "")
-        self._python = options.python
-        self._environment = {**os.environ, "ROS_MASTER_URI": uri, "ROS_PYTHON_LOG_CONFIG_FILE": ""}
-        self._environment.pop("PYTHONHOME", None)  # that of the agent's Python
+        environment = {**os.environ, "ROS_MASTER_URI": uri, "ROS_PYTHON_LOG_CONFIG_FILE": ""}
         if options.ip:
-            self._environment["ROS_IP"] = options.ip
+            environment["ROS_IP"] = options.ip
+        self._prepare(f"ROS 1 at {uri}", options.python, environment)
+
+    def _prepare(self, place: str, python: str, environment: dict[str, str]) -> None:
+        self.place, self._python, self._environment = place, python, environment
+        self._environment.pop("PYTHONHOME", None)  # that of the agent's Python
         self._lost: Callable[[str], None] = lambda _reason: None
         self._child: subprocess.Popen[bytes] | None = None
         self._guards_left: list[subprocess.Popen[bytes]] = []  # of earlier connections

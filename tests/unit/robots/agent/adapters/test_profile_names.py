@@ -13,6 +13,7 @@ from robots.api.messages import Limits
 
 ROBOT = """
 series = "mine"
+unguarded_navigation = true
 footprint = [[0.2, -0.2], [0.2, 0.2], [-0.2, 0.0]]
 [limits]
 linear = 0.5
