@@ -285,3 +285,4 @@ def test_who_reads_the_robots_too_often_is_told_to_wait(giraff):
     refused = reader.get("/api/v1/robots/giraff/")
     assert refused.status_code == 429
     assert int(refused["Retry-After"]) > 0
+    assert refused.json()["error"] == "too_many_attempts"
