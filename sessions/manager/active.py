@@ -97,7 +97,7 @@ class ActiveManager:
             ),
             scheduler=Scheduler(ownership),
             return_to_dock=ReturnToDock(ownership),
-            presence=PresenceWriter(fence=ownership),
+            presence=PresenceWriter(ownership),
             thread=DatabaseThread("scheduler", health, ownership.fenced),
             health=health,
             disk=DiskWatch(DiskSpace(settings.VAR_DIR, settings.DISK_LOW_MB)),
