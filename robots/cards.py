@@ -104,12 +104,21 @@ def _state(robot: Robot, traffic: Traffic, now: datetime.datetime) -> CardState:
     return "busy" if traffic.driven or traffic.waiting or _away(robot) else "available"
 
 
+def was_stopped(robot: Robot) -> bool:
+    """Tell whether somebody stopped a robot between two visits (sessions/leases/readiness.py)."""
+    presence = robot.presence
+    is_paused = presence.turnaround == Robot.Turnaround.PAUSED
+    return is_paused and presence.turnaround_reason == "stopped"
+
+
 def _instead(robot: Robot, state: CardState, traffic: Traffic) -> tuple[str, str] | None:
     """Return the label and the sentence of a robot that nobody is kept from by another visitor or
     by a person there; None when there are none.
     """
     if state == "stopped":
         return _stopped(robot)
+    if state == "available" and was_stopped(robot):
+        return _("Stopped"), _("Someone stopped it between visits. You release it by taking it.")
     return _away(robot) if state == "busy" and not traffic.driven else None
 
 
@@ -142,7 +151,7 @@ def _away(robot: Robot) -> tuple[str, str] | None:
     """
     if robot.held:
         return _("Not ready"), _("Visits are paused for now. You can join the queue.")
-    if not robot.returns_home:
+    if not robot.returns_home or was_stopped(robot):
         return None
     words = {
         Robot.Turnaround.RETURNING: (

@@ -22,6 +22,7 @@ from typing import Any
 
 import structlog
 
+from robots import logs
 from robots.agent.adapters import registry
 from robots.agent.broker_link.broker_discovery import believed, broker_urls
 from robots.agent.broker_link.enrolment import enrol_if_asked, keep_renewing
@@ -37,6 +38,7 @@ from robots.agent.safety.obstacle_sources import sources_of
 from robots.agent.store import Store
 from robots.agent.thread_priority import SECOND, set_nice
 from robots.agent.timing import Backoff
+from robots.agent.watchdog import HANG_S, HangDetector, Systemd, end_process
 from robots.api.messages import Capability, Factsheet
 from robots.interpreter import set_up_for_latency
 
@@ -96,6 +98,7 @@ class Agent:
         self._config, self._make_adapter, self._make_media = config, make_adapter, make_media
         self._rng = rng or random.Random()
         self._stopping = threading.Event()
+        self._systemd = Systemd()
         self._link: MqttLink | None = None
         self._store = Store(config.var / "agent" / config.robot)
 
@@ -110,10 +113,9 @@ class Agent:
         Raises:
             ConfigError: it cannot start like this; one sentence.
         """
+        self._systemd.ready()
         self._prepare_store()
-        urls = broker_urls(
-            self._config, Backoff(self._rng, first=1.0, longest=30.0), self._stopping.wait
-        )
+        urls = broker_urls(self._config, Backoff(self._rng, first=1.0, longest=30.0), self._pause)
         if urls is None:
             return
         self._endpoints(urls)  # a wrong one is told at once
@@ -134,11 +136,16 @@ class Agent:
             if not self._stopping.is_set():
                 wait = backoff.failed(time.monotonic() - began)
                 log.warning("agent_restarted", robot=self._config.robot, after=round(wait, 1))
-                self._stopping.wait(wait)
+                self._pause(wait)
+
+    def _pause(self, seconds: float) -> bool:
+        """Wait, and return whether the agent is to end."""
+        self._systemd.alive()
+        return self._stopping.wait(seconds)
 
     def _serve(self, endpoints: tuple[Endpoint, ...], built: Callable[[], None]) -> None:
-        """One run of the agent: one boot. Returns when it is to end, or when its control thread has
-        died.
+        """One run of the agent: one boot. Returns when it is to end, or when its control or media
+        thread has died.
         """
         adapter = self._make_adapter(self._config)
         equipment = equipment_of(adapter, self._config)
@@ -162,8 +169,11 @@ class Agent:
             log.info(
                 "agent_started", robot=self._config.robot, adapter=self._config.adapter, boot=boot
             )
-            while not self._stopping.is_set() and not control.wait(GLANCE):
-                pass
+            hangs = HangDetector(round(HANG_S / GLANCE))
+            while not (self._stopping.is_set() or media.ended or control.wait(GLANCE)):
+                if hangs.look(control.ticks):
+                    end_process(control.thread, "control")
+                self._systemd.alive()
         finally:
             control.close()
             media.close()
@@ -301,6 +311,7 @@ def run_until_signalled(agent: Agent) -> None:
     for name in ("SIGINT", "SIGTERM", "SIGBREAK"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), end)
+    logs.write_in_a_thread()
     threading.excepthook = _log_thread
     set_nice(SECOND)
     agent.run(set_up_for_latency)

@@ -92,8 +92,9 @@ class Profile:
 
     What else a robot gets follows from what is named here, one by one: who names sensors for
     obstacles gets a collision monitor and assistance (obstacle_sources.py), and who names a `laser`
-    gets the localization and the navigation that it lacks (autonomy.py). Sensors for obstacles are
-    `laser` (readings have `scan`), `sonars` (`sonar`), `bumper` (`bumper`) and `depth` (`points`).
+    gets the localization and the navigation that it lacks (navigation_layer/). Sensors for
+    obstacles are `laser` (readings have `scan`), `sonars` (`sonar`), `bumper` (`bumper`) and
+    `depth` (`points`).
     `plan` is the site where such a robot stands, a shipped name or a folder, and `start` where it
     stands there when it is connected first; both are empty when the RCA cannot know.
 
@@ -151,13 +152,13 @@ class RcaState:
     `odometry` is dead reckoning, in a frame of its own that begins anywhere. `clearance` is the
     distance in metres from the footprint to the nearest thing, None when unknown. `contacts` counts
     the collisions that began since connect(), `distance` the metres driven since then. `estop` is
-    true while the robot's own emergency button is pressed. `path` is what the robot follows by
-    itself, in map metres, () when that is nothing, None when unknown. `scan`, `sonar` and `points`
-    are what is new since the reading before. `bumper` has the directions, in radians in the robot's
-    frame, in which something touches the robot now: () nothing, None when that is not known.
-    `assist_why` and `assist_point` say what the assistance of an RCA that has one minds, as in
-    `messages.State`. `battery` and `tilt` have None for what the robot does not know: never a
-    guess.
+    true while the robot's own emergency button is pressed, None until that is reported. `path` is
+    what the robot follows by itself, in map metres, () when that is nothing, None when unknown.
+    `scan`, `sonar` and `points` are what is new since the reading before. `bumper` has the
+    directions, in radians in the robot's frame, in which something touches the robot now: ()
+    nothing, None when that is not known. `assist_why` and `assist_point` say what the assistance of
+    an RCA that has one minds, as in `messages.State`. `battery` and `tilt` have None for what the
+    robot does not know: never a guess.
     """
 
     stamp: float
@@ -171,7 +172,7 @@ class RcaState:
     distance: float = 0.0
     scan: Scan | None = None
     errors: tuple[str, ...] = ()
-    estop: bool = False
+    estop: bool | None = None
     odometry: Pose2D | None = None
     path: tuple[Point, ...] | None = None
     assist_why: str = ""
@@ -390,6 +391,19 @@ class LimitsSpeed(Protocol):
 
     def limit_speed(self, linear: float) -> None:
         """Set the largest speed of the RCA's navigation, in m/s."""
+
+
+@runtime_checkable
+class Severable(Protocol):
+    """What an adapter offers besides so that `run_robot NAME --check` can show what becomes of the
+    RCA's own navigation when the agent is lost.
+    """
+
+    def sever(self) -> None:
+        """Drop the connection at once and without a goodbye, as the death of the agent's process
+        would: no zero velocity, no cancel, no heartbeat any more. `states()` then raises
+        AdapterError, and `connect()` connects again.
+        """
 
 
 @runtime_checkable

@@ -27,6 +27,7 @@ from accounts.attempts import Attempts, address_of
 from robots.access import robots_visible_to
 from robots.api.messages import EStop, Stop
 from robots.bridge import bridge as mqtt_bridge
+from robots.cards import was_stopped
 from robots.models import Robot, RobotPresence
 from robots.presence.report import standstill_of
 from sessions import system_log
@@ -180,7 +181,12 @@ def _state(row: Robot, report: dict[str, Any], *, busy: bool, online: bool) -> s
         return "stopped"
     return (
         "busy"
-        if busy or (row.can_go_home and row.presence.turnaround != Robot.Turnaround.READY)
+        if busy
+        or (
+            row.can_go_home
+            and row.presence.turnaround != Robot.Turnaround.READY
+            and not was_stopped(row)
+        )
         else "available"
     )
 
@@ -195,14 +201,9 @@ def _counted(
 
     @functools.wraps(view)
     async def checked(request: HttpRequest, robot: str) -> JsonResponse:
-        key = await database_sync_to_async(_key_or_problem)(request)
+        key = await database_sync_to_async(_acting_key)(request, robot)
         if isinstance(key, JsonResponse):
             return key
-        if key is None or key.robot.name != robot:
-            return _problem(403, "not_allowed", "To act on a robot, send a key of that robot.")
-        name, now = str(key.pk), time.time()
-        if not ACTED.count(name, now):
-            return _too_many("too_many_actions", ACTED.wait(name, now))
         kind = _kind(request)
         if kind is None:
             return _problem(
@@ -211,6 +212,17 @@ def _counted(
         return await view(request, key, kind)
 
     return checked
+
+
+def _acting_key(request: HttpRequest, robot: str) -> ApiKey | JsonResponse:
+    """Count an action of the key that comes along. Asks database and cache, so not on the loop."""
+    key = _key_or_problem(request)
+    if isinstance(key, JsonResponse):
+        return key
+    if key is None or key.robot.name != robot:
+        return _problem(403, "not_allowed", "To act on a robot, send a key of that robot.")
+    name, now = str(key.pk), time.time()
+    return key if ACTED.count(name, now) else _too_many("too_many_actions", ACTED.wait(name, now))
 
 
 def _kind(request: HttpRequest) -> str | None:
@@ -260,6 +272,13 @@ async def _send_home(key: ApiKey, now: datetime.datetime) -> JsonResponse:
             409,
             "cannot_go_home",
             "The robot does not dock by itself, or its owner has turned this off.",
+        )
+    if was_stopped(key.robot):
+        return _problem(
+            409,
+            "stopped",
+            "Someone stopped the robot. A person at the robot, an operator or a new driver must"
+            " release it.",
         )
     if not await database_sync_to_async(_mark_returning)(key.robot, now):
         return _problem(

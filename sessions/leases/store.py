@@ -5,7 +5,7 @@ Any process may call these at any time, on any of the supported databases. Corre
 things alone, never on a transaction: a lease changes only where its epoch is still the one that was
 read, and `live_key` is unique, so that a visitor has one living session at a robot.
 
-What a consumer calls, each through `database_sync_to_async`:
+What a consumer calls, each through consumers/database.py:
 
 - `take` for `session/take`. On `TakeGranted` publish `granted.lease` (retained) at once; the
   session manager renews it.
@@ -53,7 +53,8 @@ from sessions.leases.policy import (
     decide_take,
     turn_end,
 )
-from sessions.leases.terms import FREE, Terms
+from sessions.leases.readiness import STOPPED
+from sessions.leases.terms import FREE, Terms, UnreadableTerms
 from sessions.models import AT_THE_WHEEL, Lease, Session
 
 LIVE = (Session.State.WAITING, *AT_THE_WHEEL)
@@ -654,7 +655,9 @@ def _pause(report: Any, held: str, returns: bool, phase: str, reason: str) -> st
         return f"{Robot.Turnaround.PAUSED}: {why}"
     if held:
         return f"{HELD}: {held}"
-    is_away = returns and phase != Robot.Turnaround.READY
+    # Who takes a robot that was stopped between visits releases the stop.
+    may_be_taken = (phase, reason) == (Robot.Turnaround.PAUSED, STOPPED)
+    is_away = returns and phase != Robot.Turnaround.READY and not may_be_taken
     return f"{phase}: {reason}"[:REASON_LENGTH] if is_away else ""
 
 
@@ -676,6 +679,7 @@ def session_of(session: Session) -> ActiveSession:
         grace=fixed.grace_seconds,
         idle=fixed.idle_seconds,
         turn_always=fixed.turn_always,
+        is_readable=not isinstance(fixed, UnreadableTerms),
     )
 
 

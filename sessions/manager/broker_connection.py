@@ -58,6 +58,7 @@ HEARTBEAT_SECONDS = 0.5
 STATUS_SECONDS = 0.5
 HEALTH_SECONDS = 0.1  # between two readings of what the status would be: a fault is told at once
 GATHER_SECONDS = 0.04
+STEP_SECONDS = 1.0  # by which the clock may change between two looks, as NTP slews it
 MOST_FILTERS = 50  # of one packet; the embedded broker takes 64
 # a cluster makes a replicated queue of each filter, the first time
 SUBSCRIBE_SECONDS = 30.0
@@ -109,6 +110,7 @@ class BrokerConnection:
         self._clock = clock
         self._often_qos = often_qos
         self._since = clock()
+        self._shift = self._since - time.monotonic()  # from monotonic to Unix seconds
         self._desired_state = DesiredState(work.ownership)
         self._subscribed: set[tuple[str, int]] = set()
         self.prepared: tuple[int, ...] = ()  # the slots by whose division we have subscribed
@@ -194,14 +196,24 @@ class BrokerConnection:
         send(signals.ticked, now=now, ownership=work.ownership)
         work.scheduler.outbox.extend(map(notice_message, notices.drain()))
         robots = dict(work.ingest.last_received)
+        self._follow_clock()
         links = {
-            name: robots[name].link(self._since, work.ingest.signs)
+            name: robots[name].link(self._since, work.ingest.signs, shift=self._shift)
             for name in self._needed & robots.keys()
         }
         closing = work.scheduler.tick(links, RobotLink(since=self._since), now)
         work.scheduler.outbox.extend(self._desired_state.tick(now))
-        work.scheduler.outbox.extend(work.return_to_dock.tick(robots, now))
+        work.scheduler.outbox.extend(work.return_to_dock.tick(robots, now, time.monotonic()))
         return closing
+
+    def _follow_clock(self) -> None:
+        """Begin all deadlines anew when the server's clock has made a step: what the database has
+        from before it tells no more how long ago something was.
+        """
+        before, self._shift = self._shift, self._clock() - time.monotonic()
+        if abs(self._shift - before) > STEP_SECONDS:
+            self._since = self._work.scheduler.stepped_at = self._clock()
+            logger.warning("clock_stepped", seconds=round(self._shift - before, 3))
 
     def _take_presence(self, now: datetime.datetime) -> None:
         """Store what robots have said of themselves; what the database did not take comes again,
@@ -247,8 +259,9 @@ class BrokerConnection:
         """Beat for robots that are needed, and for others only to know the clock of one that
         somebody else keeps awake.
         """
+        due = time.monotonic()
         while True:
-            needed, now = self._needed, self._clock()
+            needed, now = self._needed, time.monotonic()
             for robot, liveness in list(self._work.ingest.last_received.items()):
                 is_due = liveness.is_awake(now) or (robot in needed and liveness.is_present(now))
                 if is_due and self._work.ownership.owns(robot):
@@ -259,7 +272,9 @@ class BrokerConnection:
                     await self._client.publish(
                         topics.of(robot, "command/heartbeat"), codec.encode(message)
                     )
-            await asyncio.sleep(HEARTBEAT_SECONDS)
+            # A robot ends what the server ordered when it misses these beats.
+            due = max(due + HEARTBEAT_SECONDS, time.monotonic())
+            await asyncio.sleep(due - time.monotonic())
 
     async def _publish_status_for_ever(self) -> None:
         """Say that the owner of the site lives and what it lacks; from the loop, which neither

@@ -10,6 +10,7 @@ Runs in the loop's thread and waits for nothing. Bytes that are no message are c
 dropped.
 """
 
+import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -105,6 +106,7 @@ class Intake:
     Args:
         recorder: gets what belongs into the record.
         clock: Unix seconds.
+        monotonic: seconds that no step of the clock changes.
         wake_signals: called when `fresh` has something new.
         wake_scheduler: called when a web process has changed something.
         ownership: whose messages are ours.
@@ -118,9 +120,11 @@ class Intake:
         wake_signals: Callable[[], None],
         wake_scheduler: Callable[[], None],
         ownership: Ownership = EVERYTHING,
+        monotonic: Callable[[], float] = time.monotonic,
     ) -> None:
         self._recorder = recorder
         self._clock = clock
+        self._monotonic = monotonic
         self._wake_signals = wake_signals
         self._wake_scheduler = wake_scheduler
         self._ownership = ownership
@@ -211,12 +215,14 @@ class Intake:
         last_received = self.last_received.get(robot) or self.last_received.setdefault(
             robot, RobotLiveness()
         )
+        received = self._monotonic()
         match message:
             case messages.State():
-                self._on_state(robot, last_received, message, payload, now)
+                late = not last_received.take(message, received)
+                self._on_state(robot, last_received, message, payload, now, late=late)
             case messages.Heartbeat():
-                last_received.heartbeat(message, now)
-                if (refutation := last_received.refutation()) is not None:
+                last_received.heartbeat(message, received, now)
+                if (refutation := last_received.refutation(now)) is not None:
                     self._note_presence(PresenceNews(robot, refutation))
             case messages.ActionStatus():
                 last_received.answer(message)
@@ -230,7 +236,7 @@ class Intake:
             case messages.Event() if message.type != "photo" or not _is_ordered(message.action_id):
                 self._put(EventItem(robot, message, now))
             case messages.Connection():
-                last_received.connection(message, now)
+                last_received.connection(message, received)
                 self._note_presence(PresenceNews(robot, message, retained))
             case messages.Factsheet():
                 self._note_presence(PresenceNews(robot, message, retained))
@@ -244,15 +250,10 @@ class Intake:
         state: messages.State,
         payload: bytes,
         now: float,
+        *,
+        late: bool,
     ) -> None:
-        item = StateItem(
-            robot,
-            state,
-            payload,
-            now,
-            last_received.offset.seconds,
-            late=not last_received.take(state, now),
-        )
+        item = StateItem(robot, state, payload, now, last_received.offset.seconds, late=late)
         self._recorder.put(item)
         self._stated.add(robot)
         if state.session is not None:

@@ -48,9 +48,11 @@ class ReturnToDock:
         self._under_way: dict[str, Readiness] = {}
 
     def tick(
-        self, last_received: Mapping[str, RobotLiveness], now: datetime.datetime
+        self, last_received: Mapping[str, RobotLiveness], now: datetime.datetime, monotonic: float
     ) -> Iterator[ManagerMessage]:
-        """Bring every robot that is not ready a step nearer to it; yield what is to be said."""
+        """Bring every robot that is not ready a step nearer to it; yield what is to be said. Both
+        times are those of the present; what is waited for is measured by `monotonic`, in seconds.
+        """
         rows = Robot.objects.exclude(presence__turnaround=Robot.Turnaround.READY).select_related(
             "floor_plan"
         )
@@ -68,30 +70,36 @@ class ReturnToDock:
         for robot in away:
             with self._ownership.about(robot.name):
                 if robot.pk in driven or not robot.can_go_home or not robot.enabled:
-                    yield from self._let_be(robot, now)
+                    yield from self._let_be(robot, now, monotonic)
                 else:
-                    yield from self._bring(robot, last_received.get(robot.name), now)
+                    yield from self._bring(robot, last_received.get(robot.name), now, monotonic)
 
-    def _let_be(self, robot: Robot, now: datetime.datetime) -> Iterator[ManagerMessage]:
-        """An operator has taken it, or it need not go home any more."""
+    def _let_be(
+        self, robot: Robot, now: datetime.datetime, monotonic: float
+    ) -> Iterator[ManagerMessage]:
+        """A visitor or an operator has taken it, or it need not go home any more."""
         order = self._under_way.pop(robot.name, Readiness()).order
-        if order is not None and not order.is_over(now.timestamp()):
+        if order is not None and not order.is_over(monotonic):
             yield _outbound(robot, messages.Cancel(**_signature(now), target=order.action_id))
         self._save(robot, Readiness("ready"), now)
 
     def _bring(
-        self, robot: Robot, last_received: RobotLiveness | None, now: datetime.datetime
+        self,
+        robot: Robot,
+        last_received: RobotLiveness | None,
+        now: datetime.datetime,
+        monotonic: float,
     ) -> Iterator[ManagerMessage]:
         known = _known(robot)
         before = self._under_way.get(robot.name, Readiness(reason=robot.presence.turnaround_reason))
         turnaround, kind = decide(
             _answered(before, last_received),
-            _condition(robot, known, last_received, now),
-            now.timestamp(),
+            _condition(robot, known, last_received, monotonic),
+            monotonic,
         )
         if kind is not None:
             action = _action(kind, known, now)
-            turnaround = replace(turnaround, order=Order(action.action_id, kind, now.timestamp()))
+            turnaround = replace(turnaround, order=Order(action.action_id, kind, monotonic))
             logger.info("robot_sent_home", robot=robot.name, kind=kind, action=action.action_id)
         # First, as an order that the database or the fence refuses is not given.
         self._save(robot, turnaround, now)
@@ -136,14 +144,14 @@ def _answered(turnaround: Readiness, last_received: RobotLiveness | None) -> Rea
 
 
 def _condition(
-    robot: Robot, known: _Known, last_received: RobotLiveness | None, now: datetime.datetime
+    robot: Robot, known: _Known, last_received: RobotLiveness | None, now: float
 ) -> RobotCondition:
     state = last_received.state if last_received is not None else None
     if (
         last_received is None
         or state is None
         or last_received.state_at is None
-        or now.timestamp() - last_received.state_at > STATE_SILENCE
+        or now - last_received.state_at > STATE_SILENCE
     ):
         return RobotCondition(heard=False)
     level = (
@@ -151,9 +159,10 @@ def _condition(
     )
     return RobotCondition(
         let_go=state.session is None,
-        prompt=last_received.is_prompt(now.timestamp()),
+        prompt=last_received.is_prompt(now),
         sees=known.sees,
         estop=state.safety.estop,
+        stopped=state.safety.inhibited == "stopped",
         docked=state.docked,
         localized=state.pose.localized,
         level=level,

@@ -7,6 +7,7 @@ published it, so that an error half-way loses nothing.
 """
 
 import datetime
+import math
 import random
 from collections import deque
 from dataclasses import dataclass, replace
@@ -25,7 +26,7 @@ from sessions import protocol, signals, system_log
 from sessions.disk_full import is_disk_full
 from sessions.leases import expiry, store, terms
 from sessions.leases.absences import WebAbsences
-from sessions.leases.policy import Scene, minutes_until_turn, place_in_queue
+from sessions.leases.policy import PAGE_GONE_SECONDS, Scene, minutes_until_turn, place_in_queue
 from sessions.leases.store import (
     LIVE,
     count_renewal,
@@ -102,6 +103,9 @@ class Scheduler:
         # robot: which session was asked for a sign, and when
         self._asked: dict[str, tuple[str, float]] = {}
         self._web_absences = WebAbsences()
+        # When the clock made a step (Unix seconds). Until pages were seen again since then, nothing
+        # tells how long they have been away.
+        self.stepped_at = -math.inf
         # session: why the robot is not as it needs it, and since when
         self._unready: dict[str, tuple[str, float]] = {}
         self._published: set[str] = set()
@@ -164,7 +168,8 @@ class Scheduler:
             since = max(link.since, self._gained.get(robot.name, 0.0))
             link = replace(link, since=since, asked=self._asked.get(robot.name))
             with log_ids.about(robot=robot.name), self._ownership.about(robot.name):
-                self._web_absences.tick(scenes[robot.pk].holder, now)
+                if now.timestamp() - self.stepped_at >= PAGE_GONE_SECONDS:
+                    self._web_absences.tick(scenes[robot.pk].holder, now)
                 for act in expiry.tick(robot, link, now, scenes[robot.pk]):
                     self._publish(act, robot, now)
                 if robot.pk in queues:

@@ -29,12 +29,11 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
 from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
 from prometheus_client.registry import Collector
 
-from robots.api.disk_space import DiskSpace
 from robots.bridge import bridge as mqtt_bridge
 from robots.models import Robot
 from sessions.consumers import peers
 from sessions.models import Lease, ManagerBeat, Session
-from telepresence_site.ops.health import WELL, managers_state
+from telepresence_site.ops.health import WELL, disk, managers_state
 
 Labelled = dict[str, float]
 PREFIX = "telepresence_"
@@ -46,7 +45,9 @@ async def metrics(request: HttpRequest) -> HttpResponse:
     """Answer with every figure, to those who may see them."""
     if not may_read(request):
         raise Http404
-    families = [*_of_this_process(), *await database_sync_to_async(_of_the_site)(timezone.now())]
+    _word, free = await disk.read()
+    of_the_site = await database_sync_to_async(_of_the_site)(timezone.now())
+    families = [*_of_this_process(free), *of_the_site]
     registry = CollectorRegistry(auto_describe=False)
     registry.register(_Ready(families))
     return HttpResponse(
@@ -83,16 +84,13 @@ class _Ready(Collector):
         return iter(self._families)
 
 
-def _of_this_process() -> Iterator[Metric]:
+def _of_this_process(free: int | None) -> Iterator[Metric]:
     bridge = mqtt_bridge.current()
     yield _gauge(
         "broker_connected", "Whether this web process reaches the broker.", float(bridge.connected)
     )
-    yield _gauge(
-        "disk_free_bytes",
-        "Free space on the disk of VAR_DIR.",
-        float(DiskSpace(settings.VAR_DIR, settings.DISK_LOW_MB).free()),
-    )
+    if free is not None:
+        yield _gauge("disk_free_bytes", "Free space on the disk of VAR_DIR.", float(free))
     yield _counter(
         "bridge",
         "Messages between broker and pages, by outcome.",

@@ -7,19 +7,24 @@ from collections import OrderedDict
 from collections.abc import Callable, Coroutine
 from typing import Any
 
-import av
 import msgspec
 import structlog
 
 from robots.agent.control.calls import CallControl
+from robots.agent.control.owned_actions import OwnedActions
 from robots.agent.control.publisher import Media, Publisher
 from robots.agent.control.receipts import Receipts
 from robots.agent.control.reports import Reports
-from robots.agent.control.supervised_adapter import AdapterLink
+from robots.agent.control.supervised_adapter import AdapterLink, its_fault
 from robots.agent.media.photos import develop
-from robots.agent.robot_interface import ActionProgress, AdapterError, Frame
+from robots.agent.robot_interface import (
+    ActionProgress,
+    ActionRefusedError,
+    AdapterError,
+    Frame,
+)
 from robots.agent.safety.kernel import Kernel
-from robots.agent.safety.permissions import MOTION, CommandSender, role_of
+from robots.agent.safety.permissions import MOTION, MOVING, CommandSender, role_of
 from robots.agent.timing import Cadence, TimeSource
 from robots.api.messages import (
     ENDED,
@@ -82,7 +87,7 @@ PHOTOS_AT_ONCE = 4
 RESENT_AT_ONCE = 100
 RESEND_PAUSE = 0.05
 CANCEL = "cancel"
-CANCEL_AGAIN = 1.0  # s between two attempts to cancel
+START_TIMEOUT = 10.0  # s for which an action may wait for the end of an earlier one
 
 Spawn = Callable[[Coroutine[Any, Any, None]], None]
 Result = dict[str, float | str | bool | None]
@@ -132,29 +137,53 @@ class Actions:
         self._receipts = Receipts()
         self._refusals = Cadence(REFUSALS_ANSWERED)
         self._photos = 0
-        self._waiting: Action | None = None  # to be begun when the robot stands
-        # what is true once the robot stands, and not before
+        self._waiting: Action | None = None  # until the robot is at rest
+        # statuses that become true when the robot is at rest and the RCA has confirmed the end
         self._final: dict[str, ActionStatus] = {}
+        self._owned = OwnedActions(adapter, spawn, self._ends_changed)
 
     def tick(self) -> None:
-        """Begin what waited for the robot to stand, and say what is true now that it does, or that
-        a driver has it.
-        """
-        waiting, running = self._waiting, self._kernel.navigation
-        if waiting is not None and (running is None or running.action_id != waiting.action_id):
-            self._waiting = None
-        elif waiting is not None and running is not None and running.may_begin:
-            self._waiting = None
-            self._spawn(self._start(waiting))
+        """Begin what waited for the robot to be at rest, and report what has ended by now."""
+        self._begin_waiting()
+        kernel, now = self._kernel, self._times.now()
         if self._final and (
-            self._kernel.stands
-            or self._kernel.fault
-            or self._kernel.braking(self._times.now()) is None
+            (kernel.is_at_rest and not kernel.is_end_unconfirmed) or kernel.braking(now) is None
         ):
             final, self._final = self._final, {}
-            self._reports.errors.pop(CANCEL, None)
             for status in final.values():
                 self._end(status)
+
+    def _begin_waiting(self) -> None:
+        waiting, running = self._waiting, self._kernel.navigation
+        if waiting is None:
+            return
+        if running is None or running.action_id != waiting.action_id:
+            self._waiting = None
+        elif running.may_begin:
+            self._waiting = None
+            self._owned.begin(waiting.action_id)
+            self._spawn(self._start(waiting))
+        elif self._kernel.is_end_unconfirmed and self._times.now() - running.since > START_TIMEOUT:
+            self._waiting = None
+            self._kernel.navigation_ended(waiting.action_id)
+            self._say(self._status(waiting, "FAILED", "navigation_does_not_end"))
+
+    def cancel_all(self) -> None:
+        """Cancel every action that moves the robot or its head: the connection to the RCA was lost,
+        or the robot was stopped.
+        """
+        self._owned.cancel_all()
+
+    def _ends_changed(self, reason: str) -> None:
+        """Take whether the RCA still has to confirm the end of an action."""
+        self._kernel.is_end_unconfirmed = self._owned.is_end_unconfirmed
+        if not self._kernel.is_end_unconfirmed:
+            self._reports.errors.pop(CANCEL, None)
+        elif reason:
+            is_new = CANCEL not in self._reports.errors
+            self._reports.errors[CANCEL] = f"{CANCEL}: {reason}"[:300]
+            if is_new:
+                self._reports.hurry()
 
     def take(self, action: Action, sender: CommandSender) -> None:
         """Do what is asked, or say why not."""
@@ -187,6 +216,8 @@ class Actions:
             reason=progress.reason[:300],
             result=progress.result,
         )
+        if progress.status in ENDED:
+            self._owned.ended(progress.action_id)
         if before is None or progress.action_id in self._final:
             return
         if progress.status in ENDED and self._kernel.navigation_ended(progress.action_id):
@@ -195,26 +226,12 @@ class Actions:
             self._end(status)
 
     def cancelled(self, action_id: str, reason: str) -> None:
-        """The kernel has ended an action that moves the robot: tell the adapter, and, when the
-        robot stands, whoever asked for it.
+        """The kernel has ended an action that moves the robot: cancel it at the adapter, and report
+        it when the robot is at rest.
         """
         self._final[action_id] = self._ended_by(action_id, reason)
         if self._waiting is None or self._waiting.action_id != action_id:
-            self._spawn(self._cancel_at_adapter(action_id))
-
-    async def _cancel_at_adapter(self, action_id: str) -> None:
-        """Tell the adapter until it has taken it, or the robot stands."""
-        while True:
-            try:
-                await self._adapter.cancel(action_id)
-            except AdapterError as error:
-                log.warning("cancel_failed", action=action_id, reason=str(error))
-                if action_id not in self._final:
-                    return
-                self._reports.errors[CANCEL] = f"{CANCEL}: {error}"[:300]
-                await asyncio.sleep(CANCEL_AGAIN)
-            else:
-                return
+            self._owned.cancel(action_id)
 
     def _ended_by(self, action_id: str, reason: str) -> ActionStatus:
         before = self._history.of(action_id)
@@ -239,6 +256,7 @@ class Actions:
 
     def button_pressed(self) -> None:
         """The robot's own e-stop was pressed."""
+        self.cancel_all()
         self._latched("button", None)
 
     def _stamped(self, action: Action, sender: CommandSender) -> Action:
@@ -261,12 +279,14 @@ class Actions:
     def _stop(self, action: Stop, sender: CommandSender) -> None:
         obeyed = self._kernel.stop(action, sender, self._times.now())
         self._turn_wheels()
+        self.cancel_all()
         self._stopped(action, obeyed=obeyed)
 
     def _estop(self, action: EStop, sender: CommandSender) -> None:
         watches = role_of(action, sender, self._kernel.leases.live(self._times.now())) == "observer"
         obeyed = self._kernel.estop(action, sender, now=self._times.now(), unix=self._times.unix())
         self._turn_wheels()
+        self.cancel_all()
         if watches:
             self._stopped(action, obeyed=obeyed)
         elif obeyed:
@@ -344,7 +364,7 @@ class Actions:
             self._final[action.action_id] = self._status(action, "FINISHED")
         elif action.target is not None and self._history.runs(action.target):
             self._say(self._ended_by(action.target, "cancelled"))
-            self._spawn(self._cancel_at_adapter(action.target))
+            self._owned.cancel(action.target)
             self._say(self._status(action, "FINISHED"))
         else:
             self._say(self._status(action, "FAILED", "nothing_runs"))
@@ -362,18 +382,24 @@ class Actions:
                 self.cancelled(action_id, reason)
             self._waiting = action
         else:
+            if isinstance(action, MOVING):
+                self._owned.begin(action.action_id)
             self._spawn(self._start(action))
 
     async def _start(self, action: Action) -> None:
         try:
             await self._adapter.start(action)
+        except ActionRefusedError as error:
+            self._owned.ended(action.action_id)
+            self._not_started(action, str(error))
         except AdapterError as error:
-            self._kernel.navigation_ended(action.action_id)
-            self._say(self._status(action, "FAILED", str(error)))
-            return
-        # Stopped or cancelled while the RCA was still thinking about it.
-        if action.action_id in self._final or not self._history.runs(action.action_id):
-            await self._cancel_at_adapter(action.action_id)
+            if isinstance(action, MOVING):  # it may run all the same
+                self._owned.cancel(action.action_id)
+            self._not_started(action, str(error))
+
+    def _not_started(self, action: Action, reason: str) -> None:
+        self._kernel.navigation_ended(action.action_id)
+        self._say(self._status(action, "FAILED", reason))
 
     def _photo(self, action: Photo) -> None:
         if self._photos >= PHOTOS_AT_ONCE:
@@ -385,9 +411,10 @@ class Actions:
 
     async def _take_photo(self, action: Photo) -> None:
         try:
-            frame = await asyncio.to_thread(self._snapshot)
-            photo = await asyncio.to_thread(develop, frame) if frame is not None else None
-        except (AdapterError, av.FFmpegError, ValueError) as error:
+            with its_fault():  # the camera may be the adapter's own
+                frame = await asyncio.to_thread(self._snapshot)
+                photo = await asyncio.to_thread(develop, frame) if frame is not None else None
+        except AdapterError as error:
             log.warning("photo_failed", reason=str(error))
             frame = photo = None
         finally:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+import msgspec
 import structlog
 
 from robots.agent.autonomy.area import dock_of
@@ -25,7 +26,6 @@ from robots.agent.control.supervised_adapter import AdapterLink
 from robots.agent.lab.in_force import CLEAN, Networks, in_force, is_held
 from robots.agent.lab.timed import TimedLine
 from robots.agent.media.webrtc.packet_gate import Command
-from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import ActionProgress, RcaState
 from robots.agent.safety.collision_monitor import CollisionMonitor, seen_from
 from robots.agent.safety.contacts import SIDES, sides_of
@@ -68,7 +68,7 @@ ADAPTER_LOST, ADAPTER_STARTING = "adapter_lost", "adapter_starting"
 RIVAL = "rival"
 CLOSING = "closing"
 STORE = "store"
-RUNS_ON = "runs_on"
+RUNS_ON, SETTLING = "runs_on", "settling"
 
 
 @dataclass(frozen=True)
@@ -139,6 +139,7 @@ class CommandDispatcher:
         self._heartbeat_due = Cadence(HEARTBEAT_PERIOD)
         self._disk_due = Cadence(DISK_PERIOD)
         self._shortage: tuple[str, ...] = ()
+        self._unreported: AppliedCommand | None = None  # its velocity has not been sent yet
         self._looks_at_disk = False
         self._dock: Station | None = None  # this robot's own, on the server's map
         self._writing = asyncio.Lock()  # one after the other
@@ -192,7 +193,6 @@ class CommandDispatcher:
             log.exception("message_failed", suffix=suffix)
             self.rejected("failed")
             self._kernel.brake(self._times.now())
-            self.turn_wheels()
 
     def rejected(self, reason: str, count: int = 1) -> None:
         """Count what could not be decoded."""
@@ -246,7 +246,7 @@ class CommandDispatcher:
         """Take what the RCA reports, and say what has changed."""
         before, was_docked = self.reports.reading, self.reports.docked
         self._kernel.measured(reading.velocity, self._times.now())
-        if self._kernel.button(
+        if reading.estop is not None and self._kernel.button(
             pressed=reading.estop, now=self._times.now(), unix=self._times.unix()
         ):
             self.turn_wheels()
@@ -288,6 +288,7 @@ class CommandDispatcher:
             if ADAPTER_LOST not in self._faults and self._was_up:
                 self.reports.event("adapter_lost", detail=reason)
             self._set_fault(ADAPTER_LOST, reason)
+            self.actions.cancel_all()
         self._clear_fault(ADAPTER_STARTING)
         if up:
             self.reports.connected()
@@ -304,7 +305,11 @@ class CommandDispatcher:
         """Fifty times a second: the lease's end, the wheels, and what is due to be said."""
         self._lapse()
         self.turn_wheels()
+        self._report_applied()
         self.actions.tick()
+        self._adapter.set_lock(locked=self._kernel.is_stopped)
+        if self._kernel.navigation:
+            self._adapter.limit_speed(self._kernel.caps(self._times.now()).linear)
         self._look_after_standstill()
         self._look_after_call()
         if self._heartbeat_due.due(self._times.now()):
@@ -335,9 +340,10 @@ class CommandDispatcher:
         self._set_fault(CLOSING, "the agent ends")
 
     @property
-    def stands(self) -> bool:
-        """Tell whether the base was told to stand still."""
-        return self._kernel.commanded == ZERO or not self._adapter.up
+    def is_at_rest(self) -> bool:
+        """Tell whether the robot is at rest and every action has ended, or cannot be reached."""
+        kernel = self._kernel
+        return not self._adapter.up or (kernel.is_at_rest and not kernel.is_end_unconfirmed)
 
     # --- handlers ---------------------------------------------------------------------------------
 
@@ -347,9 +353,14 @@ class CommandDispatcher:
         """
         if self._line is not None and is_held(message, sender, self._driver()):
             self._line.offer(
-                len(codec.encode(message)), functools.partial(self._command, message, sender)
+                len(codec.encode(message)), functools.partial(self._delayed, message, sender)
             )
         else:
+            self._command(message, sender)
+
+    def _delayed(self, message: VelocityCommand | Action, sender: CommandSender) -> None:
+        """Take a command that the network lab has held, outside of the message that brought it."""
+        with self._surviving("network lab"):
             self._command(message, sender)
 
     def _command(self, message: VelocityCommand | Action, sender: CommandSender) -> None:
@@ -365,22 +376,34 @@ class CommandDispatcher:
         if verdict.reason is not None:
             return
         self.turn_wheels()
-        told = self._kernel.commanded
-        self.reports.applied(
-            AppliedCommand(
-                seq=command.seq,
-                stamp=command.stamp,
-                method=command.method,
-                way=sender.way,
-                age=verdict.age,
-                linear=told.linear,
-                angular=told.angular,
-                frame_age=frame_age(command, self._times.unix()),
-                asked=Velocity(linear=command.linear, angular=command.angular),
-                allowed=verdict.allowed,
-                share=verdict.share,
-            )
+        self._report_applied()
+        applied = AppliedCommand(
+            seq=command.seq,
+            stamp=command.stamp,
+            method=command.method,
+            way=sender.way,
+            age=verdict.age,
+            linear=0.0,
+            angular=0.0,
+            frame_age=frame_age(command, self._times.unix()),
+            asked=Velocity(linear=command.linear, angular=command.angular),
+            allowed=verdict.allowed,
+            share=verdict.share,
         )
+        self._unreported = applied
+        if not self._kernel.is_waiting:
+            self._report_applied()
+
+    def _report_applied(self) -> None:
+        """Report the newest command with the velocity that the base was really sent. Where the
+        adapter holds a velocity back, that is known at the next tick.
+        """
+        applied, sent = self._unreported, self._kernel.commanded
+        self._unreported = None
+        if applied is not None:
+            self.reports.applied(
+                msgspec.structs.replace(applied, linear=sent.linear, angular=sent.angular)
+            )
 
     def _attract(self) -> None:
         """Note that somebody needs the robot; one that was idle speaks at once."""
@@ -389,7 +412,10 @@ class CommandDispatcher:
             self._beat()
 
     def _beat(self) -> None:
-        self.out.send("heartbeat", self._kernel.clocks.beat(self._times.now(), self._times.unix()))
+        now, kernel = self._times.now(), self._kernel
+        lease = kernel.leases.announced(now)
+        peers = (lease.peer, lease.wizard or lease.peer) if lease else ()
+        self.out.send("heartbeat", kernel.clocks.beat(now, self._times.unix(), first=peers))
 
     def _heartbeat(self, peer: str, beat: CommandHeartbeat, sender: CommandSender) -> None:
         now = self._times.now()
@@ -452,14 +478,27 @@ class CommandDispatcher:
         return self._kernel.leases.live(self._times.now())
 
     def _look_after_standstill(self) -> None:
-        """Say that the robot moves though it is told to stand, for as long as it does."""
-        if not (self._adapter.up and self._kernel.runs_on(self._times.now())):
-            self.reports.errors.pop(RUNS_ON, None)
-        elif RUNS_ON not in self.reports.errors:
-            log.error("robot_runs_on", velocity=self.reports.reading.velocity)
-            self.reports.errors[RUNS_ON] = (
-                f"{RUNS_ON}: the robot keeps moving although it was told to stop"
-            )
+        """Report a robot that moves although it has to be at rest, or is never measured so."""
+        kernel, now = self._kernel, self._times.now()
+        self._report(
+            RUNS_ON,
+            "the robot keeps moving although it was told to stop",
+            holds=self._adapter.up and kernel.moves_despite_stop(now),
+        )
+        self._report(
+            SETTLING,
+            "the robot is never measured at rest; set its standstill thresholds",
+            holds=self._adapter.up and kernel.settles_too_long(now),
+        )
+
+    def _report(self, name: str, text: str, *, holds: bool) -> None:
+        """Report an error for as long as it holds, at once when it begins."""
+        if not holds:
+            self.reports.errors.pop(name, None)
+        elif name not in self.reports.errors:
+            log.error(name, velocity=self.reports.reading.velocity)
+            self.reports.errors[name] = f"{name}: {text}"
+            self.reports.hurry()
 
     def _look_after_call(self) -> None:
         """Tell the media side, when it has changed, what of the driver's voice and face is let
@@ -473,6 +512,7 @@ class CommandDispatcher:
 
     def _close_session(self, lease: Lease) -> None:
         """Say the last state of a session, and that it was the last."""
+        self._report_applied()
         last = self.reports.state(lease)
         self.reports.event("session_closed", lease, last_seq=last)
 
@@ -560,8 +600,10 @@ class CommandDispatcher:
 
     async def _look_at_disk(self) -> None:
         """Ask for the space that is left off the loop, which a disk that hangs must not hold up."""
-        self._shortage = await asyncio.to_thread(self._store.shortage)
-        self._looks_at_disk = False
+        try:
+            self._shortage = await asyncio.to_thread(self._store.shortage)
+        finally:
+            self._looks_at_disk = False
 
     async def _keep_latch(self) -> None:
         async with self._writing:

@@ -2,10 +2,12 @@
 
 Adapter, safety and the broker's connection share one selector loop that no picture and no disk can
 hold up; the wheels turn at 50 Hz of monotonic time, and once more for every command that arrives.
-When the thread itself is stuck, the base's own watchdog stops it.
+When the thread itself is stuck, the base's own watchdog stops it, and the agent ends its process
+(robots/agent/watchdog.py).
 """
 
 import asyncio
+import math
 import random
 import threading
 from collections.abc import Coroutine
@@ -19,6 +21,7 @@ from robots.agent.control.ingress import Ingress
 from robots.agent.control.publisher import AgentLink, Media
 from robots.agent.control.supervised_adapter import AdapterLink
 from robots.agent.lab.in_force import CLEAN, Networks
+from robots.agent.loop_calls import MOST_FRAMES, LoopCalls
 from robots.agent.media.webrtc.packet_gate import ReceivedPacket
 from robots.agent.robot_interface import Adapter
 from robots.agent.safety.collision_monitor import monitor_of
@@ -26,15 +29,18 @@ from robots.agent.safety.kernel import Kernel
 from robots.agent.store import Store
 from robots.agent.thread_priority import FIRST, ORDINARY, set_nice
 from robots.agent.timing import TimeSource
-from robots.api.messages import Capability, Message, Role, SignalReply
+from robots.agent.watchdog import end_process
+from robots.api.messages import Capability, Message, Role, SignalReply, Velocity
 from robots.cancellation import cancel
 
 log = structlog.stdlib.get_logger(__name__)
 
 PERIOD = 0.02
 LATE = 0.2
-BRAKING_TIME = 3.0
+BRAKING_TIME = 5.0  # s; a Giraff needs 3.5 s from its largest speed
 FAREWELL_TIME = 3.0
+# s for all of it, and for a photo that a thread of the executor still takes
+CLOSE_TIME = 20.0
 
 
 class ControlLoop:
@@ -76,8 +82,13 @@ class ControlLoop:
             latch=store.latch(),
             newest_lease=store.lease(),
             monitor=shaper,
+            standstill=Velocity(
+                linear=profile.standstill_linear, angular=profile.standstill_angular
+            ),
         )
-        self.failed = True  # until it has ended well; why it did not, threading.excepthook is told
+        # until it has ended as it was asked to; threading.excepthook logs why it did not
+        self.failed = True
+        self.ticks = 0
         self._adapter, self._link, self._store, self._boot = (
             AdapterLink(adapter, rng=rng),
             link,
@@ -85,22 +96,21 @@ class ControlLoop:
             boot,
         )
         self._times, self._networks = times or TimeSource(), networks
-        self._thread = threading.Thread()
-        self._loop: asyncio.AbstractEventLoop | None = None
+        self.thread = threading.Thread()
+        self._calls = LoopCalls("control")
         self._dispatcher: CommandDispatcher | None = None
         self._closing = threading.Event()
         self._ready, self._ended = threading.Event(), threading.Event()
-        self._beside: set[asyncio.Task[None]] = set()
-        self._ingress = Ingress(lambda: self._post(self._hear))
+        self._background: set[asyncio.Task[None]] = set()
+        # it wakes the loop once until that has drained it, so that wake must not be dropped
+        self._ingress = Ingress(lambda: self._calls.post(self._hear, most=math.inf))
 
     # --- any thread -------------------------------------------------------------------------------
 
     def start(self, media: Media) -> None:
         """Start the thread; `media` hears signals, leases and telemetry, and takes pictures."""
-        self._thread = threading.Thread(
-            target=self._run, args=(media,), name="control", daemon=True
-        )
-        self._thread.start()
+        self.thread = threading.Thread(target=self._run, args=(media,), name="control", daemon=True)
+        self.thread.start()
         self._ready.wait()
 
     def receive(self, peer: str, role: Role, heard: ReceivedPacket) -> None:
@@ -115,25 +125,27 @@ class ControlLoop:
 
     def publish(self, suffix: str, message: Message) -> None:
         """Send a message of the robot."""
-        self._post(self._send, suffix, message)
+        self._calls.post(self._send, suffix, message)
 
     def publish_picture(self, payload: bytes, peer: str | None = None) -> None:
         """Send a picture for pages that WebRTC does not reach, or for the page of
         one peer alone.
         """
-        self._post(self._send_picture, payload, peer)
+        self._calls.post(self._send_picture, payload, peer, most=MOST_FRAMES)
 
     def close(self) -> None:
-        """Brake, say goodbye, let go of the robot; returns when that is done, after some seconds at
-        most. Idempotent.
+        """Brake, say goodbye, let go of the robot; returns when that is done, after `CLOSE_TIME`
+        at most. A thread that hangs until then ends the process. Idempotent.
         """
         self._closing.set()
-        if self._thread.is_alive():
-            self._thread.join()
+        if self.thread.is_alive():
+            self.thread.join(CLOSE_TIME)
+            if self.thread.is_alive():
+                end_process(self.thread, "closing")
 
     def wait(self, timeout: float) -> bool:
-        """Wait until the thread has ended, at most `timeout` seconds; `failed` says that nobody
-        asked for it.
+        """Return whether the thread has ended, after at most `timeout` seconds; `failed` tells
+        whether it ended by itself.
         """
         return self._ended.wait(timeout)
 
@@ -143,7 +155,7 @@ class ControlLoop:
         """Control the robot on the caller's own event loop until `close` was called; `start` gives
         it a thread of its own.
         """
-        loop = self._loop = asyncio.get_running_loop()
+        loop = self._calls.loop = asyncio.get_running_loop()
         # What is done beside the loop (disks, pictures, a simulator that is started) has no
         # business to go first.
         loop.set_default_executor(
@@ -163,19 +175,18 @@ class ControlLoop:
             self._monitor,
         )
         dispatcher = self._dispatcher = CommandDispatcher(parts, self._spawn)
-        adapter = asyncio.create_task(self._adapter.run(dispatcher))
-        link = asyncio.create_task(self._link.run(dispatcher))
+        adapter = asyncio.create_task(self._adapter.run(dispatcher), name="adapter")
+        link = asyncio.create_task(self._link.run(dispatcher), name="broker link")
         self._ready.set()
         try:
             await self._until_closing(dispatcher, {adapter, link})
-            dispatcher.brake()
-            await self._until_standing(dispatcher)
         finally:
+            await self._bring_to_rest(dispatcher)
             await cancel(adapter)
             await self._adapter.close()
             self._link.close()
             await asyncio.wait({link}, timeout=FAREWELL_TIME)
-            await cancel(link, *self._beside)
+            await cancel(link, *self._background)
 
     def _run(self, media: Media) -> None:
         set_nice(FIRST)
@@ -186,7 +197,7 @@ class ControlLoop:
                 runner.run(self.run(media))
             self.failed = False
         finally:
-            self._loop = None
+            self._calls.loop = None
             self._ready.set()
             self._ended.set()
 
@@ -194,13 +205,15 @@ class ControlLoop:
         self, dispatcher: CommandDispatcher, vital: set[asyncio.Task[None]]
     ) -> None:
         """Tick at 50 Hz, and at the very moment of the deadman, until `close()` was called or one
-        of `vital` fails.
+        of `vital` has ended.
         """
         next_tick = self._times.now()
         while not self._closing.is_set():
-            for task in (*vital, *self._beside):
+            for task in vital:
                 if task.done():
                     task.result()
+                    raise RuntimeError(f"the task of the {task.get_name()} has ended")
+            self.ticks += 1
             now = self._times.now()
             if now - next_tick > LATE:
                 log.warning("control_loop_late", seconds=round(now - next_tick, 3))
@@ -210,31 +223,30 @@ class ControlLoop:
             wake = min(next_tick, dispatcher.deadline() or next_tick)
             await asyncio.sleep(max(0.0, wake - self._times.now()))
 
-    async def _until_standing(self, dispatcher: CommandDispatcher) -> None:
+    async def _bring_to_rest(self, dispatcher: CommandDispatcher) -> None:
+        """Brake and end what the RCA does by itself, whether control was closed or has failed."""
         until = self._times.now() + BRAKING_TIME
-        while not dispatcher.stands and self._times.now() < until:
-            dispatcher.tick()
-            await asyncio.sleep(PERIOD)
-        dispatcher.reports.state()
+        try:
+            dispatcher.brake()
+            while not dispatcher.is_at_rest and self._times.now() < until:
+                dispatcher.tick()
+                await asyncio.sleep(PERIOD)
+            dispatcher.reports.state()
+        except Exception:  # the base's watchdog and the guard of the RCA are left
+            log.exception("braking_failed")
 
     def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
-        task = asyncio.get_running_loop().create_task(work)
-        self._beside.add(task)
+        task = asyncio.get_running_loop().create_task(
+            work, name=getattr(work, "__qualname__", None)
+        )
+        self._background.add(task)
         task.add_done_callback(self._done)
 
     def _done(self, task: asyncio.Task[None]) -> None:
-        # One that failed stays, for the next tick to raise what went wrong.
-        if task.cancelled() or task.exception() is None:
-            self._beside.discard(task)
-
-    def _post(self, call: Any, *arguments: Any) -> None:
-        loop = self._loop
-        if loop is None:
-            return
-        try:
-            loop.call_soon_threadsafe(call, *arguments)
-        except RuntimeError:
-            log.debug("control_loop_ended")
+        """Log why a task beside the loop failed; control goes on without it."""
+        self._background.discard(task)
+        if not task.cancelled() and (error := task.exception()) is not None:
+            log.error("background_task_failed", task=task.get_name(), exc_info=error)
 
     def _hear(self) -> None:
         said, rejected = self._ingress.drain()

@@ -35,7 +35,9 @@ class AgentLink(Protocol):
 
 
 class Media(Protocol):
-    """The media side (media.MediaSide); all of it thread-safe."""
+    """The media side (media.MediaSide); all of it thread-safe. `ended`: its loop runs no more."""
+
+    ended: bool
 
     def start(self) -> None:
         """Begin to take signals."""

@@ -14,7 +14,7 @@ import msgspec
 
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import NOWHERE, UNKNOWN_BATTERY, RcaState
-from robots.agent.safety.kernel import KERNEL, Kernel
+from robots.agent.safety.kernel import STANDSTILL, Kernel
 from robots.agent.timing import Cadence, TimeSource
 from robots.api import docked
 from robots.api.docked import DockReading, DockState
@@ -193,8 +193,8 @@ class Reports:
         """Tell whether the robot moves, as it measures or as it was told."""
         velocity = self.reading.velocity
         return (
-            abs(velocity.linear) > KERNEL.standstill
-            or abs(velocity.angular) > KERNEL.standstill
+            abs(velocity.linear) > STANDSTILL.linear
+            or abs(velocity.angular) > STANDSTILL.linear
             or self._kernel.commanded != ZERO
         )
 
@@ -322,6 +322,7 @@ class Reports:
             stop_seq=kernel.stop_seq,
             stop_id=kernel.stop_id,
             touched=kernel.contacts.sides,
+            button=self.reading.estop,
         )
 
 

@@ -1,21 +1,19 @@
-"""What an adapter reports, checked before anybody else sees it: no NaN, nothing out of the Robot
-API's ranges, angles wrapped.
+"""Checks of what an adapter returns: Python's own numbers, none of them NaN, all within the Robot
+API's ranges, with angles wrapped and texts cut to size.
 """
 
 import math
 from dataclasses import replace
+from typing import TypeVar
 
 import msgspec
 import numpy as np
 
-from robots.agent.robot_interface import ObstaclePoints, RcaState
-from robots.api import codec
-from robots.api.errors import Rejection
+from robots.agent.robot_interface import ActionProgress, AdapterError, ObstaclePoints, RcaState
 from robots.api.geometry import wrap_angle
-from robots.api.messages import Battery, PoseUpdate, Scan
+from robots.api.messages import ActionStatus, Battery, Message, PoseUpdate, Scan, Velocity
 
-_battery = msgspec.json.Decoder(Battery)
-_encoder = msgspec.json.Encoder()
+Checked = TypeVar("Checked", bound=Message)
 NUMBERS: frozenset[type] = frozenset({float, int, type(None)})
 ERRORS = 12
 ERROR_LENGTH = 300
@@ -25,6 +23,46 @@ PLANE = 2  # coordinates
 
 class UnsoundReadingError(ValueError):
     """The adapter reported what no robot can be; one sentence for its owner."""
+
+
+def sound_velocity(sent: object) -> Velocity:
+    """Return a velocity of an adapter.
+
+    Raises:
+        AdapterError: it is no velocity.
+    """
+    try:
+        if isinstance(sent, Velocity):
+            return _in_range(sent)
+    except (TypeError, msgspec.ValidationError) as error:
+        raise AdapterError(f"the adapter returns {sent!r} as a velocity: {error}") from error
+    raise AdapterError(f"the adapter returns {sent!r}, which is not a velocity")
+
+
+def sound_progress(progress: ActionProgress) -> ActionProgress:
+    """Return the progress with its reason cut to size.
+
+    Raises:
+        AdapterError: it cannot be published.
+    """
+    try:
+        cut = replace(progress, reason=progress.reason[:ERROR_LENGTH])
+        _in_range(ActionStatus(**vars(cut), stamp=0.0))
+    except (TypeError, ValueError, AttributeError) as error:
+        raise AdapterError(f"it reports the progress of an action wrongly: {error}") from error
+    if not all(math.isfinite(each) for each in cut.result.values() if isinstance(each, float)):
+        raise AdapterError("it reports an action with a result that is NaN or infinite")
+    return cut
+
+
+def _in_range(message: Checked) -> Checked:
+    """Return the message when each of its values has the type and range of the Robot API.
+
+    Raises:
+        TypeError: a number is NumPy's.
+        msgspec.ValidationError: another value has the wrong type or is out of range.
+    """
+    return msgspec.convert(msgspec.to_builtins(message), type(message))
 
 
 def sound(reading: RcaState) -> RcaState:
@@ -51,12 +89,6 @@ def _sound(reading: RcaState) -> RcaState:
     if not math.isfinite(reading.pose.theta):
         raise UnsoundReadingError("the heading is not a number")
     pose = msgspec.structs.replace(reading.pose, theta=wrap_angle(reading.pose.theta))
-    checked = replace(
-        reading,
-        pose=pose,
-        errors=tuple(text[:ERROR_LENGTH] for text in reading.errors[:ERRORS]),
-        scan=_scan(reading.scan),
-    )
     update = PoseUpdate(
         stamp=reading.stamp,
         pose=pose,
@@ -66,10 +98,9 @@ def _sound(reading: RcaState) -> RcaState:
         assist_point=reading.assist_point,
     )
     try:
-        codec.decode("pose", codec.encode(update))
-        # what is no number becomes unknown
-        battery = _battery.decode(codec.encode(reading.battery))
-    except (Rejection, msgspec.ValidationError) as error:
+        _in_range(update)
+        battery = _battery(reading.battery)
+    except msgspec.ValidationError as error:
         raise UnsoundReadingError(str(error)) from error
     _check_encodable(reading)
     lengths = (reading.distance, reading.clearance or 0.0)
@@ -100,11 +131,19 @@ def _sound(reading: RcaState) -> RcaState:
     sonar = tuple(
         echo for echo in reading.sonar if echo.distance is None or 0.0 <= echo.distance < math.inf
     )
-    return replace(checked, battery=battery, sonar=sonar, points=_points(reading.points))
+    return replace(
+        reading,
+        pose=pose,
+        battery=battery,
+        errors=tuple(text[:ERROR_LENGTH] for text in reading.errors[:ERRORS]),
+        scan=_scan(reading.scan),
+        sonar=sonar,
+        points=_points(reading.points),
+    )
 
 
 def _check_encodable(reading: RcaState) -> None:
-    """Let no number of NumPy's pass: what is said of the robot later on could not be encoded.
+    """Refuse numbers of NumPy's, which no message can hold.
 
     Raises:
         TypeError: there is one.
@@ -114,7 +153,7 @@ def _check_encodable(reading: RcaState) -> None:
         if odd := {*map(type, scan.ranges)} - NUMBERS:
             raise TypeError(f"the ranges of the scan are {odd.pop().__module__} numbers")
         scan = msgspec.structs.replace(scan, ranges=())
-    _encoder.encode(
+    msgspec.to_builtins(
         (
             scan,
             reading.stamp,
@@ -127,6 +166,16 @@ def _check_encodable(reading: RcaState) -> None:
             reading.estop,
         )
     )
+
+
+def _battery(battery: Battery) -> Battery:
+    """Return a battery in which what is no number is unknown."""
+    unknown = {
+        name: None
+        for name in ("charge", "voltage")
+        if isinstance(value := getattr(battery, name), float) and not math.isfinite(value)
+    }
+    return _in_range(msgspec.structs.replace(battery, **unknown))
 
 
 def _points(seen: ObstaclePoints | None) -> ObstaclePoints | None:

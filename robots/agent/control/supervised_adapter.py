@@ -8,19 +8,35 @@ control loop goes on.
 
 import asyncio
 import contextlib
-import math
 import random
 from collections.abc import AsyncIterator, Callable, Iterator
 from typing import Any, Protocol, TypeVar
 
 import structlog
 
-from robots.agent.control.state_validation import UnsoundReadingError, sound
-from robots.agent.robot_interface import ActionProgress, Adapter, AdapterError, Navigating, RcaState
+from robots.agent.control.state_validation import (
+    UnsoundReadingError,
+    sound,
+    sound_progress,
+    sound_velocity,
+)
+from robots.agent.ramp import ZERO
+from robots.agent.robot_interface import (
+    ActionProgress,
+    ActionRefusedError,
+    Adapter,
+    AdapterError,
+    LimitsSpeed,
+    Navigating,
+    PassesVelocities,
+    RcaState,
+    WithLock,
+)
 from robots.agent.timing import Backoff
 from robots.api.floorplan import ChargingDock as Station
 from robots.api.messages import Action, Config, FloorPlanUpdate, Velocity
 from robots.cancellation import until_one_ends
+from robots.logs import reason_of
 from robots.world.sensing import Floats
 
 log = structlog.stdlib.get_logger(__name__)
@@ -32,6 +48,7 @@ CONNECT_TIME = 30.0
 FIRST_READING = 10.0
 SILENCE = 2.0  # from one reading to the next
 START_TIME = 10.0
+CANCEL_TIME = 2.0
 CLOSE_TIME = 5.0
 
 
@@ -55,6 +72,9 @@ class AdapterLink:
         self.adapter = adapter
         self.up = False
         self._navigation = adapter if isinstance(adapter, Navigating) else None
+        self._velocities = adapter if isinstance(adapter, PassesVelocities) else None
+        self._is_locked: bool | None = None  # as the base's own lock was last set
+        self._speed_limit: float | None = None  # as the RCA's navigation was last told
         self._backoff = Backoff(rng, first=0.5)
         self._failure: asyncio.Future[None] | None = None
         self._cancelling: set[asyncio.Task[Any]] = set()
@@ -71,7 +91,7 @@ class AdapterLink:
             except TimeoutError:
                 reason = f"no answer within {CONNECT_TIME:.0f} s"
             except AdapterError as error:
-                reason = str(error)
+                reason = reason_of(error)
             was_up, self.up = self.up, False
             log.warning("adapter_lost", reason=reason)
             listener.adapter_changed(up=False, reason=reason)
@@ -85,16 +105,37 @@ class AdapterLink:
             return None
         try:
             with its_fault():
-                return checked_velocity(self.adapter.apply(velocity))
+                return sound_velocity(self.adapter.apply(velocity))
         except AdapterError as error:
             self._fail(error)
             return None
 
     def wanted(self) -> Velocity | None:
-        """Return what the agent's own navigation wants now; None when there is none, or nothing
-        runs.
+        """Return what navigation wants now whose velocities pass through the agent; None when there
+        is none, or nothing runs.
         """
-        return self._navigation.wanted() if self.up and self._navigation else None
+        if not self.up or self._velocities is None:
+            return None
+        try:
+            with its_fault():
+                wanted = self._velocities.wanted()
+                return None if wanted is None else sound_velocity(wanted)
+        except AdapterError as error:
+            self._fail(error)
+            return ZERO
+
+    def set_lock(self, *, locked: bool) -> None:
+        """Set the base's own lock, where it has one, at each change and after each connection."""
+        adapter = self.adapter
+        if self.up and isinstance(adapter, WithLock) and locked != self._is_locked:
+            self._is_locked = locked
+            self._tell(lambda value: adapter.set_lock(locked=value), locked)
+
+    def limit_speed(self, linear: float) -> None:
+        """Tell the RCA's navigation the largest speed, where it can be told."""
+        if self.up and isinstance(self.adapter, LimitsSpeed) and linear != self._speed_limit:
+            self._speed_limit = linear
+            self._tell(self.adapter.limit_speed, linear)
 
     def located(self, reading: RcaState, points: Floats) -> RcaState:
         """Return a reading with what the agent's own navigation makes of it, and of the points (n,
@@ -125,35 +166,36 @@ class AdapterLink:
             self._tell(self.adapter.configure, config)
 
     async def start(self, action: Action) -> None:
-        """Begin an action, after what is being cancelled is gone: not every RCA can tell the two
-        apart.
+        """Begin an action, after the end of all that is being cancelled: not every RCA can tell
+        the two apart.
 
         Raises:
-            AdapterError: not possible, or no answer.
+            ActionRefusedError: the RCA has certainly not taken it.
+            AdapterError: the RCA did not confirm it.
         """
         if not self.up:
-            raise AdapterError("the robot control architecture is not connected")
+            raise ActionRefusedError("the robot control architecture is not connected")
         try:
             async with asyncio.timeout(START_TIME):
-                while self._cancelling:  # how these end is told to whoever wanted them cancelled
+                while self._cancelling:  # OwnedActions takes how these end
                     await asyncio.wait(self._cancelling)
                 with its_fault():
                     await self.adapter.start(action)
         except TimeoutError as error:
             raise AdapterError("no answer") from error
 
-    async def cancel(self, action_id: str) -> None:
-        """Cancel an action, as far as the RCA is there to hear it.
+    async def cancel(self, action_id: str) -> bool:
+        """Cancel an action; return whether the RCA has confirmed that it does not run.
 
         Raises:
             AdapterError: it could not be cancelled.
         """
         if not self.up:
-            return
+            return False
         cancelling = asyncio.ensure_future(self._cancel(action_id))
         self._cancelling.add(cancelling)
         cancelling.add_done_callback(self._cancelling.discard)
-        await cancelling
+        return await cancelling
 
     async def close(self) -> None:
         """Leave the robot standing and let go of it."""
@@ -174,14 +216,14 @@ class AdapterLink:
         self._failure = asyncio.get_running_loop().create_future()
         await until_one_ends(self._states(listener), self._progress(listener), self._failure)
 
-    async def _cancel(self, action_id: str) -> None:
+    async def _cancel(self, action_id: str) -> bool:
         try:
-            async with asyncio.timeout(START_TIME):
+            async with asyncio.timeout(CANCEL_TIME):
                 with its_fault():
-                    await self.adapter.cancel(action_id)
+                    return bool(await self.adapter.cancel(action_id))
         except TimeoutError as error:
             raise AdapterError(
-                f"an action could not be cancelled: no answer within {START_TIME:.0f} s"
+                f"an action could not be cancelled: no answer within {CANCEL_TIME:.0f} s"
             ) from error
         except AdapterError as error:
             raise AdapterError(f"an action could not be cancelled: {error}") from error
@@ -212,12 +254,14 @@ class AdapterLink:
     def _came_up(self, listener: AdapterListener) -> None:
         if not self.up:
             self.up = True
+            self._is_locked = self._speed_limit = None
             log.info("adapter_connected", series=self.adapter.profile.series)
             listener.adapter_changed(up=True)
 
     async def _progress(self, listener: AdapterListener) -> None:
         async for progress in told_by(self.adapter.progress):
-            listener.progressed(progress)
+            with its_fault():
+                listener.progressed(sound_progress(progress))
         # an adapter without actions has no more to say, and is not lost for that
         await asyncio.Future()
 
@@ -259,16 +303,3 @@ async def told_by(source: Callable[[], AsyncIterator[Told]]) -> AsyncIterator[To
     with its_fault():
         async for each in source():
             yield each
-
-
-def checked_velocity(sent: object) -> Velocity:
-    """Return what an adapter says it has sent.
-
-    Raises:
-        AdapterError: it is no velocity.
-    """
-    if not isinstance(sent, Velocity) or not (
-        math.isfinite(sent.linear) and math.isfinite(sent.angular)
-    ):
-        raise AdapterError(f"the adapter reports that it sent {sent!r}, which is not a velocity")
-    return sent

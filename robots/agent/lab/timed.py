@@ -51,8 +51,9 @@ class TimedLine:
         )
 
     def _let_out(self) -> None:
+        # each by the loop itself, so that one that raises does not hold up the others
         for deliver in self._line.due(self._now()):
-            deliver()
+            self._loop.call_soon(self._deliver, deliver)
         at = self._line.next()
         if at is None or at >= self._rings_at or self._closed:
             return
@@ -60,6 +61,10 @@ class TimedLine:
             self._timer.cancel()
         self._rings_at = at
         self._timer = self._loop.call_later(max(0.0, at - self._now()), self._ring)
+
+    def _deliver(self, deliver: Deliver) -> None:
+        if not self._closed:
+            deliver()
 
     def _ring(self) -> None:
         self._timer, self._rings_at = None, float("inf")

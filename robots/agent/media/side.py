@@ -9,16 +9,17 @@ a frame on a data channel never waits for a picture.
 
 import asyncio
 import functools
+import math
 import random
 import ssl
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
 
 import structlog
 
 from robots.agent.lab.timed import TimedLine
+from robots.agent.loop_calls import MOST_FRAMES, LoopCalls
 from robots.agent.media.capture.camera import CameraFeed
 from robots.agent.media.capture.capture import CaptureState
 from robots.agent.media.capture.outputs import OutputFeed
@@ -102,7 +103,9 @@ class MediaSide:
         clock = RtpClock(origin=random.randrange(1 << 32))
         self._camera: CameraFeed | PageCamera | None = None
         if video == FROM_PAGE:
-            self._camera = PageCamera(lambda: self._post(self._pages.ask_screens), self._pages.show)
+            self._camera = PageCamera(
+                lambda: self._calls.post(self._pages.ask_screens), self._pages.show
+            )
         elif video is not None:
             self._camera = CameraFeed(video, clock, self._picture_from_camera)
         self._microphone: MicrophoneFeed | PageMicrophone | None = None
@@ -127,7 +130,8 @@ class MediaSide:
             outputs=self._outputs,
         )
         self._thread = threading.Thread(target=self._run, name="media", daemon=True)
-        self._loop: asyncio.AbstractEventLoop | None = None
+        self._calls = LoopCalls("media")
+        self.ended = False
         self._ready = threading.Event()
         self._closing: asyncio.Event | None = None
 
@@ -142,15 +146,17 @@ class MediaSide:
         """Say goodbye to every page, stop camera and microphone, end the thread; waits at most some
         seconds. Idempotent.
         """
-        self._post(self._set_closing)
+        self._calls.post(self._set_closing, most=math.inf)
         if self._slow is not None:
             self._slow.close()
         if self._thread.is_alive():
             self._thread.join(CLOSE_TIMEOUT)
+            if self._thread.is_alive():
+                log.error("media_thread_hung")
 
     def signal(self, peer: str, message: Signal) -> None:
         """Take an offer, candidate or bye of a page, or the server's word that it may stay."""
-        self._post(self._pages.take_signal, peer, message)
+        self._calls.post(self._pages.take_signal, peer, message)
 
     def lease_changed(self, driver_peer: str | None) -> None:
         """Say which peer the lease names; every other one is an observer from now on, None means
@@ -159,13 +165,13 @@ class MediaSide:
         # At once and not through the loop: the next frame of the old driver must already come as an
         # observer's.
         self._pages.lease_changed(driver_peer)
-        self._post(self._lead)
+        self._calls.post(self._lead, most=math.inf)
 
     def impair(self, lab: NetworkLab | None) -> None:
         """Put this on the driver's picture and sound from now on, or nothing; nobody else's are
         touched.
         """
-        self._post(self._put_on, lab)
+        self._calls.post(self._put_on, lab, most=math.inf)
 
     def let_through(self, *, audio: bool, video: bool, volume: float = 1.0) -> None:
         """Let the driver's voice and face through to the people at the robot from now on, or not;
@@ -178,16 +184,16 @@ class MediaSide:
         if self._pages.is_empty:
             return
         if isinstance(message, Heartbeat):
-            self._post(self._pages.send_heartbeat, suffix, message)
+            self._calls.post(self._pages.send_heartbeat, suffix, message)
         else:
-            self._post(self._pages.send, suffix, encode_frame(suffix, for_page(message)))
+            self._calls.post(self._pages.send, suffix, encode_frame(suffix, for_page(message)))
 
     def point(self, pointer: Pointer) -> None:
         """Send where one side points to the other alone: the driver's page, or the robot's own
         displays; dropped for a page that is behind.
         """
         if not self._pages.is_empty:
-            self._post(self._pages.point, pointer.by, encode_frame("pointer", pointer))
+            self._calls.post(self._pages.point, pointer.by, encode_frame("pointer", pointer))
 
     def picture_wanted(self, request: PictureRequest) -> None:
         """Send one more picture through the server, for a page that WebRTC does not reach; nothing
@@ -282,41 +288,30 @@ class MediaSide:
     # --- the thread -------------------------------------------------------------------------------
 
     def _run(self) -> None:
-        asyncio.run(self._main())
+        try:
+            asyncio.run(self._main())
+        finally:
+            self.ended, self._calls.loop = True, None
+            self._ready.set()
 
     async def _main(self) -> None:
-        self._loop = asyncio.get_running_loop()
+        self._calls.loop = asyncio.get_running_loop()
         self._closing = asyncio.Event()
         self._start_feeds()
-        if self._outputs is not None:
-            self._outputs.start()
         self._ready.set()
         while not self._closing.is_set():
             await self._housekeeping()
         await self._pages.close()
-        for feed in (self._camera, self._microphone):
+        for feed in (self._camera, self._microphone, self._outputs):
             if feed is not None:
                 await asyncio.to_thread(feed.close)
-        if self._outputs is not None:
-            await asyncio.to_thread(self._outputs.close)
-
-    def _post(self, call: Callable[..., None], *args: Any) -> None:
-        """Run `call` on the media loop; nothing happens when there is none yet,
-        or none any more.
-        """
-        if self._loop is None:
-            return
-        try:
-            self._loop.call_soon_threadsafe(call, *args)
-        except RuntimeError:
-            log.debug("media_side_closed")
 
     def _set_closing(self) -> None:
         assert self._closing is not None
         self._closing.set()
 
     def _start_feeds(self) -> None:
-        for feed in (self._camera, self._microphone):
+        for feed in (self._camera, self._microphone, self._outputs):
             if feed is not None:
                 feed.start()
 
@@ -368,10 +363,10 @@ class MediaSide:
             self._microphone.take(source, data, ticks)
 
     def _picture_from_camera(self, picture: Picture) -> None:
-        self._post(self._pages.show, picture)
+        self._calls.post(self._pages.show, picture, most=MOST_FRAMES)
 
     def _sound_from_microphone(self, payload: bytes, ticks: int) -> None:
-        self._post(self._pages.sound, payload, ticks)
+        self._calls.post(self._pages.sound, payload, ticks, most=MOST_FRAMES)
 
     # --- the network lab, on the media loop -------------------------------------------------------
 
@@ -396,7 +391,7 @@ class MediaSide:
         # is.
         for peer in sorted(peers):
             if self._pages.drives(peer):
-                self._post(self._send_slow_to_driver, payload, peer)
+                self._calls.post(self._send_slow_to_driver, payload, peer, most=MOST_FRAMES)
             else:
                 self._on_picture(payload, peer)
 

@@ -10,6 +10,7 @@ command look old or young.
 """
 
 from collections import OrderedDict, deque
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 from robots.api.messages import CommandHeartbeat, Echo, Heartbeat, Way
@@ -23,9 +24,9 @@ class ClockParams:
     known_after: int = 3  # samples
     longest_round_trip: float = 10.0  # s: an echo that took longer tells nothing
     stamp_noise: float = 0.001  # s by which rounded stamps may contradict each other
-    peers_kept: int = 32  # that were heard last
+    peers_kept: int = 128  # that were heard last, besides those that are always kept
     beats_kept: int = 64  # of ours, whose echoes may still come
-    peers_echoed: int = 8  # in one heartbeat
+    echoes_sent: int = 16  # in one heartbeat: as many as the message has room for
     echo_within: float = 5.0  # s since a peer was heard
 
 
@@ -73,30 +74,42 @@ class PeerClock:
 
 @dataclass
 class _Peer:
-    """One peer's clock, and the last beat heard from it on each way: (n, its stamp, our Unix time).
+    """One peer's clock, and its last beat on each transport: (n, its stamp, our Unix time).
 
     `delays` are the last differences between our monotonic time and its stamps: its offset, plus
-    the way here.
+    the time that a beat takes. `echoed_in` is the number of our last beat with an echo of it.
     """
 
     heard: float
     delays: deque[float] = field(default_factory=lambda: deque(maxlen=CLOCK.samples))
     clock: PeerClock = field(default_factory=PeerClock)
     beats: dict[Way, tuple[int, float, float]] = field(default_factory=dict)
+    echoed_in: int = 0
 
 
 class PeerClocks:
-    """All peers that beat, and the beats that we sent ourselves."""
+    """All peers that beat, and the beats that we sent ourselves.
+
+    Some peers must always have a clock, however many others beat: the server and, while there is a
+    lease, its pages. They are echoed in each of our beats and never evicted; all others share what
+    room is left in turn.
+    """
 
     def __init__(self) -> None:
-        self._peers: OrderedDict[str, _Peer] = OrderedDict()
+        self._peers: OrderedDict[str, _Peer] = OrderedDict()  # the one heard last is at the end
+        self._first: frozenset[str] = frozenset({SERVER_PEER})
         self._sent: OrderedDict[int, float] = OrderedDict()
         self._n = 0
 
-    def beat(self, now: float, unix: float) -> Heartbeat:
-        """Return the next heartbeat of this robot, with the echo of every peer heard lately, one a
-        way.
+    def beat(self, now: float, unix: float, *, first: Collection[str] = ()) -> Heartbeat:
+        """Return the next heartbeat of this robot, with an echo for each transport of a peer.
+
+        Args:
+            now: monotonic time.
+            unix: this computer's Unix time.
+            first: the peers of the lease, which come first and are kept until the next call.
         """
+        self._first = frozenset({SERVER_PEER, *first})
         self._n += 1
         self._sent[self._n] = now
         while len(self._sent) > CLOCK.beats_kept:
@@ -111,8 +124,7 @@ class PeerClocks:
         """
         entry = self._peers.pop(peer, None) or _Peer(now)
         self._peers[peer] = entry
-        while len(self._peers) > CLOCK.peers_kept:
-            self._peers.popitem(last=False)
+        self._evict()
         entry.heard, entry.beats[way] = now, (beat.n, beat.stamp, unix)
         entry.delays.append(now - beat.stamp)
         # Our own record of when beat n left is what counts, not the stamp that the peer says it
@@ -129,7 +141,7 @@ class PeerClocks:
 
     def rough_age(self, peer: str, stamp: float, now: float) -> float | None:
         """Return a stamp's age in seconds, also by a peer that beats without echoing us: too young
-        by its fastest beat's way here.
+        by the time that its fastest beat took.
 
         Good enough for limits of seconds. None when the peer was never heard.
         """
@@ -138,14 +150,25 @@ class PeerClocks:
             return None
         return entry.clock.age(stamp, now) if entry.clock.known else now - stamp - min(entry.delays)
 
+    def _evict(self) -> None:
+        """Forget the peers that have been silent for longest."""
+        while len(self._peers) > CLOCK.peers_kept + len(self._first):
+            del self._peers[next(name for name in self._peers if name not in self._first)]
+
     def _echoes(self, now: float) -> tuple[Echo, ...]:
+        """Return the last beats of those who come first, then of those who have waited longest."""
         lately = [
             (name, peer)
-            for name, peer in reversed(self._peers.items())
+            for name, peer in self._peers.items()
             if now - peer.heard <= CLOCK.echo_within
         ]
-        return tuple(
-            Echo(peer=name, n=n, stamp=stamp, received=received)
-            for name, peer in lately[: CLOCK.peers_echoed]
-            for n, stamp, received in peer.beats.values()
-        )
+        lately.sort(key=lambda entry: (entry[0] not in self._first, entry[1].echoed_in))
+        echoes: list[Echo] = []
+        for name, peer in lately:
+            if len(echoes) + len(peer.beats) <= CLOCK.echoes_sent:
+                peer.echoed_in = self._n
+                echoes += (
+                    Echo(peer=name, n=n, stamp=stamp, received=received)
+                    for n, stamp, received in peer.beats.values()
+                )
+        return tuple(echoes)

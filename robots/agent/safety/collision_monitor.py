@@ -1,9 +1,8 @@
-"""The collision monitor: a stage of the safety kernel's tick. It knows what stands about the robot,
-and shapes what a driver asks for.
+"""The collision monitor: a stage of the safety kernel's tick. It keeps the obstacles about the
+robot and shapes the driver's velocity.
 
-Pure: readings and times in, velocities out. It works at once, on what the sensors said last, and
-needs neither a map nor a process beside it: help for the driver must not depend on whether the
-robot knows where it is.
+Pure: readings and times in, velocities out. It uses the newest readings directly and needs neither
+a map nor another process, so that assistance does not depend on localization.
 """
 
 import math
@@ -11,12 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
-from robots.agent.localization.odometry import OdometryTrack
-from robots.agent.navigation.assistance.assist import Assisted, DriverAssistance
-from robots.agent.navigation.assistance.swept import outside
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import Profile, RcaState
+from robots.agent.safety.collision.assist import Assisted, DriverAssistance
+from robots.agent.safety.collision.odometry import OdometryTrack
+from robots.agent.safety.collision.swept import outside
 from robots.agent.safety.obstacle_sources import NO_POINTS, ObstacleSource, sources_of
 from robots.api.floorplan import ChargingDock as Station
 from robots.api.geometry import Pose2D
@@ -26,11 +26,16 @@ from robots.world.sensing import CENTRE, Floats
 
 @dataclass(frozen=True)
 class MonitorParams:
-    """What the collision monitor tells, and how fast a robot may be where nothing looks."""
+    """What the collision monitor reports, and how fast a robot may move unobserved."""
 
     about: float = 4.0  # m about the robot that navigation is told of
     touching: float = 0.005  # m: a sensor's own error never counts as a contact, the bumper says so
-    creep: float = 0.1  # m/s where nothing looks, so that what the robot touches takes no harm
+    # m/s of any corner in a direction that no sensor observes: too slow to do harm
+    creep: float = 0.1
+    # rad beside a sensor's view: up to `observed_beside` a direction counts as observed, for a
+    # robot that drives a little askew; from `unobserved_beside` on the robot creeps
+    observed_beside: float = 0.2
+    unobserved_beside: float = 0.3
     telling: float = 0.5  # s for which what the assistance did last is told
     # m beyond the footprint, where a cone of 30° is narrower than most robots
     near_arc: float = 0.3
@@ -38,6 +43,7 @@ class MonitorParams:
 
 
 MONITOR = MonitorParams()
+DIRECTIONS = 720  # of a table by direction
 QUIET = ("off", "free")
 UNASSISTED = Assisted(ZERO, "off")
 
@@ -60,9 +66,8 @@ class CollisionMonitor:
         self.track = OdometryTrack()
         self._assist = DriverAssistance(footprint, limits)
         self._sources = tuple(sources)
-        self._looked_at = tuple(
-            any(source.looks(bearing) for source in self._sources) for bearing in (0.0, math.pi)
-        )
+        self._corners = np.array(footprint, dtype=np.float64)
+        self._fastest = fastest_by_direction(self._sources)
         self._here: Pose2D | None = None
         self._reckoning, self._reckoned_at = CENTRE, math.inf
         self._shaped_at = -math.inf
@@ -96,10 +101,13 @@ class CollisionMonitor:
             if not now - source.last_received_at() <= source.silence
         }
         silence = math.inf if "stand" in lost else 0.0
-        slower = self._crept(wanted, everywhere="creep" in lost or self._is_vague())
+        everywhere = "creep" in lost or self._is_vague()
+        slower = self._crept(wanted, everywhere=everywhere)
         found = self._assist.shape(
             slower, told, points, level, errors=errors, silence=silence, dock=self.dock
         )
+        # steering may have added a turn
+        found = replace(found, velocity=self._crept(found.velocity, everywhere=everywhere))
         self._last = (
             replace(found, why="slow") if slower != wanted and found.why in QUIET else found
         )
@@ -107,16 +115,17 @@ class CollisionMonitor:
         return self._last
 
     def _crept(self, wanted: Velocity, *, everywhere: bool) -> Velocity:
-        """Return no more than a creep of what leads to where nothing looks."""
-        # at most, of any corner
-        speed = abs(wanted.linear) + self._assist.hull.radius * abs(wanted.angular)
-        if everywhere and speed > MONITOR.creep:
-            return Velocity(
-                linear=wanted.linear * MONITOR.creep / speed,
-                angular=wanted.angular * MONITOR.creep / speed,
-            )
-        high, low = (math.inf if looked_at else MONITOR.creep for looked_at in self._looked_at)
-        return Velocity(linear=min(max(wanted.linear, -low), high), angular=wanted.angular)
+        """Return a velocity on the same arc at which no corner moves faster than a creep in a
+        direction that no sensor observes; in any direction with `everywhere`.
+        """
+        # (x, y) of each corner, in the robot's frame: velocity + angular velocity x arm
+        x = wanted.linear - wanted.angular * self._corners[:, 1]
+        y = wanted.angular * self._corners[:, 0]
+        fastest = MONITOR.creep if everywhere else self._fastest[_index_of(np.arctan2(y, x))]
+        share = float(np.min(fastest / np.maximum(np.hypot(x, y), 1e-9)))
+        if share >= 1.0:
+            return wanted
+        return Velocity(linear=wanted.linear * share, angular=wanted.angular * share)
 
     def _is_vague(self) -> bool:
         """Tell whether something is so near that nobody knows how near."""
@@ -197,6 +206,27 @@ class CollisionMonitor:
         if self._here is None:
             return NO_POINTS
         return np.concatenate([NO_POINTS, *(source.seen(self._here, radius) for source in sources)])
+
+
+def fastest_by_direction(sources: Sequence[ObstacleSource]) -> Floats:
+    """Return (DIRECTIONS,) the largest speed in m/s of a corner in each direction.
+
+    It falls continuously from infinity to a creep beside a sensor's view. A step there would make
+    a driver's velocity jump up and down while it is ramped along the edge of a view.
+    """
+    bearings: Floats = np.linspace(0.0, 2.0 * math.pi, DIRECTIONS, endpoint=False)
+    beside = np.min([source.beside(bearings) for source in sources], axis=0)
+    margin = MONITOR.unobserved_beside - MONITOR.observed_beside
+    unobserved = np.clip((beside - MONITOR.observed_beside) / margin, 0.0, 1.0)
+    # the worst of three neighbours, so that no direction between two of them may be faster
+    unobserved = np.max([np.roll(unobserved, by) for by in (-1, 0, 1)], axis=0)
+    with np.errstate(divide="ignore"):
+        fastest: Floats = MONITOR.creep / unobserved
+    return fastest
+
+
+def _index_of(bearings: Floats) -> npt.NDArray[np.intp]:
+    return np.rint(bearings * (DIRECTIONS / (2.0 * math.pi))).astype(np.intp) % DIRECTIONS
 
 
 def monitor_of(profile: Profile) -> CollisionMonitor | None:

@@ -1,9 +1,10 @@
-"""After somebody else's stop the robot stays stopped until its driver has let go, lest a held key
-moves it by surprise.
+"""Keeps the robot stopped after a stop by someone other than the driver, until the driver releases
+the controls; otherwise a key that is still held down would move the robot.
 
-Letting go is a zero velocity of that driver, the end of that driver's lease, or a second without a
-velocity other than zero. That second counts only while the driver's heartbeats arrive on the
-transport of the driver's velocities: silence of a network is nobody's decision.
+The driver releases by sending a zero velocity, or by sending no other velocity for one second while
+heartbeats still arrive on the transport of the driver's velocities. Without heartbeats, silence may
+be a network failure and does not count. The lease of another driver releases, too; a lease that
+lapses does not, because the same driver may get it back with the key still held down.
 """
 
 from dataclasses import dataclass, field
@@ -18,41 +19,36 @@ HEARTBEAT_GAP = 0.5
 
 @dataclass
 class DriveHold:
-    """One stop that waits. `grant` is that of the lease under which it came, `way`
-    the transport of the driver's velocities.
+    """One stop that waits for its release.
 
-    All times are monotonic, in seconds.
+    `grant` is that of the lease under which it came, None without a lease; `way` the transport of
+    the driver's velocities. A stop `by_person` holds without a lease as well: the robot then waits
+    for a new driver, or for a person who releases it. All times are monotonic, in seconds.
     """
 
     grant: LeaseGrant | None
     way: Way | None
     since: float
+    by_person: bool = False
     last_received_at: float = field(init=False)
 
     def __post_init__(self) -> None:
         self.last_received_at = self.since
 
-    def is_released_with(self, grant: LeaseGrant | None) -> bool:
-        """Take a newly granted lease, and tell whether it is that of another driver: then nobody
-        holds a key any more.
+    def is_released_with(self, grant: LeaseGrant, *, is_new: bool) -> bool:
+        """Take a lease that begins, and tell whether it releases: it does for another driver than
+        the one who was stopped. Without an earlier lease only a `is_new` one does; one that was
+        renewed before may be of a driver who holds a key.
         """
         known, self.grant = self.grant, grant
-        return known is not None and known != grant
-
-    def is_nobodys(self, now: float) -> bool:
-        """Tell whether it is over for want of a lease: without one nobody drives,
-        whatever is held.
-        """
-        return now - self.since >= QUIET_RELEASES
+        return is_new if known is None else known != grant
 
     def pressed(self, way: Way, now: float) -> None:
-        """The driver has sent a velocity other than zero."""
+        """Take a velocity of the driver other than zero."""
         self.way, self.since = way, now
 
     def is_released_by(self, way: Way, now: float) -> bool:
-        """Take a heartbeat of the driver, and tell whether it ends a silence that
-        was long enough.
-        """
+        """Take a heartbeat of the driver, and tell whether it ends a long enough silence."""
         if self.way not in {None, way}:
             return False
         if now - self.last_received_at > HEARTBEAT_GAP:

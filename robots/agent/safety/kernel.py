@@ -1,39 +1,45 @@
 """The safety kernel: the only thing between a message and the wheels. It runs on the robot's side
 of every link.
 
-It decides and does nothing: no sockets, no threads, no clock of its own (`now` is monotonic time in
-seconds, `unix` this computer's Unix time). Its caller sends what `Decision.velocity` says to the
-base, cancels what `cancelled` names, and stays silent otherwise. A velocity passes these stages, in
-every tick and on every path:
+The kernel decides and does no I/O: it has no sockets, no threads and no clock (`now` is monotonic
+time in seconds, `unix` this computer's Unix time). Its caller sends `Decision.velocity` to the
+base, cancels what `drain_cancelled` names, and sends nothing otherwise. In every tick a velocity
+passes the same stages:
 
     driver ──────────────┐
-    navigation (ours) ───┴► permission ► limits ► collision monitor ► ramp ► base
-    navigation (the RCA's): hands off, but watched
+    navigation, passed on┴► permission ► limits ► collision monitor ► ramp ► base
+    the RCA's navigation: watched
 
-The collision monitor is a pure object that the kernel is given (`Shaper`), and shapes what a driver
-asks for; our navigation looks out for itself. Limits hold after it as well as before. What the base
-was last told is `commanded`, whoever moved it.
+Exactly one controller (controllers.py) moves the base. The collision monitor is a pure object that
+the kernel is given (`Shaper`); it shapes what a driver asks for, because our navigation avoids
+obstacles itself. Limits hold after it as well as before. `commanded` is what the base was last
+sent.
 
-The rules, in the order in which they bite:
+The rules, in the order in which they apply:
 
-- Stop and e-stop are obeyed whoever sends them, however old, whatever the lease. An e-stop of
-  whoever is answerable latches (latch.py).
-- A velocity counts when it is the driver's and of an input method and on a way that the lease
-  allows (permissions.py), newer than every other of its epoch, and young enough (freshness.py).
-- Somebody else's stop holds the robot until the driver has let go (hold.py). So do a cleared e-stop
-  and a robot that has come back.
+- Stop and e-stop are obeyed from every sender, at any age, under any lease. An e-stop of someone
+  responsible for the robot latches (estop_latch.py).
+- A velocity counts when the driver sent it with an input method and on a transport that the lease
+  allows (permissions.py), it is newer than every other of its epoch, and young enough
+  (freshness.py).
+- A stop by someone other than the driver holds the robot until the driver releases the controls
+  (hold.py). So do a cleared e-stop, a contact without a direction, and a robot that has come back.
+  Without a lease, a person's stop holds until a new driver or a person releases it.
 - Without an accepted velocity for `Limits.deadman` the robot brakes. Navigation ends 2 s after the
-  driver's last heartbeat.
-- Idle is silence, so that nobody fights a planner; but from the last that moved the robot until it
-  was measured to stand, zeros are sent.
-- The RCA's own navigation begins when the robot was measured to stand, and is left alone while it
-  runs. However it ends, the robot is braked from the speed that was measured last, and nobody
-  drives before it stands. Navigation that runs in the agent itself (contract.Navigating) tells here
-  what it wants, and gets what the limits leave of it.
+  last heartbeat of the driver, or of the server when the server ordered it.
+- When idle, the kernel sends nothing, so that it does not compete with a planner. After any motion
+  it sends zeros until the robot is measured at rest, and for as long as the RCA has not confirmed
+  the end of an action.
+- The RCA's own navigation begins when the robot is at rest. It ends when it drives faster than the
+  limits in force. However it ends, the robot is braked from its measured speed, and nobody drives
+  before it is at rest. Navigation that runs in the agent, or whose velocities pass through it,
+  gets what the limits leave of them.
+- A robot that is measured moving while nothing may move it is braked again, for as long as it
+  moves, and the kernel reports it (`moves_despite_stop`).
 - A contact stops the robot. Nothing moves it further that way before it has been backed away
-  (contact.py).
+  (contacts.py).
 
-Longer than most files, because whoever answers for a robot wants all of it on one page.
+This file is longer than most, so that an assessor reads all of it on one page.
 """
 
 from collections import Counter
@@ -42,8 +48,9 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from robots.agent.ramp import ZERO, Caps, assist_speed, caps, check_times, no_faster, ramp
-from robots.agent.safety.clock_sync import PeerClock, PeerClocks
+from robots.agent.safety.clock_sync import SERVER_PEER, PeerClock, PeerClocks
 from robots.agent.safety.contacts import Contacts, Side
+from robots.agent.safety.controllers import Change, Controller, after
 from robots.agent.safety.estop_latch import BUTTON, EStopLatch, stricter
 from robots.agent.safety.estop_latch import refusal as latch_refusal
 from robots.agent.safety.freshness import judge
@@ -76,22 +83,27 @@ from robots.api.messages import (
 
 @dataclass(frozen=True)
 class KernelParams:
-    """Times and thresholds of the safety kernel that no limit of the robot or the lease sets."""
+    """Times and thresholds of the safety kernel that neither the robot nor the lease sets."""
 
-    # s without the driver, after which what the robot does by itself ends
+    # s without a heartbeat, after which what the robot does by itself ends
     navigation_silence: float = 2.0
     max_step: float = 0.04  # s, two ticks: the longest time that one output may accelerate for
-    standstill: float = 0.02  # m/s: a robot that is slower stands
-    standstill_turning: float = 0.05  # rad/s, the same
-    stands_for: float = 0.3  # s for which it has to have been measured so
-    # s beyond its braking time: a robot that moves, though told to stand, is an error
-    runs_on_after: float = 2.0
+    at_rest_for: float = 0.3  # s for which a robot has to be measured so
+    # s, the same for a robot that has moved although nothing may move it
+    at_rest_after_unbidden: float = 2.0
+    # s after its last velocity other than zero, from which a robot that moves is an error
+    moves_despite_stop_after: float = 0.4
+    longest_wait: float = 0.3  # s for which an adapter may hold a velocity back until it is sent
+    rest_timeout: float = 5.0  # s: a robot that is not measured at rest by then is an error
+    overspeed: float = 1.1  # times the limit: the RCA's navigation may not drive faster than that
+    overspeed_for: float = 0.5  # s
     grants_kept: int = 16  # newest
     stops_kept: int = 256  # newest
     same_stop: float = 3.0  # s within which an emergency stop that comes again is the same one
 
 
 KERNEL = KernelParams()
+STANDSTILL = Velocity(linear=0.02, angular=0.05)
 
 
 @dataclass(frozen=True)
@@ -168,9 +180,10 @@ class Kernel:
         newest_lease: the newest grant known when the agent ended.
         monitor: shapes what a driver asks for, None on a robot that sees no obstacles, or whose
             architecture assists by itself.
+        standstill: a robot whose measured speeds (m/s and rad/s) are below these is at rest.
 
     Raises:
-        ValueError: nobody would stop the robot soon enough: deadman or watchdog is too long.
+        ValueError: deadman or watchdog is too long to stop the robot soon enough.
     """
 
     limits: Limits
@@ -179,6 +192,7 @@ class Kernel:
     latch: EStopLatch | None = None
     newest_lease: Remembered | None = None
     monitor: Shaper | None = None
+    standstill: Velocity = STANDSTILL
     clocks: PeerClocks = field(default_factory=PeerClocks)
     assist: AssistInForce = field(default_factory=AssistInForce)
     fault: str | None = None
@@ -190,6 +204,9 @@ class Kernel:
     stop_id: str | None = None
     driver_heard: float | None = None
     visitor_heard: float | None = None
+    server_heard: float | None = None
+    # the RCA has not confirmed the end of an action that may move the robot
+    is_end_unconfirmed: bool = False
 
     def __post_init__(self) -> None:
         check_times(self.watchdog, self.limits)
@@ -199,19 +216,19 @@ class Kernel:
         self._stops: dict[tuple[str, str], float] = {}
         self._target = ZERO  # what the driver wants, within permission and limits
         self._own = ZERO  # as far as the ramp has it, without what the collision monitor added
-        self._current = ZERO  # what the base was last told
+        self._current = ZERO  # as far as the ramp has it, with what was added
+        self._sent = ZERO  # what the base was last sent
         self._output_at = self._accepted_at = self._now = float("-inf")
-        self._hold: DriveHold | None = None
-        self._knew_driver = False
+        # An agent that starts in the middle of a drive does not know whether a key is held down.
+        self._hold: DriveHold | None = DriveHold(None, None, float("-inf"))
         self._driven_by: Way | None = None  # the transport of the driver's last velocity
         self._motion = ZERO  # as measured last
-        self._still_since: float | None = None
-        self._told_to_stand_at: float | None = None
-        # the robot may be moving: it was told to, or moves by itself, and has not been measured to
-        # stand since
-        self._restless = False
-        self._yields = False  # whoever drives waits until it stands
-        self._hands_off = False  # the RCA moves the robot
+        self._at_rest_since: float | None = None
+        self._sent_zero_since: float | None = None
+        self._too_fast_since: float | None = None
+        self._moved_unbidden = False  # since the robot was last at rest
+        self.controller = Controller.NONE
+        self._controller_since = float("-inf")
         self.contacts = Contacts()
 
     # --- who drives -------------------------------------------------------------------------------
@@ -220,43 +237,44 @@ class Kernel:
         """Take a lease, or None for "nobody drives"; return False when it was older than what is
         known.
         """
+        self._now = now
         before = self.leases.live(now)
         if lease is None:
             self.leases.clear()
         elif not self.leases.take(lease, retained=retained, now=now):
             self.refused["old_lease"] += 1
             return False
-        after = self.leases.live(now)
-        if _grant(before) != _grant(after):
-            # A new driver starts from a standing robot, and the old one's last wish is void.
-            self._target, self._accepted_at, self.driver_heard, self._driven_by = (
-                ZERO,
-                float("-inf"),
-                None,
-                None,
-            )
-            if before is None or after is None or before.peer != after.peer:
-                self.visitor_heard = None
-            self._yields = self._yields or self._restless
-            if (
-                self._hold is not None
-                and after is not None
-                and self._hold.is_released_with(_grant(after))
-            ):
-                self._hold = None
-            if after is not None and not self._knew_driver:
-                self._knew_driver = True
-                # an agent that begins in the middle of a drive: a key may be held
-                if after.renewal > 0:
-                    self._hold_on(now)
-            if self.navigation and not self.navigation.ordered_by_server:
-                self._cancel_navigation("lease_changed")
+        self._driver_changed(before, self.leases.live(now))
         return True
 
+    def _driver_changed(self, before: Lease | None, lease: Lease | None) -> None:
+        if _grant(before) == _grant(lease):
+            return
+        # A new driver starts from a robot at rest, and the last wish of the previous one is void.
+        self._target, self._accepted_at = ZERO, float("-inf")
+        self.driver_heard = self._driven_by = None
+        if before is None or lease is None or before.peer != lease.peer:
+            self.visitor_heard = None
+        grant = _grant(lease)
+        if (
+            self._hold is not None
+            and lease is not None
+            and grant is not None
+            and self._hold.is_released_with(grant, is_new=lease.renewal == 0)
+        ):
+            self._hold = None
+        if self.navigation and not self.navigation.ordered_by_server:
+            self._cancel_navigation("lease_changed")
+        elif self.held:
+            self._cancel_navigation("stopped")
+        self._change(Change.DRIVER_CHANGED)
+
     def heard(self, peer: str, way: Way, now: float) -> None:
-        """Note a heartbeat: the driver's keeps navigation going, and tells that a silence of the
-        hands is meant.
+        """Take a heartbeat: the driver's keeps navigation going, and shows that silence means
+        released controls; the server's keeps going what the server ordered.
         """
+        if peer == SERVER_PEER:
+            self.server_heard = now
         lease = self.leases.live(now)
         if lease is not None and lease.peer == peer:
             self.visitor_heard = now
@@ -307,37 +325,39 @@ class Kernel:
         """Return what the base is to do now. Call at 50 Hz, and once after each accepted command or
         stop.
 
-        `wanted` is what the agent's own navigation wants; without it, navigation is the RCA's and
-        hears nothing from here.
+        `wanted` is what navigation wants whose velocities pass through here; without it, the RCA
+        moves the base by itself.
         """
-        if self._hold is not None and self.leases.live(now) is None and self._hold.is_nobodys(now):
-            self._hold = None
         self._now = now
         self._watch_navigation(now)
-        self._watch_standstill(now)
-        halted = self.latch or self.fault or self.held
-        if self.navigation and self.navigation.may_begin and not halted:
-            return self._hand_over() if wanted is None else self._navigated(wanted, now)
+        self._watch_motion(now)
+        if self.navigation and self.navigation.may_begin and not self._blocked():
+            if wanted is None and self.controller is not Controller.NAVIGATION:
+                self._change(Change.HANDED_OVER)
+                return Decision(None, "navigating")
+            self._change(Change.PASSED_ON)
+            return self._navigated(wanted or ZERO, now)
         why = self.braking(now)
         if why:
             self._target = ZERO
         return self._output(self._target, why or "driving", now)
 
     def applied(self, velocity: Velocity) -> None:
-        """Take note of what the base was really told, where that is not what it was to be told:
-        ramps go on from there.
-        """
-        if velocity != self._current:
-            self._own, self._current = no_faster(self._own, velocity), velocity
+        """Take what the base was last really sent; the ramp goes on from there (`_follow_sent`)."""
+        self._sent = velocity
 
     def measured(self, velocity: Velocity, now: float) -> None:
-        """Take note of how the robot really moves."""
+        """Take how the robot really moves."""
         self._motion = velocity
-        if _moves(velocity):
-            self._still_since = None
-            self._restless = self._restless or self.latch is not None
-        elif self._still_since is None:
-            self._still_since = now
+        if not self._moves():
+            if self._at_rest_since is None:
+                self._at_rest_since = now
+            return
+        self._at_rest_since = None
+        resumed = self.is_end_unconfirmed and self.moves_despite_stop(now)
+        if self.controller is Controller.NONE or (self.controller is Controller.DRIVER and resumed):
+            self._moved_unbidden = True
+            self._change(Change.MOVES_UNBIDDEN)
 
     def touched(self, sides: Collection[Side] = ()) -> None:
         """Take note of a contact: stop, end the RCA's own travel, and go no further towards it;
@@ -346,22 +366,31 @@ class Kernel:
         forward = self._motion.linear if self.commanded.linear == 0.0 else self.commanded.linear
         if not sides and forward != 0.0:
             sides = ["ahead" if forward > 0.0 else "behind"]
+        elif not sides and not self._docks():
+            self._hold_on(self._now)
         self.contacts.felt(sides)
         self._target = ZERO
-        self._restless = True
+        self._brake_until_rest()
         # a station is there to be touched
-        if self._hands_off and self.navigation and self.navigation.mode != "docking":
+        if self.controller is Controller.RCA and not self._docks():
             self._cancel_navigation("collision")
 
     @property
-    def stands(self) -> bool:
-        """Tell whether the robot was measured to stand since it was last moved."""
-        return not self._restless
+    def is_at_rest(self) -> bool:
+        """Tell whether the robot was measured at rest since it was last moved."""
+        return self.controller is Controller.NONE
 
-    def runs_on(self, now: float) -> bool:
-        """Tell whether the robot moves although it should have come to a stand for long."""
-        since = self._told_to_stand_at
-        return since is not None and _moves(self._motion) and now - since > KERNEL.runs_on_after
+    def moves_despite_stop(self, now: float) -> bool:
+        """Tell whether the robot moves although it should have been at rest for some time."""
+        since = self._sent_zero_since
+        return since is not None and self._moves() and now - since > KERNEL.moves_despite_stop_after
+
+    def settles_too_long(self, now: float) -> bool:
+        """Tell whether the driver or navigation has waited too long for the robot to be measured at
+        rest.
+        """
+        is_waiting = self.controller is Controller.SETTLING
+        return is_waiting and now - self._controller_since > KERNEL.rest_timeout
 
     def caps(self, now: float) -> Caps:
         """Return the largest speeds allowed now: the least of robot, lease and assistance."""
@@ -383,13 +412,17 @@ class Kernel:
         """Return why velocity commands cannot move the robot now, or not everywhere, in one word,
         or None.
         """
-        return self._barred(now) or ("collision" if self.contacts else None)
+        if reason := self._barred(now):
+            return reason
+        if self.controller is Controller.SETTLING:
+            return "settling"
+        return "collision" if self.contacts else None
 
     def braking(self, now: float) -> str | None:
         """Return why the base is to stand still now, or None while it is being driven."""
         if reason := self._barred(now):
             return reason
-        if self._yields or self.navigation:
+        if self.controller is Controller.SETTLING or self.navigation:
             return "settling"
         return "deadman" if now >= self._accepted_at + self.limits.deadman else None
 
@@ -399,8 +432,10 @@ class Kernel:
 
     @property
     def held(self) -> bool:
-        """Tell whether a stop, or what counts as one, waits for the driver to let go."""
-        return self._hold is not None
+        """Tell whether a stop, or what counts as one, waits for its release."""
+        return self._hold is not None and (
+            self._hold.by_person or self.leases.live(self._now) is not None
+        )
 
     def visitor_silence(self, now: float) -> float | None:
         """Return how many seconds ago the visitor was heard, who drives unless a wizard does; None
@@ -413,9 +448,19 @@ class Kernel:
         )
 
     @property
+    def is_stopped(self) -> bool:
+        """Tell whether an emergency stop, or a stop that waits for its release, is in force."""
+        return self.latch is not None or self.held
+
+    @property
     def commanded(self) -> Velocity:
-        """Return the velocity that the base was last told."""
-        return self._current
+        """Return the velocity that the base was last sent."""
+        return self._sent
+
+    @property
+    def is_waiting(self) -> bool:
+        """Tell whether the adapter has not sent the newest velocity."""
+        return self._sent != self._current
 
     # --- stop -------------------------------------------------------------------------------------
 
@@ -437,12 +482,15 @@ class Kernel:
         if own:
             self._raise_floor(grant, max(floor, action.seq))
         else:
-            self._hold_on(now)
+            # The page of a driver whose lease has just ended stops the robot as well.
+            newest = self.leases.newest
+            is_late = newest is not None and action.session == newest.session
+            self._hold_on(now, by_person=lease is not None or not is_late)
         self._halt("stopped", now)
         return True
 
     def brake(self, now: float) -> None:
-        """Brake for a reason of the agent's own, and wait until the driver has let go."""
+        """Brake for a reason of the agent's own, until the driver releases the controls."""
         self._hold_on(now)
         self._halt("stopped", now)
 
@@ -481,11 +529,12 @@ class Kernel:
         self._target = ZERO
 
     def clear_fault(self, now: float) -> None:
-        """The base is back, standing."""
-        self.fault = None
+        """Take that the base is back. It is measured at rest before anything moves it."""
+        self.fault, self._now = None, now
         self._hold_on(now)
-        self._own = self._current = self._target = ZERO
-        self._unsettle()
+        self._own = self._current = self._sent = self._target = ZERO
+        self._brake_until_rest()
+        self._change(Change.DRIVER_CHANGED)
 
     # --- actions ----------------------------------------------------------------------------------
 
@@ -501,10 +550,14 @@ class Kernel:
         return reason
 
     def clear_estop(self, now: float) -> None:
-        """Open the latch, for a clear_estop that `permit` has let pass."""
+        """Open the latch, for a clear_estop that `permit` has let pass; without a latch, release a
+        stop that holds the robot without a lease.
+        """
         if self.latch is not None:
             self.latch = None
             self._hold_on(now)
+        elif self.leases.live(now) is None:
+            self._hold = None
 
     def navigate(self, action_id: str, mode: Mode, *, ordered_by_server: bool, now: float) -> None:
         """The robot is to move by itself, as soon as it stands: `navigation.may_begin` then."""
@@ -513,12 +566,12 @@ class Kernel:
         self._target = ZERO
 
     def navigation_ended(self, action_id: str) -> bool:
-        """The robot has come to the end of what it did by itself; return False when it was not
-        doing that.
+        """Take that what the robot did by itself has ended; return False when it was not doing
+        that.
         """
         if self.navigation is None or self.navigation.action_id != action_id:
             return False
-        self._leave_navigation(ZERO)
+        self._leave_navigation()
         return True
 
     def cancel(self, action_id: str | None) -> str | None:
@@ -551,8 +604,11 @@ class Kernel:
         if self.fault:
             return "fault"
         if moving:
-            return "stopped" if self._hold is not None else None
+            return "stopped" if self.held else None
         return "navigating" if self.navigation else None
+
+    def _blocked(self) -> bool:
+        return self.is_stopped or self.fault is not None
 
     def _barred(self, now: float) -> str | None:
         """Return why nobody may drive the robot now, in one word, or None."""
@@ -560,7 +616,7 @@ class Kernel:
             return "estop"
         if self.fault:
             return "fault"
-        if self._hold is not None:
+        if self.held:
             return "stopped"
         return None if self.leases.live(now) else "no_lease"
 
@@ -577,12 +633,17 @@ class Kernel:
         if reason:
             return reason
         if isinstance(action, ClearEStop):
-            return latch_refusal(self.latch, action, button_pressed=self.button_pressed)
+            releases_hold = self.latch is None and self.held and lease is None
+            return (
+                None
+                if releases_hold
+                else latch_refusal(self.latch, action, button_pressed=self.button_pressed)
+            )
         if not isinstance(action, MOVING):
             return None
         if self.latch:
             return "estop"
-        return "fault" if self.fault else "stopped" if self._hold is not None else None
+        return "fault" if self.fault else "stopped" if self.held else None
 
     def _press(self, latch: EStopLatch, now: float) -> None:
         self.latch = stricter(self.latch, latch)
@@ -592,53 +653,93 @@ class Kernel:
         self._now = now
         self._cancel_navigation(reason)
         self._target, self._accepted_at = ZERO, float("-inf")
-        self._unsettle()
+        self._brake_until_rest()
 
     def _cancel_navigation(self, reason: str) -> None:
         if self.navigation:
             self.cancelled.append((self.navigation.action_id, reason))
-            self._leave_navigation(self._motion)
+            self._leave_navigation()
 
-    def _leave_navigation(self, speed: Velocity) -> None:
+    def _leave_navigation(self) -> None:
         """Brake from the speed at which the RCA has left the robot."""
-        self.navigation = None
-        if self._hands_off:
-            self._own = self._current = self.caps(self._now).clamp(speed)
-            self._output_at, self._hands_off = self._now, False
-            self._yields = True
-            self._unsettle()
+        self.navigation = self._too_fast_since = None
+        if self.controller is Controller.RCA:
+            self._own = self._current = self.caps(self._now).clamp(self._motion)
+            self._output_at, self._at_rest_since = self._now, None
+        self._change(Change.NAVIGATION_LEFT)
 
-    def _watch_standstill(self, now: float) -> None:
-        """Note when a robot that may have been moving stands."""
-        if self._current != ZERO or self._hands_off:
-            self._unsettle()
-        elif self._still_since is not None and now - self._still_since >= KERNEL.stands_for:
-            self._restless = self._yields = False
-            if self.navigation and not self.navigation.may_begin:
-                self.navigation = replace(self.navigation, may_begin=True)
-        if self._current != ZERO or self._hands_off or not self._restless:
-            self._told_to_stand_at = None
-        elif self._told_to_stand_at is None:
-            self._told_to_stand_at = now
+    def _docks(self) -> bool:
+        return self.navigation is not None and self.navigation.mode == "docking"
 
-    def _unsettle(self) -> None:
-        """The robot may be moving: it stands when it has been measured so from now on."""
-        self._restless, self._still_since = True, None
+    def _change(self, event: Change) -> None:
+        """Follow the table of controllers."""
+        before, self.controller = self.controller, after(self.controller, event)
+        if self.controller is not before:
+            self._controller_since = self._now
 
-    def _hold_on(self, now: float) -> None:
-        self._hold = DriveHold(_grant(self.leases.live(now)), self._driven_by, now)
+    def _brake_until_rest(self) -> None:
+        """Send zeros until the robot has been measured at rest from now on."""
+        self._at_rest_since = None
+        self._change(Change.DRIVEN)
+
+    def _moves(self) -> bool:
+        return (
+            abs(self._motion.linear) > self.standstill.linear
+            or abs(self._motion.angular) > self.standstill.angular
+        )
+
+    def _watch_motion(self, now: float) -> None:
+        """Note since when the robot should be at rest, and whether it is."""
+        if self.controller in {Controller.NAVIGATION, Controller.RCA}:
+            self._at_rest_since = self._sent_zero_since = None
+            return
+        if self._current != ZERO or self._sent != ZERO:
+            self._brake_until_rest()
+            self._sent_zero_since = None
+            return
+        if self._sent_zero_since is None or (self.is_at_rest and not self._moves()):
+            self._sent_zero_since = now
+        needed = KERNEL.at_rest_after_unbidden if self._moved_unbidden else KERNEL.at_rest_for
+        if self._at_rest_since is not None and now - self._at_rest_since >= needed:
+            self._moved_unbidden = False
+            self._change(Change.AT_REST)
+        if self.is_at_rest and self.navigation and not self.is_end_unconfirmed:
+            self.navigation = replace(self.navigation, may_begin=True)
+
+    def _hold_on(self, now: float, *, by_person: bool = False) -> None:
+        by_person = by_person or (self._hold is not None and self._hold.by_person)
+        self._hold = DriveHold(_grant(self.leases.live(now)), self._driven_by, now, by_person)
+        if self.held:
+            self._cancel_navigation("stopped")
 
     def _watch_navigation(self, now: float) -> None:
+        """End what the robot does by itself without the heartbeats of the driver, or of the server
+        that ordered it, and the RCA's own navigation above the limits.
+        """
         running = self.navigation
-        if running is None or running.ordered_by_server:
+        if running is None:
             return
-        if self.leases.live(now) is None:
+        heard = self.server_heard if running.ordered_by_server else self.driver_heard
+        if not running.ordered_by_server and self.leases.live(now) is None:
             self._cancel_navigation("no_lease")
-        elif (
-            now - max(running.since, self.driver_heard or running.since)
-            >= KERNEL.navigation_silence
-        ):
+        elif now - max(running.since, heard or running.since) >= KERNEL.navigation_silence:
             self._cancel_navigation("heartbeat_lost")
+        elif self.controller is Controller.RCA and self._drives_too_fast(now):
+            self._cancel_navigation("too_fast")
+
+    def _drives_too_fast(self, now: float) -> bool:
+        """Tell whether the RCA has driven the robot faster than the limits for too long."""
+        caps, motion = self.caps(now), self._motion
+        forward = caps.linear if motion.linear > 0.0 else caps.reverse
+        within = abs(motion.linear) <= max(
+            KERNEL.overspeed * forward, self.standstill.linear
+        ) and abs(motion.angular) <= max(KERNEL.overspeed * caps.angular, self.standstill.angular)
+        if within:
+            self._too_fast_since = None
+        elif self._too_fast_since is None:
+            self._too_fast_since = now
+        since = self._too_fast_since
+        return since is not None and now - since >= KERNEL.overspeed_for
 
     def _raise_floor(self, grant: tuple[str | None, int], seq: int) -> None:
         self._floors.pop(grant, None)
@@ -658,45 +759,53 @@ class Kernel:
     def _output(self, target: Velocity, why: str, now: float) -> Decision:
         self._approach(target, now, shaped=target != ZERO)
         # what the robot has lost of the speed at which it was left, it is not given again
-        if self._yields:
+        if self.controller is Controller.SETTLING:
             self._own = self._current = no_faster(self._current, self._motion)
-        if self._current == ZERO and not self._restless:
+        if self._current != ZERO:
+            self._change(Change.DRIVEN)
+        elif self.is_at_rest and not self.is_end_unconfirmed:
             return Decision(None, "idle")
-        self._output_at = now
+        self._output_at, self._sent = now, self._current
         return Decision(self._current, why)
 
-    def _hand_over(self) -> Decision:
-        """Be silent: the RCA moves the robot."""
-        self._hands_off = True
-        self._unsettle()
-        return Decision(None, "navigating")
-
     def _navigated(self, wanted: Velocity, now: float) -> Decision:
-        """Return what the agent's own navigation gets: its wish within limits and ramps, and zeros
-        too, for they hold it in its place.
+        """Return what navigation gets: its wish within limits and ramps. It gets zeros too, because
+        they hold the base in its place.
         """
-        self._hands_off = False
         self._approach(wanted, now)
-        self._output_at = now
+        self._output_at, self._sent = now, self._current
         return Decision(self._current, "navigating")
 
     def _approach(self, target: Velocity, now: float, *, shaped: bool = False) -> None:
         """Let a target pass limits, collision monitor (when it is to be `shaped`) and ramp."""
         since = now - self._output_at
-        if since > min(self.limits.deadman, self.watchdog):
-            # So long without a word from us the base has stopped by itself; going on from the old
+        if since > self.watchdog:
+            # Without a velocity for so long the base has stopped by itself; going on from the old
             # speed would start it again.
-            self._own = self._current = ZERO
-        self.contacts.moved(self._current.linear * min(since, KERNEL.max_step))
+            self._own = self._current = self._sent = ZERO
         step = min(since, KERNEL.max_step)
+        self.contacts.moved(self._sent.linear * step)
         allowed = self._limited(target, now)
+        if self._sent != self._current:
+            self._follow_sent(allowed)
         if shaped and self.monitor is not None and self.assist.level != "off":
-            allowed = self._shaped(ramp(self._own, allowed, self.limits, dt=since, dt_up=step), now)
-            self._current = ramp(self._current, allowed, self.limits, dt=since, dt_up=step)
-        else:  # who brakes stays on the course that was looked at when it was begun
+            allowed = self._shaped(ramp(self._own, allowed, self.limits, dt=step, dt_up=step), now)
+            self._current = ramp(self._current, allowed, self.limits, dt=step, dt_up=step)
+        else:  # a robot that brakes stays on the course that was checked when it began to
             self._own = self._current = ramp(
-                self._current, allowed, self.limits, dt=since, dt_up=step
+                self._current, allowed, self.limits, dt=step, dt_up=step
             )
+
+    def _follow_sent(self, allowed: Velocity) -> None:
+        """Let the ramp go on from what the base was really sent: ahead of it by no more than a
+        velocity may wait in the adapter, and not at all where it brakes.
+        """
+        wait = KERNEL.longest_wait
+        self._own = ramp(self._sent, self._own, self.limits, dt=wait, dt_up=wait)
+        self._current = ramp(self._sent, self._current, self.limits, dt=wait, dt_up=wait)
+        if no_faster(allowed, self._current) != self._current:
+            self._own = no_faster(self._own, self._sent)
+            self._current = no_faster(self._current, self._sent)
 
     def _limited(self, velocity: Velocity, now: float) -> Velocity:
         return self.caps(now).clamp(self.contacts.clamp(velocity))
@@ -704,21 +813,14 @@ class Kernel:
     def _shaped(self, wanted: Velocity, now: float) -> Velocity:
         """Return what the collision monitor leaves of a velocity, inside the limits."""
         assert self.monitor is not None
-        found = self.monitor.shape(wanted, self._current, self.assist.level, now)
+        found = self.monitor.shape(wanted, self._sent, self.assist.level, now)
         allowed = self._limited(found.velocity, now)
         # a turn that was added is too much for a limit: less of it leads elsewhere, so look once
         # more
         if allowed != found.velocity:
-            found = self.monitor.shape(allowed, self._current, "slow", now)
+            found = self.monitor.shape(allowed, self._sent, "slow", now)
         self._own = found.own
         return found.velocity
-
-
-def _moves(measured: Velocity) -> bool:
-    return (
-        abs(measured.linear) > KERNEL.standstill
-        or abs(measured.angular) > KERNEL.standstill_turning
-    )
 
 
 def _grant(lease: Lease | None) -> LeaseGrant | None:

@@ -1,16 +1,16 @@
 """What tells the collision monitor about obstacles: one class for each kind of sensor, chosen by
 what the adapter's profile names.
 
-Each keeps what it was told in the frame of the odometry, which is smooth, and gives it back as
-points about the robot. Each has a silence after which it counts as lost, and says what its loss
-means. Where no source looks, a driver who is helped creeps.
+Each keeps its readings in the frame of the odometry, which is smooth, and returns them as points
+about the robot. Each counts as lost after a silence of its own, and defines what its loss means.
+In directions that no source observes, an assisted driver creeps.
 
-| source | silence | its loss | looks |
+| source | silence | its loss | observes |
 |---|---|---|---|
-| laser | 0.5 s | the robot stands | everywhere: it remembers what went out of its sight |
-| depth points | 0.5 s | the robot stands | ahead, or where its camera looks |
-| sonar | 1.0 s | the robot stands | where the cones are |
-| bumper | 0.5 s | the robot creeps | nowhere: it only feels |
+| laser | 0.5 s | the robot stops | everywhere: it remembers what left its view |
+| depth points | 0.5 s | the robot stops | the camera's field of view |
+| sonar | 1.0 s | the robot stops | its cones |
+| bumper | 0.5 s | the robot creeps | nothing: it only detects contact |
 """
 
 import math
@@ -20,14 +20,14 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from robots.agent.localization.odometry import OdometryTrack
-from robots.agent.navigation.assistance.swept import Hull, hull
-from robots.agent.navigation.obstacles.memory import (
+from robots.agent.robot_interface import DepthCamera, Profile, RcaState, Sonar
+from robots.agent.safety.collision.memory import (
     SAME_BEARING,
     MemorySettings,
     RollingObstacleMap,
 )
-from robots.agent.robot_interface import DepthCamera, Profile, RcaState, Sonar
+from robots.agent.safety.collision.odometry import OdometryTrack
+from robots.agent.safety.collision.swept import Hull, hull
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Laser
 from robots.world.sensing import Floats, LaserScan, beams_of, points_from_frame, points_in_frame
@@ -35,10 +35,6 @@ from robots.world.sensing import Floats, LaserScan, beams_of, points_from_frame,
 Loss = Literal["stand", "creep"]
 ObstacleReader = Literal["place", "arc", "touch"]
 NO_POINTS: Floats = np.zeros((0, 2))
-NOTHING = NO_POINTS, np.zeros(0)
-# rad beside its cone in which a sensor counts as looking still: a robot that drives a little askew
-# sees where it goes
-SAME_WAY = 0.3
 
 
 class ObstacleSource(Protocol):
@@ -74,12 +70,14 @@ class ObstacleSource(Protocol):
         others.
         """
 
-    def looks(self, bearing: float) -> bool:
-        """Tell whether it knows what stands in that direction from the robot, radians."""
+    def beside(self, bearings: Floats) -> Floats:
+        """Return (n,) by how much directions from the robot (n,) lie outside of what it observes:
+        0 inside, both in radians.
+        """
 
 
 class LaserSource:
-    """A planar laser, with its memory (navigation/obstacles.py)."""
+    """A planar laser, with its memory (collision/memory.py)."""
 
     silence = 0.5
     loss: Loss = "stand"
@@ -117,9 +115,9 @@ class LaserSource:
         """Return what was seen lately."""
         return self._memory.near(here, radius)
 
-    def looks(self, bearing: float) -> bool:
-        """Return True: it has looked there, or may remember to have."""
-        return True
+    def beside(self, bearings: Floats) -> Floats:
+        """Return zeros: the laser has been turned there, or its memory reaches there."""
+        return np.zeros(len(bearings))
 
 
 class DepthSource(LaserSource):
@@ -154,9 +152,9 @@ class DepthSource(LaserSource):
             now,
         )
 
-    def looks(self, bearing: float) -> bool:
-        """Tell whether that is in its field of view."""
-        return abs(wrap_angle(bearing - self._camera.theta)) <= self._camera.width / 2.0 + SAME_WAY
+    def beside(self, bearings: Floats) -> Floats:
+        """Return how far directions are from the camera's field of view."""
+        return _beside_cone(bearings, self._camera)
 
 
 class SonarSource:
@@ -207,12 +205,10 @@ class SonarSource:
         """Return the arcs."""
         return within(self._points, here, radius)
 
-    def looks(self, bearing: float) -> bool:
-        """Tell whether that is in one of the cones."""
-        return any(
-            abs(wrap_angle(bearing - each.theta)) <= each.width / 2.0 + SAME_WAY
-            for each in self._sonars
-        )
+    def beside(self, bearings: Floats) -> Floats:
+        """Return how far directions are from the nearest cone."""
+        nearest: Floats = np.min([_beside_cone(bearings, each) for each in self._sonars], axis=0)
+        return nearest
 
     def _take(self, sonar: Sonar, distance: float | None, robot: Pose2D) -> None:
         self._travel(robot)
@@ -304,9 +300,9 @@ class BumperSource:
             np.concatenate([NO_POINTS, *(points for _, points in self._felt)]), here, radius
         )
 
-    def looks(self, bearing: float) -> bool:
-        """Return False: it knows nothing before it is touched."""
-        return False
+    def beside(self, bearings: Floats) -> Floats:
+        """Return infinity: a bumper observes nothing before it is touched."""
+        return np.full(len(bearings), np.inf)
 
     def _edge(self, bearing: float) -> Floats:
         """Return (n, 2) points just outside the footprint about a direction."""
@@ -325,6 +321,12 @@ def within(points: Floats, here: Pose2D, radius: float) -> Floats:
     local = points_in_frame(here, points)
     near: Floats = local[np.hypot(local[:, 0], local[:, 1]) <= radius]
     return near
+
+
+def _beside_cone(bearings: Floats, cone: Sonar | DepthCamera) -> Floats:
+    off_axis = np.abs(np.remainder(bearings - cone.theta + math.pi, 2.0 * math.pi) - math.pi)
+    beside: Floats = np.maximum(off_axis - cone.width / 2.0, 0.0)
+    return beside
 
 
 def sources_of(profile: Profile) -> Sequence[ObstacleSource]:

@@ -47,9 +47,11 @@ const KNOWN = [
   [/lost where it is|does not know where it is/, "reason.lost"],
   [/wheels do not turn/, "reason.wheels"],
   [
-    /^navigation|navigation was lost|the map has changed|the robot was lost|the agent ends/,
+    /^navigation\b|navigation was lost|the map has changed|the robot was lost|the agent ends/,
     "reason.navigation",
   ],
+  [/^too_fast$/, "reason.too_fast"],
+  [/^navigation_does_not_end$/, "reason.does_not_end"],
   [/^estop$/, "reason.estop"],
   [/^collision$/, "stuck.contact"],
   [/^no_picture$/, "reason.camera"],

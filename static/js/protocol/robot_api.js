@@ -74,6 +74,7 @@ const SAFE = {
   stopSeq: null,
   stopId: null,
   touched: [],
+  button: null,
 };
 const safety = object({
   estop: optional(flag, false),
@@ -83,6 +84,7 @@ const safety = object({
   stopSeq: absent(count),
   stopId: absent(id),
   touched: optional(list(oneOf("ahead", "left", "behind", "right"), 4), []),
+  button: absent(flag),
 });
 const applied = object({
   seq: count,

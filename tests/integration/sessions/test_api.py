@@ -1,7 +1,9 @@
 """The JSON API: what everybody may read, what a key adds, and that no key drives."""
 
+import asyncio
 import io
 import re
+import threading
 from pathlib import Path
 
 import pytest
@@ -13,11 +15,14 @@ from django.test import AsyncClient, Client
 from django.test.utils import CaptureQueriesContext
 from django.utils import timezone
 
+from accounts.attempts import Attempts
 from robots.api.messages import EStop, Stop
 from robots.models import FloorPlan, Robot, RobotPresence
 from sessions.api.keys import key_of
 from sessions.api.views import READ
 from sessions.models import ApiKey, Lease, Session, SystemLog
+from tests.support.loop_gap import longest_gap
+from tests.support.patience import patient
 from tests.support.people import person
 from tests.support.robots import create_robot, update_robots
 from tests.support.sessions.query_plans import session_reads
@@ -254,6 +259,21 @@ async def test_a_body_that_is_none_is_refused(bridge, giraff, bearer, body):
     assert (answer.status_code, bridge.stops) == (400, [])
 
 
+async def test_a_robot_that_was_stopped_is_free_and_not_sent_home(bridge, giraff, bearer):
+    await Robot.objects.aupdate(turnaround="paused", turnaround_reason="stopped")
+    told = await AsyncClient().get("/api/v1/robots/giraff/", headers=bearer)
+    robot = told.json()["robot"]
+    assert (robot["state"], robot["turnaround"], robot["reason"]) == (
+        "available",
+        "paused",
+        "stopped",
+    )
+    status, answer = await act("dock", bearer)
+    assert (status, answer["error"]) == (409, "stopped")
+    row = await Robot.objects.aget()
+    assert (row.turnaround, row.turnaround_reason) == ("paused", "stopped")
+
+
 async def test_a_key_acts_thirty_times_a_minute(bridge, giraff, bearer, monkeypatch):
     monkeypatch.setattr("sessions.api.views.time.time", lambda: 1e9)
     assert [(await act("stop", bearer))[0] for _ in range(31)] == [202] * 30 + [429]
@@ -286,3 +306,23 @@ def test_who_reads_the_robots_too_often_is_told_to_wait(giraff):
     assert refused.status_code == 429
     assert int(refused["Retry-After"]) > 0
     assert refused.json()["error"] == "too_many_attempts"
+
+
+async def test_a_cache_that_does_not_answer_holds_no_command(giraff, bridge, bearer, monkeypatch):
+    """A Redis that hangs, as Django's cache meets it."""
+    right, called, answers = Attempts.count, threading.Event(), threading.Event()
+
+    def hangs(*arguments):
+        called.set()
+        answers.wait(patient(20))
+        return right(*arguments)
+
+    monkeypatch.setattr(Attempts, "count", hangs)
+    async with longest_gap() as gap:
+        acting = asyncio.create_task(act("stop", bearer))
+        assert await asyncio.to_thread(called.wait, patient(10))
+        await asyncio.sleep(0.1)
+        assert not acting.done()
+        answers.set()
+        assert (await asyncio.wait_for(acting, patient(10)))[0] == 202
+    assert gap() < patient(0.5)

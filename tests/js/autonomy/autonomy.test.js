@@ -512,6 +512,19 @@ describe("assistance", () => {
       "alert.estop",
     );
   });
+
+  test("a robot that moves although it should stand still comes before everything else", () => {
+    const errors = ["runs_on: the robot keeps moving", "cancel: no answer"];
+    const robot = robotOf({ errors, safety: { estop: true } });
+    assert.deepEqual(
+      [alertFor(driving({ robot })).word, alertFor(driving({ robot })).tone],
+      ["alert.runs_on", "danger"],
+    );
+    assert.equal(
+      alertFor(driving({ robot: robotOf({ errors: errors.slice(1) }) })).word,
+      "alert.cancel",
+    );
+  });
 });
 
 describe("the level of assistance that is shown", () => {

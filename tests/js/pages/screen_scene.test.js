@@ -12,6 +12,7 @@ const told = (state, changes = {}) => ({
   state: { viewers: 0, session: null, call: null, safety: { estop: false }, ...state },
   ...changes,
 });
+const RUNS_ON = { errors: ["runs_on: the robot keeps moving"] };
 const STOPPED = { safety: { estop: true, estopSource: "screen:hall" } };
 const watching = (...given) => sceneFor(told(...given), 100).watching;
 
@@ -48,6 +49,17 @@ test("whoever wants to release a stop is asked first, and the question goes away
   assert.equal(sceneFor(moving, 101).release, "");
 });
 
+test("people beside a robot that was stopped between visits can release it", () => {
+  const held = { safety: { estop: false, inhibited: "stopped" } };
+  const nobody = { title: "Giraff", session: null, visitor: null, study: false };
+  const at = (screen) => {
+    const { stopped, release } = sceneFor(told(held, { screen }), 100);
+    return [stopped, release];
+  };
+  assert.deepEqual(at(nobody), ["held", "offered"]);
+  assert.deepEqual(at({ ...nobody, session: "s1", visitor: "Ada" }), ["", ""]);
+});
+
 test("whoever releases a stop sees that it is on its way, and what to do without an answer", () => {
   const at = (now, release) => {
     const { stopped, release: button } = sceneFor(told(STOPPED, { release }), now);
@@ -60,4 +72,10 @@ test("whoever releases a stop sees that it is on its way, and what to do without
   assert.deepEqual(at(101, { ...asked, refused: true }), ["unreleased", "offered"]);
   const other = told({ safety: { estop: true, estopSource: "owner:Ana" } }, { release: asked });
   assert.equal(sceneFor(other, 101).release, "");
+});
+
+test("people at the robot read that it moves although it should stand still", () => {
+  const { stopped } = sceneFor(told({ ...RUNS_ON, ...STOPPED }), 100);
+  assert.equal(stopped, "runs_on");
+  assert.equal(sceneFor(told(STOPPED), 100).stopped, "ours");
 });

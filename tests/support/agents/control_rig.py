@@ -23,7 +23,9 @@ QUICK = 0.05  # s; half of it is what a clock may be wrong by
 
 
 class ListeningMedia:
-    """A media side (ways_out.Media) that keeps what it is told."""
+    """A media side (publisher.Media) that keeps what it is told."""
+
+    ended = False
 
     def __init__(self):
         self.signals, self.drivers, self.told, self.wanted, self.pointed = [], [], [], [], []
@@ -251,7 +253,7 @@ class ThreadedControlRig(ControlRig):
         self.control.close()
 
     def post(self, call, *arguments):
-        self.control._loop.call_soon_threadsafe(call, *arguments)
+        self.control._calls.loop.call_soon_threadsafe(call, *arguments)
 
 
 def stamped(kind, action_id="a1", **fields):

@@ -5,7 +5,7 @@ amount, and a record of every output.
 from dataclasses import dataclass, field
 from typing import Any
 
-from robots.agent.safety.kernel import CommandVerdict, Decision, Kernel
+from robots.agent.safety.kernel import STANDSTILL, CommandVerdict, Decision, Kernel
 from robots.agent.safety.permissions import CommandSender
 from robots.api import messages as m
 
@@ -39,11 +39,17 @@ class Bench:
     motion: m.Velocity | None = None  # how the robot moves, when that is not what it was told
     capabilities: frozenset[str] = CAPABILITIES
     monitor: Any = None
+    standstill: m.Velocity = STANDSTILL
     outputs: list[tuple[float, Decision]] = field(default_factory=list)
 
     def __post_init__(self):
         self.kernel = Kernel(
-            self.limits, self.watchdog, self.capabilities, latch=self.latch, monitor=self.monitor
+            self.limits,
+            self.watchdog,
+            self.capabilities,
+            latch=self.latch,
+            monitor=self.monitor,
+            standstill=self.standstill,
         )
 
     @property

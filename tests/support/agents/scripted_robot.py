@@ -8,7 +8,13 @@ import time
 from dataclasses import dataclass, field, replace
 
 from robots.agent.ramp import ZERO
-from robots.agent.robot_interface import ActionProgress, AdapterError, Profile, RcaState
+from robots.agent.robot_interface import (
+    ActionProgress,
+    ActionRefusedError,
+    AdapterError,
+    Profile,
+    RcaState,
+)
 from robots.agent.timing import TimeSource
 from robots.api import messages as m
 
@@ -83,7 +89,7 @@ class ScriptedRobot:
         if self.hanging:
             await asyncio.Future()
         if self.refuses:
-            raise AdapterError(self.refuses)
+            raise ActionRefusedError(self.refuses)
         self.started.append(action)
         self.report(action.action_id, "RUNNING")
         if self.finishes:
@@ -92,6 +98,7 @@ class ScriptedRobot:
     async def cancel(self, action_id):
         self.cancelled.append(action_id)
         self.report(action_id, "CANCELLED")
+        return True
 
     def report(self, action_id, status, reason=""):
         self._progress.put_nowait(ActionProgress(action_id, status, reason))
@@ -156,6 +163,7 @@ class NavigatingRobot(ScriptedRobot):
         self.going = False
         self.cancel_hangs = self.ignores_cancel = False
         self.cancel_fails = ""
+        self.ignored_cancels = 0  # the next ones
         self.rolls_until = 0.0  # after the architecture has let go
 
     @property
@@ -165,16 +173,19 @@ class NavigatingRobot(ScriptedRobot):
 
     async def start(self, action):
         await super().start(action)
-        self.going = True
+        self.going = not isinstance(action, m.Tilt)
 
     async def cancel(self, action_id):
         if self.cancel_hangs:
             await asyncio.Future()
         if self.cancel_fails:
             raise AdapterError(self.cancel_fails)
-        if not self.ignores_cancel:
-            self.halt()
-        await super().cancel(action_id)
+        if self.ignores_cancel or self.ignored_cancels > 0:
+            self.ignored_cancels -= 1
+            self.cancelled.append(action_id)
+            return False
+        self.halt()
+        return await super().cancel(action_id)
 
     def halt(self, rolls=0.2):
         """The architecture lets go of the base, which rolls on for a moment."""

@@ -103,7 +103,7 @@ def hang(rig, device):
 
     def tick():
         ticks.append(time.monotonic())
-        rig.control._loop.call_later(0.02, tick)
+        rig.control._calls.loop.call_later(0.02, tick)
 
     with watched() as jitter:
         rig.post(tick)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from robots.agent.media.pixels import video_frame
-from robots.agent.robot_interface import Adapter, AdapterError, RcaState
+from robots.agent.robot_interface import ActionRefusedError, Adapter, AdapterError, RcaState
 from robots.api.messages import Config, Goto, Tilt, Velocity
 from tests.support.architectures.patient_adapters import make_patient
 from tests.support.host_jitter import HostJitter, pauses, watched
@@ -62,6 +62,14 @@ async def _until(adapter: Adapter, until, seconds: float, act) -> RcaState:
         told = f"the last of {count} states was {state}"
         raise AssertionError(f"it never came to that; {told}") from None
     raise AssertionError("the states ended")
+
+
+async def sent(adapter: Adapter, velocity: Velocity, expected: Velocity) -> Velocity:
+    """Apply a velocity until `apply` says that the expected one was sent; return what it said."""
+    async with asyncio.timeout(patient(5.0)):
+        while (found := adapter.apply(velocity)) != expected:
+            await asyncio.sleep(TICK)
+    return found
 
 
 def stands(state: RcaState) -> bool:
@@ -138,7 +146,8 @@ class AdapterConformance:
 
     async def test_it_moves_as_it_is_told_and_says_what_it_sent(self, adapter: Adapter) -> None:
         start = (await some(adapter.states(), 1))[0]
-        assert adapter.apply(Velocity(linear=0.2, angular=0.0)) == Velocity(linear=0.2, angular=0.0)
+        ahead = Velocity(linear=0.2, angular=0.0)
+        assert await sent(adapter, ahead, ahead) == ahead
 
         # Whoever is late in saying it is braked by the watchdog meanwhile, and begins again.
         def goes_steadily(state: RcaState) -> bool:
@@ -169,13 +178,11 @@ class AdapterConformance:
 
     async def test_it_never_sends_more_than_its_limits(self, adapter: Adapter) -> None:
         limits = adapter.profile.limits
-        assert adapter.apply(Velocity(linear=9.0, angular=19.0)) == Velocity(
-            linear=limits.linear, angular=limits.angular
-        )
-        assert adapter.apply(Velocity(linear=-9.0, angular=-19.0)) == Velocity(
-            linear=-limits.reverse, angular=-limits.angular
-        )
-        adapter.apply(STILL)
+        most = Velocity(linear=limits.linear, angular=limits.angular)
+        assert await sent(adapter, Velocity(linear=9.0, angular=19.0), most) == most
+        most = Velocity(linear=-limits.reverse, angular=-limits.angular)
+        assert await sent(adapter, Velocity(linear=-9.0, angular=-19.0), most) == most
+        assert adapter.apply(STILL) == STILL
 
     async def test_zeros_brake(self, adapter: Adapter) -> None:
         await drive(adapter, Velocity(linear=0.2, angular=0.0), lambda s: s.velocity.linear > 0.15)
@@ -206,12 +213,17 @@ class AdapterConformance:
             action: object = Goto(action_id="g", stamp=0.0, place="a place that nobody knows")
         else:
             action = Goto(action_id="g", stamp=0.0, x=0.0, y=0.0)
-        with pytest.raises(AdapterError, match=r"."):
+        with pytest.raises(ActionRefusedError, match=r"."):
             await adapter.start(action)
 
-    async def test_cancelling_what_does_not_run_is_nothing(self, adapter: Adapter) -> None:
-        await adapter.cancel("never-started")
+    async def test_an_unknown_action_counts_as_cancelled(self, adapter: Adapter) -> None:
+        assert await adapter.cancel("never-started") is True
         assert await some(adapter.states(), 1)
+
+    async def test_an_emergency_stop_that_was_never_reported_is_unknown(
+        self, adapter: Adapter
+    ) -> None:
+        assert (await some(adapter.states(), 3))[-1].estop is None
 
     async def test_a_head_tilts_to_the_angle_and_says_when_it_is_there(
         self, adapter: Adapter

@@ -11,7 +11,7 @@ from robots.agent.adapters.simulator import adapter as simulator
 from tests.support.patience import patient
 
 SECONDS = (
-    (simulator, ("SILENCE",)),
+    (simulator, ("SILENCE", "FRESH")),
     (remote_adapter, ("SILENCE", "CONNECT_TIME", "FIRST_READING")),
     (autonomy, ("STUCK", "STUCK_IDLE")),
     (child, ("READY_TIME", "ANSWER_TIME")),

@@ -7,13 +7,16 @@ beside the test.
 
 import asyncio
 import math
+import tempfile
 import threading
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from robots.agent.adapters import registry
+from robots.agent.adapters.common.robot_profile import SHIPPED
 from robots.agent.simulator.physics.realtime import Playback
 from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.geometry import Pose2D, wrap_angle
@@ -27,11 +30,12 @@ BEFORE_DOCK = {"giraff": "0.8,6.3,3.14159", "rhodon": "11.26,1.0,0.0"}
 
 
 class RcaWorld:
-    """One robot, in real time. `journey` is "", "running", "done" or "failed"; whoever drives by
-    hand ends it.
+    """One robot, in real time. `journey` is "", "running", "done" or "failed"; a velocity that
+    moves ends it.
 
-    `believed` is where its localization takes it to be; `deaf` is one that does not listen when it
-    is told.
+    `believed` is where its localization takes it to be; `deaf` is a localization that ignores what
+    it is told. Its planner accepts a goal after `accept_after` seconds, disregards the next
+    `ignored_cancels` of the `cancels` that it receives, and does nothing while it is `hung`.
     """
 
     watchdog = None  # seconds, where it is another one than the simulated robot's
@@ -50,6 +54,9 @@ class RcaWorld:
         self.commands = []  # (monotonic time, linear, angular)
         self._map_from_world = Pose2D(0.0, 0.0, 0.0)
         self.deaf = False
+        self.accept_after, self.ignored_cancels, self.cancels = 0.0, 0.0, 0
+        self._late = None  # a goal, its kind, and when it is accepted
+        self.hung = False
 
     @property
     def truth(self):
@@ -77,29 +84,46 @@ class RcaWorld:
         self.sim.tilt_target = angle
 
     def go_to(self, x, y):
-        self.journey, self.goal, self.kind = "running", Pose2D(x, y, 0.0), "goto"
+        self._accept(Pose2D(x, y, 0.0), "goto")
 
     def dock(self):
         place = self.sim.plan.dock_of(self.series)
-        self.journey, self.goal, self.kind = (
-            "running",
-            Pose2D(place.x, place.y, place.theta),
-            "dock",
-        )
+        self._accept(Pose2D(place.x, place.y, place.theta), "dock")
 
     def undock(self):
-        back = self.sim.pose.compose(Pose2D(-0.3, 0.0, 0.0))
-        self.journey, self.goal, self.kind = "running", back, "undock"
+        self._accept(self.sim.pose.compose(Pose2D(-0.3, 0.0, 0.0)), "undock")
+
+    def _accept(self, goal, kind):
+        if self.accept_after:
+            self._late = goal, kind, time.monotonic() + self.accept_after
+        else:
+            self._late, self.journey, self.goal, self.kind = None, "running", goal, kind
 
     def cancel(self):
+        """Return whether the planner obeyed."""
+        self.cancels += 1
+        if self.ignored_cancels > 0:
+            self.ignored_cancels -= 1
+            return False
+        self._late = None
         if self.journey == "running":
             self.journey = "failed"
+            self._command(0.0, 0.0)
+        return True
+
+    def pause(self):
+        """End a journey without a word."""
+        if self.journey == "running":
+            self.journey = ""
             self._command(0.0, 0.0)
 
     def tick(self):
         """Let time pass up to now."""
         self.playback.advance(time.monotonic(), time.time())
-        if self.journey == "running":
+        if self._late is not None and time.monotonic() > self._late[2]:
+            self.goal, self.kind, _ = self._late
+            self._late, self.journey = None, "running"
+        if self.journey == "running" and not self.hung:
             self._travel()
 
     def _travel(self):
@@ -135,6 +159,7 @@ class RcaRig:
 
     def __init__(self, series=None):
         self.world = RcaWorld(series or self.series)
+        self._directory = tempfile.TemporaryDirectory()
         self.loop = asyncio.new_event_loop()
         self.running = False
         self.errors = []
@@ -175,7 +200,15 @@ class RcaRig:
             self._thread.join(10)
 
     def adapter(self, **options):
-        return registry.create(self.adapter_name, self.world.series, {**self.options(), **options})
+        return registry.create(self.adapter_name, self.profile, {**self.options(), **options})
+
+    @property
+    def profile(self):
+        """The robot's profile, which allows its RCA to navigate without a guard."""
+        path = Path(self._directory.name) / f"{self.world.series}.toml"
+        shipped = (SHIPPED / f"{self.world.series}.toml").read_text()
+        path.write_text(f"unguarded_navigation = true\n{shipped}")
+        return str(path)
 
     def call(self, work, within=15.0):
         return asyncio.run_coroutine_threadsafe(work, self.loop).result(patient(within))

@@ -25,6 +25,7 @@ class RosRobot:
         self.world, self.version, self.base = world, version, base
         self.hears = dict([base]) | self.COMMANDS
         self.goal, self._told, self._fixed = None, "", 0.0
+        self.cancelled = None
         self.located, self.stamps = [], []
 
     TOPICS = {
@@ -63,7 +64,12 @@ class RosRobot:
         elif topic == "/move_base/goal":
             self.go(message["goal"]["target_pose"], message["goal_id"]["id"])
         elif topic == "/move_base/cancel" and message["id"] in {"", self.goal}:
-            self.world.cancel()
+            self.cancel()
+
+    def cancel(self):
+        if self.world.journey == "running":
+            self.cancelled = self.goal
+        self.world.cancel()
 
     def relocalize(self, message):
         """As amcl: a pose in another frame is ignored (amcl_node.cpp, handleInitialPoseMessage;
@@ -107,6 +113,7 @@ class RosRobot:
 
     def restarted(self):
         self._fixed = 0.0
+        self.goal = self.cancelled = None
 
     def odometry(self, sim):
         twist = {
@@ -174,22 +181,23 @@ class RosRobot:
 
     def goal_status(self):
         """actionlib's status of the newest goal."""
-        return {"running": 1, "done": 3, "failed": 4}.get(self.world.journey, 9)
+        failed = 2 if self.cancelled == self.goal else 4
+        return {"running": 1, "done": 3, "failed": failed}.get(self.world.journey, 9)
 
     def move_base_says(self, count):
-        if self.goal is None:
-            return []
+        """Its status five times a second, also without a goal (actionlib/action_server.py)."""
         entry = {
             "goal_id": {"stamp": {"secs": 0, "nsecs": 0}, "id": self.goal},
             "status": self.goal_status(),
             "text": "",
         }
+        entries = [entry] if self.goal is not None else []
         said = (
-            [("/move_base/status", {"header": self.header(""), "status_list": [entry]})]
+            [("/move_base/status", {"header": self.header(""), "status_list": entries})]
             if count % 10 == 0
             else []
         )
-        if self.over():
+        if self.goal is not None and self.over():
             said.append(
                 ("/move_base/result", {"header": self.header(""), "status": entry, "result": {}})
             )

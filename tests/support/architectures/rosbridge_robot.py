@@ -15,6 +15,7 @@ from tests.support.architectures.ros_robot import BASE, RosRobot
 
 DOCKING = ("/dock", "/undock", "/cancel_dock")
 NAVIGATE = "/navigate_to_pose"
+STATUS, CANCEL = f"{NAVIGATE}/_action/status", f"{NAVIGATE}/_action/cancel_goal"
 
 
 class RosbridgeRig(RcaRig):
@@ -52,7 +53,9 @@ class RosbridgeRig(RcaRig):
             await asyncio.to_thread(self.server.start)
         self._socket = await connect(self.url, max_size=None, compression=None)
         topics = self.robot.TOPICS | (
-            {"/move_base/status": "", "/move_base/result": ""} if self.version == 1 else {}
+            {"/move_base/status": "", "/move_base/result": ""}
+            if self.version == 1
+            else {STATUS: ""}
         )
         for topic in topics:
             await self._send(
@@ -60,7 +63,7 @@ class RosbridgeRig(RcaRig):
                     "op": "advertise",
                     "topic": topic,
                     "type": self._type(topic),
-                    "latch": topic == "/amcl_pose",
+                    "latch": topic in {"/amcl_pose", STATUS},
                 }
             )
         for topic in self.robot.hears | (
@@ -76,6 +79,13 @@ class RosbridgeRig(RcaRig):
                 }
             )
         if self.version == 2:
+            await self._send(
+                {
+                    "op": "advertise_service",
+                    "service": CANCEL,
+                    "type": "action_msgs/srv/CancelGoal",
+                }
+            )
             await self._send(
                 {
                     "op": "advertise_action",
@@ -106,7 +116,8 @@ class RosbridgeRig(RcaRig):
 
     def _type(self, topic):
         robot = self.robot
-        return self._spelled((robot.TOPICS | robot.hears | robot.MOVE_BASE)[topic], "msg")
+        own = {STATUS: "action_msgs/GoalStatusArray"}
+        return self._spelled((robot.TOPICS | robot.hears | robot.MOVE_BASE | own)[topic], "msg")
 
     def _spelled(self, kind, group):
         return kind if self.version == 1 else kind.replace("/", f"/{group}/")
@@ -127,11 +138,19 @@ class RosbridgeRig(RcaRig):
                     self._nav_goal = message["id"]
                     self.robot.go(message["args"]["pose"], message["id"])
                 case "cancel_action_goal":
-                    self.world.cancel()
+                    self.robot.cancel()
                 case "status":
                     self.errors.append(message)
 
     async def _answer(self, call):
+        if call["service"] == CANCEL:
+            running = self.world.journey == "running" and self.world.kind == "goto"
+            if running:
+                self.robot.cancel()
+            values = {"return_code": 0, "goals_canceling": [{}] if running else []}
+            answer = {"op": "service_response", "service": CANCEL, "id": call["id"]}
+            await self._send(answer | {"values": values, "result": True})
+            return
         {"/dock": self.world.dock, "/undock": self.world.undock, "/cancel_dock": self.world.cancel}[
             call["service"]
         ]()
@@ -149,18 +168,27 @@ class RosbridgeRig(RcaRig):
             said += self.robot.move_base_says(count)
         elif self._nav_goal is not None:
             await self._tell_of_goal(count)
+        if self.version == 2 and count % 10 == 0:
+            said.append((STATUS, {"status_list": self._nav_statuses()}))
         for topic, message in said:
             await self._send({"op": "publish", "topic": topic, "msg": message})
+
+    def _nav_statuses(self):
+        """Nav2 publishes it on each change; action_msgs/GoalStatus."""
+        if self.robot.goal is None:
+            return []
+        failed = 5 if self.robot.cancelled == self.robot.goal else 6
+        status = {"running": 2, "done": 4, "failed": failed}.get(self.world.journey, 6)
+        return [{"goal_info": {"goal_id": {"uuid": self.robot.goal}}, "status": status}]
 
     async def _tell_of_goal(self, count):
         about = {"action": NAVIGATE, "id": self._nav_goal}
         if self.robot.over():
-            done = self.world.journey == "done"
             await self._send(
                 {
                     "op": "action_result",
                     "values": {},
-                    "status": 4 if done else 6,
+                    "status": self._nav_statuses()[0]["status"],
                     "result": True,
                     **about,
                 }

@@ -9,8 +9,14 @@ As rosbridge_suite has it: a type other than the established one is refused, wit
 TypeConflictException); a publisher, and with it its type, stays for ten seconds after its last
 client has gone (PublisherManager.unregister_timeout); a message with a field that its type has not
 is refused (internal/message_conversion.py, NonexistentFieldException). rosapi says who has to do
-with a topic, by nodes, and all clients are one (rosapi/proxy.py). `python -m
-tests.support.architectures.rosbridge_server HOST PORT [no-rosapi]` is one in a process of its own.
+with a topic, by nodes, and all clients are one (rosapi/proxy.py).
+
+What a client sends goes into a queue that is worked off in order, while pings are answered beside
+it (rosbridge_server/websocket_handler.py, IncomingQueue). With `blocking_goals` or
+`blocking_services` (send_action_goals_in_new_thread, call_services_in_new_thread: false) the queue
+waits for each result. `held` hangs the queues. `python -m
+tests.support.architectures.rosbridge_server HOST PORT [no-rosapi] [blocking-goals]
+[blocking-services]` is one in a process of its own.
 """
 
 import asyncio
@@ -32,8 +38,18 @@ FIELDS = {
 
 
 class RosbridgeServer:
-    def __init__(self, host="127.0.0.1", port=0, *, rosapi=True):
+    def __init__(
+        self,
+        host="127.0.0.1",
+        port=0,
+        *,
+        rosapi=True,
+        blocking_goals=False,
+        blocking_services=False,
+    ):
         self.host, self.port, self.rosapi = host, port, rosapi
+        self.blocking_goals, self.blocking_services = blocking_goals, blocking_services
+        self.held = False
         self._server = None
         self.types, self.latched, self._last = {}, set(), {}
         self._publishers = {}  # topic: clients
@@ -41,6 +57,7 @@ class RosbridgeServer:
         self._subscribers = {}  # topic: {client: ids}
         self._services, self._actions = {}, {}  # name: client
         self._waiting = {}  # our id: (client, its id)
+        self._results = {}  # our id: an event, of calls and goals that block a queue
         self._ids = itertools.count(1)
 
     @property
@@ -64,12 +81,15 @@ class RosbridgeServer:
         self._last.clear()
 
     async def _client(self, client):
+        incoming = asyncio.Queue()
+        working = asyncio.ensure_future(self._work_off(client, incoming))
         try:
             async for text in client:
-                await self._take(client, text)
+                incoming.put_nowait(text)
         except ConnectionClosed:
             pass
         finally:
+            working.cancel()
             for table in self._subscribers.values():
                 table.pop(client, None)
             for topic in [
@@ -79,6 +99,13 @@ class RosbridgeServer:
             for table in (self._services, self._actions):
                 for name in [name for name, owner in table.items() if owner is client]:
                     del table[name]
+
+    async def _work_off(self, client, incoming):
+        while True:
+            text = await incoming.get()
+            while self.held:
+                await asyncio.sleep(0.01)
+            await self._take(client, text)
 
     async def _take(self, client, text):
         try:
@@ -197,10 +224,12 @@ class RosbridgeServer:
             }
             await self._send(client, answer | {"id": message.get("id")})
             return
-        await self._pass_on(client, message, self._services[name])
+        await self._pass_on(client, message, self._services[name], blocking=self.blocking_services)
 
     def _rosapi(self, name, arguments):
         self._forget()
+        if name == "get_param":
+            return {"value": json.dumps(not self.blocking_goals)}
         if name == "topics":
             return {"topics": list(self.types), "types": list(self.types.values())}
         table = {"subscribers": self._subscribers, "publishers": self._publishers}[name]
@@ -224,7 +253,7 @@ class RosbridgeServer:
             }
             await self._send(client, answer | {"id": message.get("id")})
             return
-        await self._pass_on(client, message, self._actions[name])
+        await self._pass_on(client, message, self._actions[name], blocking=self.blocking_goals)
 
     async def _on_cancel_action_goal(self, client, message):
         for ours, (owner, theirs) in self._waiting.items():
@@ -241,12 +270,17 @@ class RosbridgeServer:
     async def _on_action_result(self, client, message):
         await self._pass_back(message, last=True)
 
-    async def _pass_on(self, client, message, owner):
+    async def _pass_on(self, client, message, owner, *, blocking):
         ours = f"server:{next(self._ids)}"
         self._waiting[ours] = (client, message.get("id"))
         await self._send(owner, message | {"id": ours})
+        if blocking:
+            self._results[ours] = asyncio.Event()
+            await self._results[ours].wait()
 
     async def _pass_back(self, message, *, last):
+        if last and message["id"] in self._results:
+            self._results.pop(message["id"]).set()
         asked = self._waiting.pop(message["id"], None) if last else self._waiting.get(message["id"])
         if asked is not None:
             await self._send(asked[0], message | {"id": asked[1]})
@@ -261,7 +295,13 @@ def _json(value):
 
 
 async def main(host, port, *words):
-    await RosbridgeServer(host, port, rosapi="no-rosapi" not in words).start()
+    await RosbridgeServer(
+        host,
+        port,
+        rosapi="no-rosapi" not in words,
+        blocking_goals="blocking-goals" in words,
+        blocking_services="blocking-services" in words,
+    ).start()
     await asyncio.Event().wait()
 
 

@@ -9,11 +9,13 @@ import typing
 from sessions import protocol
 from tests.support.paths import ROOT
 
-SECTION = (
-    (ROOT / "docs/explanation/safety.md")
-    .read_text(encoding="utf-8")
-    .partition("## If a part fails")[2]
-)
+PAGE = (ROOT / "docs/explanation/safety.md").read_text(encoding="utf-8")
+SECTION = PAGE.partition("## If a part fails")[2]
+RULES = [
+    [cell.strip() for cell in line.strip("|").split("|")]
+    for line in PAGE.partition("| Rule | Bound |")[2].partition("\n\n")[0].splitlines()[2:]
+]
+TESTS = [*(ROOT / "tests").rglob("test_*.py")]
 ROWS = [
     [cell.strip() for cell in line.strip("|").split("|")]
     for line in SECTION.splitlines()
@@ -58,3 +60,39 @@ def test_what_a_visitor_is_said_to_read_stands_on_the_page():
     named = re.findall(r'"([^"]+)"', SECTION.partition("A part fails when")[0])
     assert len(named) == 5
     assert [sentence for sentence in named if sentence not in words] == []
+
+
+def named(cell):
+    return re.findall(r"`([^`]+)`", cell)
+
+
+def test_every_safety_rule_has_a_bound_code_a_test_and_a_figure():
+    assert len(RULES) >= 20
+    assert [rule for rule in RULES if len(rule) != 5 or not all(rule)] == []
+
+
+def test_every_safety_rule_names_a_test_that_exists():
+    sources = {path.name: path.read_text(encoding="utf-8") for path in TESTS}
+    missing = [
+        (rule[0], test)
+        for rule in RULES
+        for test in named(rule[3]) or ["none"]
+        if test not in sources and not any(f"def {test}(" in source for source in sources.values())
+    ]
+    assert missing == []
+
+
+def test_every_safety_rule_names_code_that_exists():
+    code = {path: path.read_text(encoding="utf-8") for path in (ROOT / "robots").rglob("*.py")}
+
+    def exists(name):
+        if name.endswith(".py"):
+            return any(path.as_posix().endswith(f"/{name}") for path in code)
+        parts = name.split(".")
+        words = [f"class {parts[0]}", *(f"def {part}(" for part in parts[1:])]
+        whole = any(all(word in source for word in words) for source in code.values())
+        return whole or any(f"def {name}(" in source for source in code.values())
+
+    missing = [(rule[0], name) for rule in RULES for name in named(rule[2]) if not exists(name)]
+    assert missing == []
+    assert all(named(rule[2]) for rule in RULES)

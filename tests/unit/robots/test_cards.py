@@ -155,6 +155,14 @@ def test_a_robot_between_two_visits_says_what_it_does_and_can_be_waited_for(turn
     assert shown(returns_home=False, turnaround=turnaround).state == "available"
 
 
+def test_a_robot_that_was_stopped_between_visits_is_free_and_says_so():
+    stopped = {"returns_home": True, "turnaround": "paused", "turnaround_reason": "stopped"}
+    it = shown(**stopped)
+    assert (it.state, it.label, it.action) == ("available", "Stopped", "Drive Giraff")
+    assert it.detail == "Someone stopped it between visits. You release it by taking it."
+    assert shown(Traffic(driven=True), **stopped).label == "In use"
+
+
 @pytest.mark.parametrize(
     ("turnaround", "reason", "docked", "label", "detail"),
     [

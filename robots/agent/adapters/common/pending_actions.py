@@ -1,11 +1,14 @@
-"""What was ordered of an RCA and has not ended: which errand, until when, and what becomes of it.
+"""Actions that were sent to an RCA and have not ended: which, until when, and with which result.
 Pure: `now` is given.
 
-An errand that moves the base, one that moves the head and one that tells the robot where it is may
-run at once; of each the newer replaces the older. Some RCAs say when they are done, others only do
-it: arriving in the dock, leaving it, the head's angle and the pose are seen in the readings. That
-an order was sent never means that it was obeyed. Docking has ended when the robot is docked
+An action that moves the base, one that moves the head and one that relocalizes the robot may run at
+once. Some RCAs report the end of an action, others only reach it: the dock, the head's angle and
+the pose are seen in the readings. Docking has ended when the robot is docked
 (robots/api/docked.py), undocking when its contacts are apart.
+
+An action that moves the base is ours from before it is sent until the RCA confirms its end. When
+the connection is lost meanwhile, it is reported as failed and kept in `left`, to be cancelled over
+the next connection.
 """
 
 import math
@@ -13,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from robots.agent.robot_interface import NOWHERE, ActionProgress
+from robots.agent.robot_interface import NOWHERE, ActionProgress, ActionRefusedError
 from robots.api.docked import DockState
 from robots.api.geometry import wrap_angle
 from robots.api.messages import ActionState, Pose
@@ -52,11 +55,13 @@ class ExpectedArea:
 
 @dataclass
 class PendingAction:
-    """`goal` is a point in map metres for goto, the angle twice for tilt; `began`, `deadline` and
-    `over_at` are monotonic seconds.
+    """`goal` is a point in map metres for goto, the angle twice for tilt; `began`, `deadline`,
+    `over_at` and `cancelled_at` are monotonic seconds.
 
     `place` is the goal by name, `area` where a relocalized robot should find itself, `over_at` when
-    the RCA said that it is done.
+    the RCA reported the end. `failure` is the reason why the adapter itself cancels it; it ends as
+    FAILED for that reason. `first_cancelled_at` and `cancelled_at` are when the first and the
+    newest cancel were sent, `goal_id` the name that the RCA knows.
     """
 
     action_id: str
@@ -68,19 +73,50 @@ class PendingAction:
     place: str = ""
     area: ExpectedArea | None = None
     over_at: float = math.inf
+    accepted: bool = False
+    failure: str = ""
+    first_cancelled_at: float | None = None
+    cancelled_at: float = -math.inf
+    goal_id: str = ""
+
+    @property
+    def drives(self) -> bool:
+        """Whether it moves the base."""
+        return self.kind in {"goto", "dock", "undock"}
 
 
 class PendingActions:
-    """The errands of one robot; `tell` hears what becomes of them."""
+    """The actions of one robot; `tell` receives their progress."""
 
     def __init__(self, tell: Callable[[ActionProgress], None]) -> None:
         self.drive: PendingAction | None = None
         self.head: PendingAction | None = None
         self.localization: PendingAction | None = None
+        self.left: list[PendingAction] = []
         self._tell = tell
 
+    @property
+    def driving(self) -> list[PendingAction]:
+        """The actions of which one may still move the base."""
+        return [*self.left, *([self.drive] if self.drive is not None else [])]
+
+    def own(self, pending: PendingAction) -> None:
+        """Take an action that is about to be sent and may move the base.
+
+        Raises:
+            ActionRefusedError: the end of an earlier one is not confirmed.
+        """
+        if self.driving:
+            raise ActionRefusedError("the robot has not confirmed the end of its last action")
+        self.drive = pending
+
+    def disown(self, action_id: str) -> None:
+        """Forget an action that the RCA has certainly not taken."""
+        if self.drive is not None and self.drive.action_id == action_id:
+            self.drive = None
+
     def begin(self, pending: PendingAction) -> None:
-        """Take an errand that the RCA has accepted."""
+        """Take an action that the RCA has accepted."""
         if pending.kind == "tilt":
             self._end(self.head, "CANCELLED", "replaced")
             self.head = pending
@@ -88,34 +124,30 @@ class PendingActions:
             self._end(self.localization, "CANCELLED", "replaced")
             self.localization = pending
         else:
-            self._end(self.drive, "CANCELLED", "replaced")
+            pending.accepted = True
             self.drive = pending
         self._tell(ActionProgress(pending.action_id, "RUNNING"))
 
     def of(self, action_id: str) -> PendingAction | None:
-        """Return a running errand by its action."""
-        return next(
-            (
-                each
-                for each in (self.drive, self.head, self.localization)
-                if each is not None and each.action_id == action_id
-            ),
-            None,
-        )
+        """Return an action that has not ended, or that may still move the base."""
+        known = (self.drive, self.head, self.localization, *self.left)
+        return next((each for each in known if each and each.action_id == action_id), None)
 
     def end(self, action_id: str, status: ActionState, reason: str = "") -> None:
-        """Say what became of an errand; nothing when it has ended before."""
+        """Report the end of an action; nothing when it has ended before."""
         self._end(self.of(action_id), status, reason)
 
     def end_drive(self, status: ActionState, reason: str = "", *kinds: Kind) -> None:
-        """Say what became of whatever moves the base, or only of errands of these kinds."""
+        """Report the end of the action that moves the base, if it is of one of `kinds`."""
         if self.drive is not None and (not kinds or self.drive.kind in kinds):
             self._end(self.drive, status, reason)
 
     def end_all(self, reason: str) -> None:
-        """The RCA is gone, and what it was doing with it."""
+        """Report all as failed with the connection; what may still move the base goes to `left`."""
+        left = self.driving
         for pending in (self.drive, self.head, self.localization):
             self._end(pending, "FAILED", reason)
+        self.left = left
 
     def watch(
         self,
@@ -125,9 +157,9 @@ class PendingActions:
         tilt: float | None,
         pose: Pose = NOWHERE,
         fixed_at: float = -math.inf,
-    ) -> PendingAction | None:
-        """Look whether something was reached, or takes too long; return what moves the base and
-        took too long, to be taken back.
+    ) -> None:
+        """End what was reached or takes too long; an action that moves the base gets a `failure`
+        instead, to be cancelled.
 
         Args:
             now: monotonic seconds.
@@ -139,14 +171,12 @@ class PendingActions:
         self._watch_head(now, tilt)
         self._watch_position(now, pose, fixed_at)
         drive = self.drive
-        if drive is None:
-            return None
+        if drive is None or not drive.accepted:
+            return
         if (drive.kind == "dock" and dock.docked) or (drive.kind == "undock" and not dock.touching):
             self._end(drive, "FINISHED", "")
         elif now > drive.deadline:
-            self._end(drive, "FAILED", "it took too long")
-            return drive
-        return None
+            drive.failure = drive.failure or "it took too long"
 
     def _watch_head(self, now: float, tilt: float | None) -> None:
         head = self.head
@@ -176,8 +206,13 @@ class PendingActions:
             self.localization = None
         elif pending is self.drive:
             self.drive = None
+        elif pending in self.left:
+            self.left.remove(pending)
+            return  # it was reported when the connection was lost
         else:
             return
+        if pending.failure and status != "FINISHED":
+            status, reason = "FAILED", pending.failure
         self._tell(ActionProgress(pending.action_id, status, reason))
 
 

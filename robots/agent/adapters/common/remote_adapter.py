@@ -1,11 +1,10 @@
-"""What all adapters of an RCA outside of the agent have in common: everything but the words that
-the RCA understands.
+"""What all adapters of an RCA outside of the agent have in common: everything but its protocol.
 
-A subclass says how to reach it (`_open`, `_shut`, `_cut`), how a velocity is said (`_drive`), how
-to find out that it reads what it is told (`_ask`), and what it can be told to do (`_order`,
-`_withdraw`, `_turn_head`). Whatever it hears goes into `readings`, what becomes of orders into
-`pending_actions`, and its end into `_lose`. When the robot may be told to move, velocity_gate.py
-decides.
+A subclass connects (`_open`, `_shut`, `_cut`), sends a velocity (`_drive`), checks that the RCA
+reads what it is sent (`_ask`), and starts and cancels actions (`_order`, `_withdraw`,
+`_cancel_leftovers`, `_turn_head`). What it receives goes into `readings`, the progress of actions
+into `pending_actions`, the loss of the connection into `_lose`. velocity_gate.py decides when a
+velocity may be sent.
 
 Longer than most files: it is every member of the contract, in its order.
 """
@@ -16,6 +15,7 @@ import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator
+from dataclasses import replace
 from typing import Any
 
 import structlog
@@ -27,14 +27,21 @@ from robots.agent.adapters.common.pending_actions import (
     PendingActions,
 )
 from robots.agent.adapters.common.progress_queue import ProgressQueue
-from robots.agent.adapters.common.robot_profile import BatteryRange, RobotProfile
+from robots.agent.adapters.common.robot_profile import (
+    BatteryRange,
+    ObstacleSensor,
+    RobotProfile,
+    check_sensors,
+)
 from robots.agent.adapters.common.state_builder import Readings
 from robots.agent.adapters.common.velocity_gate import GateParams, VelocityGate
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import (
     ActionProgress,
+    ActionRefusedError,
     AdapterError,
     AudioSource,
+    NavigationControl,
     Profile,
     RcaState,
     VideoSource,
@@ -48,7 +55,10 @@ CONNECT_TIME = 5.0
 FIRST_READING = 5.0
 SILENCE = 1.0
 PERIOD = 0.08  # seconds after which a state is said again when the RCA has nothing new
-GLANCE = 0.05  # seconds between two looks after errands
+GLANCE = 0.05  # seconds between two looks after actions
+CANCEL_AGAIN = 0.5  # seconds between two cancels of an action of which the end is not confirmed
+CANCEL_TIME = 1.0  # seconds for the first cancel of what an earlier connection has left
+UNCONFIRMED_AFTER = 1.0  # seconds after a cancel, from which its missing confirmation is an error
 BRAKING_TIME = 2.0
 STANDSTILL = 0.01
 GATE = GateParams()
@@ -57,11 +67,36 @@ log = structlog.stdlib.get_logger(__name__)
 
 
 def profile_of(
-    robot: RobotProfile, rca: str, watchdog: float, *, own: tuple[Capability, ...] = ()
+    robot: RobotProfile,
+    rca: str,
+    watchdog: float,
+    *,
+    own: tuple[Capability, ...] = (),
+    sensors: tuple[ObstacleSensor, ...] = (),
+    control: NavigationControl | None = None,
+    advice: str = "",
 ) -> Profile:
-    """Return a robot's share of the factsheet; `own` is what it can do besides driving, in this
-    RCA.
+    """Return a robot's share of the factsheet.
+
+    Args:
+        robot: its profile.
+        rca: the name of the RCA.
+        watchdog: the base's own, in seconds.
+        own: what the robot can do besides driving, in this RCA.
+        sensors: the sensors for obstacles besides a laser whose readings the adapter delivers.
+        control: what stops the RCA's own navigation when the agent is lost.
+        advice: what its owner can change, where that is nothing.
+
+    Raises:
+        AdapterError: nothing stops the RCA's navigation, and the profile does not allow that; or
+            the profile names a sensor that the adapter does not deliver.
     """
+    check_sensors(robot, rca, sensors)
+    if control == "unguarded" and not robot.unguarded_navigation:
+        raise AdapterError(
+            f"nothing would stop the navigation of {robot.series} if the agent were lost: {advice},"
+            " or set unguarded_navigation = true in the robot's profile"
+        )
     tilts = robot.tilt is not None and "tilt" in own
     capabilities = ("velocity", *(name for name in own if name != "tilt" or tilts))
     return Profile(
@@ -77,6 +112,9 @@ def profile_of(
         sonars=robot.sonars,
         bumper=robot.bumper,
         depth=robot.depth,
+        standstill_linear=robot.standstill_linear,
+        standstill_angular=robot.standstill_angular,
+        navigation_control=control,
     )
 
 
@@ -88,13 +126,15 @@ class RemoteAdapter(ABC):
     place = "the robot control architecture"
     vital = "its readings"
     must_answer = True  # whether an RCA that does not answer is lost while its readings come
+    connect_time: float | None = None  # where it is not CONNECT_TIME
+    gate_params: GateParams | None = None  # where they are not GATE
 
     def __init__(self, profile: Profile, battery: BatteryRange | None = None) -> None:
         self.profile = profile
         self._battery = battery
         self.readings = Readings(battery)
         self.pending_actions = PendingActions(self._tell)
-        self._gate = VelocityGate(GATE, time.monotonic())
+        self._gate = VelocityGate(self.gate_params or GATE, time.monotonic())
         self._failure = "not connected"
         self._progress = ProgressQueue()
         self._news = asyncio.Event()
@@ -139,23 +179,40 @@ class RemoteAdapter(ABC):
     async def _settle(self) -> None:
         """Wait, a moment at most, for what takes its time after the first reading."""
 
+    def _why_late(self) -> str:
+        """Return why the connection was not made in time, as the end of a sentence."""
+        return f"it is not connected after {self.connect_time or CONNECT_TIME:.0f} s"
+
     def _why_silent(self) -> str:
         """Return why the RCA says nothing of what is vital, in a sentence, "" when nobody knows."""
         return ""
 
     async def _order(self, action: Action) -> PendingAction:
-        """Tell the RCA to do something; return what to wait for, because to have told it is not to
-        have done it.
+        """Start an action at the RCA and return what to wait for.
 
         Raises:
-            AdapterError: not possible.
+            ActionRefusedError: the RCA has certainly not taken it.
+            AdapterError: it may have.
         """
-        raise AdapterError(
+        raise ActionRefusedError(
             f"{self.profile.series} does not support {type(action).__name__.lower()}"
         )
 
-    async def _withdraw(self, pending: PendingAction) -> None:
-        """Take an order back."""
+    async def _withdraw(self, pending: PendingAction) -> bool:
+        """Cancel an action at the RCA; called again every 0.5 s until it returns True.
+
+        Return True when the RCA has confirmed, now or earlier, that the action does not run and
+        never will.
+
+        Raises:
+            AdapterError: the RCA does not take the cancel.
+        """
+        raise NotImplementedError
+
+    async def _cancel_leftovers(self) -> None:
+        """Cancel what an earlier run of the agent has left at the RCA; called after `_open`, before
+        anything else is sent. `pending_actions.left`, of this run, is cancelled anyway.
+        """
 
     def _look(self, now: float) -> None:
         """Look after what only time tells; called twenty times a second."""
@@ -207,8 +264,12 @@ class RemoteAdapter(ABC):
         if not task.cancelled() and (error := task.exception()) is not None:
             self._lose(str(error) or type(error).__name__)
 
+    def _expect(self, action: Action) -> PendingAction:
+        """Return what an action is expected to do, before it is sent."""
+        return self._pending(action)
+
     def _pending(self, action: Action) -> PendingAction:
-        """Return what to wait for after an order was accepted."""
+        """Return what to wait for after an action was accepted."""
         now = time.monotonic()
         match action:
             case Goto(x=x, y=y) if x is not None and y is not None:
@@ -231,20 +292,24 @@ class RemoteAdapter(ABC):
             AdapterError: it cannot be reached, or says nothing.
         """
         await self._let_go("reconnecting")
+        estop = self.readings.estop
         self.readings = Readings(self._battery)
+        self.readings.estop = estop  # the last known state counts until it is reported again
         self._failure = ""
         try:
-            async with asyncio.timeout(CONNECT_TIME):
+            async with asyncio.timeout(self.connect_time or CONNECT_TIME):
                 await self._open()
-            self._gate = VelocityGate(GATE, time.monotonic())
-            self._tell_to_stand(time.monotonic())  # whoever was here before may have driven
+                await self._cancel_leftovers()
+            self._gate = VelocityGate(self.gate_params or GATE, time.monotonic())
+            await self._cancel_all()
+            self._tell_to_stand(time.monotonic())  # an earlier client may have driven
             await self._first_reading()
             await self._settle()
             self._run(self._watch())
         except (OSError, TimeoutError) as error:
             await self._let_go("not connected")
             raise AdapterError(
-                f"{self.place} does not answer: {error or type(error).__name__}"
+                f"{self.place} does not answer: {str(error) or self._why_late()}"
             ) from error
         except AdapterError:
             await self._let_go("not connected")
@@ -267,7 +332,8 @@ class RemoteAdapter(ABC):
             raise AdapterError(self._failure)
 
     def apply(self, velocity: Velocity) -> Velocity:
-        """Send a velocity, within the base's limits; zero while nobody takes what moves the robot.
+        """Send a velocity, within the base's limits, as soon as the RCA has answered a probe;
+        return the one that was last really sent.
 
         Raises:
             AdapterError: the RCA is gone.
@@ -286,16 +352,17 @@ class RemoteAdapter(ABC):
             return ZERO
         self._gate.want(sent, now)
         self._consider(now)
-        return sent
+        return self._gate.sent
 
     async def start(self, action: Action) -> None:
         """Begin an action.
 
         Raises:
-            AdapterError: this robot cannot do that, or not so.
+            ActionRefusedError: the RCA has certainly not taken it.
+            AdapterError: it may have.
         """
         if self._failure:
-            raise AdapterError(self._failure)
+            raise ActionRefusedError(self._failure)
         if isinstance(action, Tilt):
             self._tilt(action)
             return
@@ -303,15 +370,34 @@ class RemoteAdapter(ABC):
         if name not in self.profile.capabilities or not isinstance(
             action, Goto | Dock | Undock | Relocalize
         ):
-            raise AdapterError(f"{self.profile.series} does not support {name}")
-        self.pending_actions.begin(await self._order(action))
+            raise ActionRefusedError(f"{self.profile.series} does not support {name}")
+        if isinstance(action, Relocalize):
+            self.pending_actions.begin(await self._order(action))
+            return
+        await self._start_moving(action)
+
+    async def _start_moving(self, action: Action) -> None:
+        expected = self._expect(action)
+        self.pending_actions.own(expected)
+        try:
+            pending = await self._order(action)
+        except ActionRefusedError:
+            self.pending_actions.disown(action.action_id)
+            raise
+        except BaseException as error:  # also when the caller has waited long enough
+            expected.failure = str(error) or "the robot did not confirm it"
+            raise
+        if self.pending_actions.of(action.action_id) is not None:  # it has not ended meanwhile
+            pending.failure = expected.failure
+            pending.first_cancelled_at = expected.first_cancelled_at
+            self.pending_actions.begin(pending)
 
     def _tilt(self, action: Tilt) -> None:
         reach = self.profile.tilt
         if reach is None:
-            raise AdapterError(f"{self.profile.series} does not support tilt")
+            raise ActionRefusedError(f"{self.profile.series} does not support tilt")
         if not reach.minimum <= action.angle <= reach.maximum:
-            raise AdapterError(
+            raise ActionRefusedError(
                 f"the head can tilt from {reach.minimum:g} to {reach.maximum:g} rad, "
                 f"not to {action.angle:g}"
             )
@@ -323,16 +409,50 @@ class RemoteAdapter(ABC):
             )
         )
 
-    async def cancel(self, action_id: str) -> None:
-        """Cancel an action; unknown ids are ignored."""
+    async def cancel(self, action_id: str) -> bool:
+        """Cancel an action; return whether the RCA has confirmed its end, or does not know it."""
         pending = self.pending_actions.of(action_id)
         if pending is None:
-            return
+            return True
         if pending.kind == "tilt" and self.readings.tilt is not None:
             self._turn_head(self.readings.tilt)
-        elif pending.kind not in {"tilt", "relocalize"}:
-            await self._withdraw(pending)
+        elif pending.drives and not await self._cancelled(pending):
+            return False
         self.pending_actions.end(action_id, "CANCELLED", "cancelled")
+        return True
+
+    async def _cancelled(self, pending: PendingAction) -> bool:
+        if self._failure:
+            return False
+        pending.cancelled_at = time.monotonic()
+        if pending.first_cancelled_at is None:
+            pending.first_cancelled_at = pending.cancelled_at
+        try:
+            return await self._withdraw(pending)
+        except AdapterError as error:
+            log.warning("cancel_failed", extra={"kind": pending.kind, "reason": str(error)})
+            return False
+
+    async def _cancel_again(self, pending: PendingAction) -> None:
+        if await self._cancelled(pending):
+            self.pending_actions.end(pending.action_id, "CANCELLED", "cancelled")
+
+    async def _cancel_all(self) -> None:
+        """Send a cancel for each action that may still move the base; `_watch` repeats it."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(CANCEL_TIME):
+                for pending in self.pending_actions.driving:
+                    await self._cancel_again(pending)
+
+    @property
+    def _unconfirmed(self) -> tuple[str, ...]:
+        now = time.monotonic()
+        return tuple(
+            f"{self.place} has not confirmed that {pending.kind} was cancelled"
+            for pending in self.pending_actions.driving
+            if pending.first_cancelled_at is not None
+            and now - pending.first_cancelled_at > UNCONFIRMED_AFTER
+        )
 
     async def states(self) -> AsyncIterator[RcaState]:
         """Yield a state for everything new that the RCA says, and at 12 Hz when it says the same.
@@ -349,7 +469,8 @@ class RemoteAdapter(ABC):
             if self._failure:
                 self.pending_actions.end_all(self._failure)
                 raise AdapterError(self._failure)
-            yield self.readings.state(time.time())
+            state = self.readings.state(time.time())
+            yield replace(state, errors=(*self._unconfirmed, *state.errors))
             await self._something_new()
 
     async def _something_new(self) -> None:
@@ -375,12 +496,14 @@ class RemoteAdapter(ABC):
                 angular=velocity.angular,
             )
             dock = docked.follow(docked.DOCKED, dock, reading)
-            late = self.pending_actions.watch(
+            self.pending_actions.watch(
                 now, dock=dock, tilt=readings.tilt, pose=readings.pose, fixed_at=readings.fixed_at
             )
-            if late is not None:
-                with contextlib.suppress(AdapterError):
-                    await self._withdraw(late)  # what was told to have failed must not go on
+            for pending in self.pending_actions.driving:
+                is_ours = pending in self.pending_actions.left or pending.failure
+                if is_ours and now - pending.cancelled_at > CANCEL_AGAIN:
+                    pending.cancelled_at = now
+                    self._run(self._cancel_again(pending))
             await asyncio.sleep(GLANCE)
 
     async def progress(self) -> AsyncIterator[ActionProgress]:
@@ -399,9 +522,16 @@ class RemoteAdapter(ABC):
     def configure(self, config: Any) -> None:
         """Ignore a `Config`: nothing in it is the RCA's."""
 
+    def sever(self) -> None:
+        """Drop the connection as the death of the agent would (robot_interface.Severable)."""
+        self._lose("the connection was cut on purpose")
+        for task in self._tasks:
+            task.cancel()
+
     async def close(self) -> None:
-        """Brake, wait for the stand, and let go."""
+        """Cancel, brake, wait for the standstill, and disconnect."""
         if not self._failure:
+            await self._cancel_all()
             with contextlib.suppress(AdapterError, TimeoutError):
                 await self._stand()
         await self._let_go("closed")

@@ -4,9 +4,10 @@ anywhere as a path that ends in .toml.
 series = "giraff"                      how the site calls this kind of robot
 footprint = [[0.3, -0.2], …]           convex, metres in the robot's frame
 [limits]  [tilt]  [laser]  [camera]  [battery]   as in the factsheet; SI units and radians
-[[sonars]]  bumper = true  [depth]       sensors for obstacles, as in robot_interface.py, whose
-readings the adapter gives [moos]  [ros1]  …             what one adapter must know about this
-robot; options of the command line overrule it
+[[sonars]]  bumper = true  [depth]     sensors for obstacles, as in robot_interface.py
+standstill_linear = 0.02               m/s, and standstill_angular rad/s: slower is at rest
+unguarded_navigation = true            allows navigation that nothing stops when the agent is lost
+[moos]  [ros1]  …                      of one adapter; options of the command line overrule it
 
 Each adapter's table states its `watchdog`, the seconds after which the base stops by itself when
 velocities no longer come: no adapter has a default, and no option overrules it, for it is a
@@ -19,10 +20,10 @@ import re
 import tomllib
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
 import msgspec
-from msgspec import Struct
+from msgspec import Meta, Struct
 
 from robots.agent.adapters.common.profile_errors import line_of, refused, shown, unreadable
 from robots.agent.ramp import check_times
@@ -49,9 +50,19 @@ class BatteryRange(Struct, frozen=True):
         return min(1.0, max(0.0, (voltage - self.empty) / (self.full - self.empty)))
 
 
+# m/s and rad/s: with a larger threshold, a robot that a person sees moving would count as at rest
+LARGEST_LINEAR_STANDSTILL = 0.1
+LARGEST_ANGULAR_STANDSTILL = 0.3
+LinearStandstill = Annotated[float, Meta(gt=0.0, le=LARGEST_LINEAR_STANDSTILL)]
+AngularStandstill = Annotated[float, Meta(gt=0.0, le=LARGEST_ANGULAR_STANDSTILL)]
+# a section or key of a profile, and the RcaState field that an adapter has to fill for it
+ObstacleSensor = Literal["sonars", "bumper", "depth"]
+
+
 class RobotProfile(Struct, frozen=True):
-    """One robot. `adapters` holds the table of each adapter, unchecked; `file` is where it all
-    stands.
+    """One robot. `adapters` holds the table of each adapter, unchecked; `file` is its path.
+
+    `unguarded_navigation` allows the RCA to navigate where nothing stops it when the agent is lost.
     """
 
     series: Name
@@ -64,6 +75,9 @@ class RobotProfile(Struct, frozen=True):
     sonars: tuple[Sonar, ...] = ()
     bumper: bool = False
     depth: DepthCamera | None = None
+    unguarded_navigation: bool = False
+    standstill_linear: LinearStandstill = 0.02
+    standstill_angular: AngularStandstill = 0.05
     adapters: dict[str, dict[str, Any]] = {}
     file: str = ""
 
@@ -75,7 +89,28 @@ SECTIONS: dict[str, type[Struct]] = {
     "camera": Camera,
     "battery": BatteryRange,
 }
-SHARED = frozenset({"series", "footprint", "sonars", "bumper", "depth", *SECTIONS})
+# what to tell the owner of a robot whose adapter does not deliver a sensor; {rca} is its name
+UNDELIVERED: dict[ObstacleSensor, str] = {
+    "sonars": "[[sonars]] cannot be used with {rca}, which delivers no echoes of sonars: remove"
+    " these sections",
+    "bumper": "bumper = true cannot be used with {rca}, which reports contacts without their"
+    " direction: remove it; a contact still stops the robot",
+    "depth": "[depth] cannot be used with {rca}, which delivers no points of a depth camera: remove"
+    " this section",
+}
+SHARED = frozenset(
+    {
+        "series",
+        "footprint",
+        "sonars",
+        "bumper",
+        "depth",
+        "unguarded_navigation",
+        "standstill_linear",
+        "standstill_angular",
+        *SECTIONS,
+    }
+)
 
 
 def nearest(word: str, known: Collection[str]) -> str:
@@ -106,6 +141,23 @@ def load_profile(name: str, folder: Path = SHIPPED) -> RobotProfile:
         ) from error
     except (OSError, ValueError) as error:
         raise AdapterError(f"the robot profile {path} cannot be used: {error}") from error
+
+
+def check_sensors(profile: RobotProfile, rca: str, delivered: Collection[ObstacleSensor]) -> None:
+    """Refuse a profile with a sensor that its adapter does not deliver: the collision monitor would
+    wait for it for ever, and an assisted driver would creep or not move at all.
+
+    Raises:
+        AdapterError: such a sensor, its line, and what to change; one sentence.
+    """
+    for sensor in get_args(ObstacleSensor):
+        if getattr(profile, sensor) and sensor not in delivered:
+            text = Path(profile.file).read_text(encoding="utf-8") if profile.file else ""
+            line = line_of(text, (sensor, 0)) or line_of(text, (sensor,))
+            raise AdapterError(
+                f"the robot profile {profile.file or profile.series}: {line}"
+                + UNDELIVERED[sensor].format(rca=rca)
+            )
 
 
 def settings_of(

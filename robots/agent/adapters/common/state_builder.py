@@ -49,7 +49,7 @@ class Readings:
         self.last_received_at = self.fixed_at = -math.inf
         self.fresh = False
         self.charger_contact = False
-        self.estop = False
+        self.estop: bool | None = None  # None until it is reported
         self.tilt: float | None = None
         self.errors: tuple[str, ...] = ()
         self.odometry: Pose2D | None = None

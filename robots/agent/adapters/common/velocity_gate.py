@@ -55,6 +55,11 @@ class VelocityGate:
         return self._usual
 
     @property
+    def sent(self) -> Velocity:
+        """Return the velocity that was last really sent."""
+        return self._sent
+
+    @property
     def moving(self) -> bool:
         """Whether the robot was told to move last."""
         return self._sent != ZERO

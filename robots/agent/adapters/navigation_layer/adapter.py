@@ -1,15 +1,15 @@
 """Localization and navigation for a robot that lacks them: beside any adapter that gives velocity,
 odometry and a laser.
 
-    inner adapter ──reading──► Mind (a process of its own) ──► pose, what an action wants, the path
+    inner adapter ──reading──► navigation process ──► pose, wanted velocity, path
 
-Chosen one by one: what the RCA names among its capabilities stays its own. Where it knows its pose,
-that feeds our navigation.
+Each capability that the RCA names stays its own. If it knows its pose, our navigation uses that.
 
-It adds actions, a pose and a path, and has no part in what the base is told: what navigation wants
-goes through the safety kernel like a visitor's wish (robot_interface.Navigating). A navigation node
-that is late makes the robot stop; one that stays silent is given up, its action fails with the
-reason, and the next one begins where the robot was known last.
+This adapter adds actions, a pose and a path. It sends no velocities: what navigation wants passes
+through the safety kernel like a driver's command (robot_interface.Navigating), and only while an
+action of ours runs, so cancelling one ends it at once, whatever the navigation process does. If
+that process is late, the robot stops; if it stays silent, it is killed, its action fails with the
+reason, and the next process starts from the last known pose.
 
 Longer than most files: it is every member of the contract, in its order.
 """
@@ -34,14 +34,18 @@ from robots.agent.autonomy.sensor_snapshot import Body, NavigationOutput, Sensor
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import (
     ActionProgress,
+    ActionRefusedError,
     Adapter,
     AdapterError,
     AudioSource,
     Display,
+    LimitsSpeed,
+    PassesVelocities,
     Profile,
     RcaState,
     Speaker,
     VideoSource,
+    WithLock,
     outputs_of,
 )
 from robots.agent.timing import Cadence
@@ -59,9 +63,9 @@ from robots.api.messages import (
 )
 from robots.world.sensing import Floats, LaserScan, beams_of
 
-THINKING = 0.1  # seconds between two perceptions
-LATE = 0.3  # seconds without a thought after which the robot stands
-# and after which the mind is given up: while it drives, while it does not
+THINKING = 0.1  # seconds between two snapshots for the navigation process
+LATE = 0.3  # seconds without its output after which the robot stops
+# and after which the process is killed: while an action runs, while none does
 STUCK, STUCK_IDLE = 1.0, 3.0
 # how exactly somebody puts a robot where it begins
 START_SPREAD, START_TURN = 0.15, math.radians(8.0)
@@ -88,7 +92,12 @@ def wrapped(inner: Adapter, area: FloorPlanUpdate | None, memory: Path | None = 
 
 
 class AutonomyAdapter:
-    """See robot_interface.Adapter and robot_interface.Navigating."""
+    """See robot_interface.Adapter and robot_interface.Navigating. The members of the optional
+    protocols exist only where the inner adapter has them.
+    """
+
+    set_lock: Callable[..., None]
+    limit_speed: Callable[[float], None]
 
     def __init__(
         self,
@@ -127,20 +136,25 @@ class AutonomyAdapter:
         self._told_sweep = -math.inf
         self._path: tuple[Point, ...] = ()
         self._wish: Velocity | None = None
+        self._starting: set[str] = set()  # actions that the navigation process is asked for
         self._running: str | None = None  # the action that moves the robot
         self._looking: set[str] = set()  # actions that look for it
         self._last_received_at = -math.inf
+        if isinstance(inner, WithLock):
+            self.set_lock = inner.set_lock
+        if isinstance(inner, LimitsSpeed):
+            self.limit_speed = inner.limit_speed
         if area is not None:
             self._settle(area)
 
     async def connect(self) -> None:
-        """Reach the RCA; the mind begins by itself, and what it is not there for yet goes without
-        it.
+        """Reach the RCA, and start the navigation process without waiting for it.
 
         Raises:
             AdapterError: the RCA cannot be reached.
         """
         await self.inner.connect()
+        await self._memory.read()
         self._last = self._beams = None
         self.node.run()
 
@@ -153,16 +167,16 @@ class AutonomyAdapter:
         return self.inner.apply(velocity)
 
     def wanted(self) -> Velocity | None:
-        """Return what the running action wants, to stand when its mind is late,
-        None without one.
+        """Return what the running action wants, zero when its output is late, None without one. An
+        action of the RCA may want something, too.
         """
         if self._running is None:
-            return None
+            return self.inner.wanted() if isinstance(self.inner, PassesVelocities) else None
         late = self._now() - self._last_received_at > LATE
         return ZERO if late or self._wish is None else self._wish
 
     def take_floorplan(self, update: FloorPlanUpdate) -> None:
-        """Think in the server's map, unless the robot's own configuration names the site."""
+        """Use the server's map, unless the robot's own configuration names the site."""
         if self._knows_site:
             if self._area is not None and update.map_id != self._area.map_id:
                 log.warning("floorplan_ignored", map=update.map_id, site=self._area.map_id)
@@ -174,29 +188,52 @@ class AutonomyAdapter:
         """Begin an action, of ours or of the RCA's.
 
         Raises:
-            AdapterError: not possible, with the reason.
+            ActionRefusedError: not possible, with the reason. One of ours never runs after that,
+                because its velocities are ignored.
+            AdapterError: the RCA did not confirm it.
         """
         if not isinstance(action, Orderable) or _name(action) not in self._ours:
             await self.inner.start(action)
             return
         if not isinstance(action, Relocalize) and (self._beams is None or self._last is None):
-            raise AdapterError("the laser has not sent any data yet")
-        await self.node.order(action)
+            raise ActionRefusedError("the laser has not sent any data yet")
+        if not isinstance(action, Relocalize) and self._running is not None:
+            raise ActionRefusedError("another action still runs")
+        await self._order(action)
         self._tell(ActionProgress(action.action_id, "RUNNING"))
         if isinstance(action, Relocalize):
             self._looking.add(action.action_id)
         else:
             self._running, self._wish, self._last_received_at = action.action_id, None, self._now()
 
-    async def cancel(self, action_id: str) -> None:
-        """Cancel an action; unknown ids are ignored."""
+    async def _order(self, action: Orderable) -> None:
+        began = False
+        self._starting.add(action.action_id)
+        try:
+            await self.node.order(action)
+            began = action.action_id in self._starting
+        except AdapterError as error:
+            raise ActionRefusedError(str(error)) from error
+        finally:
+            self._starting.discard(action.action_id)
+            if not began:
+                self.node.say(wire.CancelAction(action.action_id))
+        if not began:
+            raise ActionRefusedError("cancelled before it began")
+
+    async def cancel(self, action_id: str) -> bool:
+        """End an action of ours at once; ask the RCA to end one of its own."""
+        if action_id in self._starting:
+            self._starting.discard(action_id)
+            return True
         if action_id == self._running or action_id in self._looking:
             self.node.say(wire.CancelAction(action_id))
             self._end(ActionProgress(action_id, "CANCELLED", "cancelled"))
-        await self.inner.cancel(action_id)
+            return True
+        return await self.inner.cancel(action_id)
 
     async def states(self) -> AsyncIterator[RcaState]:
-        """Yield the RCA's states; `located` puts our pose and path in them.
+        """Yield the RCA's states; `located` adds our pose and path.
 
         Raises:
             AdapterError: the RCA is gone.
@@ -242,7 +279,7 @@ class AutonomyAdapter:
         self.inner.configure(config)
 
     async def close(self) -> None:
-        """Leave the robot standing, and end the mind."""
+        """Stop the robot, and end the navigation process."""
         self._end_all("the agent ends")
         try:
             await self.inner.close()
@@ -265,7 +302,7 @@ class AutonomyAdapter:
         with our pose, path and complaints.
 
         Raises:
-            OSError, RuntimeError: the task that keeps a mind alive has ended so.
+            OSError, RuntimeError: why the task that restarts the process has ended.
         """
         self.node.check()
         now = self._now()
@@ -310,7 +347,7 @@ class AutonomyAdapter:
             return ()
         return () if self.node.ready else (f"navigation: {self.node.problem}",)
 
-    # --- the mind ---------------------------------------------------------------------------------
+    # --- the navigation process -------------------------------------------------------------------
 
     def _settle(self, area: FloorPlanUpdate) -> None:
         self._area = area
@@ -319,9 +356,7 @@ class AutonomyAdapter:
         self.node.settle(area)
 
     def _place(self) -> None:
-        """Tell a new mind where the robot is: where the last one knew it to be,
-        or where it begins.
-        """
+        """Tell a new process where the robot is: the last known pose, or where it begins."""
         self._last_received_at, self._told_sweep = self._now(), -math.inf
         odometry = self._last.odometry if self._last else None
         known = self._pose_buffer.place(odometry) if self._pose_buffer.trusted else None
@@ -348,7 +383,7 @@ class AutonomyAdapter:
                 take(news)
 
     def _watch(self, now: float) -> None:
-        """Give up a mind that does not think any more."""
+        """Kill a process that no longer answers."""
         silent = now - self._last_received_at
         if not self.node.ready:
             self._end_all(f"navigation was lost: {self.node.problem}")
@@ -357,6 +392,7 @@ class AutonomyAdapter:
             self.node.give_up("it does not answer")
 
     def _end_all(self, reason: str) -> None:
+        self._starting.clear()
         for action_id in ([self._running] if self._running else []) + sorted(self._looking):
             self.node.say(wire.CancelAction(action_id))
             self._end(ActionProgress(action_id, "FAILED", reason))

@@ -1,6 +1,4 @@
-"""A mind's process as a child of the agent: started, listened to, given up when it is stuck, and
-begun again.
-"""
+"""The navigation process as a child of the agent: started, killed when it hangs, and restarted."""
 
 import asyncio
 import contextlib
@@ -23,10 +21,10 @@ from robots.agent.timing import Backoff
 from robots.api.messages import Dock, FloorPlanUpdate, Follow, Goto, Relocalize, Undock
 
 START_TIME = 30.0  # a slow computer reads scipy for that long
-READY_TIME = 5.0  # how long an order waits for a mind that is about to think
+READY_TIME = 5.0  # how long an order waits for a process that is starting
 ANSWER_TIME = 5.0
 BACKLOG = 256 << 10
-GLANCE = 0.2  # seconds between two looks whether a process that was started is still alive
+POLL_INTERVAL_S = 0.2  # between two checks that a starting process is alive
 
 log = structlog.stdlib.get_logger(__name__)
 
@@ -34,12 +32,12 @@ Orderable = Goto | Follow | Dock | Undock | Relocalize
 
 
 class NavigationProcess:
-    """One mind after the other, for one robot. All methods run on the control loop, none blocks it.
+    """One process after the other, for one robot. All methods run on the control loop, none blocks.
 
     Args:
-        body: what the mind must know about the robot.
-        thought: called with every thought.
-        settled: called when a mind begins to think, and knows nothing yet.
+        body: what the process must know about the robot.
+        output: called with every output.
+        settled: called when a new process is ready, and does not know where the robot is.
         seed: of everything random.
     """
 
@@ -65,27 +63,27 @@ class NavigationProcess:
 
     @property
     def pid(self) -> int | None:
-        """The process that thinks now."""
+        """The id of the process that runs now."""
         return self._child.pid if self._child is not None else None
 
     def settle(self, area: FloorPlanUpdate) -> None:
-        """Think in this site from now on: a mind that thinks in another one ends."""
+        """Use this site from now on: a process that uses another one is killed."""
         self._area = area
         self._area_came.set()
         self.give_up("the map has changed")
 
     def run(self) -> None:
-        """Begin, on the running loop; idempotent."""
+        """Start on the running loop; idempotent."""
         if self._task is None or self._task.done():
             self._task = asyncio.get_running_loop().create_task(self._run())
 
     def check(self) -> None:
-        """Raise what ended the task that keeps a mind alive, if anything did."""
+        """Raise what ended the task that restarts the process, if anything did."""
         if self._task is not None and self._task.done() and not self._task.cancelled():
             self._task.result()
 
     def say(self, message: wire.NodeMessage) -> bool:
-        """Send without waiting; return False when no mind hears it."""
+        """Send without waiting; return False when no process receives it."""
         writer = self._writer
         if (
             not self.ready
@@ -98,10 +96,10 @@ class NavigationProcess:
         return True
 
     async def order(self, action: Orderable) -> None:
-        """Give an order and wait until it is begun.
+        """Begin an action and wait for the answer.
 
         Raises:
-            AdapterError: it cannot be, with the reason.
+            AdapterError: it was refused, or the process does not answer.
         """
         await self._until_ready()
         self._orders += 1
@@ -118,7 +116,7 @@ class NavigationProcess:
             raise AdapterError(problem)
 
     def give_up(self, why: str) -> None:
-        """End the mind that thinks now; the next one begins by itself."""
+        """Kill the process; the next one starts by itself."""
         if self._child is not None:
             log.warning("navigation_node_abandoned", reason=why, pid=self._child.pid)
             self._child.kill()
@@ -160,7 +158,7 @@ class NavigationProcess:
             await asyncio.sleep(backoff.failed(asyncio.get_running_loop().time() - began))
 
     async def _live(self) -> None:
-        """Start a mind, settle it, and listen to it until it ends.
+        """Start a process, give it the site, and read its output until it ends.
 
         Raises:
             OSError, TimeoutError, IncompleteReadError, WireError: how it ended.
@@ -220,7 +218,7 @@ class NavigationProcess:
                         raise OSError(
                             f"it ended at once, with exit status {self._child.returncode}"
                         )
-                    await asyncio.wait({met}, timeout=GLANCE)
+                    await asyncio.wait({met}, timeout=POLL_INTERVAL_S)
             return met.result()
         finally:
             server.close()

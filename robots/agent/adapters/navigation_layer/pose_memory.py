@@ -1,11 +1,12 @@
 """Where the robot stood when the agent ended, so that the next one need not look for it on the
 whole map.
 
-Somebody may have moved it meanwhile: what is remembered is a beginning, which the laser confirms or
-not. A memory that cannot be read or written is none.
+The robot may have been moved meanwhile, so the pose is only a first guess, which the laser confirms
+or refutes. A file that cannot be read or written counts as missing.
 """
 
 import asyncio
+import contextlib
 import json
 import math
 from pathlib import Path
@@ -16,6 +17,7 @@ from robots.agent.timing import Cadence
 from robots.api.geometry import Pose2D
 
 PERIOD = 5.0  # seconds between two writes
+READING_TIME = 1.0  # seconds that a connection waits for the disk
 MOVED = 0.1  # metres, or radians, less than which are not worth one
 
 log = structlog.stdlib.get_logger(__name__)
@@ -28,23 +30,25 @@ class PoseMemory:
         self._path = path
         self._due = Cadence(PERIOD)
         self._kept: tuple[str, Pose2D] | None = None
+        self._was_read = False
         self._writing: asyncio.Task[None] | None = None
 
+    async def read(self) -> None:
+        """Read the file, once and in a thread: a disk that hangs must not delay the control loop,
+        nor the connection by more than a second.
+        """
+        if self._path is not None and not self._was_read:
+            self._was_read = True
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(READING_TIME):
+                    self._kept = await asyncio.to_thread(_pose_in, self._path)
+
     def recall(self, map_id: str) -> Pose2D | None:
-        """Return where the robot stood last in this map, None when unknown. Blocks for a disk."""
-        try:
-            content = json.loads(self._path.read_text(encoding="utf-8")) if self._path else None
-            pose = (
-                Pose2D(*(float(content[name]) for name in ("x", "y", "theta")))
-                if content and content["map_id"] == map_id
-                else None
-            )
-        except (OSError, ValueError, KeyError, TypeError):
-            return None
-        return pose if pose is not None and all(map(math.isfinite, pose)) else None
+        """Return the last known pose of the robot in this map, None when unknown."""
+        return self._kept[1] if self._kept is not None and self._kept[0] == map_id else None
 
     def note(self, map_id: str, pose: Pose2D, now: float) -> None:
-        """Remember a pose, now and then and beside the loop."""
+        """Write a pose at most every 5 s, in a thread."""
         if (
             self._path is None
             or self._writing is not None
@@ -59,7 +63,7 @@ class PoseMemory:
         self._writing.add_done_callback(self._written)
 
     async def close(self, map_id: str, pose: Pose2D | None) -> None:
-        """Remember the last pose, when it is known."""
+        """Write the last pose, if it is known."""
         if self._writing is not None:
             await self._writing
         if self._path is not None and pose is not None:
@@ -85,3 +89,12 @@ class PoseMemory:
             unfinished.replace(self._path)
         except OSError as error:
             log.warning("pose_not_kept", reason=str(error))
+
+
+def _pose_in(path: Path) -> tuple[str, Pose2D] | None:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        pose = Pose2D(*(float(content[name]) for name in ("x", "y", "theta")))
+        return (str(content["map_id"]), pose) if all(map(math.isfinite, pose)) else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None

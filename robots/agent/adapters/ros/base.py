@@ -1,8 +1,7 @@
-"""A robot that runs ROS, whatever way leads to it: rosbridge, a node of ROS 1, DDS of ROS 2.
+"""A robot that runs ROS, over any `Bus`: rospy or rclpy in a child process, or rosbridge.
 
-A `Bus` carries messages as JSON objects (ros_words.py); this module knows the topics. Where the
-robot is comes from its own localization (`pose`: amcl's topic, or `tf`), or with `localization`
-"none" from the agent's. Go-to is move_base's or Nav2's.
+The pose comes from the robot's own localization (`pose`: amcl's topic, or `tf`), or with
+`localization` "none" from the agent's. Go-to is the robot's own navigation (navigators/).
 """
 
 import asyncio
@@ -10,8 +9,7 @@ import itertools
 import math
 import re
 import time
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any, Literal, Protocol, Self
+from typing import Any, Literal, Self
 
 import msgspec
 import structlog
@@ -26,6 +24,8 @@ from robots.agent.adapters.common.remote_adapter import RemoteAdapter, profile_o
 from robots.agent.adapters.common.robot_profile import RobotProfile
 from robots.agent.adapters.common.state_builder import stamp_of
 from robots.agent.adapters.ros import messages
+from robots.agent.adapters.ros.bus import OURS, Bus, Handler, Subscription
+from robots.agent.adapters.ros.docking import TriggerDocking
 from robots.agent.adapters.ros.graph import (
     TWIST,
     TWIST_STAMPED,
@@ -37,8 +37,15 @@ from robots.agent.adapters.ros.graph import (
     nobody_listens,
     not_said,
 )
+from robots.agent.adapters.ros.navigators import navigator_of
 from robots.agent.adapters.ros.topic_camera import TopicCamera
-from robots.agent.robot_interface import AdapterError, VideoSource
+from robots.agent.ramp import ZERO
+from robots.agent.robot_interface import (
+    ActionRefusedError,
+    AdapterError,
+    NavigationControl,
+    VideoSource,
+)
 from robots.api.geometry import Pose2D
 from robots.api.messages import (
     Action,
@@ -51,16 +58,12 @@ from robots.api.messages import (
     Velocity,
 )
 
-ACCEPTANCE = 5.0  # seconds in which navigation has to take note of a goal
-# metres and radians: standard deviations of a pose that somebody told
+ACCEPTANCE = 5.0  # seconds in which navigation has to accept a goal
+WANTED_AGE = 0.3  # seconds after which a velocity of the navigation counts as zero
+# metres and radians: standard deviations of a pose that a person gave
 TOLD_WITHIN, TURNED_WITHIN = 0.5, 0.26
 SCAN_PERIOD = 0.05
 PICTURE_PERIOD = 0.03
-DONE: dict[int, dict[int, ActionState]] = {
-    # actionlib_msgs/GoalStatus
-    1: {2: "CANCELLED", 3: "FINISHED", 4: "FAILED", 5: "FAILED", 8: "CANCELLED", 9: "FAILED"},
-    2: {4: "FINISHED", 5: "CANCELLED", 6: "FAILED"},  # action_msgs/GoalStatus
-}
 STAMPED: dict[str, bool | None] = {
     "auto": None,
     **dict.fromkeys(("true", "yes", "on", "1"), True),
@@ -69,6 +72,7 @@ STAMPED: dict[str, bool | None] = {
 # the options that name a topic, a service or an action
 NAMED = (
     "cmd_vel",
+    "navigation_velocity",
     "odom",
     "scan",
     "battery",
@@ -77,7 +81,7 @@ NAMED = (
     "tf",
     "move_base",
     "navigate",
-    "goal_pose",
+    "speed_limit",
     "dock",
     "undock",
     "cancel_dock",
@@ -85,6 +89,8 @@ NAMED = (
     "joint_states",
     "bumper",
     "estop",
+    "lock",
+    "estop_service",
     "image",
 )
 ROS_NAME = re.compile(r"/?\w+(/\w+)*", re.ASCII)
@@ -93,12 +99,7 @@ LOOKING = 0.25  # seconds between two looks at who listens, while nobody does
 SETTLING = 3.0  # seconds after which a topic that nobody publishes is missing
 LOOKING_ROUND = 5.0  # seconds between two looks at all topics
 OFTEN = 0.1  # seconds between two readings, at most, when an order can wait for the next of them
-RUNNING = frozenset({1, 2, 3})  # accepted, executing, cancelling
 log = structlog.stdlib.get_logger(__name__)
-
-Handler = Callable[[dict[str, Any]], None]
-# topic, type, what takes its messages, and options of the subscription
-Subscription = tuple[str, str, Handler, dict[str, Any]]
 
 
 class RosOptions(Struct, frozen=True, kw_only=True):
@@ -108,15 +109,20 @@ class RosOptions(Struct, frozen=True, kw_only=True):
     `namespace`; frames and joints have none.
 
     `watchdog` is the base's own, in seconds. `navigation` is `move_base` (topics of its action),
-    `nav2` (the action), `goal_pose` (a topic, and the status of Nav2's action) or `none`. `dock`,
-    `undock` and `cancel_dock` are std_srvs/Trigger services; done is what the battery says. `tilt`
-    takes a std_msgs/Float64 in radians, `tilt_joint` is its name in `joint_states`. `bumper` and
-    `estop` are std_msgs/Bool, `image` is a sensor_msgs/CompressedImage. `stamped` says whether
-    velocities are TwistStamped; `auto` goes by what listens on `cmd_vel`.
+    `nav2` (the action) or `none`. `navigation_velocity` is the topic on which navigation and
+    docking publish their velocities when only the agent subscribes to it and passes them on.
+    `speed_limit` takes a nav2_msgs/SpeedLimit. `dock`, `undock` and `cancel_dock` are
+    std_srvs/Trigger services; the battery shows when the robot is docked. `tilt` takes a
+    std_msgs/Float64 in radians, `tilt_joint` is its name in `joint_states`. `bumper` and `estop`
+    are std_msgs/Bool, `image` is a sensor_msgs/CompressedImage. `lock` is a std_msgs/Bool that
+    locks the base against velocities (twist_mux), `estop_service` a service of
+    `estop_service_type` that does. `stamped` selects TwistStamped for velocities; `auto` follows
+    the type of the subscribers of `cmd_vel`.
     """
 
     namespace: str = ""
     cmd_vel: str = "cmd_vel"
+    navigation_velocity: str = ""
     stamped: bool | str = "auto"
     odom: str = "odom"
     scan: str = "scan"
@@ -127,10 +133,10 @@ class RosOptions(Struct, frozen=True, kw_only=True):
     tf: str = "tf"
     map_frame: str = "map"
     odom_frame: str = "odom"
-    navigation: Literal["", "move_base", "nav2", "goal_pose", "none"] = ""
+    navigation: Literal["", "move_base", "nav2", "none"] = ""
     move_base: str = "move_base"
     navigate: str = "navigate_to_pose"
-    goal_pose: str = "goal_pose"
+    speed_limit: str = ""
     dock: str = ""
     undock: str = ""
     cancel_dock: str = ""
@@ -139,6 +145,9 @@ class RosOptions(Struct, frozen=True, kw_only=True):
     tilt_joint: str = ""
     bumper: str = ""
     estop: str = ""
+    lock: str = ""
+    estop_service: str = ""
+    estop_service_type: Literal["SetBool", "Trigger"] = "SetBool"
     image: str = ""
     watchdog: float
 
@@ -165,155 +174,79 @@ class RosOptions(Struct, frozen=True, kw_only=True):
         )
 
 
-class Goals(Protocol):
-    """Who hears of a goal that a bus carries to an action of ROS 2."""
-
-    def accepted(self, goal: str) -> None:
-        """The robot works on it."""
-
-    def ended(self, goal: str, status: ActionState, reason: str) -> None:
-        """It is over."""
-
-
-class Bus(Protocol):
-    """A way to a ROS system. Types are written as in ROS 1 (`nav_msgs/Odometry`); nothing but the
-    awaited may block.
-    """
-
-    version: int
-    place: str
-    # whether `ask` asks those who listen for velocities; else it is a reading that says that they
-    # live
-    answers: bool
-
-    @property
-    def forgotten(self) -> tuple[str, ...]:
-        """Return the nodes that still run and that the ROS master, restarted meanwhile, does not
-        know.
-        """
-
-    async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
-        """Reach it; `lost` hears later why it is gone.
-
-        Raises:
-            AdapterError, OSError, TimeoutError: it cannot be reached.
-        """
-
-    async def shut(self) -> None:
-        """Let go of it."""
-
-    def subscribe(
-        self,
-        topic: str,
-        kind: str,
-        handler: Handler,
-        *,
-        latched: bool = False,
-        sensor: bool = False,
-        period: float = 0.0,
-    ) -> None:
-        """Hear a topic; `latched` wants its last message too, `sensor` may lose some, `period` is
-        the least time between two.
-        """
-
-    def advertise(self, topic: str, kind: str, *, drives: bool = False) -> None:
-        """Say what will be published; `drives` are velocities."""
-
-    def unadvertise(self, topic: str) -> None:
-        """Say that nothing more will be."""
-
-    async def ask(self) -> None:
-        """Wait until those who should have read what they were told.
-
-        Raises:
-            AdapterError: it is gone.
-        """
-
-    def cut(self) -> None:
-        """Throw away what has not been sent yet; at once."""
-
-    def listeners(self, topic: str) -> int | None:
-        """Return how many hear a topic that drives, as the same type; None when
-        that is not known.
-        """
-
-    async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
-        """Return what others have to do with topics: at least with the one that drives and those
-        `heard`; None when nobody knows.
-
-        Raises:
-            AdapterError: the system is gone.
-        """
-
-    def publish(self, topic: str, message: dict[str, Any], *, newest: bool = False) -> None:
-        """Send; of those that are `newest` only the last counts, and only while it is fresh.
-
-        Raises:
-            AdapterError: it takes none.
-        """
-
-    async def call(self, service: str, kind: str) -> tuple[bool, str]:
-        """Call a service without arguments and return its success and message.
-
-        Raises:
-            AdapterError: there is none, or no answer.
-        """
-
-    def send_goal(self, action: str, kind: str, goal: dict[str, Any], name: str) -> None:
-        """Send a goal to an action of ROS 2 under a name of ours.
-
-        Raises:
-            AdapterError: this bus carries no actions.
-        """
-
-    def cancel_goal(self, action: str, name: str) -> None:
-        """Take it back."""
-
-
 class RosAdapter(RemoteAdapter):
-    """See robot_interface.Adapter, and `Goals`."""
+    """See robot_interface.Adapter, PassesVelocities, WithLock and LimitsSpeed, and bus.Goals."""
 
     def __init__(self, robot: RobotProfile, options: RosOptions, bus: Bus, rca: str) -> None:
         self._options, self._bus = options.resolved(), bus
         options = self._options
-        self._navigation = options.navigation or ("move_base" if bus.version == 1 else "nav2")
+        name = options.navigation or ("move_base" if bus.version == 1 else "nav2")
+        action = options.move_base if name == "move_base" else options.navigate
+        own = _abilities(options, name)
+        control = _control(options, bus, own)
         super().__init__(
-            profile_of(robot, rca, options.watchdog, own=_abilities(options, self._navigation)),
+            profile_of(
+                robot, rca, options.watchdog, own=own, control=control, advice=bus.advice + ADVICE
+            ),
             robot.battery,
         )
-        self.must_answer = bus.answers
+        self.must_answer, self.connect_time = bus.answers, bus.connect_time
         self.place, self.vital = bus.place, f"its odometry on {options.odom}"
+        self._navigator = navigator_of(name, action, bus, self) if "goto" in own else None
+        self._docking = TriggerDocking(options.cancel_dock, bus, self._at_rest)
         self._counter = itertools.count(1)
         self._camera = TopicCamera(options.image) if options.image else None
-        self._goal = ""  # the newest, by our name
-        self._latest: frozenset[str] = frozenset()  # the goals of which Nav2 told last
-        self._seen: frozenset[str] = frozenset()  # those that were there before ours
-        self._knew_goals, self._ours = False, ""
+        self._wanted = (ZERO, -math.inf)  # the navigation's velocity, and when it arrived
         self._stamped = STAMPED[str(options.stamped).lower()] or False
         self._graph: Graph | None = None
-        self._silent: set[str] = set()  # topics of which nothing has come yet
+        self._silent: set[str] = set()  # topics without a message yet
         self._heard_by: int | None = None
         self._early_fix: dict[str, Any] | None = None
         self._advertised = False
         self._next_reading: asyncio.Future[None] | None = None
+        self._locked = False
+        self._lock_problem = ""
 
     # --- the connection ---------------------------------------------------------------------------
 
     async def _open(self) -> None:
         await self._bus.open(self._lose, self)
         bus, options = self._bus, self._options
-        self._silent = {need.topic for need in self._needs()}
+        bus.guard(self._guard_settings())
         self._graph = await bus.graph(options.cmd_vel, ())
+        self._silent = {need.topic for need in self._needs()}
         self._heard_by = self._early_fix = None
+        self._wanted = (ZERO, -math.inf)
         self._advertised = False
-        self._advertise_velocities()
         for topic, kind in self._said():
             bus.advertise(topic, kind)
+        if options.lock:
+            bus.advertise(options.lock, "std_msgs/Bool", latch=True)
         for topic, kind, handler, quality in self._listened():
             if topic:
                 bus.subscribe(topic, kind, self._safely(topic, handler), **quality)
+
+    async def _cancel_leftovers(self) -> None:
+        if self._navigator is not None:
+            await self._navigator.cancel_leftovers()
+        if self._options.cancel_dock and not self._bus.guards:
+            await self._docking.cancel()
+        self._advertise_velocities()
         self._run(self._watch_listeners())
         self._run(self._look_round())
+
+    def _guard_settings(self) -> dict[str, Any]:
+        options, navigator = self._options, self._navigator
+        kind = navigator.kind if navigator is not None else ""
+        return {
+            "action": options.move_base if kind == "move_base" else options.navigate,
+            "kind": kind,
+            "driving": options.cmd_vel,
+            "odom": options.odom,
+            "cancel_dock": options.cancel_dock,
+            "linear": self.profile.standstill_linear,
+            "angular": self.profile.standstill_angular,
+        }
 
     async def _shut(self) -> None:
         await self._bus.shut()
@@ -403,7 +336,7 @@ class RosAdapter(RemoteAdapter):
             await asyncio.sleep(LOOKING / 5)
 
     async def _look_round(self) -> None:
-        """Say what is missing. Not while the robot moves: a rosbridge takes no velocities
+        """Report what is missing. Not while the robot moves: rosbridge takes no velocities
         meanwhile.
         """
         began = time.monotonic()
@@ -422,6 +355,8 @@ class RosAdapter(RemoteAdapter):
                         hangs and f"{self.place} {hangs}",
                         master_restarted(self._bus.forgotten),
                         self._unheard(),
+                        *self._bus.problems,
+                        self._lock_problem,
                         *missing,
                     ),
                 )
@@ -443,13 +378,9 @@ class RosAdapter(RemoteAdapter):
             (options.initial_pose, "geometry_msgs/PoseWithCovarianceStamped"),
             (options.tilt, "std_msgs/Float64"),
         ]
-        if self._navigation == "move_base":
-            topics += [
-                (f"{options.move_base}/goal", "move_base_msgs/MoveBaseActionGoal"),
-                (f"{options.move_base}/cancel", "actionlib_msgs/GoalID"),
-            ]
-        if self._navigation == "goal_pose":
-            topics.append((options.goal_pose, "geometry_msgs/PoseStamped"))
+        if self._navigator is not None:
+            topics += self._navigator.publications
+            topics.append((options.speed_limit, "nav2_msgs/SpeedLimit"))
         return [(topic, kind) for topic, kind in topics if topic]
 
     def _listened(self) -> list[Subscription]:
@@ -485,10 +416,18 @@ class RosAdapter(RemoteAdapter):
                 options.estop,
                 "std_msgs/Bool",
                 lambda m: setattr(self.readings, "estop", bool(m.get("data"))),
-                {"latched": True},
+                {"either": True},
             ),
+            (options.navigation_velocity, self._navigation_type(), self._navigate, {}),
         ]
-        return [*topics, *self._localization_listened(), *self._navigation_listened()]
+        navigation = self._navigator.subscriptions if self._navigator is not None else ()
+        return [*topics, *self._localization_listened(), *navigation]
+
+    def _navigation_type(self) -> str:
+        """Return the type of `navigation_velocity`: as it is published, else as `stamped`."""
+        peers = (self._graph or {}).get(self._options.navigation_velocity, TopicPeers())
+        stamped = STAMPED[str(self._options.stamped).lower()] or False
+        return TWIST_STAMPED if TWIST_STAMPED in peers.kinds or stamped else TWIST
 
     def _localization_listened(self) -> list[Subscription]:
         options = self._options
@@ -497,20 +436,6 @@ class RosAdapter(RemoteAdapter):
             return [(options.pose, kind, self._fix, {"latched": True})]
         if options.localization == "tf":
             return [(options.tf, "tf2_msgs/TFMessage", self._transforms, {})]
-        return []
-
-    def _navigation_listened(self) -> list[Subscription]:
-        options = self._options
-        if self._navigation == "move_base":
-            base = options.move_base
-            return [
-                (f"{base}/status", "actionlib_msgs/GoalStatusArray", self._goal_states, {}),
-                (f"{base}/result", "move_base_msgs/MoveBaseActionResult", self._goal_result, {}),
-            ]
-        if self._navigation == "goal_pose":
-            topic = f"{options.navigate}/_action/status"
-            kind = "action_msgs/GoalStatusArray"
-            return [(topic, kind, self._nav2_states, {"latched": True})]
         return []
 
     def _safely(self, topic: str, handler: Handler) -> Handler:
@@ -599,23 +524,27 @@ class RosAdapter(RemoteAdapter):
         self._bus.publish(self._options.tilt, {"data": angle})
 
     async def _order(self, action: Action) -> PendingAction:
+        pending = None if isinstance(action, Relocalize) else self._pending(action)
         match action:
-            case Goto(x=x, y=y) if x is not None and y is not None:
-                self._send_goal(Pose2D(x, y, self._heading(action)))
+            case Goto(x=x, y=y) if x is not None and y is not None and pending is not None:
+                pending.goal_id = self._send_goal(Pose2D(x, y, self._heading(action)))
             case Goto(place=place):
-                raise AdapterError(
+                raise ActionRefusedError(
                     f"{self.profile.series} does not know the place {place!r}: send it to "
                     "a point on its map"
                 )
             case Dock():
-                await self._trigger(self._options.dock)
+                await self._docking.start(self._options.dock)
             case Undock():
-                await self._trigger(self._options.undock)
+                await self._docking.start(self._options.undock)
             case Relocalize(x=x, y=y) if x is not None and y is not None:
                 return self._relocalize(action, Pose2D(x, y, action.theta or 0.0))
             case _:
-                raise AdapterError(f"{self.profile.series} needs to be given its position: x and y")
-        return self._pending(action)
+                raise ActionRefusedError(
+                    f"{self.profile.series} needs to be given its position: x and y"
+                )
+        assert pending is not None
+        return pending
 
     def _heading(self, goal: Goto) -> float:
         """Return the wanted heading, or the present one: move_base and Nav2 want some."""
@@ -623,14 +552,9 @@ class RosAdapter(RemoteAdapter):
             return goal.theta
         return self.readings.pose.theta
 
-    async def _trigger(self, service: str) -> None:
-        done, reason = await self._bus.call(service, "std_srvs/Trigger")
-        if not done:
-            raise AdapterError(f"{service} refused: {reason or 'it does not say why'}")
-
     def _relocalize(self, action: Relocalize, place: Pose2D) -> PendingAction:
-        """Say where the robot is, and wait for its localization to say so too: amcl answers with
-        the next scan, and once.
+        """Send a pose to the localization, and wait until it reports one there: amcl answers once,
+        with the next scan.
         """
         covariance = [0.0] * 36
         covariance[0] = covariance[7] = TOLD_WITHIN**2
@@ -646,114 +570,137 @@ class RosAdapter(RemoteAdapter):
             action.action_id, "relocalize", now, deadline=now + LONGEST_RELOCALIZATION, area=area
         )
 
-    async def _withdraw(self, pending: PendingAction) -> None:
+    async def _withdraw(self, pending: PendingAction) -> bool:
         if pending.kind != "goto":
-            if self._options.cancel_dock:
-                await self._trigger(self._options.cancel_dock)
-        elif self._navigation == "move_base":
-            self._bus.publish(
-                f"{self._options.move_base}/cancel",
-                {"stamp": messages.time_of(0.0, 1), "id": self._goal},
-            )
-        elif self._navigation == "nav2":
-            self._bus.cancel_goal(self._options.navigate, self._goal)
-        else:
-            here = self.readings.pose
-            # the only way to say it on a topic: stay where you are
-            self._publish_goal(Pose2D(here.x, here.y, here.theta))
+            return await self._docking.cancel()
+        if self._navigator is None or not pending.goal_id:
+            return True  # it was never sent
+        return await self._navigator.cancel(pending.goal_id)
 
     # --- goals ------------------------------------------------------------------------------------
 
-    def _send_goal(self, place: Pose2D) -> None:
-        now, version = time.time(), self._bus.version
-        self._goal = f"telepresence-{next(self._counter)}-{now:.3f}"
-        target = {
-            "header": messages.header(self._options.map_frame, now, version),
-            "pose": messages.pose(place),
-        }
-        if self._navigation == "move_base":
-            goal = {
-                "goal_id": {"stamp": messages.time_of(now, version), "id": self._goal},
-                "goal": {"target_pose": target},
-            }
-            self._bus.publish(
-                f"{self._options.move_base}/goal", {"header": target["header"], **goal}
-            )
-        elif self._navigation == "nav2":
-            self._bus.send_goal(
-                self._options.navigate,
-                "nav2_msgs/NavigateToPose",
-                {"pose": target, "behavior_tree": ""},
-                self._goal,
-            )
-        else:
-            self._seen, self._knew_goals, self._ours = self._latest, bool(self._latest), ""
-            self._publish_goal(place)
-
-    def _publish_goal(self, place: Pose2D) -> None:
-        header = messages.header(self._options.map_frame, time.time(), self._bus.version)
-        self._bus.publish(self._options.goal_pose, {"header": header, "pose": messages.pose(place)})
+    def _send_goal(self, place: Pose2D) -> str:
+        assert self._navigator is not None
+        now = time.time()
+        goal = f"{OURS}{next(self._counter)}-{now:.3f}"
+        owned = self.pending_actions.drive
+        if owned is not None:
+            owned.goal_id = goal  # before it is sent: it may be taken in spite of an error
+        header = messages.header(self._options.map_frame, now, self._bus.version)
+        self._navigator.send({"header": header, "pose": messages.pose(place)}, goal)
+        return goal
 
     def _look(self, now: float) -> None:
-        pending = self.pending_actions.drive
+        drive = self.pending_actions.drive
         if (
-            pending is not None
-            and pending.kind == "goto"
-            and not pending.seen_running
-            and now - pending.began > ACCEPTANCE
+            drive is not None
+            and drive.kind == "goto"
+            and not drive.seen_running
+            and now - drive.began > ACCEPTANCE
         ):
-            self.pending_actions.end(pending.action_id, "FAILED", "navigation does not answer")
+            drive.failure = drive.failure or "navigation does not answer"
+
+    def _of_goal(self, goal: str) -> PendingAction | None:
+        return next((each for each in self.pending_actions.driving if each.goal_id == goal), None)
 
     def accepted(self, goal: str) -> None:
         """Take that the robot works on a goal."""
-        if (
-            goal == self._goal
-            and self.pending_actions.drive is not None
-            and self.pending_actions.drive.kind == "goto"
-        ):
-            self.pending_actions.drive.seen_running = True
+        pending = self._of_goal(goal)
+        if pending is not None:
+            pending.seen_running = True
 
     def ended(self, goal: str, status: ActionState, reason: str) -> None:
-        """Take that a goal is over."""
-        if goal == self._goal:
-            self.pending_actions.end_drive(status, reason, "goto")
+        """Take the terminal status of a goal."""
+        pending = self._of_goal(goal)
+        if pending is not None:
+            self.pending_actions.end(pending.action_id, status, reason)
 
-    def _goal_states(self, message: dict[str, Any]) -> None:
-        for entry in message.get("status_list", ()):
-            self.accepted(str(entry.get("goal_id", {}).get("id", "")))
+    def failed(self, goal: str, reason: str) -> None:
+        """Take that a goal has failed and may run all the same: it is cancelled until its end is
+        confirmed.
+        """
+        pending = self._of_goal(goal)
+        if pending is not None:
+            pending.failure = pending.failure or reason
 
-    def _goal_result(self, message: dict[str, Any]) -> None:
-        status = message.get("status", {})
-        self._over(
-            str(status.get("goal_id", {}).get("id", "")),
-            1,
-            status.get("status"),
-            str(status.get("text", "")),
+    def server_gone(self) -> None:
+        """Take that the action server has ended."""
+        if self._navigator is not None:
+            self._navigator.server_gone()
+
+    # --- velocities, speed limit and lock of the robot --------------------------------------------
+
+    def _navigate(self, message: dict[str, Any]) -> None:
+        self._wanted = messages.velocity_in(message), time.monotonic()
+
+    def wanted(self) -> Velocity | None:
+        """Return what the navigation wants while an action of ours runs, see PassesVelocities."""
+        drive = self.pending_actions.drive
+        if self.profile.navigation_control != "agent" or drive is None:
+            return None
+        if drive.failure or drive.first_cancelled_at is not None:
+            return None
+        velocity, arrived = self._wanted
+        return velocity if time.monotonic() - arrived <= WANTED_AGE else ZERO
+
+    def limit_speed(self, linear: float) -> None:
+        """Publish a speed limit for the navigation, in m/s."""
+        if self._options.speed_limit and not self._failure:
+            header = messages.header(self._options.map_frame, time.time(), self._bus.version)
+            limit = {"header": header, "percentage": False, "speed_limit": linear}
+            self._bus.publish(self._options.speed_limit, limit)
+
+    def set_lock(self, *, locked: bool) -> None:
+        """Lock or release the base, by topic and by service.
+
+        Raises:
+            AdapterError: the robot is gone.
+        """
+        if self._failure:
+            raise AdapterError(self._failure)
+        self._locked = locked
+        if self._options.lock:
+            self._bus.publish(self._options.lock, {"data": locked})
+        if self._options.estop_service:
+            self._run(self._call_lock(locked=locked))
+
+    async def _call_lock(self, *, locked: bool) -> None:
+        kind, service = self._options.estop_service_type, self._options.estop_service
+        if kind == "Trigger" and not locked:
+            return  # a Trigger only locks
+        try:
+            done, reason = await self._bus.call(
+                service, f"std_srvs/{kind}", {"data": locked} if kind == "SetBool" else {}
+            )
+        except AdapterError as error:
+            done, reason = False, str(error)
+        if self._locked == locked:
+            self._lock_problem = "" if done else f"{service} failed: {reason or 'no reason given'}"
+
+    def _at_rest(self) -> bool:
+        velocity, profile = self.readings.velocity, self.profile
+        return (
+            abs(velocity.linear) < profile.standstill_linear
+            and abs(velocity.angular) < profile.standstill_angular
         )
 
-    def _nav2_states(self, message: dict[str, Any]) -> None:
-        """Of goals on a topic nobody tells which is whose: ours is the one that was not there
-        before we sent it.
 
-        When we had not heard of any goals by then, one that has ended already may be an old one,
-        and does not count.
-        """
-        entries = {_uuid(entry): entry.get("status") for entry in message.get("status_list", ())}
-        self._latest = frozenset(entries)
-        new = {goal: status for goal, status in entries.items() if goal not in self._seen}
-        if self.pending_actions.drive is None or self.pending_actions.drive.kind != "goto":
-            return
-        for goal, status in new.items():
-            if status in RUNNING:
-                self._ours = goal
-            if status in RUNNING or goal == self._ours or self._knew_goals:
-                self.accepted(self._goal)
-                self._over(self._goal, 2, status, "")
+ADVICE = (
+    "set navigation_velocity to a topic on which navigation and docking publish their velocities"
+    " and that only the agent subscribes to, or set navigation=none and dock to nothing"
+)
 
-    def _over(self, goal: str, version: int, status: Any, text: str) -> None:
-        end = DONE[version].get(status) if isinstance(status, int) else None
-        if end is not None:
-            self.ended(goal, end, text or ("" if end == "FINISHED" else "navigation gave up"))
+
+def _control(
+    options: RosOptions, bus: Bus, own: tuple[Capability, ...]
+) -> NavigationControl | None:
+    """Return what stops the robot's own navigation and docking when the agent is lost."""
+    docks = bool({"dock", "undock"} & set(own))
+    if not docks and "goto" not in own:
+        return None
+    if options.navigation_velocity:
+        return "agent"
+    return "guarded" if bus.guards and (options.cancel_dock or not docks) else "unguarded"
 
 
 def _abilities(options: RosOptions, navigation: str) -> tuple[Capability, ...]:
@@ -769,7 +716,3 @@ def _abilities(options: RosOptions, navigation: str) -> tuple[Capability, ...]:
         "tilt": bool(options.tilt and options.tilt_joint),
     }
     return tuple(name for name, is_able in able.items() if is_able)
-
-
-def _uuid(entry: Mapping[str, Any]) -> str:
-    return str(entry.get("goal_info", {}).get("goal_id", {}).get("uuid"))

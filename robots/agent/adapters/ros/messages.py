@@ -106,6 +106,21 @@ def odometry_in(message: Said) -> tuple[Pose2D, Velocity]:
         raise RosError(f"invalid odometry: {error}") from error
 
 
+def velocity_in(message: Said) -> Velocity:
+    """Read a geometry_msgs/Twist or TwistStamped.
+
+    Raises:
+        RosError: it is none.
+    """
+    try:
+        twist = message.get("twist", message)
+        return Velocity(
+            linear=_number(twist["linear"]["x"]), angular=_number(twist["angular"]["z"])
+        )
+    except (KeyError, TypeError, AttributeError) as error:
+        raise RosError(f"invalid velocity: {error}") from error
+
+
 def fix_in(message: Said) -> Pose:
     """Read a geometry_msgs/PoseWithCovarianceStamped; how wide it is says how far to trust it.
 

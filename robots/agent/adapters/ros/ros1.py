@@ -13,6 +13,7 @@ import itertools
 import json
 import os
 import secrets
+import socket
 import subprocess
 import sys
 import time
@@ -24,13 +25,16 @@ from urllib.parse import urlsplit
 import structlog
 
 from robots.agent.adapters.common.robot_profile import load_profile, settings_of
-from robots.agent.adapters.ros.base import Goals, Handler, RosAdapter, RosOptions
+from robots.agent.adapters.ros.base import RosAdapter, RosOptions
+from robots.agent.adapters.ros.bus import Goals, Handler
 from robots.agent.adapters.ros.graph import Graph, TopicPeers
-from robots.agent.robot_interface import AdapterError
+from robots.agent.robot_interface import ActionRefusedError, AdapterError
 
-START_TIME = 10.0
+START_TIME = 15.0  # seconds for rospy to start: more than 5 on a loaded computer
 ANSWER_TIME = 10.0
+GRAPH_TIME = 5.0
 END_TIME = 2.0
+BEAT = 0.1  # seconds between two heartbeats for the guard
 BACKLOG = 256 << 10
 UNCONNECTED = (
     10.0  # seconds after which a node that listens for velocities is taken to have given up
@@ -57,31 +61,43 @@ def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
     """
     robot = load_profile(profile_name)
     settings = settings_of(Ros1Options, "ros1", robot, options)
-    if settings.navigation in {"nav2", "goal_pose"}:
+    if settings.navigation == "nav2":
         raise AdapterError("with ROS 1, navigation must be move_base or none")
     return RosAdapter(robot, settings, NodeBus(settings), "ROS 1")
 
 
 class NodeBus:
-    """See ros.Bus. One child process for each connection: rospy cannot begin
-    again in the same one.
+    """See bus.Bus. One child process for each connection, because rospy cannot start twice in one.
+
+    The child is also the guard of the robot's navigation (ros1_node.py). It outlives this process,
+    and this connection for as long as something of ours may move the robot. It counts as a guard
+    only on the computer of the ROS master: only there no cut link separates it from the robot.
     """
 
     version = 1
     answers = True
+    connect_time: float | None = 20.0
+    problems: tuple[str, ...] = ()
+    advice = "run the agent on the computer of the ROS master, or "
     script = NODE
     arguments: tuple[str, ...] = ()  # of the script, after the port
 
     def __init__(self, options: Ros1Options) -> None:
         uri = _master_of(options)
-        self.place = f"ROS 1 at {uri}"
-        self._python = options.python
-        self._environment = {**os.environ, "ROS_MASTER_URI": uri, "ROS_PYTHON_LOG_CONFIG_FILE": ""}
-        self._environment.pop("PYTHONHOME", None)  # that of the agent's Python
+        self.guards = _is_here(urlsplit(uri).hostname or "")
+        environment = {**os.environ, "ROS_MASTER_URI": uri, "ROS_PYTHON_LOG_CONFIG_FILE": ""}
         if options.ip:
-            self._environment["ROS_IP"] = options.ip
+            environment["ROS_IP"] = options.ip
+        self._prepare(f"ROS 1 at {uri}", options.python, environment)
+
+    def _prepare(self, place: str, python: str, environment: dict[str, str]) -> None:
+        self.place, self._python, self._environment = place, python, environment
+        self._environment.pop("PYTHONHOME", None)  # that of the agent's Python
         self._lost: Callable[[str], None] = lambda _reason: None
         self._child: subprocess.Popen[bytes] | None = None
+        self._guards_left: list[subprocess.Popen[bytes]] = []  # of earlier connections
+        self._goals: Goals | None = None
+        self._beating: asyncio.Task[None] | None = None
         self._writer: asyncio.StreamWriter | None = None
         self._reading: asyncio.Task[None] | None = None
         self._handlers: dict[str, Handler] = {}
@@ -101,8 +117,7 @@ class NodeBus:
         Raises:
             AdapterError: there is no master, or no rospy.
         """
-        del goals  # ROS 1 has its actions on topics
-        self._lost = lost
+        self._lost, self._goals = lost, goals
         self._unconnected_since = None
         self._handlers.clear()
         self._listeners.clear()
@@ -113,6 +128,24 @@ class NodeBus:
         if first.get("op") != "ready":
             raise AdapterError(str(first.get("reason", f"{self.place}: the node ended")))
         self._reading = asyncio.ensure_future(self._read(reader, lost))
+        self._beating = asyncio.ensure_future(self._beat())
+
+    def guard(self, settings: dict[str, Any]) -> None:
+        """Give the child what it guards. From here on it replaces the guards of earlier
+        connections.
+        """
+        self._say(op="guard", **settings)
+        for child in self._guards_left:
+            child.terminate()
+        left, self._guards_left = self._guards_left, []
+        if left:
+            asyncio.get_running_loop().run_in_executor(None, _reap, left)
+
+    async def _beat(self) -> None:
+        with contextlib.suppress(AdapterError):  # its reader reports the loss
+            while True:
+                self._say(op="beat")
+                await asyncio.sleep(BEAT)
 
     async def _start(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
         arrived: asyncio.Future[tuple[asyncio.StreamReader, asyncio.StreamWriter]] = (
@@ -159,8 +192,13 @@ class NodeBus:
         return child
 
     async def _line(self, reader: asyncio.StreamReader) -> dict[str, Any]:
-        async with asyncio.timeout(START_TIME):
-            line = await reader.readline()
+        try:
+            async with asyncio.timeout(START_TIME):
+                line = await reader.readline()
+        except TimeoutError as error:
+            raise AdapterError(
+                f"{self.place}: the ROS node has not started within {START_TIME:.0f} s"
+            ) from error
         return json.loads(line) if line else {}
 
     async def _read(self, reader: asyncio.StreamReader, lost: Callable[[str], None]) -> None:
@@ -181,17 +219,20 @@ class NodeBus:
                         topic in self._listeners
                     ):
                         self._listeners[topic] = count
+                    case {"op": "gone"} if self._goals is not None:
+                        self._goals.server_gone()
                     case {"op": "lost", "reason": why}:
                         reason = str(why)
                         break
         lost(reason)
 
     async def shut(self) -> None:
-        """End the node; it leaves the robot standing."""
-        reading, self._reading = self._reading, None
-        if reading is not None:
-            reading.cancel()
-            await asyncio.gather(reading, return_exceptions=True)
+        """Close the connection: the node stops the robot, cancels what is ours, and exits then."""
+        tasks = [task for task in (self._reading, self._beating) if task is not None]
+        self._reading = self._beating = None
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
         if self._writer is not None:
             self._writer.close()
             self._writer = None
@@ -199,8 +240,8 @@ class NodeBus:
             call.cancel()
         self._calls.clear()
         child, self._child = self._child, None
-        if child is not None:
-            await asyncio.to_thread(_end, child)
+        if child is not None and not await asyncio.to_thread(_has_ended, child):
+            self._guards_left.append(child)
 
     def subscribe(
         self,
@@ -209,18 +250,19 @@ class NodeBus:
         handler: Handler,
         *,
         latched: bool = False,
+        either: bool = False,
         sensor: bool = False,
         period: float = 0.0,
     ) -> None:
-        """Hear a topic."""
-        del latched, sensor  # the publisher of ROS 1 alone decides
+        """Subscribe to a topic."""
+        del latched, either, sensor  # the publisher of ROS 1 alone decides
         self._handlers[topic] = handler
         self._say(op="subscribe", topic=topic, kind=kind, period=period)
 
     def advertise(
         self, topic: str, kind: str, *, drives: bool = False, latch: bool = False
     ) -> None:
-        """Say what will be published; who comes to hear velocities is told to stand first."""
+        """Advertise a topic; a new subscriber of velocities receives a zero first."""
         self._listeners.pop(topic, None)
         self._say(op="advertise", topic=topic, kind=kind, latch=latch, drives=drives)
         if drives:
@@ -239,9 +281,9 @@ class NodeBus:
         await self._answer(lambda number: self._say(op="ask", number=number))
 
     def cut(self) -> None:
-        """End the node: what it has not sent yet it never sends."""
-        if self._child is not None:
-            self._child.kill()
+        """Abort the connection: the node sends no more velocities of ours, only zeros."""
+        if self._writer is not None:
+            self._writer.transport.abort()
 
     def listeners(self, topic: str) -> int | None:
         """Return how many nodes are connected to hear a topic that drives."""
@@ -250,9 +292,15 @@ class NodeBus:
     async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
         """Ask the master, and nodes that it has forgotten whether they run."""
         del heard
-        answer = await self._answer(
-            lambda number: self._say(op="graph", number=number, driving=driving, old=self._old)
-        )
+        try:
+            async with asyncio.timeout(GRAPH_TIME):
+                answer = await self._answer(
+                    lambda number: self._say(
+                        op="graph", number=number, driving=driving, old=self._old
+                    )
+                )
+        except TimeoutError as error:
+            raise AdapterError(f"{self.place}: the ROS master does not answer") from error
         if "nodes" in answer:
             self.known = answer["nodes"]
             self._old = {name: self._old[name] for name in answer["forgotten"]}
@@ -303,21 +351,27 @@ class NodeBus:
         else:
             self._say(op="publish", topic=topic, content=message)
 
-    async def call(self, service: str, kind: str) -> tuple[bool, str]:
+    async def call(
+        self, service: str, kind: str, arguments: dict[str, Any] | None = None
+    ) -> tuple[bool, str]:
         """Call a service.
 
         Raises:
-            AdapterError: there is none, or no answer.
+            ActionRefusedError: it does not exist.
+            AdapterError: no answer, or an error.
         """
         try:
             async with asyncio.timeout(ANSWER_TIME):
                 response = await self._answer(
-                    lambda number: self._say(op="call", number=number, service=service, kind=kind)
+                    lambda number: self._say(
+                        op="call", number=number, service=service, kind=kind, arguments=arguments
+                    )
                 )
         except TimeoutError as error:
             raise AdapterError(f"{service} does not answer") from error
         if "values" not in response:
-            raise AdapterError(f"{service} cannot be called: {response.get('problem')}")
+            kind_of_error = ActionRefusedError if response.get("absent") else AdapterError
+            raise kind_of_error(f"{service} cannot be called: {response.get('problem')}")
         return bool(response["values"].get("success")), str(response["values"].get("message", ""))
 
     async def _answer(self, ask: Callable[[int], None]) -> dict[str, Any]:
@@ -334,15 +388,15 @@ class NodeBus:
         """Refuse: ROS 1 has its actions on topics.
 
         Raises:
-            AdapterError: always.
+            ActionRefusedError: always.
         """
-        raise AdapterError(
-            f"the ROS 1 adapter cannot send the action {action} ({kind}) for "
-            f"{name}: {len(goal)} fields"
-        )
+        del kind, goal, name
+        raise ActionRefusedError(f"the ROS 1 adapter cannot send a goal to {action}")
 
-    def cancel_goal(self, action: str, name: str) -> None:
-        """Do nothing: there is no such goal."""
+    async def cancel_goal(self, action: str, name: str) -> bool:
+        """Return True: there is no such goal."""
+        del action, name
+        return True
 
     def _say(self, **message: Any) -> None:
         writer = self._writer
@@ -378,11 +432,34 @@ def _moves(message: Mapping[str, Any]) -> bool:
     return bool(twist["linear"]["x"] or twist["angular"]["z"])
 
 
-def _end(child: subprocess.Popen[bytes]) -> None:
+def _is_here(host: str) -> bool:
+    """Return whether an address is one of this computer's."""
+    if host == "localhost" or host.startswith("127."):
+        return True
+    try:
+        address = socket.getaddrinfo(host, 0, type=socket.SOCK_DGRAM)[0]
+        with socket.socket(address[0], socket.SOCK_DGRAM) as probe:
+            probe.bind(address[4])
+    except OSError:
+        return False
+    return True
+
+
+def _has_ended(child: subprocess.Popen[bytes]) -> bool:
+    """Wait END_TIME for a node to exit; return False for one that still guards the robot."""
+    assert child.stdin is not None
+    child.stdin.close()
     try:
         child.wait(timeout=END_TIME)
     except subprocess.TimeoutExpired:
-        child.kill()
-        child.wait()
-    if child.stdin is not None:
-        child.stdin.close()
+        return False
+    return True
+
+
+def _reap(children: list[subprocess.Popen[bytes]]) -> None:
+    for child in children:
+        try:
+            child.wait(timeout=END_TIME)
+        except subprocess.TimeoutExpired:
+            child.kill()
+            child.wait()

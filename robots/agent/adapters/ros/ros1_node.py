@@ -1,23 +1,27 @@
-"""A node of ROS 1 that does what the agent tells it over a loopback connection: one JSON object a
-line, messages as objects.
+"""A node of ROS 1 that the agent controls over a loopback connection: one JSON object a line,
+messages as objects.
 
 It runs in the Python that ROS was built for, which is not the agent's (Noetic: 3.8; Debian 12: 3.11
-of the system), and so imports nothing of ours and is written for Python 3.6. rospy takes a node's
-name once a process and forgets nothing of a lost master: whoever wants to begin again ends this
-process and starts another. It ends by itself, with a standing robot, when the agent is gone or the
-master is.
+of the system), and so imports nothing of ours and is written for Python 3.6. rospy can register a
+node only once per process and cannot recover from a lost master, so the agent restarts this process
+to reconnect.
 
     agent -> node   advertise, unadvertise, publish, drive (a velocity: after SILENCE without
-    another the robot is told to stand),
-                    ask (do those live who listen for velocities?),
+    another the robot is stopped),
+                    ask (do the subscribers of velocities respond?),
                     graph (and which of the `old` nodes run that the master has forgotten?),
+                    guard (what to cancel and stop), beat (the agent's heartbeat),
                     subscribe, call
-    node -> agent   ready, publish, response, listeners, lost
+    node -> agent   ready, publish, response, listeners, gone, lost
 
-TCPROS has no answers: a node that hangs lets its socket buffer fill and obeys all of it when it
-goes on. So whoever listens for velocities is asked for its process id (the slave API's getPid,
-which every node serves) before each of them; who owes the answer for a second loses its connection,
-by a reset, and is told to stand when it comes back.
+TCPROS has no acknowledgements: a hung subscriber buffers velocities and executes them later. Before
+each velocity the node therefore calls getPid on every subscriber. A subscriber that does not answer
+within 1 s is disconnected (TCP reset) and receives a zero velocity when it reconnects.
+
+The node is also the guard of the robot's own navigation. It has its own process group and outlives
+the agent: when the heartbeat stops for HEARTBEAT seconds, or the connection closes, it cancels all
+goals of ours and the docking, and sends zero velocities until they have ended and the robot is
+measured at rest. Then it exits, or waits for the agent to continue.
 """
 
 import base64
@@ -44,10 +48,27 @@ OLDEST = 0.25  # seconds after which a velocity that waited for this process is 
 LIVES_WITHIN = 1.0
 SENDING = 16 << 10
 UNACKNOWLEDGED = 1000  # milliseconds
+MAX_QUEUED = 500  # lines for the agent, messages without a subscriber
+FAREWELL = 0.5  # seconds for the last lines to the agent
+HEARTBEAT = 0.5  # seconds without a heartbeat, after which the guard stops the robot
+GUARD_PERIOD = 0.02
+CANCEL_AGAIN = 0.5
+AT_REST = 0.3  # seconds of standstill after which the guard sends no more zeros
+STALE = 2.0  # seconds without odometry, after which a standstill cannot be measured
+SERVER_GONE = 1.0  # seconds without a connection to the action server's status
+NODE_NAME = "telepresence_"
+OURS = "telepresence-"  # with which the ids of our goals begin
+ENDED = {
+    2,
+    3,
+    4,
+    5,
+    8,
+}  # actionlib_msgs/GoalStatus: preempted, succeeded, aborted, rejected, recalled
 
 
-class Impatient(xmlrpc.client.Transport):
-    """Asks over HTTP, and not for long."""
+class TimeoutTransport(xmlrpc.client.Transport):
+    """HTTP that waits LIVES_WITHIN for an answer."""
 
     def make_connection(self, host: Any) -> Any:
         connection = super().make_connection(host)
@@ -55,11 +76,32 @@ class Impatient(xmlrpc.client.Transport):
         return connection
 
 
+class MasterError(Exception):
+    """The master refuses a call."""
+
+
+class Master:
+    """The master's API, with a time-out; not to be shared between threads."""
+
+    def __init__(self, uri: str, caller: str = "/telepresence") -> None:
+        self.proxy = xmlrpc.client.ServerProxy(uri, transport=TimeoutTransport())
+        self.caller = caller
+
+    def __getattr__(self, method: str) -> Any:
+        def call(*arguments: Any) -> Any:
+            code, text, value = getattr(self.proxy, method)(self.caller, *arguments)
+            if code != 1:
+                raise MasterError(text)
+            return value
+
+        return call
+
+
 class OtherNode:
     """Another node, by its slave API, and whether it lives."""
 
     def __init__(self, uri: str) -> None:
-        self.proxy = xmlrpc.client.ServerProxy(uri, transport=Impatient())
+        self.proxy = xmlrpc.client.ServerProxy(uri, transport=TimeoutTransport())
         self.has_answered = False
 
     def lives(self) -> bool:
@@ -80,63 +122,86 @@ class Node:
     def __init__(self, connection: Any) -> None:
         import genpy
         import roslib.message
-        import rosgraph
         import rospy
         import rospy.impl.tcpros_base
 
         self.genpy, self.rospy, self.roslib = genpy, rospy, roslib
         self.connection = connection
-        self.lock = threading.Lock()
+        self.outgoing: Any = queue.Queue(MAX_QUEUED)
         self.publishers: Any = {}
-        self.waiting: Any = {}  # topic to the messages that nobody is connected to hear yet
+        self.waiting: Any = {}  # topic to the messages that have no subscriber yet
         self.subscribers: Any = []
         self.driving = ""  # the topic of velocities
-        self.was_alone = False  # at the last look: who listens for velocities had not connected
+        self.was_alone = False  # at the last look no listener of velocities had connected
         self.driven: Any = None  # (topic, monotonic time) while the robot may be moving
-        # one for each thread: it has one connection
-        self.new_master: Any = functools.partial(rosgraph.Master, "/telepresence")
-        self.own_master: Any = rosgraph.Master
-        self.master = self.new_master()
-        self.unknown = rosgraph.MasterError
-        self.unreachable = (
-            OSError,
-            http.client.HTTPException,
-            xmlrpc.client.Error,
-            rosgraph.MasterException,
-        )
+        self.unknown = MasterError
+        self.unreachable = (OSError, http.client.HTTPException, xmlrpc.client.Error, MasterError)
         self.uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
-        socket.setdefaulttimeout(MASTER_TIME)
+        # one for each thread: it has one connection
+        self.new_master: Any = functools.partial(Master, self.uri)
+        self.own_master: Any = self.new_master
+        self.master = self.new_master()
         self.master_pid = self.master.getPid()
-        socket.setdefaulttimeout(None)
-        self.questions: Any = queue.Queue()
+        self.questions: Any = queue.Queue(MAX_QUEUED)
         self.listeners: Any = {}  # who listens for velocities, by the name of its node
         self.others: Any = {}  # slave API by the name of the node
         self.refused: Any = {}  # by topic: by node the type that it wants
-        rospy.init_node("telepresence", anonymous=True, disable_signals=True, disable_rosout=True)
+        name = NODE_NAME + str(int(time.time() * 1e6))  # a newer node has a larger number
+        rospy.init_node(name, disable_signals=True, disable_rosout=True)
         self.server = rospy.impl.tcpros_base._tcpros_server
         self.accept, self.server.topic_connection_handler = (
             self.server.topic_connection_handler,
             self.connected,
         )
+        self.guard: Any = Guard(self)
 
     def say(self, **message: Any) -> None:
-        data = (json.dumps(message) + "\n").encode()
-        with self.lock:
-            self.connection.sendall(data)
+        """Send a line to the agent; without waiting, and none to an agent that reads nothing."""
+        try:
+            self.outgoing.put_nowait((json.dumps(message) + "\n").encode())
+        except queue.Full:
+            pass
+
+    def write_lines(self) -> None:
+        while True:
+            data = self.outgoing.get()
+            try:
+                self.connection.sendall(data)
+            except OSError:
+                pass  # the agent is gone, which run() notices
+            self.outgoing.task_done()
 
     def run(self) -> None:
-        """Do what the agent says until it is gone."""
+        """Do what the agent requests until it is gone, then guard the robot."""
         # the agent takes anything else that comes first for a failure
         self.say(op="ready", node=self.rospy.get_name())
-        for work in (self.watch_wheels, self.watch_master, self.answer_questions):
+        for work in (
+            self.write_lines,
+            self.watch_wheels,
+            self.watch_master,
+            self.answer_questions,
+            self.guard.run,
+        ):
             threading.Thread(target=work, daemon=True).start()
         try:
             for line in self.connection.makefile("r", encoding="utf-8"):
+                self.guard.beaten_at = time.monotonic()
                 order = json.loads(line)
                 getattr(self, "do_" + order.pop("op"))(**order)
         except OSError:
-            pass  # as good as the end of what the agent says
+            pass  # as good as the end of the connection
+        self.leave()
+
+    def leave(self) -> None:
+        """Stop the robot, and return when nothing of ours can move it any more."""
         self.stand()
+        self.guard.finish()
+
+    def do_beat(self) -> None:
+        """The agent's control loop runs."""
+
+    def do_guard(self, **settings: Any) -> None:
+        self.guard.begin(**settings)
 
     def do_advertise(self, topic: str, kind: str, *, latch: bool, drives: bool = False) -> None:
         if topic in self.publishers:
@@ -175,7 +240,10 @@ class Node:
         return problem
 
     def do_ask(self, number: int) -> None:
-        self.questions.put(number)
+        try:
+            self.questions.put_nowait(number)
+        except queue.Full:
+            pass  # the agent takes no answer for a lost connection
 
     def answer_questions(self) -> None:
         master = self.new_master()
@@ -211,26 +279,28 @@ class Node:
             speaking, listening, serving = master.getSystemState()
             kinds = dict(master.getTopicTypes())  # after it: whoever has just come has a type
             for which, topics in ((2, speaking), (1, listening)):
-                for topic, nodes in topics:
+                for topic, names in topics:
                     entry = found.setdefault(
                         topic, [[kinds[topic]] if topic in kinds else [], 0, 0]
                     )
-                    entry[which] += len([node for node in nodes if node != own])
+                    entry[which] += len([name for name in names if name != own])
             if self.driving:  # the master knows a topic by the type of who published last: ours
                 wanted = sorted(set(self.refused.get(driving, {}).values()) - {""})
                 entry = found.setdefault(driving, [[], 0, 0])
                 entry[0] = wanted
                 self.call_again(bool(entry[1]) and not wanted)
-            names = {
-                node for each in (speaking, listening, serving) for _, at in each for node in at
+            running_names = {
+                name for each in (speaking, listening, serving) for _, at in each for name in at
             }
-            self.look_up(master, names - {own})
+            self.look_up(master, running_names - {own})
             nodes = {
                 "nodes": self.others,
-                "forgotten": running({name: old[name] for name in old if name not in names}),
+                "forgotten": running(
+                    {name: old[name] for name in old if name not in running_names}
+                ),
             }
         except self.unreachable:
-            pass  # watch_master says so
+            pass  # watch_master reports it
         self.say(op="response", number=number, topics=found, **nodes)
 
     def call_again(self, wanted: bool) -> None:
@@ -242,7 +312,7 @@ class Node:
         alone = publisher is not None and wanted and not publisher.get_num_connections()
         if alone and self.was_alone:
             name, uri = self.rospy.get_name(), self.rospy.get_node_uri()
-            self.own_master(name).registerPublisher(topic, publisher.type, uri)
+            self.own_master(caller=name).registerPublisher(topic, publisher.type, uri)
         self.was_alone = alone
 
     def look_up(self, master: Any, names: Any) -> None:
@@ -256,24 +326,32 @@ class Node:
         self.others = known
 
     def do_publish(self, topic: str, content: Any) -> None:
-        """Publish once somebody hears: what rospy publishes before its first subscriber has
+        """Publish once there is a subscriber: what rospy publishes before the first one has
         connected is lost.
         """
         publisher, waiting = self.publishers[topic], self.waiting.setdefault(topic, [])
         message = self.filled(publisher.data_class(), content)
+        self.guard.published(topic, message)
         if not waiting and publisher.get_num_connections():
             publisher.publish(message)
             return
+        if len(waiting) >= MAX_QUEUED:
+            return
         waiting.append(message)
         if len(waiting) == 1:
-            threading.Thread(target=self.hand_over, args=(publisher, waiting), daemon=True).start()
+            threading.Thread(
+                target=self.hand_over, args=(topic, publisher, waiting), daemon=True
+            ).start()
 
-    def hand_over(self, publisher: Any, waiting: Any) -> None:
+    def hand_over(self, topic: str, publisher: Any, waiting: Any) -> None:
         deadline = time.monotonic() + HEARING
         while not publisher.get_num_connections() and time.monotonic() < deadline:
             time.sleep(GLANCE)
         while waiting:
-            publisher.publish(waiting[0])
+            if publisher.get_num_connections() and self.guard.permits(topic):
+                publisher.publish(waiting[0])
+            else:
+                self.guard.lost(topic)
             waiting.pop(0)
 
     def do_drive(self, topic: str, content: Any, *, moving: bool, at: float) -> None:
@@ -281,6 +359,7 @@ class Node:
             return
         publisher = self.publishers[topic]
         publisher.publish(self.filled(publisher.data_class(), content))
+        self.guard.starting = self.guard.starting and not moving
         self.driven = (topic, time.monotonic()) if moving else None
 
     def do_subscribe(self, topic: str, kind: str, period: float) -> None:
@@ -295,22 +374,27 @@ class Node:
             if now < due[0]:
                 return
             due[0] = now + period
-            try:
-                self.say(op="publish", topic=topic, content=self.plain(content))
-            except OSError:
-                pass  # the agent is gone, which run() notices
+            self.say(op="publish", topic=topic, content=self.plain(content))
 
         self.subscribers.append(
             self.rospy.Subscriber(topic, message, heard, queue_size=2, tcp_nodelay=True)
         )
 
-    def do_call(self, number: int, service: str, kind: str) -> None:
-        threading.Thread(target=self.call, args=(number, service, kind), daemon=True).start()
+    def do_call(self, number: int, service: str, kind: str, arguments: Any = None) -> None:
+        self.guard.called(service)
+        threading.Thread(
+            target=self.call, args=(number, service, kind, arguments or {}), daemon=True
+        ).start()
 
-    def call(self, number: int, service: str, kind: str) -> None:
+    def call(self, number: int, service: str, kind: str, arguments: Any) -> None:
         try:
             self.rospy.wait_for_service(service, timeout=2.0)
-            answer = self.rospy.ServiceProxy(service, self.roslib.message.get_service_class(kind))()
+        except self.rospy.ROSException as error:
+            self.say(op="response", number=number, problem=str(error), absent=True)
+            return
+        try:
+            proxy = self.rospy.ServiceProxy(service, self.roslib.message.get_service_class(kind))
+            answer = proxy(**arguments)
             self.say(op="response", number=number, values=self.plain(answer))
         except (self.rospy.ROSException, self.rospy.ServiceException) as error:
             self.say(op="response", number=number, problem=str(error) or type(error).__name__)
@@ -330,6 +414,11 @@ class Node:
             driven = self.driven
             if driven is not None and time.monotonic() - driven[1] > SILENCE:
                 self.stand()
+
+    def publish_zero(self) -> None:
+        publisher = self.publishers.get(self.driving)
+        if publisher is not None:
+            publisher.publish(standing(publisher.data_class))
 
     def stand(self) -> None:
         driven, self.driven = self.driven, None
@@ -353,9 +442,16 @@ class Node:
                 was_known = known
             except self.unreachable as error:
                 problem = "the ROS master at " + self.uri + " is gone: " + str(error)
-        self.stand()
         self.say(op="lost", reason=problem)
-        os._exit(1)
+        self.leave()
+        self.exit(1)
+
+    def exit(self, code: int) -> None:
+        """End this process: rospy's threads would wait for a master that may be gone."""
+        deadline = time.monotonic() + FAREWELL
+        while self.outgoing.unfinished_tasks and time.monotonic() < deadline:
+            time.sleep(GLANCE)
+        os._exit(code)
 
     def is_known(self) -> bool:
         """Tell whether the master knows this node."""
@@ -396,6 +492,177 @@ class Node:
             else:
                 setattr(message, name, value)
         return message
+
+
+class Guard:
+    """Stops what the robot's own navigation does for the agent, when the agent is lost.
+
+    Two facts decide: `alone`, whether the agent's heartbeat has stopped, and `busy`, what of ours
+    has not ended: goals in the status of the action server that have our prefix, goals that were
+    sent and are not listed yet, and a docking. A goal of an earlier node is cancelled in any case.
+    """
+
+    def __init__(self, node: Any) -> None:
+        self.node = node
+        self.action = self.cancel_dock = self.docks = ""
+        self.linear = self.angular = 0.0
+        self.beaten_at = time.monotonic()
+        self.closed = False  # the agent will not continue
+        self.starting = False  # goals of an earlier node are being ended
+        self.sent: Any = {}  # our goals that have not ended: whether they were listed
+        self.found: Any = {}  # goals of earlier nodes that have not ended
+        self.cancelled_at = 0.0
+        self.docking = False
+        self.dock_call: Any = None
+        self.moved_at = self.measured_at = time.monotonic()
+        self.server_seen_at: Any = None
+        self.status: Any = None
+        self.publisher: Any = None
+        self.rest = threading.Event()
+
+    def begin(self, **settings: Any) -> None:
+        """Take what to guard, and end what an earlier node has left."""
+        from actionlib_msgs.msg import GoalID, GoalStatusArray
+        from nav_msgs.msg import Odometry
+
+        rospy = self.node.rospy
+        self.linear, self.angular = settings["linear"], settings["angular"]
+        self.cancel_dock = settings["cancel_dock"]
+        self.starting, self.docking = True, bool(self.cancel_dock)
+        rospy.Subscriber(settings["odom"], Odometry, self.measured, queue_size=2, tcp_nodelay=True)
+        if settings["kind"] == "move_base":
+            self.action, self.kind_of_id = settings["action"], GoalID
+            self.publisher = rospy.Publisher(self.action + "/cancel", GoalID, queue_size=10)
+            self.status = rospy.Subscriber(self.action + "/status", GoalStatusArray, self.listed)
+
+    @property
+    def alone(self) -> bool:
+        return self.closed or time.monotonic() - self.beaten_at > HEARTBEAT
+
+    @property
+    def busy(self) -> bool:
+        return bool(self.found or self.sent or self.docking)
+
+    def permits(self, topic: str) -> bool:
+        """Return whether a message that waited may still be published: a goal only for an agent
+        that lives.
+        """
+        return topic != self.action + "/goal" or not self.alone
+
+    def published(self, topic: str, message: Any) -> None:
+        if self.action and topic == self.action + "/goal":
+            self.sent[message.goal_id.id] = False
+            self.starting = False
+
+    def lost(self, topic: str) -> None:
+        """Take it that a message was not published: a goal then never runs."""
+        if topic == self.action + "/goal":
+            self.sent.clear()
+            self.node.say(op="gone")
+
+    def called(self, service: str) -> None:
+        if self.cancel_dock and service != self.cancel_dock:
+            self.docking = True
+            self.starting = False
+
+    def measured(self, odometry: Any) -> None:
+        twist, now = odometry.twist.twist, time.monotonic()
+        self.measured_at = now
+        if abs(twist.linear.x) > self.linear or abs(twist.angular.z) > self.angular:
+            self.moved_at = now
+
+    def listed(self, message: Any) -> None:
+        """Take the action server's status, which lists each goal that has not ended."""
+        listed = {each.goal_id.id: each.status for each in message.status_list}
+        for goal, status in listed.items():
+            if status in ENDED:
+                self.sent.pop(goal, None)
+                self.found.pop(goal, None)
+            elif goal in self.sent:
+                self.sent[goal] = True
+            elif goal.startswith(OURS):
+                self.found[goal] = True
+        for goals in (self.sent, self.found):
+            for goal in [each for each, seen in list(goals.items()) if seen and each not in listed]:
+                goals.pop(goal, None)  # the server was restarted
+
+    def run(self) -> None:
+        while True:
+            time.sleep(GUARD_PERIOD)
+            try:
+                self.look(time.monotonic())
+            except self.node.rospy.ROSException:
+                pass  # a publisher was closed meanwhile
+
+    def look(self, now: float) -> None:
+        self.watch_server(now)
+        acts = self.alone or self.starting
+        if (acts and self.busy) or self.found:
+            self.cancel(now, docking=acts and self.docking)
+        at_rest = now - self.moved_at > AT_REST or now - self.measured_at > STALE
+        if acts and (self.busy or not at_rest):
+            self.node.publish_zero()
+            self.rest.clear()
+        else:
+            self.starting = False
+            self.rest.set()
+
+    def watch_server(self, now: float) -> None:
+        """Take it that goals have ended with a server whose connection is lost."""
+        if self.status is None:
+            return
+        if self.status.get_num_connections():
+            self.server_seen_at = now
+        elif self.server_seen_at is not None and now - self.server_seen_at > SERVER_GONE:
+            self.server_seen_at = None
+            self.sent.clear()
+            self.found.clear()
+            self.node.say(op="gone")
+
+    def cancel(self, now: float, *, docking: bool) -> None:
+        """Cancel all that has not ended, every CANCEL_AGAIN seconds."""
+        if now - self.cancelled_at < CANCEL_AGAIN:
+            return
+        self.cancelled_at = now
+        for goal in set(self.found) | (set(self.sent) if self.alone else set()):
+            self.publisher.publish(self.kind_of_id(id=goal))
+        if docking and (self.dock_call is None or not self.dock_call.is_alive()):
+            self.dock_call = threading.Thread(target=self.call_cancel_dock, daemon=True)
+            self.dock_call.start()
+
+    def call_cancel_dock(self) -> None:
+        from std_srvs.srv import Trigger
+
+        rospy = self.node.rospy
+        try:
+            rospy.wait_for_service(self.cancel_dock, timeout=1.0)
+        except rospy.ROSException:
+            self.docking = False  # no docking server is there
+            return
+        try:
+            rospy.ServiceProxy(self.cancel_dock, Trigger)()
+            self.docking = False
+        except rospy.ServiceException:
+            pass  # it is called again
+
+    def finish(self) -> None:
+        """Return when all of ours has ended and the robot is at rest, or another node of ours
+        guards it.
+        """
+        self.closed = True
+        self.rest.clear()
+        while not self.rest.wait(MASTER_PERIOD) and not self.is_replaced():
+            pass
+
+    def is_replaced(self) -> bool:
+        """Return whether a newer node of ours publishes velocities."""
+        try:
+            publishing = dict(self.node.new_master().getSystemState()[0])
+        except self.node.unreachable:
+            return False
+        own = self.node.rospy.get_name()
+        others = publishing.get(self.node.driving, ())
+        return any(name > own for name in others if name.rsplit("/", 1)[-1].startswith(NODE_NAME))
 
 
 def running(nodes: Any) -> Any:
@@ -461,7 +728,8 @@ def main(make: Any = Node) -> int:
             + str(error),
         )
     node.run()
-    os._exit(0)  # rospy's threads would wait for a master that may be gone
+    node.exit(0)
+    return 0
 
 
 def refuse(connection: Any, reason: str) -> int:

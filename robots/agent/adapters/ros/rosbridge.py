@@ -10,6 +10,8 @@ import itertools
 import json
 import math
 import re
+import secrets
+import time
 from collections.abc import Callable, Iterable, Mapping
 from typing import Annotated, Any
 from urllib.parse import urlsplit
@@ -21,9 +23,11 @@ from msgspec import Meta
 from robots.agent.adapters.common.robot_profile import load_profile, settings_of
 from robots.agent.adapters.common.send_slots import SendSlots
 from robots.agent.adapters.common.sockets import make_prompt
-from robots.agent.adapters.ros.base import DONE, Goals, Handler, RosAdapter, RosOptions
+from robots.agent.adapters.ros.base import RosAdapter, RosOptions
+from robots.agent.adapters.ros.bus import Goals, Handler
 from robots.agent.adapters.ros.graph import Graph, TopicPeers
-from robots.agent.robot_interface import AdapterError
+from robots.agent.robot_interface import ActionRefusedError, AdapterError
+from robots.api.messages import ActionState
 
 try:
     from websockets.asyncio.client import ClientConnection, connect
@@ -39,6 +43,14 @@ ESTABLISHED = re.compile(r"established with type (\S+)")
 CLOSING = 1.0
 LARGEST = 16 << 20  # bytes of a message: maps and clouds that nobody asked for are larger
 PING = 2.0  # seconds between pings, and until one counts as lost
+PROBE_PERIOD = 0.1  # seconds between two probes until the first comes back
+BLOCKED = 1.0  # seconds of a goal or a service call, after which rosbridge's queue is blocked
+CANCEL_TIME = 1.0
+CANCEL_AGAIN = 0.5
+IDLE = 1.0  # seconds without an active goal, after which a cancelled one never starts
+ENDED: dict[int, ActionState] = {4: "FINISHED", 5: "CANCELLED", 6: "FAILED"}
+ACTIVE = frozenset({1, 2, 3})  # action_msgs/GoalStatus: accepted, executing, cancelling
+NEW_THREAD = "send_action_goals_in_new_thread"
 
 log = structlog.stdlib.get_logger(__name__)
 
@@ -63,23 +75,48 @@ def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
             "url must be the address of rosbridge, such as ws://192.168.1.30:9090 or"
             f" wss://host:port, not {settings.url!r}"
         )
-    return RosAdapter(
-        robot,
-        settings,
-        RosbridgeBus(settings.url, settings.version),
-        f"ROS {settings.version} (rosbridge)",
-    )
+    uses_nav2 = settings.version == 2 and settings.navigation in {"", "nav2"}
+    if settings.version == 1 and settings.navigation == "nav2":
+        raise AdapterError("rosbridge supports actions of ROS 2 only; set navigation=move_base")
+    navigate = settings.resolved().navigate if uses_nav2 else ""
+    bus = RosbridgeBus(settings.url, settings.version, navigate)
+    return RosAdapter(robot, settings, bus, f"ROS {settings.version} (rosbridge)")
 
 
 class RosbridgeBus:
-    """See ros.Bus."""
+    """See bus.Bus. `navigate` is Nav2's action, "" without it.
+
+    rosbridge_server puts each message of a client into a queue that a thread works off in order
+    (websocket_handler.py, IncomingQueue), while Tornado's loop answers the WebSocket's pings. So
+    the probe is a message on a topic of its own that comes back through the same queue and through
+    ROS.
+
+    rosbridge gives a goal its id and cancels none of another client (send_action_goal.py), so goals
+    are cancelled by the action's own cancel service: all of them, because ours cannot be told from
+    others.
+    """
 
     answers = True
-    forgotten: tuple[str, ...] = ()  # rosbridge says nothing of nodes
+    advice = ""
+    guards = False
+    connect_time: float | None = None
+    problems: tuple[str, ...] = ()
+    forgotten: tuple[str, ...] = ()  # rosbridge reports no nodes
 
-    def __init__(self, url: str, version: int) -> None:
+    def __init__(self, url: str, version: int, navigate: str = "") -> None:
         self.version, self.place = version, f"rosbridge at {url}"
         self._url = url
+        self._navigate = navigate
+        self._lost: Callable[[str], None] = lambda _reason: None
+        self._probe_topic = ""
+        self._probe_sent = self._probe_came = 0
+        self._probe_event = asyncio.Event()
+        self._sent: set[str] = set()  # our goals that have not ended
+        self._idle_since: dict[str, float] = {}  # by goal: since when no goal is active
+        self._active: frozenset[str] = frozenset()  # active goals by the action's status
+        self._leftovers = False  # whether a goal of before this connection may be active
+        self._blocking = ""  # why goals are refused
+        self._work: set[asyncio.Task[None]] = set()
         self._outgoing: SendSlots[dict[str, Any]] = SendSlots()
         self._handlers: dict[str, Handler] = {}
         self._calls: dict[str, asyncio.Future[dict[str, Any]]] = {}
@@ -98,7 +135,7 @@ class RosbridgeBus:
         Raises:
             AdapterError: nobody is there, or it is no rosbridge.
         """
-        self._goals = goals
+        self._goals, self._lost = goals, lost
         self._outgoing.clear()
         self._handlers.clear()
         self._graph = None
@@ -114,31 +151,68 @@ class RosbridgeBus:
                 compression=None,
             )
         except (OSError, WebSocketException, TimeoutError) as error:
-            raise AdapterError(
-                f"{self.place} does not answer: {error or type(error).__name__}"
-            ) from error
+            reason = str(error) or type(error).__name__
+            raise AdapterError(f"{self.place} does not answer: {reason}") from error
         make_prompt(self._socket.transport.get_extra_info("socket"))
         self._task = asyncio.ensure_future(self._serve(self._socket, lost))
+        if self._navigate:
+            await self._open_navigation()
+        await self._open_probe()
+
+    def guard(self, settings: dict[str, Any]) -> None:
+        """Do nothing: nothing runs on the robot's side."""
+
+    async def _open_probe(self) -> None:
+        """Wait until a probe comes back: ROS loses what is published before both ends have met."""
+        self._probe_topic = f"/telepresence_probe/p{secrets.token_hex(4)}"
+        self._probe_sent = self._probe_came = 0
+        kind = "std_msgs/UInt32"
+        self.advertise(self._probe_topic, kind)
+        self.subscribe(self._probe_topic, kind, self._take_probe)
+        while self._probe_came == 0:
+            self._probe()
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(PROBE_PERIOD):
+                    await self._wait_for_probe(1)
+
+    def _probe(self) -> int:
+        self._probe_sent += 1
+        self.publish(self._probe_topic, {"data": self._probe_sent})
+        return self._probe_sent
+
+    def _take_probe(self, message: dict[str, Any]) -> None:
+        self._probe_came = max(self._probe_came, int(message.get("data", 0)))
+        self._probe_event.set()
+
+    async def _wait_for_probe(self, number: int) -> None:
+        while self._probe_came < number:
+            self._probe_event.clear()
+            await self._probe_event.wait()
 
     async def ask(self) -> None:
-        """Wait until rosbridge answers a ping of the WebSocket, and no service call keeps it from
-        what it is told.
-
-        It works off what a client says one after the other, and a service call as long as it takes
-        (call_service.py).
+        """Wait until a probe has come back through rosbridge's queue.
 
         Raises:
-            AdapterError: it is gone.
+            AdapterError: the connection is lost.
         """
-        while self._calls:
-            await asyncio.wait(self._calls.values())
         if self._socket is None:
             raise AdapterError(f"the connection to {self.place} is lost")
+        await self._wait_for_probe(self._probe())
+
+    def _watch_queue(self, reason: str) -> None:
+        """Give up a connection of which the queue is blocked: not even a cancel would pass."""
+        task = asyncio.ensure_future(self._prove_queue(reason))
+        self._work.add(task)
+        task.add_done_callback(self._work.discard)
+
+    async def _prove_queue(self, reason: str) -> None:
         try:
-            await (await self._socket.ping())
-        except (OSError, WebSocketException) as error:
-            why = getattr(error, "strerror", None) or error
-            raise AdapterError(f"the connection to {self.place} is lost: {why}") from error
+            async with asyncio.timeout(BLOCKED):
+                await self.ask()
+        except TimeoutError:
+            self._lost(f"{self.place} is blocked by {reason}")
+        except AdapterError:
+            pass  # its reader has reported it
 
     def cut(self) -> None:
         """Reset the connection."""
@@ -147,6 +221,8 @@ class RosbridgeBus:
 
     async def shut(self) -> None:
         """Close the connection: rosbridge then forgets what we subscribed and advertised."""
+        for work in self._work:
+            work.cancel()
         task, self._task = self._task, None
         socket, self._socket = self._socket, None
         if socket is not None:
@@ -183,8 +259,8 @@ class RosbridgeBus:
         while True:
             text = await socket.recv()
             try:
-                message = msgspec.json.decode(_plain(text))
-            except (msgspec.DecodeError, ValueError, RecursionError) as error:
+                message = _decoded(text)
+            except (ValueError, RecursionError) as error:
                 log.warning("rosbridge_message_malformed", extra={"reason": str(error)})
                 continue
             if isinstance(message, dict):
@@ -209,14 +285,17 @@ class RosbridgeBus:
 
     def _goal_ended(self, name: str, message: dict[str, Any]) -> None:
         assert self._goals is not None
-        status = DONE[2].get(message.get("status", 0), "FAILED")
-        if message.get("result") is False and status == "FINISHED":
-            status = "FAILED"
-        values = message.get("values")
-        reason = values if isinstance(values, str) else ""
-        self._goals.ended(
-            name, status, "" if status == "FINISHED" else reason or "navigation gave up"
-        )
+        status, values = message.get("status"), message.get("values")
+        reason = values if isinstance(values, str) and values else "navigation gave up"
+        if message.get("result") is False or status not in ENDED:
+            self._goals.failed(name, reason)  # rosbridge has failed; the goal may run
+            return
+        self._forget(name)
+        self._goals.ended(name, ENDED[status], "" if status == 4 else reason)
+
+    def _forget(self, name: str) -> None:
+        self._sent.discard(name)
+        self._idle_since.pop(name, None)
 
     def subscribe(
         self,
@@ -225,11 +304,12 @@ class RosbridgeBus:
         handler: Handler,
         *,
         latched: bool = False,
+        either: bool = False,
         sensor: bool = False,
         period: float = 0.0,
     ) -> None:
-        """Hear a topic: of each only the newest, for what waits is old."""
-        del latched, sensor  # rosbridge takes the publisher's quality of service
+        """Subscribe to a topic; of messages that wait only the newest is kept."""
+        del latched, either, sensor  # rosbridge takes the publisher's quality of service
         self._handlers[topic] = handler
         entry = {
             "op": "subscribe",
@@ -240,13 +320,16 @@ class RosbridgeBus:
         }
         self._outgoing.say(entry | {"throttle_rate": round(period * 1000)})
 
-    def advertise(self, topic: str, kind: str, *, drives: bool = False) -> None:
-        """Say what will be published; of velocities rosbridge is to keep only the newest."""
+    def advertise(
+        self, topic: str, kind: str, *, drives: bool = False, latch: bool = False
+    ) -> None:
+        """Advertise a topic; of velocities rosbridge keeps only the newest."""
         entry = {
             "op": "advertise",
             "id": f"a{next(self._ids)}",
             "topic": topic,
             "type": self._type(kind),
+            "latch": latch,
         }
         self._advertised[topic] = entry | ({"queue_size": 1} if drives else {})
         self._say_advertised(self._advertised[topic])
@@ -334,13 +417,18 @@ class RosbridgeBus:
         else:
             self._outgoing.say(letter)
 
-    async def call(self, service: str, kind: str) -> tuple[bool, str]:
+    async def call(
+        self, service: str, kind: str, arguments: dict[str, Any] | None = None
+    ) -> tuple[bool, str]:
         """Call a service.
 
         Raises:
-            AdapterError: there is none, or no answer.
+            ActionRefusedError: it does not exist.
+            AdapterError: no answer, or an error.
         """
-        values = await self._values(service, {}, ANSWER_TIME, kind)
+        answering = asyncio.ensure_future(self._values(service, arguments or {}, ANSWER_TIME, kind))
+        self._watch_queue(f"the service {service}: set call_services_in_new_thread to true")
+        values = await answering
         return bool(values.get("success")), str(values.get("message", ""))
 
     async def _values(
@@ -359,30 +447,107 @@ class RosbridgeBus:
             self._calls.pop(number, None)
         values = response.get("values")
         if response.get("result") is False or not isinstance(values, dict):
-            raise AdapterError(f"{service} cannot be called: {values}")
+            # internal/services.py, InvalidServiceException
+            is_absent = isinstance(values, str) and "does not exist" in values
+            kind_of_error = ActionRefusedError if is_absent else AdapterError
+            raise kind_of_error(f"{service} cannot be called: {values}")
         return values
+
+    # --- Nav2 -------------------------------------------------------------------------------------
+
+    async def _open_navigation(self) -> None:
+        """Cancel what an earlier connection has left, and refuse a rosbridge that a goal blocks."""
+        self._idle_since.clear()
+        self._active = frozenset()
+        self._leftovers = False
+        topic, kind = f"{self._navigate}/_action/status", "action_msgs/GoalStatusArray"
+        self.subscribe(topic, kind, self._take_status, latched=True)
+        self._leftovers = True
+        with contextlib.suppress(AdapterError):
+            self._leftovers = await self._cancel_all()
+        if self._leftovers:
+            task = asyncio.ensure_future(self._cancel_leftovers())
+            self._work.add(task)
+            task.add_done_callback(self._work.discard)
+        self._blocking = await self._why_blocking()
+        if self._blocking:
+            raise AdapterError(self._blocking)
+
+    async def _why_blocking(self) -> str:
+        arguments = {"name": f"/rosbridge_websocket:{NEW_THREAD}", "default": ""}
+        with contextlib.suppress(AdapterError):
+            values = await self._values("/rosapi/get_param", arguments, ROSAPI_TIME)
+            if str(values.get("value")).lower() == "false":
+                return f"{self.place} would be blocked by each goal: set its {NEW_THREAD} to true"
+        return ""
+
+    async def _cancel_all(self) -> bool:
+        """Cancel all goals of Nav2 (an id and a time of zero, action_msgs/CancelGoal); return
+        whether one may be active.
+
+        Raises:
+            AdapterError: the service does not answer.
+        """
+        try:
+            service = f"{self._navigate}/_action/cancel_goal"
+            values = await self._values(service, {}, CANCEL_TIME)
+        except ActionRefusedError:
+            return False  # Nav2 does not run
+        return bool(values.get("goals_canceling") or self._active)
+
+    async def _cancel_leftovers(self) -> None:
+        while self._leftovers:
+            await asyncio.sleep(CANCEL_AGAIN)
+            with contextlib.suppress(AdapterError):
+                self._leftovers = await self._cancel_all()
+
+    def _take_status(self, message: dict[str, Any]) -> None:
+        self._active = frozenset(
+            str(entry.get("goal_info", {}).get("goal_id", {}).get("uuid"))
+            for entry in message.get("status_list", ())
+            if entry.get("status") in ACTIVE
+        )
+        if self._active and self._goals is not None:
+            for name in self._sent:
+                self._goals.accepted(name)
 
     def send_goal(self, action: str, kind: str, goal: dict[str, Any], name: str) -> None:
         """Send a goal.
 
         Raises:
-            AdapterError: ROS 1 has its actions on topics.
+            ActionRefusedError: an earlier one has not ended.
+            AdapterError: the connection takes no message.
         """
-        if self.version == 1:
-            raise AdapterError("rosbridge supports actions of ROS 2 only; set navigation=move_base")
-        entry = {
-            "op": "send_action_goal",
-            "id": name,
-            "action": action,
-            "action_type": self._type(kind, "action"),
-            "args": goal,
-            "feedback": True,
-        }
-        self._outgoing.say(entry)
+        if self._leftovers:
+            raise ActionRefusedError("navigation has not ended an earlier goal")
+        self._sent.add(name)
+        self._outgoing.say(
+            {
+                "op": "send_action_goal",
+                "id": name,
+                "action": action,
+                "action_type": self._type(kind, "action"),
+                "args": goal,
+                "feedback": True,
+            }
+        )
+        self._watch_queue(f"the goal: set its {NEW_THREAD} to true")
 
-    def cancel_goal(self, action: str, name: str) -> None:
-        """Take a goal back."""
+    async def cancel_goal(self, action: str, name: str) -> bool:
+        """Cancel a goal, by its id and by the cancel service; True when its result has arrived, or
+        no goal has been active for a second: one that was rejected has no result
+        (internal/actions.py, SendGoal.goal_response_cb).
+        """
+        if name not in self._sent:
+            return True
         self._outgoing.say({"op": "cancel_action_goal", "id": name, "action": action})
+        if await self._cancel_all():
+            self._idle_since.pop(name, None)
+            return False
+        if time.monotonic() - self._idle_since.setdefault(name, time.monotonic()) < IDLE:
+            return False
+        self._forget(name)
+        return True
 
     def _type(self, kind: str, group: str = "msg") -> str:
         return kind if self.version == 1 else kind.replace("/", f"/{group}/")
@@ -401,12 +566,16 @@ def _short(kind: str) -> str:
     return str(kind).replace("/msg/", "/")
 
 
-def _plain(text: str | bytes) -> bytes:
-    """Return JSON without what is none: older rosbridges write NaN and Infinity."""
-    data = text.encode() if isinstance(text, str) else text
-    if b"NaN" in data or b"Infinity" in data:
-        return json.dumps(_nulled(json.loads(data))).encode()
-    return data
+def _decoded(text: str | bytes) -> Any:
+    """Read JSON; older rosbridges write NaN and Infinity, which are read as None.
+
+    Raises:
+        ValueError: it is none.
+    """
+    try:
+        return msgspec.json.decode(text)
+    except msgspec.DecodeError:
+        return _nulled(json.loads(text))
 
 
 def _nulled(value: Any) -> Any:

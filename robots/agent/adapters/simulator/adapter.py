@@ -13,6 +13,7 @@ Longer than most files: it is every member of the contract, in its order.
 import asyncio
 import contextlib
 import dataclasses
+import math
 import subprocess
 import time
 from collections import deque
@@ -27,9 +28,11 @@ from robots.agent.adapters.common.progress_queue import ProgressQueue
 from robots.agent.adapters.common.robot_profile import nearest
 from robots.agent.adapters.simulator.child import end, launch
 from robots.agent.adapters.simulator.media import SimulatorCamera, SimulatorMicrophone
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import (
     NOWHERE,
     ActionProgress,
+    ActionRefusedError,
     AdapterError,
     AudioSource,
     Profile,
@@ -70,7 +73,8 @@ NUMBERS: dict[str, tuple[Callable[[Any], float], str]] = {
 }
 SENSORS = ("laser", "sonar", "bumper")
 GREETING_TIME = 4.0
-SILENCE = 1.0  # the simulator speaks fifty times a second
+SILENCE = 1.0  # s; a state comes 50 times a second
+FRESH = 0.25  # s that a state permits another velocity
 BACKLOG = 64 << 10
 TILT_REACHED = 0.005
 LONGEST_TILT = 15.0
@@ -215,6 +219,8 @@ class SimulatorAdapter:
         self._odometry: Pose2D | None = None
         self._distance = 0.0
         self._truth: wire.Truth | None = None
+        self._truth_at = -math.inf  # monotonic
+        self._sent, self._may_move = ZERO, False
         self._tilting: _Tilting | None = None
         self._doors: dict[str, Any] = {}
         self._camera: SimulatorCamera | None = None
@@ -244,6 +250,8 @@ class SimulatorAdapter:
             self._address = await self._find()
             reader, writer = await self._greet(self._address)
         self._writer, self._failure = writer, ""
+        # an earlier connection may have driven
+        writer.write(framing.pack(wire.DriveOrder(0.0, 0.0)))
         writer.write(framing.pack(wire.SetDoors(self._doors)))
         self._reading = asyncio.create_task(self._read(reader))
         log.info("simulator_connected", address=self.address)
@@ -258,7 +266,8 @@ class SimulatorAdapter:
                 welcome = await wire.read_answer(reader)
         except (OSError, TimeoutError, asyncio.IncompleteReadError, framing.WireError) as error:
             raise AdapterError(
-                f"the simulator at {self.address} does not answer: {error or type(error).__name__}"
+                f"the simulator at {self.address} does not answer: "
+                f"{str(error) or type(error).__name__}"
             ) from error
         if not isinstance(welcome, wire.SimulatorWelcome) or welcome.series != self.profile.series:
             writer.close()
@@ -269,30 +278,42 @@ class SimulatorAdapter:
         return reader, writer
 
     def apply(self, velocity: Velocity) -> Velocity:
-        """Send a velocity, within the base's limits.
+        """Send a velocity within the base's limits; return the one that was last sent.
+
+        A simulator that hangs executes what is in its socket when it goes on. So each state permits
+        one velocity that moves, and when states stop coming, a zero follows.
 
         Raises:
             AdapterError: the simulator is gone, or does not read any more.
         """
         limits = self.profile.limits
-        linear = min(max(velocity.linear, -limits.reverse), limits.linear)
-        angular = min(max(velocity.angular, -limits.angular), limits.angular)
-        self._say(wire.DriveOrder(linear, angular))
-        return Velocity(linear=linear, angular=angular)
+        wanted = Velocity(
+            linear=min(max(velocity.linear, -limits.reverse), limits.linear),
+            angular=min(max(velocity.angular, -limits.angular), limits.angular),
+        )
+        if time.monotonic() - self._truth_at > FRESH:
+            wanted = ZERO
+        if wanted == ZERO or self._may_move:
+            self._say(wire.DriveOrder(wanted.linear, wanted.angular))
+            self._sent, self._may_move = wanted, False
+        elif self._failure:
+            raise AdapterError(self._failure)
+        return self._sent
 
     async def start(self, action: Action) -> None:
         """Tilt the head.
 
         Raises:
-            AdapterError: this robot cannot do that, or not so far.
+            ActionRefusedError: this robot cannot do that, or not so far.
+            AdapterError: the simulator is gone.
         """
         if not isinstance(action, Tilt) or self.profile.tilt is None:
-            raise AdapterError(
+            raise ActionRefusedError(
                 f"{self.profile.series} does not support {type(action).__name__.lower()}"
             )
         low, high = self.profile.tilt.minimum, self.profile.tilt.maximum
         if not low <= action.angle <= high:
-            raise AdapterError(
+            raise ActionRefusedError(
                 f"the head can tilt from {low:g} to {high:g} rad, not to {action.angle:g}"
             )
         self._say(wire.TiltTo(action.angle))
@@ -300,12 +321,13 @@ class SimulatorAdapter:
         self._tilting = _Tilting(action.action_id, action.angle, time.monotonic() + LONGEST_TILT)
         self._progress.put(ActionProgress(action.action_id, "RUNNING"))
 
-    async def cancel(self, action_id: str) -> None:
-        """Leave the head where it is."""
+    async def cancel(self, action_id: str) -> bool:
+        """Stop the head where it is. No action of the simulator's own moves the base."""
         if self._tilting is not None and self._tilting.action_id == action_id:
             if self._truth is not None:
                 self._say(wire.TiltTo(self._truth.tilt))
             self._end_tilt("CANCELLED", "cancelled")
+        return True
 
     async def states(self) -> AsyncIterator[RcaState]:
         """Yield states, 50 a second; a slow reader misses the oldest.
@@ -313,7 +335,7 @@ class SimulatorAdapter:
         Raises:
             AdapterError: the simulator is gone, or silent for a second.
         """
-        while len(self._states) > 1:  # nobody wants to know what was while nobody listened
+        while len(self._states) > 1:  # only the newest counts of those that were not read
             self._states.popleft()
         while True:
             while self._states:
@@ -358,11 +380,11 @@ class SimulatorAdapter:
             return
         self._doors = dict(config.doors)
         if not self._failure:
-            with contextlib.suppress(AdapterError):  # they are said again on the next connection
+            with contextlib.suppress(AdapterError):  # they are sent again on the next connection
                 self._say(wire.SetDoors(self._doors))
 
     async def close(self) -> None:
-        """Brake, wait for the stand, and end the simulator if it is ours."""
+        """Brake to standstill, and end the simulator if it is ours."""
         for source in (self._camera, self._microphone):
             if source is not None:
                 source.stop()
@@ -401,6 +423,7 @@ class SimulatorAdapter:
             self._writer = None
         self._states.clear()
         self._truth = self._odometry = None
+        self._truth_at, self._may_move = -math.inf, False
         self._distance = 0.0
         self._end_tilt("FAILED", "the simulator is gone")
 
@@ -426,7 +449,7 @@ class SimulatorAdapter:
             async for body in framing.bodies(reader):
                 self._take(wire.unpack_answer(body))
         except (OSError, asyncio.IncompleteReadError, framing.WireError) as error:
-            self._failure = f"the simulator is gone: {error}"
+            self._failure = f"the simulator is gone: {str(error) or type(error).__name__}"
             log.warning("simulator_lost", extra={"reason": str(error)})
         finally:
             self._news.set()
@@ -434,7 +457,7 @@ class SimulatorAdapter:
     def _take(self, message: wire.FromSimulator) -> None:
         match message:
             case wire.Truth():
-                self._truth = message
+                self._truth, self._truth_at, self._may_move = message, time.monotonic(), True
                 self._states.append(self._state(message))
                 self._watch_tilt(message)
                 self._news.set()

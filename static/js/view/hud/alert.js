@@ -107,6 +107,9 @@ const robotAlert = (state) => {
   if (isCutOff(state)) {
     return null; // what it said of itself last may be over
   }
+  if (reports(robot, "runs_on")) {
+    return { word: "alert.runs_on", tone: "danger" };
+  }
   if (robot?.safety.estop) {
     return {
       word: robot.safety.estopSource?.startsWith("screen") ? "alert.estop_screen" : "alert.estop",
@@ -117,11 +120,18 @@ const robotAlert = (state) => {
     const isAway = standstillOf(robot) === "not_connected";
     return { word: isAway ? "alert.not_connected" : "alert.fault", tone: "danger" };
   }
+  if (reports(robot, "cancel")) {
+    return { word: "alert.cancel", tone: "busy" };
+  }
   const touched = touchedWord(robot?.safety.touched ?? []);
   return touched || robot?.safety.collision
     ? { word: touched || "alert.collision", tone: "busy" }
     : null;
 };
+
+/** @param {any} robot its state @param {string} code of an error @returns {boolean} */
+const reports = (robot, code) =>
+  Boolean(robot?.errors?.some((/** @type {string} */ error) => error.startsWith(`${code}: `)));
 
 /**
  * What happened, on which side, and the way out: a contact beside the robot keeps it from turning,

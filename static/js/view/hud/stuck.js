@@ -66,6 +66,9 @@ const robotSays = ({ safety, refused, errors }) => {
   if (safety.inhibited === "collision") {
     return { word: "stuck.contact" };
   }
+  if (safety.inhibited === "settling") {
+    return { word: "stuck.settling" };
+  }
   const [most] = Object.entries(refused ?? {})
     .sort(([, one], [, other]) => other - one)
     .filter(([reason]) => reason in REFUSALS);

@@ -38,15 +38,15 @@ def pauses(return_to_dock: ReturnToDock, seq: int) -> None:
     RobotPresence.objects.update(turnaround="returning", turnaround_reason="dock")
     heard = RobotLiveness()
     heard.take(words.state(seq, safety=m.Safety(estop=True)), NOW.timestamp())
-    list(return_to_dock.tick({"giraff": heard}, NOW))
+    list(return_to_dock.tick({"giraff": heard}, NOW, NOW.timestamp()))
 
 
 def test_owners_and_researchers_are_told_once_a_pause_and_the_reason_is_in_the_log(study):
     return_to_dock = ReturnToDock()
     pauses(return_to_dock, 1)
     RobotPresence.objects.update(turnaround="paused")
-    list(return_to_dock.tick({}, NOW))
-    list(return_to_dock.tick({}, NOW))
+    list(return_to_dock.tick({}, NOW, NOW.timestamp()))
+    list(return_to_dock.tick({}, NOW, NOW.timestamp()))
     assert [(message.bcc, message.to) for message in mail.outbox] == [
         (["olga@example.org", "rita@example.org"], [])
     ]

@@ -625,18 +625,16 @@ async def test_a_late_leave_ends_neither_what_moved_to_another_page_nor_the_visi
 
 
 async def test_a_connection_that_fails_leaves_nothing_behind(bridge, robot, ada, bob, monkeypatch):
-    from sessions.consumers.authorization import Authorization
-
     async with Page("giraff", bob) as other:
         page = Page("giraff", ada)
         await page.open()
         await page.take()
         await until_room(other, lambda authorization: authorization.driver == "Ada L.")
 
-        def fail(*_arguments):
+        def fail(*_arguments, **_frame):
             raise RuntimeError("a fault of ours")
 
-        monkeypatch.setattr(Authorization, "receive", fail)
+        monkeypatch.setattr(drive.RobotConsumer, "receive", fail)
         await page.say("session/leave", protocol.Leave())
         with pytest.raises(RuntimeError, match="a fault of ours"):
             await asyncio.wait_for(page.socket.future, patient(10))

@@ -72,11 +72,14 @@ class Situation:
         sent = now.timestamp() - trip
         echo = m.Echo(peer="server", n=self.seq, stamp=sent, received=sent + trip / 2)
         self.last_received.heartbeat(
-            m.Heartbeat(n=self.seq, stamp=sent + trip / 2, echoes=(echo,)), now.timestamp()
+            m.Heartbeat(n=self.seq, stamp=sent + trip / 2, echoes=(echo,)),
+            now.timestamp(),
+            now.timestamp(),
         )
 
     def look(self, now):
-        self.outbox.extend(self.return_to_dock.tick({"giraff": self.last_received}, now))
+        heard = {"giraff": self.last_received}
+        self.outbox.extend(self.return_to_dock.tick(heard, now, now.timestamp()))
         said = [codec.decode("command/action", one.payload, "to_robot") for one in self.outbox]
         self.outbox.clear()
         return said
@@ -110,6 +113,48 @@ def test_a_robot_that_was_left_somewhere_is_sent_home_by_the_server(giraff, ana,
     assert situation.look(after(42)) == []
     assert Robot.objects.get().presence.turnaround == "ready"
     assert SystemLog.objects.filter(event="robot_ready").count() == 1
+
+
+STOPPED = m.Safety(inhibited="stopped")
+
+
+def test_a_robot_that_is_stopped_on_its_way_is_ordered_nothing(giraff, ana, situation):
+    a_visit_ends(giraff, ana)
+    situation.says(after(1), docked=False)
+    (dock,) = situation.look(after(1))
+    cancelled = m.ActionStatus(action_id=dock.action_id, status="CANCELLED", stamp=1.0)
+    situation.last_received.answer(cancelled)
+    for second in range(2, 400):
+        situation.says(after(second), docked=False, safety=STOPPED)
+        assert situation.look(after(second)) == []
+    row = Robot.objects.get()
+    assert (row.turnaround, row.turnaround_reason) == ("paused", "stopped")
+    assert SystemLog.objects.get(event="queue_paused").fields == {"reason": "stopped"}
+    situation.says(after(400), docked=False)
+    (again,) = situation.look(after(400))
+    assert isinstance(again, m.Dock)
+
+
+def test_a_robot_that_was_stopped_between_visits_is_given_to_a_new_driver(
+    giraff, ana, ben, situation
+):
+    robot = a_visit_ends(giraff, ana)
+    situation.says(after(1), docked=False, safety=STOPPED)
+    assert situation.look(after(1)) == []
+    assert store.pause_of(robot) == ""
+    assert isinstance(store.take(Robot.objects.get(), ben, "p2", now=after(2)), store.TakeGranted)
+    situation.says(after(3), docked=False, safety=STOPPED, session="s2")
+    assert situation.look(after(3)) == []
+    assert Robot.objects.get().turnaround == "ready"
+
+
+def test_the_queue_of_a_robot_that_was_stopped_between_visits_goes_on(giraff, ana, ben, situation):
+    robot = a_visit_ends(giraff, ana)
+    assert isinstance(store.take(robot, ben, "p2", now=after(1)), store.TakeQueued)
+    situation.says(after(2), docked=False, safety=STOPPED)
+    situation.look(after(2))
+    acts = tick(Robot.objects.get(), RobotLink(), after(3))
+    assert [type(act) for act in acts] == [Offered]
 
 
 def test_nobody_is_given_a_robot_on_its_way_home_and_everybody_is_told_why(

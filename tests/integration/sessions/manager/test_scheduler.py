@@ -9,13 +9,14 @@ from django.db import OperationalError, connection
 from django.utils import timezone
 
 from accounts.models import User
+from robots.api import codec, topics
 from robots.models import Robot, RobotPresence
 from sessions import protocol
-from sessions.leases import store
+from sessions.leases import store, terms
 from sessions.leases.transitions import RobotLink
 from sessions.manager.scheduler import Scheduler
 from sessions.models import Session, SessionEvent
-from sessions.protocol import AskedThere, FoundThere, Offered, Queued, TurnWarning
+from sessions.protocol import AskedThere, Ended, FoundThere, Offered, Queued, TurnWarning
 from tests.support.robots import create_robot, update_robots
 
 pytestmark = pytest.mark.django_db
@@ -182,3 +183,27 @@ def test_two_copies_of_a_lease_never_have_one_number(driven, monkeypatch):
     renew()
     assert len({*numbers, chosen}) == 3
     assert max(numbers) > chosen > min(numbers)
+
+
+def test_a_session_with_unreadable_terms_ends_and_the_others_go_on(driven, settings):
+    """As after an upgrade, or a hand in the database."""
+    rhodon = create_robot(
+        name="rhodon", title="Rhodon", connection="ONLINE", last_seen_at=after(1000)
+    )
+    other = store.take(rhodon, User.objects.create(username="cem"), "p3", now=NOW).session
+    Session.objects.filter(pk=driven).update(terms={"driver": "x", "study": {"slug": "s"}})
+    scheduler = Scheduler()
+    assert scheduler.renew(after(0.1)), "until then, its robot obeys nothing"
+    leases = {
+        topics.parse(one.topic)[0]: codec.decode("lease", one.payload) for one in scheduler.outbox
+    }
+    assert (leases["giraff"].methods, leases["giraff"].actions) == ((), ())
+    assert leases["rhodon"].session == other
+    ended = said(scheduler, 1, Ended)
+    assert [(one.session, one.outcome, one.reason) for one in ended] == [
+        (driven, "stopped_by_operator", "terms_unreadable")
+    ]
+    row = Session.objects.get(pk=driven)
+    assert terms.of(row).study == {"slug": "s"}
+    assert Session.objects.get(pk=other).state != "ended"
+    assert said(scheduler, 2), "who waited is offered the robot"

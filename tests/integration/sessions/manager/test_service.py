@@ -3,6 +3,7 @@
 import asyncio
 import datetime
 import hashlib
+import itertools
 import threading
 import time
 from collections.abc import Callable
@@ -20,7 +21,8 @@ from robots.api.disk_space import DiskSpace
 from robots.cancellation import cancel
 from robots.models import Robot, RobotPresence
 from sessions import protocol, signals
-from sessions.leases import store
+from sessions.leases import readiness, store
+from sessions.manager.return_to_dock import ReturnToDock
 from sessions.models import (
     Lease,
     NetworkSample,
@@ -303,6 +305,54 @@ async def test_a_disk_that_answers_nobody_holds_up_neither_leases_nor_the_heartb
         finally:
             answers.set()
         await cancel(listening)
+
+
+async def test_a_robot_going_home_gets_heartbeats_and_no_order_after_a_stop(
+    broker, giraff, visitors, monkeypatch
+):
+    """By these beats the robot knows that somebody could still stop it."""
+    monkeypatch.setattr(readiness, "AGAIN", 0.2)
+    looking, may_look = threading.Event(), threading.Event()
+    may_look.set()
+    look = ReturnToDock.tick
+
+    def slow(*arguments):
+        looking.set()
+        may_look.wait(patient(20))
+        return look(*arguments)
+
+    monkeypatch.setattr(ReturnToDock, "tick", slow)
+    home = {"returns_home": True, "turnaround": "returning", "turnaround_reason": "dock"}
+    await set_rules(**home, factsheet={"capabilities": ["dock"]})
+    async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
+        await wait_for(lambda: robot.ordered, what="the order to dock")
+        (dock,) = robot.ordered
+        assert (type(dock), dock.role) == (messages.Dock, "server")
+        robot.beats.clear()
+        may_look.clear()
+        looking.clear()
+        try:
+            await wait_for(looking.is_set, what="a look that takes long")
+            await wait_for(lambda: len(robot.beats) >= 7, what="heartbeats")
+        finally:
+            may_look.set()
+        gaps = [later - before for before, later in itertools.pairwise(robot.beats)]
+        assert sum(gaps) / len(gaps) < patient(0.55)
+        assert max(gaps) < patient(1.0)
+        robot.safety = messages.Safety(inhibited="stopped")
+        await robot.publish(
+            "action", messages.ActionStatus(action_id=dock.action_id, status="CANCELLED", stamp=1.0)
+        )
+        await wait_for(
+            lambda: Robot.objects.filter(turnaround="paused", turnaround_reason="stopped").exists(),
+            what="the pause",
+        )
+        ordered = len(robot.ordered)
+        beats = len(robot.beats)
+        await wait_for(lambda: len(robot.beats) >= beats + 4, what="two more seconds")
+        assert len(robot.ordered) == ordered
+        robot.safety = messages.Safety()
+        await wait_for(lambda: len(robot.ordered) > ordered, what="the next order to dock")
 
 
 # --- nothing is missing ---------------------------------------------------------------------------

@@ -33,7 +33,7 @@ def test_a_loop_that_is_blocked_for_two_seconds_leaves_the_stopping_to_the_base(
         truth = Onlooker(int(robot.address.rpartition(":")[2]))
         rig.grant()
         rig.drive(0.4, until=lambda: truth.truth().linear > 0.39, within=15)
-        rig.control._loop.call_soon_threadsafe(block)
+        rig.control._calls.loop.call_soon_threadsafe(block)
         rig.wait(lambda: blocked)
         (blocked_at,) = blocked
         rig.wait(lambda: time.time() > blocked_at + 1.0)

@@ -87,7 +87,7 @@ def test_the_control_thread_goes_first_and_what_it_starts_beside_does_not(rig):
         seen["beside"] = await asyncio.to_thread(nice)
 
     ordinary = nice()
-    asyncio.run_coroutine_threadsafe(look(), rig.control._loop).result(5.0)
+    asyncio.run_coroutine_threadsafe(look(), rig.control._calls.loop).result(5.0)
     assert seen["beside"] == ordinary
     assert seen["loop"] == (ordinary - 10 if may_go_first() else ordinary)
 

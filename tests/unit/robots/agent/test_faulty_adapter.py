@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from robots.agent.ramp import ZERO
-from robots.agent.robot_interface import ObstaclePoints, Sonar, SonarEcho
+from robots.agent.robot_interface import ActionProgress, ObstaclePoints, Sonar, SonarEcho
 from robots.api import messages as m
 from tests.support.agents.control_rig import ControlRig, own, stamped
-from tests.support.agents.scripted_robot import PROFILE, NavigatingRobot
+from tests.support.agents.scripted_robot import PROFILE, NavigatingRobot, SelfDrivingRobot
 
 REASONS = {"raises": "ZeroDivisionError: in its SDK", "hangs": "", "returns nonsense": ""}
 
@@ -73,7 +73,7 @@ def told_why(rig):
 
 def drives_again(rig):
     rig.robot.faulty = ""
-    rig.wait(lambda: rig.kernel.fault is None and rig.kernel.stands, 60.0)
+    rig.wait(lambda: rig.kernel.fault is None and rig.kernel.is_at_rest, 60.0)
     epoch = 2
     rig.lease(epoch=epoch)
     rig.know_clock()
@@ -245,3 +245,62 @@ def test_a_reading_that_is_none_is_the_adapters_fault_and_the_loop_goes_on(tmp_p
             assert any("nonsense" in error for error in told_why(rig))
             rig.robot.nonsense = {}
             rig.wait(lambda: rig.kernel.fault is None, within=60.0)
+
+
+UNSOUND_PROGRESS = {
+    "a number of NumPy's": {"result": {"travelled": np.float32(0.5)}},
+    "a number that is none": {"result": {"travelled": math.nan}},
+    "no reason": {"reason": None},
+    "an unknown status": {"status": "DONE"},
+    "no action": {"action_id": None},
+}
+
+
+@pytest.mark.parametrize("what", UNSOUND_PROGRESS)
+def test_unsound_progress_is_the_adapters_fault_and_the_loop_goes_on(rig, what):
+    rig.act(own(m.Goto, x=1.0, y=1.0))
+    rig.status("a1", "RUNNING")
+    fields = {"action_id": "a1", "status": "FINISHED"} | UNSOUND_PROGRESS[what]
+    rig.robot._progress.put_nowait(ActionProgress(**fields))
+    (why,) = told_why(rig)
+    assert why.startswith("adapter_lost: ")
+    rig.robot.halt()
+    drives_again(rig)
+
+
+def test_progress_with_a_long_reason_is_shortened(rig):
+    rig.act(own(m.Goto, x=1.0, y=1.0))
+    rig.status("a1", "RUNNING")
+    rig.robot.halt()
+    rig.robot.report("a1", "FAILED", "no path " * 100)
+    assert rig.status("a1", "FAILED").reason == ("no path " * 100)[:300]
+
+
+class FaultyNavigation(SelfDrivingRobot):
+    """A robot whose own navigation raises in `wanted` or `dock`, or wants what is no velocity."""
+
+    fault = ""
+
+    def wanted(self):
+        if self.fault == "wanted raises":
+            raise ZeroDivisionError("in its SDK")
+        return "ahead" if self.fault == "wanted is none" else super().wanted()
+
+    @property
+    def dock(self):
+        if self.fault == "dock raises":
+            raise ZeroDivisionError("in its SDK")
+
+
+@pytest.mark.parametrize("fault", ["wanted raises", "wanted is none", "dock raises"])
+def test_a_fault_of_its_navigation_is_named_and_passes(tmp_path, fault):
+    robot = FaultyNavigation(dataclasses.replace(PROFILE, laser=m.Laser(x=0.0)), finishes=False)
+    with ControlRig(tmp_path, robot=robot) as rig:
+        rig.grant()
+        rig.act(own(m.Goto, x=1.0, y=1.0))
+        rig.status("a1", "RUNNING")
+        robot.fault = fault
+        (why,) = told_why(rig)
+        assert why.startswith("adapter_lost: ")
+        robot.fault = ""
+        rig.wait(lambda: rig.kernel.fault is None, 60.0)

@@ -102,6 +102,7 @@ def test_however_navigation_ends_zeros_flow_until_the_robot_stands_and_only_then
         error.startswith("runs_on") for error in rig.link.wait("state", since=rig.link.count).errors
     )
     rig.robot.halt()
+    rig.robot.ignores_cancel = False
     ended = rig.status("a1", "CANCELLED")
     assert ended.reason == ("cancelled" if how == "cancel" else how)
     assert rig.now() - begun > 9.0

@@ -1,9 +1,9 @@
-"""The safety kernel against a model of the world: whatever happens in whatever order, its promises
-hold.
+"""Search the safety kernel for sequences of events that break a promise.
 
-A base that does what it was told last, or what its own architecture tells it, is measured and
-driven; a much simpler account of who may do what is kept beside the kernel. `pytest
---hypothesis-profile=search` looks for sequences that nobody has tried yet.
+The model has a base that executes the last velocity it was sent, or drives as its own architecture
+does: that architecture may accept an action late, reject it, ignore a cancel, drive on after it had
+come to rest, and die and come back. A much simpler account of who may do what is kept beside the
+kernel. `pytest --hypothesis-profile=search` tries other sequences.
 """
 
 import math
@@ -11,14 +11,17 @@ import math
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from robots.agent.navigation.assistance.assist import Assisted
 from robots.agent.ramp import ZERO
+from robots.agent.safety.clock_sync import SERVER_PEER
+from robots.agent.safety.collision.assist import Assisted
 from robots.agent.safety.contacts import CREEP, SIDES
+from robots.agent.safety.controllers import Controller
 from robots.agent.safety.estop_latch import BUTTON
-from robots.agent.safety.kernel import KERNEL, Kernel
+from robots.agent.safety.kernel import KERNEL, STANDSTILL, Kernel
 from robots.agent.safety.lease import Remembered
 from robots.agent.safety.permissions import CommandSender
 from robots.api import messages as m
+from tests.support.agents.controller_table import EXPECTED
 from tests.support.agents.kernel_bench import DRIVER_CLOCK, LIMITS, TICK, Bench
 from tests.support.examples import examples, repetitions
 
@@ -35,10 +38,7 @@ turns = st.sampled_from([0.35, -0.35, 0.0])
 
 
 def moves(velocity):
-    return (
-        abs(velocity.linear) > KERNEL.standstill
-        or abs(velocity.angular) > KERNEL.standstill_turning
-    )
+    return abs(velocity.linear) > STANDSTILL.linear or abs(velocity.angular) > STANDSTILL.angular
 
 
 class Walls:
@@ -58,6 +58,16 @@ class Walls:
         return Assisted(m.Velocity(linear=linear, angular=own.angular + turn), "free", own=own)
 
 
+class WatchedKernel(Kernel):
+    """A kernel whose every change of controller is compared with the table of the model."""
+
+    def _change(self, event):
+        before = self.controller
+        super()._change(event)
+        expected = EXPECTED.get((before.value, event.value), before.value)
+        assert self.controller.value == expected, f"{before} after {event}: {self.controller}"
+
+
 class KernelMachine(RuleBasedStateMachine):
     """One robot. `base` is how it really moves."""
 
@@ -65,13 +75,19 @@ class KernelMachine(RuleBasedStateMachine):
         super().__init__()
         self.walls = Walls()
         self.bench = Bench(monitor=self.walls)
-        self.kernel = self.bench.kernel
+        self.kernel = self.new_kernel()
         self.base, self.told, self.told_at = ZERO, ZERO, -math.inf
         self.goes = self.obeys = False  # the architecture drives; it would take a cancel
+        self.was_begun = False  # the architecture has an action that it has not ended
+        self.fights = False  # it went on while the driver was driving
+        self.unbidden_for = 0  # ticks for which it has moved the robot against zeros
+        self.too_fast_for = 0  # ticks for which it has driven faster than the limits
+        self.server_beat_at = -math.inf
+        self.lags = False  # the adapter holds velocities back until the base shows it is alive
         self.own = False
         self.latched = False
         self.pressed_at = {}  # e-stops by their number
-        self.held = False  # a stop of somebody else waits for the driver to let go
+        self.held = self.by_person = False  # a stop waits for its release; a person's
         self.quiet_since = self.beat_at = -math.inf
         self.epoch = self.renewal = 0
         self.caps = m.LeaseLimits()
@@ -81,6 +97,17 @@ class KernelMachine(RuleBasedStateMachine):
     @property
     def now(self):
         return self.bench.now
+
+    def new_kernel(self, **remembered):
+        bench = self.bench
+        bench.kernel = WatchedKernel(
+            LIMITS, bench.watchdog, bench.capabilities, monitor=self.walls, **remembered
+        )
+        return bench.kernel
+
+    @property
+    def is_held(self):
+        return self.held and (self.by_person or self.kernel.leases.live(self.now) is not None)
 
     @initialize(
         level=levels,
@@ -113,7 +140,7 @@ class KernelMachine(RuleBasedStateMachine):
         if known:
             self.bench.know_clock()
             self.beats(self.now)
-        self.held = False  # whoever held a key is gone
+        self.held = self.by_person = False  # the driver who may hold a key has left
         self.taken = -1
 
     @rule(linear=st.sampled_from([None, 0.1, 0.5]))
@@ -137,13 +164,13 @@ class KernelMachine(RuleBasedStateMachine):
     @rule(back=st.integers(1, 3), retained=st.booleans())
     def an_old_lease_comes(self, back, retained):
         before = self.kernel.leases.live(self.now)
-        old = self.epoch - back
-        self.bench.lease(session=f"s{old}", epoch=max(0, old), renewal=9, retained=retained)
+        old = max(0, self.epoch - back)
+        self.bench.lease(session=f"s{old}", epoch=old, renewal=9, retained=retained)
         after = self.kernel.leases.live(self.now)
         assert before is None or after is None or after.epoch == before.epoch
         if after is not None and after.epoch != self.epoch:  # the server's counter began anew
             self.epoch, self.renewal, self.caps = after.epoch, 9, m.LeaseLimits()
-            self.held, self.taken = False, -1
+            self.held, self.by_person, self.taken = False, False, -1
 
     @rule()
     def takes_the_lease_back(self):
@@ -163,6 +190,11 @@ class KernelMachine(RuleBasedStateMachine):
         for _ in range(round(seconds / 0.2)):
             self.passes(10)
             self.beats(self.now, way)
+
+    @rule()
+    def server_is_heard(self):
+        self.server_beat_at = self.now
+        self.kernel.heard(SERVER_PEER, "mqtt", self.now)
 
     # --- velocities -------------------------------------------------------------------------------
 
@@ -184,7 +216,7 @@ class KernelMachine(RuleBasedStateMachine):
             )
             if moving:
                 self.quiet_since = self.now
-                assert verdict.reason is not None or not self.held, (
+                assert verdict.reason is not None or not self.is_held, (
                     "a key that was held all the time moves the robot"
                 )
             elif verdict.reason in {None, "navigating", "estop", "fault"}:
@@ -250,7 +282,7 @@ class KernelMachine(RuleBasedStateMachine):
             assert self.kernel.navigation is None
             self.navigation_is_over()
             if not own:
-                self.is_held()
+                self.hold(by_person=self.kernel.leases.live(self.now) is not None)
         self.sees(self.bench.outputs[-1][1])
 
     @rule(way=ways, role=st.sampled_from(["driver", "observer", "staff", "screen"]), number=numbers)
@@ -258,7 +290,7 @@ class KernelMachine(RuleBasedStateMachine):
         watches = way == "datachannel" or role == "observer"
         if self.bench.estop(action_id=f"id-{number}", way=way, peer="p2", role=role):
             if watches:
-                self.is_held()
+                self.hold(by_person=True)
             else:
                 self.latched = True
                 self.pressed_at[number] = self.now
@@ -290,13 +322,17 @@ class KernelMachine(RuleBasedStateMachine):
         assert role in {"screen", "staff", "owner"}
         assert user
         assert latch is None or latch.source != BUTTON or role == "owner"
+        is_driven = self.kernel.leases.live(self.now) is not None
         self.kernel.clear_estop(self.now)
         if self.latched:
-            self.is_held()
+            self.hold()
+        elif not is_driven:
+            self.held = self.by_person = False
         self.latched = False
 
-    def is_held(self):
-        if self.kernel.leases.live(self.now) is not None:
+    def hold(self, *, by_person=False):
+        if self.kernel.leases.live(self.now) is not None or by_person:
+            self.by_person = by_person or (self.held and self.by_person)
             self.held = True
             self.quiet_since = self.beat_at = self.now
 
@@ -320,20 +356,34 @@ class KernelMachine(RuleBasedStateMachine):
     @rule(by_itself=st.booleans())
     def arrives_or_is_cancelled(self, by_itself):
         if by_itself:
-            self.goes = False
+            self.goes = self.was_begun = False
             self.kernel.navigation_ended("g")
         else:
             self.kernel.cancel("g")
         self.navigation_is_over()
 
     @rule()
-    def an_architecture_gives_up(self):
+    def architecture_waits_or_gives_up(self):
         self.goes = False
+
+    @precondition(lambda self: self.was_begun)
+    @rule()
+    def architecture_begins_late_or_goes_on(self):
+        """It accepts late, ignores its cancel, or goes on after it was at rest."""
+        self.goes = True
+        self.fights = self.fights or self.kernel.controller is Controller.DRIVER
+
+    @rule()
+    def architecture_confirms_or_dies(self):
+        if self.kernel.navigation is None:
+            self.goes = self.was_begun = self.kernel.is_end_unconfirmed = False
+            self.fights = False
 
     def navigation_is_over(self):
         self.bench.wanted, self.own = None, False
         if self.obeys:
-            self.goes = False
+            self.goes = self.was_begun = False
+        self.kernel.is_end_unconfirmed = self.was_begun
 
     # --- faults -----------------------------------------------------------------------------------
 
@@ -345,8 +395,12 @@ class KernelMachine(RuleBasedStateMachine):
         elif self.faulty:
             self.kernel.clear_fault(self.now)
             self.told = ZERO
-            self.is_held()
+            self.hold()
         self.faulty = self.kernel.fault is not None
+
+    @rule(lags=st.booleans())
+    def adapter_holds_velocities_back(self, lags):
+        self.lags = lags
 
     @rule(sides=st.sets(st.sampled_from(SIDES), max_size=2))
     def touches_something(self, sides):
@@ -361,27 +415,21 @@ class KernelMachine(RuleBasedStateMachine):
             else Remembered(lease.session, lease.epoch, lease.renewal, lease.stamp)
         )
         level = self.kernel.assist.level
-        self.bench.kernel = self.kernel = Kernel(
-            LIMITS,
-            self.bench.watchdog,
-            self.bench.capabilities,
-            latch=latch,
-            newest_lease=newest,
-            monitor=self.walls,
-        )
+        self.kernel = self.new_kernel(latch=latch, newest_lease=newest)
         self.kernel.assist.level = level
         assert (self.kernel.latch is not None) == self.latched
         self.faulty = False
         self.navigation_is_over()
-        self.goes = False
-        self.told, self.told_at, self.held, self.taken = ZERO, -math.inf, False, -1
+        self.held = self.by_person = False
+        self.told, self.told_at, self.taken = ZERO, -math.inf, -1
+        self.unbidden_for = 0
         self.pressed_at = {}
         self.renewal += 1
         self.bench.lease(
             session=f"s{self.epoch}", epoch=self.epoch, renewal=self.renewal, limits=self.caps
         )
         self.bench.know_clock()
-        self.is_held()
+        self.hold()
 
     @rule(step=st.sampled_from([-3600.0, -0.3, 0.3, 3600.0]))
     def the_clock_of_a_page_steps(self, step):
@@ -413,33 +461,27 @@ class KernelMachine(RuleBasedStateMachine):
             if self.kernel.navigation is None and running is not None:
                 self.navigation_is_over()
             self.sees(decision)
+            self.counts_speed_of_the_architecture()
 
     def base_moves(self):
         silent = self.now - self.told_at > self.bench.watchdog
-        self.base = GOING if self.goes else ZERO if silent else self.told
-        if self.kernel.leases.live(self.now) is None:
-            self.held = False
+        self.base = self.bench.motion = GOING if self.goes else ZERO if silent else self.told
 
     # --- what is promised -------------------------------------------------------------------------
 
     def sees(self, decision):
         """Judge what the base is told, and pass it on."""
-        velocity, running = decision.velocity, self.kernel.navigation
+        velocity = decision.velocity
         if velocity is None:
-            handed_over = running is not None and running.may_begin and self.bench.wanted is None
-            assert handed_over or not moves(self.base), (
-                f"nobody drives, and the robot is left moving: {decision.why}"
-            )
-            if handed_over and not self.goes:
-                assert not moves(self.base), "an architecture begins with a moving robot"
-                self.goes = True
+            self.sees_silence(decision)
             return
-        before = self.told
-        if moves(self.base) and abs(self.base.linear) > abs(before.linear):
+        self.counts_unbidden_motion(velocity)
+        before = last_sent = self.told
+        if moves(self.base) and before == ZERO:
             before = self.base  # as the architecture has left it
         drives = decision.why in {"driving", "navigating"}
         against = self.goes and decision.why == "driving" and velocity != ZERO
-        assert not against, "a driver drives against an architecture that has not let go yet"
+        assert not against or self.fights, "a driver drives against an architecture"
         largest = LIMITS.linear if velocity.linear > 0 else LIMITS.reverse
         for old, new, limit, up in (
             (before.linear, velocity.linear, largest, LIMITS.linear_acceleration),
@@ -453,7 +495,7 @@ class KernelMachine(RuleBasedStateMachine):
                     abs(new) <= max(abs(old), abs(self.base.angular), abs(self.base.linear)) + SLACK
                 )
                 assert new * old >= 0.0
-        if self.latched or self.faulty or self.held:
+        if self.latched or self.faulty or self.is_held:
             assert not drives
         if (
             drives
@@ -496,11 +538,47 @@ class KernelMachine(RuleBasedStateMachine):
                     "further towards what was touched"
                 )
         self.told, self.told_at = velocity, self.now
-        self.kernel.applied(velocity)
+        # Where the adapter holds a velocity back, it is sent after the kernel has asked what was.
+        self.kernel.applied(last_sent if self.lags and velocity != ZERO else velocity)
+
+    def sees_silence(self, decision):
+        running = self.kernel.navigation
+        handed_over = running is not None and running.may_begin and self.bench.wanted is None
+        assert handed_over or not moves(self.base), (
+            f"no controller, and the robot is left moving: {decision.why}"
+        )
+        assert handed_over or not self.kernel.is_end_unconfirmed, "no zeros"
+        if handed_over and not self.was_begun:
+            assert not moves(self.base), "an architecture begins with a moving robot"
+            self.goes = self.was_begun = True
+        self.unbidden_for = 0
+
+    def counts_speed_of_the_architecture(self):
+        caps = self.kernel.caps(self.now)
+        is_too_fast = (
+            self.kernel.controller is Controller.RCA
+            and self.goes
+            and (GOING.linear > 1.1 * caps.linear or GOING.angular > 1.1 * caps.angular)
+        )
+        self.too_fast_for = self.too_fast_for + 1 if is_too_fast else 0
+        assert self.too_fast_for * TICK <= KERNEL.overspeed_for + 3 * TICK
+
+    def counts_unbidden_motion(self, velocity):
+        is_unbidden = moves(self.base) and velocity == ZERO == self.told and not self.own
+        self.unbidden_for = self.unbidden_for + 1 if is_unbidden else 0
+        if self.unbidden_for * TICK > 0.5:
+            assert self.kernel.moves_despite_stop(self.now), "a robot that moves is not reported"
 
     @invariant()
     def a_latch_is_released_by_nothing_but_its_release(self):
         assert (self.kernel.latch is not None) == self.latched
+
+    @invariant()
+    def what_the_server_ordered_ends_without_its_heartbeats(self):
+        running = self.kernel.navigation
+        if running is not None and running.ordered_by_server and self.now == self.kernel._now:
+            silence = self.now - max(running.since, self.server_beat_at)
+            assert silence < KERNEL.navigation_silence
 
     @invariant()
     def what_cannot_move_says_why(self):
@@ -516,7 +594,7 @@ class DrivenMachine(KernelMachine):
     is_stopped_for_good = a_button = its_base_is = takes_the_lease_back = an_old_lease_comes = None
     its_agent_begins_anew = nobody_gets_to_anything = the_clock_of_a_page_steps = (
         is_sent_somewhere
-    ) = wishes = None
+    ) = wishes = architecture_begins_late_or_goes_on = None
 
     @rule(linear=st.sampled_from([0.7, 0.7, -0.4]), angular=speeds, times=st.integers(4, 12))
     def goes_on(self, linear, angular, times):

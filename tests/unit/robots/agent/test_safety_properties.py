@@ -228,7 +228,8 @@ def _estop(bench, account, way, peer, role, number):
 
 
 def _clear(bench, account, way, role, user):
-    latch = bench.kernel.latch
+    latch, held = bench.kernel.latch, bench.kernel.held
+    between_sessions = bench.kernel.leases.live(bench.now) is None
     if (
         bench.ask(
             m.ClearEStop(action_id="c", stamp=bench.unix, role=role, user=user), way=way, peer="p1"
@@ -236,10 +237,9 @@ def _clear(bench, account, way, role, user):
         is None
     ):
         assert way == "mqtt"
-        # People at the robot's screen let go of what was pressed there, and of nothing else.
-        assert role in {"staff", "owner"} or (
-            role == "screen" and latch is not None and latch.source == "screen"
-        )
+        # People at the robot's screen clear what was pressed there, and a stop between sessions.
+        is_theirs = latch.source == "screen" if latch else held and between_sessions
+        assert role in {"staff", "owner"} or (role == "screen" and is_theirs)
         assert user
         bench.kernel.clear_estop(bench.now)
         account.latched = False

@@ -3,10 +3,10 @@ from functools import cache
 
 import pytest
 
-from robots.agent.control import dispatcher, reports
+from robots.agent.control import dispatcher, owned_actions, reports
 from robots.agent.ramp import LONGEST_DEADMAN, LONGEST_WATCHDOG
 from robots.agent.safety import freshness, hold, permissions
-from robots.agent.safety.kernel import KERNEL
+from robots.agent.safety.kernel import KERNEL, STANDSTILL
 from robots.api import messages, topics
 from robots.api import reference as made
 from robots.api.reference import classes
@@ -70,8 +70,8 @@ def test_what_needs_no_lease_stands_among_the_rules_of_an_agent():
     [
         f"`deadman` is at most {LONGEST_DEADMAN:g} s, `watchdog` at most {LONGEST_WATCHDOG:g} s",
         (
-            f"at most {KERNEL.standstill:g} m/s and {KERNEL.standstill_turning:g} rad/s for"
-            f" {KERNEL.stands_for:g} s"
+            f"at most {STANDSTILL.linear:g} m/s and {STANDSTILL.angular:g} rad/s for"
+            f" {KERNEL.at_rest_for:g} s"
         ),
         f"{KERNEL.navigation_silence:g} s after the driver's last heartbeat",
         f"The same `actionId` within {KERNEL.same_stop:g} s",
@@ -80,7 +80,9 @@ def test_what_needs_no_lease_stands_among_the_rules_of_an_agent():
             f" {freshness.FUTURE_TOLERANCE_CEILING:g} s"
         ),
         f"by more than {freshness.FRAME_FUTURE_TOLERANCE:g} s (`frame_future`)",
-        f"without a live lease, {hold.QUIET_RELEASES:g} s",
+        f"{hold.QUIET_RELEASES:g} s without a velocity other than zero",
+        f"exceeds a limit by {100 * (KERNEL.overspeed - 1):.0f} % for {KERNEL.overspeed_for:g} s",
+        f"every {owned_actions.CANCEL_PERIOD:g} s until then",
         f"at most {hold.HEARTBEAT_GAP:g} s apart",
         f"more than {permissions.ACTION_AGE:g} s old",
         f"at most {1 / reports.POSE_PERIOD:.0f} times a second",

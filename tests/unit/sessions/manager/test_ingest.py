@@ -35,6 +35,7 @@ class Manager:
             wake_signals=lambda: None,
             wake_scheduler=self._wake,
             ownership=self.ownership,
+            monotonic=lambda: self.now,
         )
 
     def _wake(self):

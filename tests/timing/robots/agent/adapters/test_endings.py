@@ -74,7 +74,7 @@ class Agent:
         options = rca.options() | ({"ip": THERE} if rca.adapter_name == "ros1" else {})
         wish = {
             "adapter": rca.adapter_name,
-            "profile": rca.world.series,
+            "profile": rca.profile,
             "options": options,
             "directory": str(directory),
             "began": self.orders.began,

@@ -60,6 +60,26 @@ def test_every_applied_command_is_in_exactly_one_state(rig):
     assert len(seqs) > last / 2
 
 
+def test_record_has_the_velocity_that_was_sent_where_the_adapter_holds_one_back(tmp_path):
+    class SlowToSend(ScriptedRobot):
+        """One whose adapter sends a velocity only after the next one was asked for."""
+
+        held_back = ZERO
+
+        def apply(self, velocity):
+            sent, self.held_back = self.held_back, velocity
+            return super().apply(sent)
+
+    with ControlRig(tmp_path, robot=SlowToSend()) as rig:
+        rig.grant()
+        rig.drive(0.5)
+        rig.sleep(0.5)
+        sent = {velocity.linear for _, velocity in rig.robot.velocities()}
+        applied = [command for state in rig.link.all("state") for command in state.applied]
+        assert {command.linear for command in applied} <= sent
+        assert applied[0].linear == 0.0, "nothing was sent yet"
+
+
 def test_an_observers_commands_are_refused_and_counted_and_its_stop_is_obeyed(rig):
     rig.grant()
     rig.drive(0.5)
@@ -231,7 +251,12 @@ def test_the_robots_own_button_latches_and_is_reported(rig):
     rig.robot.reading = still(estop=True)
     event = rig.link.wait("event", lambda e: e.type == "estop")
     assert event.detail == "button button"
+    assert rig.link.wait("state", since=rig.link.count).safety.button is True
     rig.robot.reading = still()
+    rig.sleep(0.5)
+    assert rig.kernel.button_pressed, "a robot that reports nothing has released nothing"
+    assert rig.link.wait("state", since=rig.link.count).safety.button is None
+    rig.robot.reading = still(estop=False)
     rig.wait(lambda: rig.robot.told == ZERO)
     rig.wait(lambda: not rig.kernel.button_pressed)
     rig.act(staff(m.ClearEStop, "c1"))
@@ -417,6 +442,39 @@ def test_a_photo_without_a_picture_has_failed(rig):
     assert rig.status("a1", "FAILED").reason == "no_picture"
 
 
+def test_a_photo_of_a_camera_that_gives_no_frame_fails_and_the_drive_goes_on(rig):
+    rig.grant()
+    rig.drive(0.5)
+    rig.media.picture = "of the adapter's own"
+    rig.act(staff(m.Photo))
+    assert rig.status("a1", "FAILED").reason == "no_picture"
+    rig.drive(0.3)
+    assert rig.kernel.fault is None
+
+
+def test_a_look_at_the_disk_that_raises_is_repeated_and_the_drive_goes_on(rig, caplog):
+    rig.grant(ttl=30.0)
+    looks = []
+    rig.store.shortage = lambda: looks.append(rig.now()) or 1 / 0
+    rig.drive(0.5, until=lambda: len(looks) >= 2, within=12.0)
+    assert caplog.text.count("background_task_failed") == len(looks)
+    assert "ZeroDivisionError" in caplog.text
+
+
+@pytest.mark.parametrize("fault", ["raises", "returns"])
+def test_a_broker_link_that_ends_ends_the_control_loop(tmp_path, fault):
+    async def end(_inbox):
+        if fault == "raises":
+            raise ZeroDivisionError
+
+    rig = ControlRig(tmp_path)
+    rig.link.run, rig.link.close = end, lambda: None
+    rig.start()
+    with rig.time, pytest.raises((RuntimeError, ZeroDivisionError)):
+        rig.time.run(rig._running)
+    assert rig.robot.closed
+
+
 def test_states_are_said_again_from_the_agents_buffer(rig):
     rig.grant()
     rig.wait(lambda: len(rig.link.all("state")) >= 6)
@@ -460,6 +518,17 @@ def test_heartbeats_go_out_on_both_ways_with_the_echo_of_each_way(rig):
             name == "heartbeat" and len(message.echoes) == 2 for name, message in rig.media.told
         )
     )
+
+
+def test_pages_of_the_lease_are_in_every_heartbeat_among_any_number_of_viewers(rig):
+    rig.lease(kind="wizard", peer="p1", wizard="w1", wizard_epoch=1)
+    rig.wait(lambda: rig.kernel.leases.live(rig.now()))
+    for _ in range(10):
+        for peer in ("p1", "w1", *(f"v{number}" for number in range(150))):
+            rig.beat(peer, way="mqtt")
+        beat = rig.link.wait("heartbeat", since=rig.link.count)
+        assert {"p1", "w1"} <= {echo.peer for echo in beat.echoes}
+    assert rig.kernel.clocks.of("w1") is not None
 
 
 def test_a_page_gets_what_it_shows_and_nothing_of_the_record(rig):

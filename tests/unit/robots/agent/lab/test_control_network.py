@@ -191,3 +191,15 @@ def test_a_command_says_how_old_the_picture_was_that_it_answered(rig):
     assert next(c for c in applied if c.seq == other.seq).frame_age is None, (
         "no picture of this robot is years old"
     )
+
+
+def test_a_held_command_that_cannot_be_handled_brakes_and_the_next_is_taken(rig, monkeypatch):
+    impaired(rig, m.NetworkLab(delay=DELAY, seed=1))
+    rig.drive(0.5)
+    with monkeypatch.context() as broken:
+        broken.setattr(rig.kernel, "permit", lambda *_, **__: 1 / 0)
+        rig.act(own(m.Tilt, "t1", angle=0.1), way="datachannel")
+        rig.wait(lambda: rig.robot.told == ZERO)
+    assert rig.link.wait("state", lambda s: s.refused.get("failed"))
+    rig.drive(0.0, until=lambda: not rig.kernel.held)
+    rig.drive(0.5)

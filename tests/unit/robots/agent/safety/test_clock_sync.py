@@ -1,5 +1,7 @@
 """Clock offsets from heartbeats."""
 
+import heapq
+import itertools
 import random
 
 import pytest
@@ -78,22 +80,139 @@ def test_only_an_echo_of_a_beat_that_we_sent_counts_and_by_our_own_record():
     assert clocks.of("p1").round_trip == pytest.approx(0.1)
 
 
-def test_the_last_beat_of_at_most_eight_peers_heard_lately_is_echoed():
+def hear(clocks, *peers, now, way="mqtt", n=1):
+    for peer in peers:
+        clocks.heard(peer, way, m.CommandHeartbeat(n=n, stamp=5.0), now=now, unix=7.0)
+
+
+def echoed(clocks, now, first=()):
+    return [echo.peer for echo in clocks.beat(now, 50.0, first=first).echoes]
+
+
+def test_a_heartbeat_has_at_most_sixteen_echoes_of_peers_heard_in_the_last_5_s():
     clocks = PeerClocks()
-    for number in range(40):
-        clocks.heard(
-            f"p{number}",
-            "mqtt",
-            m.CommandHeartbeat(n=number, stamp=5.0),
-            now=100.0 + number,
-            unix=7.0,
+    for number in range(10):
+        hear(clocks, f"p{number}", now=100.0 + number, n=number)
+    beat = clocks.beat(109.0, 50.0)
+    assert [echo.peer for echo in beat.echoes] == [f"p{n}" for n in range(4, 10)]
+    assert beat.echoes[-1] == m.Echo(peer="p9", n=9, stamp=5.0, received=7.0)
+    hear(clocks, *(f"q{number}" for number in range(20)), now=110.0)
+    assert len(echoed(clocks, 110.0)) == 16
+
+
+def test_peers_are_echoed_in_turn_after_the_peers_of_the_lease_and_the_server():
+    clocks = PeerClocks()
+    crowd = [f"p{number}" for number in range(40)]
+    hear(clocks, "driver", "wizard", "server", *crowd, now=100.0)
+    turns = []
+    for _ in range(4):
+        first, rest = (names := echoed(clocks, 100.0, ("driver", "wizard")))[:3], names[3:]
+        assert set(first) == {"driver", "wizard", "server"}
+        assert len(rest) == 13
+        turns += rest
+    assert turns[:40] == crowd, "each of them once, before any of them again"
+
+
+def test_a_peer_with_two_transports_has_both_of_them_echoed_or_neither():
+    clocks = PeerClocks()
+    for way in ("mqtt", "datachannel"):
+        hear(clocks, *(f"p{number}" for number in range(5)), now=100.0, way=way)
+    hear(clocks, *(f"q{number}" for number in range(7)), now=100.0)
+    hear(clocks, "driver", now=100.0, way="datachannel")
+    hear(clocks, "driver", now=100.0, way="mqtt")
+    names = echoed(clocks, 100.0, ("driver",))
+    assert len(names) <= 16
+    assert names[:2] == ["driver", "driver"]
+    assert all(names.count(name) == 2 for name in names if name.startswith("p"))
+
+
+def test_no_number_of_other_peers_evicts_those_of_the_lease():
+    clocks = PeerClocks()
+    hear(clocks, "driver", "wizard", "server", now=100.0)
+    clocks.beat(100.0, 50.0, first=("driver", "wizard"))
+    hear(clocks, *(f"p{number}" for number in range(1000)), now=100.1)
+    assert set(echoed(clocks, 100.2, ("driver", "wizard"))) > {"driver", "wizard", "server"}
+    clocks.beat(100.3, 50.0)  # nobody drives any more
+    hear(clocks, *(f"p{number}" for number in range(1000)), now=100.4)
+    assert clocks.rough_age("driver", 5.0, 100.4) is None
+    assert clocks.rough_age("server", 5.0, 100.4) is not None
+
+
+class Page:
+    """One page with one transport, as static/js/protocol/clock_sync.js: a beat each 0.2 s with an
+    echo of the robot's last one; the robot's clock is known by the robot's echoes.
+    """
+
+    def __init__(self, name, dice):
+        self.name = name
+        self.offset, self.drift = dice.uniform(-1e4, 1e4), dice.uniform(-30e-6, 30e-6)
+        self.beats = itertools.count()
+        self.last = None  # the robot's last beat, and when it arrived by this page's clock
+        self.echoed = -1
+        self.echoed_at = -1.0
+
+    def clock(self, t):
+        return t + self.offset + self.drift * t
+
+    def beat(self, t):
+        echo = self.last and m.Echo(
+            peer="robot", n=self.last[0].n, stamp=self.last[0].stamp, received=self.last[1]
         )
-    echoes = clocks.beat(139.0, 50.0).echoes
-    assert [echo.peer for echo in echoes] == [f"p{n}" for n in range(39, 33, -1)]
-    assert echoes[0] == m.Echo(peer="p39", n=39, stamp=5.0, received=7.0)
-    for number in range(20):
-        clocks.heard(f"q{number}", "mqtt", m.CommandHeartbeat(n=1, stamp=5.0), now=140.0, unix=7.0)
-    assert len(clocks.beat(140.0, 51.0).echoes) == 8
+        return m.CommandHeartbeat(n=next(self.beats), stamp=self.clock(t), echo=echo)
+
+    def hear(self, beat, t):
+        self.last = beat, self.clock(t)
+        for echo in beat.echoes:
+            if echo.peer == self.name and echo.n > self.echoed:
+                self.echoed, self.echoed_at = echo.n, t
+
+
+def drive_among(viewers, seed):
+    """A lease is given at 5 s, to a viewer or to a page opened then; yields the time, and the
+    driver's page and clock, ten times a second from 3 s after that, for 5 s.
+    """
+    dice, clocks, numbers = random.Random(seed), PeerClocks(), itertools.count()
+    pages = [Page(f"v{number}", dice) for number in range(viewers)]
+    driver = dice.choice([dice.choice(pages), Page("newcomer", dice)])
+    pages += [driver] if driver.name == "newcomer" else []
+    queue = []
+
+    def at(t, what, *arguments):
+        heapq.heappush(queue, (t, next(numbers), what, arguments))
+
+    def page_beats(t, page):
+        at(t + dice.uniform(0.02, 0.024), hear_page, page, page.beat(t))
+        at(t + 0.2 * (1.0 - page.drift), page_beats, page)
+
+    def hear_page(t, page, beat):
+        clocks.heard(page.name, "mqtt", beat, now=t, unix=t + 1e9)
+
+    def robot_beats(t):
+        beat = clocks.beat(t, t + 1e9, first=(driver.name,) if t >= 5.0 else ())
+        for page in pages:
+            at(t + dice.uniform(0.02, 0.024), lambda t, page=page: page.hear(beat, t))
+        at(t + 0.2, robot_beats)
+
+    at(0.0, robot_beats)
+    for page in pages:
+        at((5.0 if page.name == "newcomer" else 0.0) + dice.uniform(0.0, 0.2), page_beats, page)
+    looks = 8.0
+    while queue[0][0] < 13.0:
+        t, _, what, arguments = heapq.heappop(queue)
+        what(t, *arguments)
+        if t >= looks:
+            looks += 0.1
+            yield t, driver, clocks.of(driver.name)
+
+
+@pytest.mark.parametrize("viewers", [12, 24, 36, 64, 150])
+def test_a_new_driver_has_a_clock_within_3_s_among_any_number_of_viewers(viewers):
+    for seed in range(20):
+        for t, page, clock in drive_among(viewers, seed):
+            assert clock is not None, f"the robot does not know the driver's clock at {t:.1f} s"
+            assert abs(clock.age(page.clock(t), t)) < 0.003
+            # after 0.5 s without a new echo a page distrusts its transport
+            assert t - page.echoed_at < 0.5, f"the driver's page has no echo at {t:.1f} s"
 
 
 def test_each_way_has_an_echo_of_its_own_so_that_a_page_knows_which_of_them_lives():

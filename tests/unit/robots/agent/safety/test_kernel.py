@@ -249,6 +249,96 @@ def test_idle_is_silence_once_the_robot_was_measured_to_stand(bench):
     assert tail[-1] is None
 
 
+@pytest.mark.parametrize("lease", [True, False])
+def test_robot_that_moves_unbidden_is_braked_again_and_reported(bench, lease):
+    if not lease:
+        bench.kernel.take_lease(None, retained=False, now=bench.now)
+    bench.run(1.0)
+    assert bench.outputs[-1][1].velocity is None
+    bench.motion = m.Velocity(linear=0.3, angular=0.0)
+    bench.run(0.5)
+    assert bench.kernel.moves_despite_stop(bench.now)
+    bench.run(20.0)
+    sent = [decision.velocity for at, decision in bench.outputs if at > bench.now - 20.4]
+    assert sent == [ZERO] * len(sent)
+    bench.motion = ZERO
+    bench.run(0.5)
+    assert not bench.kernel.moves_despite_stop(bench.now)
+    bench.lease(session="s2", epoch=2)
+    bench.know_clock()
+    assert bench.drive(0.3, session="s2", epoch=2).reason is None
+    assert bench.speed == 0.0, "the driver waits longer after such a motion"
+    bench.run(2.0)
+    assert bench.outputs[-1][1].velocity is None
+
+
+def test_zeros_are_sent_until_the_end_of_an_action_is_confirmed(bench):
+    bench.run(1.0)
+    bench.kernel.is_end_unconfirmed = True
+    bench.run(5.0)
+    assert bench.outputs[-1][1].velocity == ZERO
+    bench.kernel.navigate("g1", "goto", ordered_by_server=False, now=bench.now)
+    bench.run(0.5)
+    assert not bench.kernel.navigation.may_begin
+    bench.kernel.is_end_unconfirmed = False
+    bench.run(0.1)
+    assert bench.kernel.navigation.may_begin
+
+
+@pytest.mark.parametrize(
+    ("motion", "is_ended"), [((0.32, 0.0), False), ((0.4, 0.0), True), ((0.0, 0.6), True)]
+)
+def test_navigation_of_the_rca_that_exceeds_the_limits_is_ended(bench, motion, is_ended):
+    bench.lease(renewal=1, limits=m.LeaseLimits(linear=0.3, angular=0.5))
+    bench.kernel.navigate("g1", "goto", ordered_by_server=False, now=bench.now)
+    bench.run(0.5)
+    bench.motion = m.Velocity(linear=motion[0], angular=motion[1])
+    bench.run(0.4)
+    assert bench.kernel.navigation
+    bench.run(0.2)
+    ended = [("g1", "too_fast")] if is_ended else []
+    assert bench.kernel.drain_cancelled() == ended
+
+
+def test_robot_never_measured_at_rest_is_reported(bench):
+    bench.run(1.0, every=0.1, linear=0.3)
+    bench.motion = m.Velocity(linear=0.0, angular=0.06)
+    bench.lease(session="s2", epoch=2)
+    bench.run(4.9)
+    assert bench.kernel.inhibited(bench.now) == "settling"
+    assert not bench.kernel.settles_too_long(bench.now)
+    bench.run(0.3)
+    assert bench.kernel.settles_too_long(bench.now)
+
+
+def test_standstill_thresholds_of_the_robot_count():
+    bench = Bench(standstill=m.Velocity(linear=0.02, angular=0.1))
+    bench.lease()
+    bench.motion = m.Velocity(linear=0.0, angular=0.06)
+    bench.stop()
+    bench.run(0.5)
+    assert bench.outputs[-1][1].velocity is None
+
+
+def test_contact_without_a_direction_holds_a_turning_robot(bench):
+    bench.run(1.0, every=0.06, linear=0.0, angular=0.8)
+    bench.kernel.touched(())
+    bench.run(0.5, every=0.06, linear=0.0, angular=0.8)
+    assert bench.kernel.commanded == ZERO
+    assert bench.drive(0.0, 0.8).reason == "stopped"
+    bench.drive(0.0, 0.0)
+    assert bench.drive(0.0, 0.8).reason is None
+
+
+def test_pause_of_the_loop_is_followed_by_a_ramp(bench):
+    bench.run(2.0, every=0.06, linear=0.5)
+    bench.now += 0.45
+    bench.tick()
+    assert bench.speed > 0.5 - 3 * TICK * LIMITS.linear_braking
+    bench.run(1.0)
+    assert bench.speed == 0.0
+
+
 def test_after_a_loop_that_was_blocked_the_robot_is_not_started_again(bench):
     bench.run(2.0, every=0.06, linear=0.5)
     bench.now += 2.0
@@ -354,11 +444,62 @@ def test_a_driver_whose_agent_began_anew_under_a_held_key_lets_go_first():
     assert bench.drive(0.5).reason is None
 
 
-def test_what_stopped_a_robot_that_nobody_drives_does_not_keep_it_from_going_home(bench):
-    bench.stop(way="mqtt", role="staff")
+def dock_refusal(bench):
+    return bench.ask(m.Dock(action_id="home", stamp=bench.unix, role="server"))
+
+
+@pytest.mark.parametrize("role", ["staff", "observer"])
+@pytest.mark.parametrize("released_by", ["new driver", "staff", "owner", "screen"])
+def test_stop_by_a_person_holds_the_robot_after_the_session(bench, role, released_by):
+    bench.stop(way="mqtt", role=role)
     bench.kernel.take_lease(None, retained=False, now=bench.now)
-    bench.run(1.1)
-    assert bench.ask(m.Dock(action_id="home", stamp=bench.unix, role="server")) is None
+    bench.run(60.0)
+    assert dock_refusal(bench) == "stopped"
+    assert bench.kernel.inhibited(bench.now) == "stopped"
+    if released_by == "new driver":
+        bench.lease(session="s2", epoch=2, peer="p2")
+        assert not bench.kernel.held
+        return
+    clear = m.ClearEStop(action_id="c1", stamp=bench.unix, role=released_by, user="ops")
+    assert bench.ask(clear) is None
+    bench.kernel.clear_estop(bench.now)
+    assert dock_refusal(bench) is None
+
+
+def test_stop_between_sessions_ends_the_return_to_the_dock(bench):
+    bench.kernel.take_lease(None, retained=False, now=bench.now)
+    bench.run(1.0)
+    bench.kernel.navigate("d1", "docking", ordered_by_server=True, now=bench.now)
+    bench.stop(way="mqtt", role="observer")
+    assert bench.kernel.drain_cancelled() == [("d1", "stopped")]
+    bench.run(10.0)
+    assert dock_refusal(bench) == "stopped"
+
+
+def test_stop_of_a_driver_whose_session_just_ended_lets_the_robot_return(bench):
+    bench.kernel.take_lease(None, retained=False, now=bench.now)
+    bench.stop(session="s1", epoch=1)
+    bench.run(1.0)
+    assert dock_refusal(bench) is None
+
+
+def test_hold_outlives_a_lease_that_lapses_and_is_renewed_with_the_key_held(bench):
+    bench.run(1.0, every=0.1, linear=0.3)
+    bench.stop(peer="p2")
+    bench.run(10.0, every=0.1, linear=0.3)
+    assert bench.kernel.leases.live(bench.now) is None
+    bench.run(2.0, every=0.1, linear=0.3)
+    bench.lease(renewal=1)
+    assert bench.drive(0.3).reason == "stopped"
+    assert bench.drive(0.0).reason is None
+    assert bench.drive(0.3).reason is None
+
+
+def test_fault_between_sessions_does_not_keep_the_robot_from_its_dock(bench):
+    bench.kernel.take_lease(None, retained=False, now=bench.now)
+    bench.kernel.set_fault("adapter_lost")
+    bench.kernel.clear_fault(bench.now)
+    assert dock_refusal(bench) is None
 
 
 def test_a_lowered_limit_holds_at_once_though_the_lease_was_not_renewed(bench):
@@ -417,9 +558,9 @@ def test_a_robot_of_which_nothing_is_heard_is_not_said_to_run_on(bench):
     for _ in range(200):
         bench.now += 0.02
         bench.kernel.tick(bench.now)
-        assert not bench.kernel.runs_on(bench.now)
+        assert not bench.kernel.moves_despite_stop(bench.now)
     bench.kernel.measured(m.Velocity(linear=0.3, angular=0.0), bench.now)
-    assert bench.kernel.runs_on(bench.now)
+    assert bench.kernel.moves_despite_stop(bench.now)
 
 
 def test_a_stop_presses_zeros_on_a_base_that_somebody_else_moves():
@@ -661,15 +802,18 @@ def test_navigation_stops_two_seconds_after_the_drivers_last_heartbeat(bench):
     assert bench.kernel.drain_cancelled() == [("g1", "heartbeat_lost")]
 
 
-def test_a_return_to_the_dock_that_the_server_ordered_goes_on_without_anybody(bench):
-    order = m.Dock(action_id="d1", stamp=bench.unix, role="server")
-    assert bench.ask(order) is None
+@pytest.mark.parametrize("answers", [True, False])
+def test_return_to_the_dock_goes_on_while_the_server_sends_heartbeats(bench, answers):
+    assert dock_refusal(bench) is None
     bench.kernel.navigate("d1", "docking", ordered_by_server=True, now=bench.now)
     bench.kernel.take_lease(None, retained=False, now=bench.now)
-    bench.run(20.0)
-    assert bench.kernel.navigation
-    bench.stop(peer="p2")
-    assert bench.kernel.drain_cancelled() == [("d1", "stopped")]
+    for _ in range(20):
+        bench.run(0.5)
+        if answers:
+            bench.kernel.heard(SERVER_PEER, "mqtt", bench.now)
+    assert (bench.kernel.navigation is not None) == answers
+    if not answers:
+        assert bench.kernel.drain_cancelled() == [("d1", "heartbeat_lost")]
 
 
 @pytest.mark.parametrize("order", [m.Tilt, m.Relocalize, m.Photo, m.Dock])

@@ -1,5 +1,5 @@
-"""What each kind of sensor tells the collision monitor, what its loss means, and where nothing
-looks.
+"""What each kind of sensor tells the collision monitor, what its loss means, and how fast a robot
+moves where no sensor observes.
 """
 
 import math
@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from robots.agent.control.state_validation import UnsoundReadingError, sound
-from robots.agent.localization.odometry import OdometryTrack
-from robots.agent.navigation.assistance.swept import hull, outside
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import (
     NOWHERE,
@@ -21,6 +21,8 @@ from robots.agent.robot_interface import (
     Sonar,
     SonarEcho,
 )
+from robots.agent.safety.collision.odometry import OdometryTrack
+from robots.agent.safety.collision.swept import hull, outside
 from robots.agent.safety.collision_monitor import MONITOR, CollisionMonitor
 from robots.agent.safety.obstacle_sources import (
     BumperSource,
@@ -29,9 +31,9 @@ from robots.agent.safety.obstacle_sources import (
     SonarSource,
     sources_of,
 )
-from robots.api.geometry import Pose2D
+from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Laser, Scan, Velocity
-from tests.support.agents.kernel_bench import LIMITS
+from tests.support.agents.kernel_bench import LIMITS, TICK, Bench
 from tests.support.agents.scripted_robot import PROFILE
 
 FOOTPRINT = ((0.3, -0.25), (0.3, 0.25), (-0.3, 0.25), (-0.3, -0.25))
@@ -152,19 +154,125 @@ def test_a_sonar_that_falls_silent_stops_the_driver_though_the_others_speak():
         assert (why == "blind") == (step > 10), step
 
 
-def test_where_nothing_looks_a_driver_who_is_helped_creeps():
+def corners_of(velocity, footprint=FOOTPRINT):
+    """The (n,) speeds of the robot's corners, and their directions."""
+    arms = np.array(footprint)
+    x = velocity.linear - velocity.angular * arms[:, 1]
+    y = velocity.angular * arms[:, 0]
+    return np.hypot(x, y), np.arctan2(y, x)
+
+
+def test_an_assisted_driver_creeps_backwards_where_no_sensor_observes():
     watch = monitor(SonarSource((FRONT,)))
     watch.sense(reading(sonar=echoes(None)), 1.0)
     assert watch.shape(AHEAD, AHEAD, "slow", 1.1).velocity == AHEAD
     back = watch.shape(BACK, ZERO, "slow", 1.1)
-    assert (back.velocity.linear, back.why) == (-MONITOR.creep, "slow")
+    assert back.velocity.linear == pytest.approx(-MONITOR.creep)
+    assert back.why == "slow"
+
+
+@pytest.mark.parametrize("level", ["slow", "steer"])
+def test_an_assisted_robot_with_a_front_camera_turns_at_a_creep(level):
+    watch = monitor(DepthSource(DepthCamera()))
+    watch.sense(reading(points=ObstaclePoints(1.0, np.zeros((0, 2)))), 1.0)
+    turn = Velocity(linear=0.0, angular=1.0)
+    told = watch.shape(turn, turn, level, 1.1)
+    speeds, _ = corners_of(told.velocity)
+    assert speeds.max() == pytest.approx(MONITOR.creep)
+    assert told.why == "slow"
+    curve = Velocity(linear=0.5, angular=0.3)  # every corner goes into the view
+    assert watch.shape(curve, curve, "slow", 1.1).velocity == curve
+
+
+@pytest.mark.parametrize("level", ["slow", "steer"])
+def test_a_robot_that_its_sensors_surround_turns_as_fast_as_its_driver_wants(level):
+    ring = SonarSource(
+        tuple(Sonar(0.0, 0.0, math.tau / 12 * number, width=0.4) for number in range(12))
+    )
+    watch = monitor(ring)
+    watch.sense(reading(sonar=echoes(*[None] * 12)), 1.0)
+    for wanted in (Velocity(linear=0.0, angular=1.0), Velocity(linear=-0.2, angular=0.7)):
+        assert watch.shape(wanted, wanted, level, 1.1).velocity == wanted
+
+
+cones = st.tuples(st.floats(-math.pi, math.pi), st.floats(0.1, 3.0))
+boxes = st.tuples(st.floats(0.1, 0.6), st.floats(0.1, 0.6), st.floats(0.1, 0.6))
+speeds = st.builds(Velocity, linear=st.floats(-0.5, 1.0), angular=st.floats(-2.0, 2.0))
+
+
+@given(
+    boxes,
+    st.lists(cones, max_size=4),
+    st.none() | cones,
+    speeds,
+    st.sampled_from(("slow", "steer")),
+)
+def test_no_corner_moves_faster_than_a_creep_where_no_sensor_observes(
+    box, sonars, camera, wanted, level
+):
+    nose, tail, half = box
+    footprint = ((nose, half), (-tail, half), (-tail, -half), (nose, -half))
+    heard = [Sonar(0.0, 0.0, theta, width=width) for theta, width in sonars]
+    seen = [DepthCamera(theta=theta, width=width) for theta, width in (camera and [camera]) or []]
+    sources = [SonarSource(heard)] if heard else []
+    sources += [DepthSource(each) for each in seen]
+    watch = CollisionMonitor(footprint, LIMITS, [*sources, BumperSource(hull(footprint))])
+    watch.sense(
+        reading(
+            sonar=echoes(*[None] * len(heard)),
+            points=ObstaclePoints(1.0, np.zeros((0, 2))),
+            bumper=(),
+        ),
+        1.0,
+    )
+    told = watch.shape(wanted, wanted, level, 1.1).velocity
+    share = told.linear / wanted.linear if wanted.linear else told.angular / (wanted.angular or 1.0)
+    assert 0.0 <= share <= 1.0
+    assert told.angular == pytest.approx(share * wanted.angular), "the robot keeps to its arc"
+    for speed, direction in zip(*corners_of(told, footprint), strict=True):
+        beside = [abs(wrap_angle(direction - each.theta)) - each.width / 2 for each in heard + seen]
+        if speed > MONITOR.creep + 1e-9:
+            assert min(beside, default=math.inf) < MONITOR.unobserved_beside
+
+
+def test_a_turn_that_steering_adds_is_slowed_too_where_no_sensor_observes():
+    dice, turned = np.random.default_rng(1), 0
+    for _ in range(300):
+        camera = DepthCamera(width=dice.uniform(0.3, 1.2))
+        watch = monitor(DepthSource(camera))
+        posts = dice.uniform((0.35, -0.8), (1.5, 0.8), (6, 2))
+        watch.sense(reading(points=ObstaclePoints(1.0, posts)), 1.0)
+        wanted = Velocity(linear=dice.uniform(0.0, 1.0), angular=dice.uniform(-1.0, 1.0))
+        told = watch.shape(wanted, wanted, "steer", 1.1)
+        turned += abs(told.turn) > 0.05
+        edge = camera.width / 2 + MONITOR.unobserved_beside
+        for speed, direction in zip(*corners_of(told.velocity), strict=True):
+            assert speed <= MONITOR.creep + 1e-9 or abs(direction) < edge
+    assert turned > 30
+
+
+def test_a_driver_who_turns_along_the_edge_of_a_view_is_slowed_without_jumps():
+    made = Bench(monitor=monitor(DepthSource(DepthCamera())))
+    made.kernel.assist.level = "slow"
+    made.lease()
+    made.know_clock()
+    for _ in range(200):
+        made.kernel.monitor.sense(
+            reading(made.now, points=ObstaclePoints(made.now, np.zeros((0, 2)))), made.now
+        )
+        made.run(TICK, every=TICK, linear=0.4, angular=1.2)
+    told = [decision.velocity for _, decision in made.outputs if decision.velocity]
+    assert told[-1].angular > 0.1
+    steps = np.diff([velocity.linear for velocity in told[100:]])
+    assert np.abs(steps).max() < 1e-3
 
 
 def test_a_bumper_alone_lets_a_driver_creep():
     watch = monitor(BumperSource(hull(FOOTPRINT)))
     watch.sense(reading(bumper=()), 1.0)
     for wanted in (AHEAD, BACK):
-        assert abs(watch.shape(wanted, ZERO, "slow", 1.1).velocity.linear) == MONITOR.creep
+        told = watch.shape(wanted, ZERO, "slow", 1.1).velocity
+        assert abs(told.linear) == pytest.approx(MONITOR.creep)
 
 
 def test_a_robot_whose_bumper_says_nothing_any_more_creeps_though_it_hears_nothing():
@@ -218,8 +326,9 @@ def test_depth_points_are_seen_where_they_are_and_an_empty_view_is_no_fault():
     assert len(source.seen(ORIGIN, 4.0)) == 0, (
         "the floor is free, and no wall stands at the end of its view"
     )
-    assert source.looks(0.0)
-    assert not source.looks(math.pi)
+    assert source.beside(np.array([0.0, -0.6, 1.0, math.pi])) == pytest.approx(
+        [0.0, 0.0, 0.4, math.pi - 0.6]
+    )
 
 
 def test_what_was_close_before_a_depth_camera_and_has_gone_is_forgotten():

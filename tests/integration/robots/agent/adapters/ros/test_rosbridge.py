@@ -10,7 +10,7 @@ import os
 import pytest
 
 from robots.agent.adapters import registry
-from robots.agent.adapters.ros.rosbridge import _plain
+from robots.agent.adapters.ros.rosbridge import _decoded
 from robots.agent.robot_interface import AdapterError
 from robots.api.messages import Dock, Velocity
 from tests.support.architectures.adapter_conformance import some, wait_for
@@ -86,7 +86,9 @@ class TestGiraffOnRos2(RcaConformance):
 
 
 async def test_nobody_at_the_address_gives_a_sentence():
-    adapter = registry.create("rosbridge", "rhodon", {"url": "ws://127.0.0.1:1"})
+    adapter = registry.create(
+        "rosbridge", "rhodon", {"navigation": "none", "url": "ws://127.0.0.1:1"}
+    )
     with pytest.raises(AdapterError, match=r"rosbridge at ws://127\.0\.0\.1:1 does not answer"):
         await adapter.connect()
 
@@ -95,7 +97,9 @@ async def test_a_rosbridge_without_a_robot_says_what_is_missing(monkeypatch):
     monkeypatch.setattr("robots.agent.adapters.common.remote_adapter.FIRST_READING", 0.3)
     server = RosbridgeServer()
     await server.start()
-    adapter = registry.create("rosbridge", "rhodon", {"url": server.url, "odom": "/wheels"})
+    adapter = registry.create(
+        "rosbridge", "rhodon", {"navigation": "none", "url": server.url, "odom": "/wheels"}
+    )
     try:
         async with asyncio.timeout(patient(5.0)):
             with pytest.raises(AdapterError, match="has not sent its odometry on /wheels"):
@@ -122,4 +126,12 @@ def test_options_that_cannot_be_are_refused(options):
 
 
 def test_numbers_that_json_lacks_become_null():
-    assert _plain('{"a": [NaN, -Infinity, 1.5]}') == b'{"a": [null, null, 1.5]}'
+    assert _decoded('{"a": [NaN, -Infinity, 1.5], "b": "NaN"}') == {
+        "a": [None, None, 1.5],
+        "b": "NaN",
+    }
+
+
+def test_base64_with_nan_in_it_is_parsed_once(monkeypatch):
+    monkeypatch.delattr("robots.agent.adapters.ros.rosbridge.json")
+    assert _decoded('{"data": "iVBNaNInfinity"}') == {"data": "iVBNaNInfinity"}

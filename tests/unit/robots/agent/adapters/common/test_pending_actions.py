@@ -1,6 +1,9 @@
 """What was ordered of an RCA, and what becomes of it."""
 
+import pytest
+
 from robots.agent.adapters.common.pending_actions import PendingAction, PendingActions
+from robots.agent.robot_interface import ActionRefusedError
 from robots.api.docked import DockState
 
 APART, TOUCHING, SEATED = (
@@ -17,19 +20,38 @@ def told():
     ), news
 
 
-def test_the_newer_errand_of_the_base_replaces_the_older_and_the_head_is_apart():
+def test_a_second_action_of_the_base_is_refused_until_the_first_has_ended():
     pending_actions, news = told()
-    pending_actions.begin(PendingAction("g1", "goto", 0.0, (1.0, 1.0)))
+    pending_actions.begin(PendingAction("g", "goto", 0.0, (1.0, 1.0)))
     pending_actions.begin(PendingAction("t", "tilt", 0.0, (0.2, 0.2)))
-    pending_actions.begin(PendingAction("d", "dock", 0.0))
-    assert news == [
-        ("g1", "RUNNING", ""),
-        ("t", "RUNNING", ""),
-        ("g1", "CANCELLED", "replaced"),
-        ("d", "RUNNING", ""),
-    ]
+    with pytest.raises(ActionRefusedError, match="has not confirmed the end of its last action"):
+        pending_actions.own(PendingAction("d", "dock", 0.0))
     assert pending_actions.of("t") is not None
-    assert pending_actions.of("g1") is None
+    pending_actions.end("g", "CANCELLED")
+    pending_actions.own(PendingAction("d", "dock", 0.0))
+    assert news == [("g", "RUNNING", ""), ("t", "RUNNING", ""), ("g", "CANCELLED", "")]
+    assert pending_actions.of("d") is not None
+
+
+def test_an_action_of_the_base_stays_ours_after_the_connection_was_lost():
+    pending_actions, news = told()
+    pending_actions.begin(PendingAction("g", "goto", 0.0, (1.0, 1.0)))
+    pending_actions.end_all("the cable was pulled")
+    assert news == [("g", "RUNNING", ""), ("g", "FAILED", "the cable was pulled")]
+    assert [pending.action_id for pending in pending_actions.driving] == ["g"]
+    pending_actions.end_all("again")
+    pending_actions.end("g", "CANCELLED")
+    assert pending_actions.driving == []
+    assert len(news) == 2
+
+
+def test_an_action_that_is_not_accepted_yet_is_not_ended_by_the_dock():
+    pending_actions, news = told()
+    pending_actions.own(PendingAction("u", "undock", 0.0))
+    pending_actions.watch(1.0, dock=APART, tilt=None)
+    assert pending_actions.of("u") is not None
+    pending_actions.disown("u")
+    assert (pending_actions.of("u"), news) == (None, [])
 
 
 def test_docking_is_done_in_the_dock_and_undocking_out_of_it():
@@ -56,10 +78,10 @@ def test_what_takes_too_long_fails_with_the_reason():
     pending_actions.begin(PendingAction("t", "tilt", 0.0, (0.5, 0.5), 5.0))
     pending_actions.watch(6.0, dock=APART, tilt=0.1)
     pending_actions.watch(11.0, dock=APART, tilt=0.1)
-    assert news[2:] == [
-        ("t", "FAILED", "the head did not reach the angle in time"),
-        ("d", "FAILED", "it took too long"),
-    ]
+    assert news[2:] == [("t", "FAILED", "the head did not reach the angle in time")]
+    assert pending_actions.drive.failure == "it took too long"
+    pending_actions.end("d", "CANCELLED", "cancelled")  # once the RCA has confirmed it
+    assert news[3:] == [("d", "FAILED", "it took too long")]
 
 
 def test_a_head_is_there_when_its_angle_is():

@@ -32,7 +32,9 @@ def odometry(stamp):
 
 @pytest.fixture
 def heard():
-    adapter = registry.create("rosbridge", "rhodon", {"url": "ws://127.0.0.1:1", "version": "1"})
+    adapter = registry.create(
+        "rosbridge", "rhodon", {"navigation": "none", "url": "ws://127.0.0.1:1", "version": "1"}
+    )
     handlers = {topic: handler for topic, _, handler, _ in adapter._listened()}
     return adapter, handlers["/amcl_pose"], handlers["/odom"]
 

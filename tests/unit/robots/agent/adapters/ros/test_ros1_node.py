@@ -31,6 +31,8 @@ def test_the_first_word_is_ready_however_long_that_takes():
     node.rospy = SimpleNamespace(get_name=slow_name)
     node.connection = SimpleNamespace(makefile=lambda *_, **__: [])
     node.watch_wheels, node.watch_master, node.answer_questions = watch, lambda: None, lambda: None
+    node.write_lines = lambda: None
+    node.guard = SimpleNamespace(run=lambda: None, finish=lambda: None)
     node.run()
     assert spoke.wait(SOON * 10)
     assert said == ["ready", "listeners"]
@@ -95,8 +97,8 @@ def test_who_listens_and_has_not_come_by_the_second_look_is_called_again():
         )
     }
     node.rospy = SimpleNamespace(get_name=lambda: "/us", get_node_uri=lambda: "http://us:1/")
-    node.own_master = lambda name: SimpleNamespace(
-        registerPublisher=lambda *more: called.append((name, *more))
+    node.own_master = lambda caller: SimpleNamespace(
+        registerPublisher=lambda *more: called.append((caller, *more))
     )
     looks = []
     for wanted, there in ((True, 0), (True, 0), (True, 1), (True, 0), (False, 0), (True, 0)):

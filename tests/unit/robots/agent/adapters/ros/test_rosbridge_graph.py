@@ -14,7 +14,9 @@ BASE = NOBODY | {
 
 
 async def test_who_comes_between_two_questions_listens_to_a_type_or_not_yet():
-    bus = registry.create("rosbridge", "rhodon", {"url": "ws://127.0.0.1:1", "version": "1"})._bus
+    bus = registry.create(
+        "rosbridge", "rhodon", {"navigation": "none", "url": "ws://127.0.0.1:1", "version": "1"}
+    )._bus
     asked = []
 
     async def values(service, *_):

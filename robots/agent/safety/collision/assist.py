@@ -1,36 +1,34 @@
-"""Assisted driving: what becomes of a driver's velocity near obstacles. It runs after the safety
-kernel and only on what that lets pass.
+"""Assisted driving: shapes a driver's velocity near obstacles. The collision monitor calls it as a
+stage of the safety kernel, between limits and ramp.
 
 Three levels. `off` changes nothing. `slow` slows the robot down and stops it before obstacles.
-`steer` besides turns it a little, round obstacles and into the middle of doorways, before it slows
+`steer` also turns it a little, around obstacles and into the middle of doorways, before it slows
 down.
 
-A velocity is safe when the robot can hold it for its reaction time, then brake, and on all that
-ground no known point comes closer to the footprint than a margin. The margin grows with the speed,
-and for a robot that turns or goes back with how exactly the point is known: what the laser sees
-counts as it is, what is only remembered as a little nearer. Ahead of a robot that drives it is
-larger by what the robot's corners need to turn in place, so that whoever drives up to a wall can
-turn away from it. A point that is within the margin already must not come closer: that lets a robot
-out of any contact, and not further in.
+A velocity is safe when the robot can hold it for its reaction time, then brake, and no known point
+comes closer to the footprint than a margin on the way. The margin grows with the speed. For a robot
+that turns or reverses it also grows with the error of a point: points in view have none, remembered
+points count as a little nearer. Ahead of a driving robot it includes what its corners need to turn
+in place, so that a robot in front of a wall can turn away. A point that is already within the
+margin must not come closer: this lets a robot leave any contact, but not go further into it.
 
 **The commanded side.** With `wanted` = (v, w), and S the turn that steering may add
 (`SteeringSettings.turn` at `full` m/s and above, falling with the speed to zero; zero for a robot
 that stands, goes back or only turns), the result (v', w') keeps:
 
-- v' lies between 0 and v: never the other way, never faster; what is told to stand stands;
+- v' lies between 0 and v: never the opposite direction, never faster; zero stays zero;
 - without steering, w' lies between 0 and w;
 - with it, w' never turns faster than the larger of |w| and S. Against the side of w goes at most S,
   and the less the firmer the driver turns, until at |w| = `firm` x S nothing of it: a firm turn to
-  one side never becomes one to the other. What |w| is beyond that,
-  at least half is kept, and all of it by a robot that stands: a firm turn towards a wall still
-      turns towards the wall.
+  one side never becomes one to the other. Of what |w| is beyond that, at least half is kept, and
+  all of it by a robot at rest: a firm turn towards a wall still turns towards the wall.
 
 A laser that has been silent for `silence` seconds stops the robot, at both levels, with `blind`:
-what the level promises, no collision, a crawl cannot keep either, and whoever would rather crawl
-home by the picture alone can choose `off`.
+creeping could not keep the level's promise of no collision either, and a driver who prefers to
+creep home by the video alone can choose `off`.
 
 A charging station is an obstacle that a robot is meant to touch. Where the caller knows the robot's
-pose in its dock, and the robot is close before it and turned towards it, what stands beyond the
+pose in its dock, and the robot is close in front of it and turned towards it, points beyond the
 docked robot's nose may be touched, at a creep, and nothing is steered.
 """
 
@@ -41,10 +39,10 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from robots.agent.navigation.assistance.slowing import Slowing, SlowingSettings
-from robots.agent.navigation.assistance.steering import Steering, SteeringSettings
-from robots.agent.navigation.assistance.swept import hull, outside
 from robots.agent.ramp import ZERO
+from robots.agent.safety.collision.slowing import Slowing, SlowingSettings
+from robots.agent.safety.collision.steering import Steering, SteeringSettings
+from robots.agent.safety.collision.swept import hull, outside
 from robots.api.geometry import Pose2D
 from robots.api.messages import AssistLevel, Limits, Velocity
 from robots.world.sensing import Floats, points_in_frame
@@ -141,8 +139,8 @@ class DriverAssistance:
             points: (n, 2) obstacles in the robot's frame, known to `reach` metres from its centre.
             level: how much help the driver gets.
             errors: (n,) metres by which each of points may be nearer than it seems; none without.
-            silence: seconds since the laser last saw (`ObstacleMemory.seen`), `inf` when it never
-                has.
+            silence: seconds since the laser last saw (`RollingObstacleMap.seen`), `inf` when it
+                never has.
             dock: the robot's pose in its dock, seen from the robot; None when unknown or when it is
                 nobody's wish to dock.
             dt: seconds until the next call.

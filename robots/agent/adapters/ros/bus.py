@@ -1,0 +1,151 @@
+"""The connection to a ROS system, as RosAdapter uses it: rospy or rclpy in a child process, or
+rosbridge.
+
+Messages are JSON objects (messages.py); types are written as in ROS 1 (`nav_msgs/Odometry`).
+"""
+
+from collections.abc import Callable, Iterable
+from typing import Any, Protocol
+
+from robots.agent.adapters.ros.graph import Graph
+from robots.api.messages import ActionState
+
+OURS = "telepresence-"  # with which the ids of our goals begin, as in ros1_node.py
+
+Handler = Callable[[dict[str, Any]], None]
+# topic, type, what takes its messages, and options of the subscription
+Subscription = tuple[str, str, Handler, dict[str, Any]]
+
+
+class Goals(Protocol):
+    """What receives the progress of goals."""
+
+    def accepted(self, goal: str) -> None:
+        """The robot works on it."""
+
+    def ended(self, goal: str, status: ActionState, reason: str) -> None:
+        """The robot has reported its terminal status."""
+
+    def failed(self, goal: str, reason: str) -> None:
+        """It failed, and may run all the same: it has to be cancelled."""
+
+    def server_gone(self) -> None:
+        """The action server has ended, and with it all goals."""
+
+
+class Bus(Protocol):
+    """A connection to a ROS system; only what is awaited may block."""
+
+    version: int
+    place: str
+    # whether `ask` asks the subscribers of velocities; otherwise a reading proves that they respond
+    answers: bool
+    # whether a guard on the RCA's side stops the robot when the agent is lost
+    guards: bool
+    advice: str  # the start of a sentence: how to get one
+    connect_time: float | None  # seconds, None for what is usual
+
+    @property
+    def forgotten(self) -> tuple[str, ...]:
+        """Return the nodes that still run and that the ROS master, restarted meanwhile, does not
+        know.
+        """
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """Return what is wrong with the connection itself, a sentence each."""
+
+    async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
+        """Connect, and cancel the goals of an earlier connection; `lost` is called with the reason
+        when the connection ends.
+
+        Raises:
+            AdapterError, OSError, TimeoutError: it cannot be reached.
+        """
+
+    def guard(self, settings: dict[str, Any]) -> None:
+        """Give the guard what it needs; called once, right after `open`."""
+
+    async def shut(self) -> None:
+        """Disconnect."""
+
+    def subscribe(
+        self,
+        topic: str,
+        kind: str,
+        handler: Handler,
+        *,
+        latched: bool = False,
+        either: bool = False,
+        sensor: bool = False,
+        period: float = 0.0,
+    ) -> None:
+        """Subscribe to a topic.
+
+        Args:
+            topic: its name.
+            kind: its type.
+            handler: takes the messages.
+            latched: its last message is wanted as well.
+            either: publishers of either durability are received.
+            sensor: messages may be lost.
+            period: seconds between two messages, at least.
+        """
+
+    def advertise(
+        self, topic: str, kind: str, *, drives: bool = False, latch: bool = False
+    ) -> None:
+        """Advertise a topic; `drives` are velocities, `latch` keeps the last message for later
+        subscribers.
+        """
+
+    def unadvertise(self, topic: str) -> None:
+        """Unadvertise a topic."""
+
+    async def ask(self) -> None:
+        """Wait until the subscribers of velocities have answered a probe.
+
+        Raises:
+            AdapterError: the connection is lost.
+        """
+
+    def cut(self) -> None:
+        """Discard what has not been sent yet; at once."""
+
+    def listeners(self, topic: str) -> int | None:
+        """Return how many subscribers of our type a topic that drives has; None when unknown."""
+
+    async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
+        """Return the peers of topics: at least of the one that drives and of those `heard`; None
+        when unknown.
+
+        Raises:
+            AdapterError: the connection is lost.
+        """
+
+    def publish(self, topic: str, message: dict[str, Any], *, newest: bool = False) -> None:
+        """Send; of those that are `newest` only the last counts, and only while it is fresh.
+
+        Raises:
+            AdapterError: it does not take the message.
+        """
+
+    async def call(
+        self, service: str, kind: str, arguments: dict[str, Any] | None = None
+    ) -> tuple[bool, str]:
+        """Call a service and return its success and message.
+
+        Raises:
+            ActionRefusedError: it does not exist.
+            AdapterError: no answer, or an error.
+        """
+
+    def send_goal(self, action: str, kind: str, goal: dict[str, Any], name: str) -> None:
+        """Send a goal to an action of ROS 2 under a name of ours.
+
+        Raises:
+            AdapterError: this bus carries no actions.
+        """
+
+    async def cancel_goal(self, action: str, name: str) -> bool:
+        """Cancel a goal; return True when it certainly does not run and never will."""

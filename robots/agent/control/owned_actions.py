@@ -1,0 +1,87 @@
+"""Actions that may move the robot: each is ours from its start until the RCA has confirmed that it
+ended. A cancel is repeated until then, whatever happens to the connection in between.
+"""
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from typing import Any
+
+import structlog
+
+from robots.agent.control.supervised_adapter import AdapterLink
+from robots.agent.robot_interface import AdapterError
+
+log = structlog.stdlib.get_logger(__name__)
+
+CANCEL_PERIOD = 0.5  # s between two attempts to cancel
+UNCONFIRMED = "the robot's navigation has not confirmed that it ended"
+
+
+class OwnedActions:
+    """The actions that run, and those whose end is to be confirmed.
+
+    Args:
+        adapter: where they run.
+        spawn: runs a coroutine beside the loop.
+        changed: called when an end became unconfirmed or was confirmed, with the reason why the
+            latest attempt to cancel did not succeed ("" for none).
+    """
+
+    def __init__(
+        self,
+        adapter: AdapterLink,
+        spawn: Callable[[Coroutine[Any, Any, None]], None],
+        changed: Callable[[str], None],
+    ) -> None:
+        self._adapter, self._spawn, self._changed = adapter, spawn, changed
+        self._running: set[str] = set()
+        self._ending: set[str] = set()
+
+    @property
+    def is_end_unconfirmed(self) -> bool:
+        """Tell whether an action that was cancelled may still run."""
+        return bool(self._ending)
+
+    def is_ending(self, action_id: str) -> bool:
+        """Tell whether an action was cancelled and may still run."""
+        return action_id in self._ending
+
+    def begin(self, action_id: str) -> None:
+        """Own an action from now on."""
+        self._running.add(action_id)
+
+    def ended(self, action_id: str) -> None:
+        """Take that an action has ended, or was certainly never begun."""
+        self._running.discard(action_id)
+        if action_id in self._ending:
+            self._ending.discard(action_id)
+            self._changed("")
+
+    def cancel(self, action_id: str) -> None:
+        """Cancel an action until its end is confirmed."""
+        self._running.discard(action_id)
+        if action_id not in self._ending:
+            self._ending.add(action_id)
+            self._changed("")
+            self._spawn(self._cancel(action_id))
+
+    def cancel_all(self) -> None:
+        """Cancel everything that runs."""
+        for action_id in sorted(self._running):
+            self.cancel(action_id)
+
+    async def _cancel(self, action_id: str) -> None:
+        attempts = 0
+        while action_id in self._ending:
+            reason = ""
+            try:
+                if await self._adapter.cancel(action_id):
+                    self.ended(action_id)
+                    return
+            except AdapterError as error:
+                reason = str(error)
+            attempts += 1
+            if action_id in self._ending and (reason or attempts > 1):
+                log.warning("cancel_unconfirmed", action=action_id, reason=reason)
+                self._changed(reason or UNCONFIRMED)
+            await asyncio.sleep(CANCEL_PERIOD)

@@ -1,0 +1,92 @@
+"""Notices a control thread that hangs, and ends the process, so that its supervisor restarts it.
+
+The base's own watchdog has stopped the robot long before. A thread cannot be ended from outside,
+and a second control loop beside it could move the robot as well; so the process ends at once, with
+the stack of the thread in the log. systemd does the same to a process in which no thread runs any
+more: it expects a datagram from `Systemd` every WatchdogSec (sd_notify(3)).
+"""
+
+import contextlib
+import os
+import socket
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Mapping
+from typing import NoReturn
+
+import structlog
+
+from robots import logs
+from robots.agent.timing import Cadence
+
+log = structlog.stdlib.get_logger(__name__)
+
+HANG_S = 10.0
+EXIT_HUNG = 70  # EX_SOFTWARE of sysexits.h
+NOTIFY_PERIOD_S = 1.0
+
+
+class HangDetector:
+    """Compares the ticks of a loop at each look.
+
+    Looks count and not the time between them: a process that was suspended does not hang when it
+    goes on.
+
+    Args:
+        looks: without a tick, after which the loop counts as hung.
+    """
+
+    def __init__(self, looks: int) -> None:
+        self._most = looks
+        self._ticks = -1
+        self._without = 0
+
+    def look(self, ticks: int) -> bool:
+        """Return whether the loop hangs, which has ticked so many times by now."""
+        self._without = self._without + 1 if ticks == self._ticks else 0
+        self._ticks = ticks
+        return self._without >= self._most
+
+
+def end_process(thread: threading.Thread, where: str) -> NoReturn:
+    """Log the stack of a thread that hangs, and end the process without waiting for anything."""
+    # documented, in spite of its name
+    frame = sys._current_frames().get(thread.ident or 0)  # noqa: SLF001
+    stack = "".join(traceback.format_stack(frame)) if frame is not None else ""
+    log.critical("thread_hung", thread=thread.name, where=where, stack=stack)
+    logs.flush()
+    os._exit(EXIT_HUNG)
+
+
+class Systemd:
+    """Tells the service manager that this process works; does nothing without one.
+
+    Args:
+        environment: NOTIFY_SOCKET is the address of the service manager.
+    """
+
+    def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
+        address = environment.get("NOTIFY_SOCKET", "")
+        self._address = "\0" + address[1:] if address.startswith("@") else address
+        self._due = Cadence(NOTIFY_PERIOD_S)
+
+    def ready(self) -> None:
+        """Report that the process has started."""
+        self._send(b"READY=1")
+
+    def alive(self) -> None:
+        """Report that the process works, once a second however often it is called."""
+        if self._due.due(time.monotonic()):
+            self._send(b"WATCHDOG=1")
+
+    def _send(self, state: bytes) -> None:
+        if not self._address:
+            return
+        with (
+            contextlib.suppress(OSError),
+            socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as service_manager,
+        ):
+            service_manager.setblocking(False)
+            service_manager.sendto(state, self._address)

@@ -1,0 +1,207 @@
+"""The robot's own navigation, in every way in which the agent can be lost or a cancel be ignored:
+metres and seconds until the robot is at rest.
+
+Everything is real: ROS master, rospy, actionlib's SimpleActionServer as move_base, std_srvs/Trigger
+for docking, each in a process of its own (ros1_navigation.py). The planner drives at 0.3 m/s, the
+base brakes with 0.8 m/s². `pytest -s` prints the table; the rows marked nightly run in `make
+nightly`.
+"""
+
+import contextlib
+import sys
+import time
+
+import pytest
+
+from tests.support.architectures.ros1_processes import Ros1Processes
+from tests.support.patience import patient
+from tests.support.programs.namespace import HERE, THERE, namespace
+
+ZERO_WITHIN = 0.65  # s from the event to the first zero velocity
+BRAKING = 0.3 / 0.8  # s from the planner's speed to a standstill
+JERKS = (
+    0.06  # m that a planner which ignores every cancel moves the robot between two zeros, in 4 s
+)
+SEEN_FOR = 4.0  # s that the robot is watched afterwards
+AWAY = 4.0  # s
+OLD = 0.3  # s
+DOCKING = {"dock": "/dock", "cancel_dock": "/cancel_dock"}
+OPTIONS = {
+    "guarded": DOCKING,
+    "agent": DOCKING | {"navigation_velocity": "/cmd_vel_nav"},
+}
+TOPICS = {"guarded": "/cmd_vel", "agent": "/cmd_vel_nav"}
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory):
+    with Ros1Processes(tmp_path_factory.mktemp("ros1")) as made:
+        yield made
+
+
+@contextlib.contextmanager
+def moving(robot, control, habit="obeys", action="goto", prefix=()):
+    """The planner drives the robot for an agent."""
+    planner = robot.plan(habit, TOPICS[control])
+    agent = robot.agent(OPTIONS[control], prefix)
+    try:
+        agent.wait_for(lambda event: event.get("control") == control)
+        agent.request(action)
+        robot.drives()
+        yield planner, agent
+    finally:
+        for process in (agent, planner):
+            process.freeze(on=False)
+            robot.stop(process)
+
+
+def rest(robot, name, event, *, until_zero=ZERO_WITHIN, jerks=0.01):
+    """Assert that the robot is at rest in time and stays there."""
+    time.sleep(SEEN_FOR)
+    metres, seconds, later = robot.after(event, time.monotonic())
+    sys.stdout.write(
+        f"\n{name:60} {metres:5.2f} m  at rest after {seconds:5.2f} s  then {later:5.3f} m\n"
+    )
+    assert seconds <= patient(until_zero + BRAKING)
+    assert later <= jerks
+    assert metres <= 0.3 * patient(until_zero + BRAKING)
+
+
+@pytest.mark.parametrize(
+    "habit",
+    [
+        "obeys",
+        "misses",
+        *(pytest.param(h, marks=pytest.mark.nightly) for h in ("ignores", "resumes")),
+    ],
+)
+@pytest.mark.parametrize("control", ["guarded", "agent"])
+def test_a_killed_agent_leaves_the_robot_at_rest(robot, control, habit):
+    with moving(robot, control, habit) as (planner, agent):
+        event = time.monotonic()
+        agent.kill()
+        rest(robot, f"{control}, planner {habit}: agent killed", event, jerks=JERKS)
+        planner.wait_for(lambda each: "cancel" in each, event)
+
+
+@pytest.mark.parametrize("habit", ["obeys", pytest.param("ignores", marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("control", ["guarded", "agent"])
+def test_a_frozen_agent_leaves_the_robot_at_rest(robot, control, habit):
+    with moving(robot, control, habit) as (_, agent):
+        event = time.monotonic()
+        agent.freeze(on=True)
+        time.sleep(AWAY)
+        agent.freeze(on=False)
+        rest(robot, f"{control}, planner {habit}: agent frozen 4 s", event, jerks=2 * JERKS)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("habit", ["obeys", "misses", "ignores"])
+@pytest.mark.parametrize("control", ["guarded", "agent"])
+def test_an_agent_that_is_started_again_moves_nothing(robot, control, habit):
+    with moving(robot, control, habit) as (_, agent):
+        event = time.monotonic()
+        agent.kill()
+        successor = robot.agent(OPTIONS[control])
+        rest(robot, f"{control}, planner {habit}: agent restarted", event, jerks=2 * JERKS)
+        robot.stop(successor)
+
+
+def test_a_planner_that_hung_ends_a_goal_that_it_received_meanwhile(robot):
+    planner = robot.plan("obeys", "/cmd_vel")
+    agent = robot.agent(OPTIONS["guarded"])
+    try:
+        time.sleep(0.3)  # its status has come
+        planner.freeze(on=True)
+        agent.request("goto")
+        agent.wait_for(lambda event: event.get("progress") == "RUNNING")
+        time.sleep(6.0)
+        event = time.monotonic()
+        planner.freeze(on=False)
+        ended = agent.wait_for(lambda each: each.get("progress") == "FAILED", event)
+        assert ended["reason"] == "navigation does not answer"
+        rest(robot, "guarded: planner hung 6 s with a goal", event)
+    finally:
+        for process in (agent, planner):
+            process.freeze(on=False)
+            robot.stop(process)
+
+
+def test_a_cancel_is_repeated_until_the_planner_ends(robot):
+    with moving(robot, "guarded", "misses") as (planner, agent):
+        event = time.monotonic()
+        agent.request("cancel")
+        agent.wait_for(lambda each: each.get("progress") == "CANCELLED", event)
+        assert len([each for each in planner.events(event) if "cancel" in each]) >= 3
+        rest(robot, "guarded, planner misses two cancels: cancelled", event, until_zero=1.2)
+
+
+def test_a_cancel_that_is_ignored_is_reported_as_not_confirmed(robot):
+    with moving(robot, "guarded", "ignores") as (_, agent):
+        event = time.monotonic()
+        agent.request("cancel")
+        found = agent.wait_for(
+            lambda each: any("has not confirmed" in error for error in each.get("errors", ())),
+            event,
+        )
+        assert found["at"] - event < patient(2.0)
+        assert not any("confirmed" in each for each in agent.events(event))
+
+
+@pytest.mark.nightly
+def test_a_goal_accepted_late_is_cancelled_when_its_agent_is_gone(robot):
+    planner = robot.plan("hesitates", "/cmd_vel")
+    agent = robot.agent(OPTIONS["guarded"])
+    try:
+        agent.request("goto")
+        planner.wait_for(lambda each: "received" in each)
+        event = time.monotonic()
+        agent.kill()
+        planner.wait_for(lambda each: "ended" in each, event, 15.0)
+        rest(robot, "guarded, planner accepts after 6 s: agent killed", event)
+    finally:
+        for process in (agent, planner):
+            robot.stop(process)
+
+
+@pytest.mark.parametrize("habit", ["obeys", pytest.param("hesitates", marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("end", ["killed", pytest.param("frozen", marks=pytest.mark.nightly)])
+def test_docking_ends_with_its_agent(robot, habit, end):
+    with moving(robot, "guarded", habit, "dock") as (planner, agent):
+        event = time.monotonic()
+        if end == "killed":
+            agent.kill()
+        else:
+            agent.freeze(on=True)
+        planner.wait_for(lambda each: "cancel_dock" in each, event)
+        rest(robot, f"guarded, docking service {habit}: agent {end}", event)
+
+
+@pytest.mark.nightly
+def test_docking_whose_call_gives_no_answer_in_time_is_cancelled(robot):
+    with moving(robot, "guarded", "hesitates", "dock") as (planner, agent):
+        found = agent.wait_for(lambda each: "failed" in each, within=20.0)
+        assert found["failed"] == "/dock does not answer"
+        assert not found["refused"]
+        planner.wait_for(lambda each: "cancel_dock" in each, found["at"])
+        rest(robot, "guarded: a call to dock timed out", found["at"])
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("away", [AWAY, None], ids=["4 s", "for good"])
+def test_a_cut_link_leaves_a_robot_that_is_driven_through_the_agent_at_rest(tmp_path, away):
+    with namespace() as network, Ros1Processes(tmp_path, HERE) as robot:
+        prefix = ("ip", "netns", "exec", network.name)
+        options = OPTIONS["agent"] | {"ip": THERE}
+        planner = robot.plan("obeys", "/cmd_vel_nav")
+        agent = robot.agent(options, prefix)
+        agent.request("goto")
+        robot.drives()
+        event = time.monotonic()
+        network.pull()
+        time.sleep(AWAY)
+        if away is not None:
+            network.plug()
+        rest(robot, f"agent: link cut {'for good' if away is None else '4 s'}", event)
+        if away is not None:
+            planner.wait_for(lambda each: "ended" in each, event)
