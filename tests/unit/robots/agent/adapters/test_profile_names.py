@@ -13,7 +13,6 @@ from robots.api.messages import Limits
 
 ROBOT = """
 series = "mine"
-unguarded_navigation = true
 footprint = [[0.2, -0.2], [0.2, 0.2], [-0.2, 0.0]]
 [limits]
 linear = 0.5
@@ -107,8 +106,10 @@ def test_a_profile_that_states_no_watchdog_is_refused_for_no_default_is_a_proper
 ):
     with pytest.raises(AdapterError, match=f"has no watchdog for {adapter}: set in its section"):
         made(tmp_path, "", adapter=adapter)
-    guard = "client_ack_interval = 0.5\n" if adapter in {"moos", "openmora_mqtt"} else ""
-    stated = f"[{adapter}]\nwatchdog = 0.7\n{guard}"
+    controls = {"moos": "client_ack_interval = 0.5", "ros2": "on_robot = true"}
+    controls["openmora_mqtt"] = controls["moos"]
+    control = controls.get(adapter, 'navigation = "none"')
+    stated = f"[{adapter}]\nwatchdog = 0.7\n{control}\n"
     assert made(tmp_path, stated, adapter=adapter).profile.watchdog == 0.7
 
 
