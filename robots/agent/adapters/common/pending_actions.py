@@ -6,9 +6,8 @@ once. Some RCAs report the end of an action, others only reach it: the dock, the
 the pose are seen in the readings. Docking has ended when the robot is docked
 (robots/api/docked.py), undocking when its contacts are apart.
 
-An action that moves the base is ours from before it is sent until the RCA confirms its end. When
-the connection is lost meanwhile, it is reported as failed and kept in `left`, to be cancelled over
-the next connection.
+An action that moves the base is ours from before it is sent until the RCA confirms its end, also
+when the connection is lost in between: it is then cancelled over the next one.
 """
 
 import math
@@ -60,8 +59,8 @@ class PendingAction:
 
     `place` is the goal by name, `area` where a relocalized robot should find itself, `over_at` when
     the RCA reported the end. `failure` is the reason why the adapter itself cancels it; it ends as
-    FAILED for that reason. `first_cancelled_at` and `cancelled_at` are when the first and the
-    newest cancel were sent, `goal_id` the name that the RCA knows.
+    FAILED for that reason. `cancelled_at` is when the newest cancel was sent, `goal_id` the name
+    that the RCA knows.
     """
 
     action_id: str
@@ -75,7 +74,6 @@ class PendingAction:
     over_at: float = math.inf
     accepted: bool = False
     failure: str = ""
-    first_cancelled_at: float | None = None
     cancelled_at: float = -math.inf
     goal_id: str = ""
 
@@ -83,6 +81,11 @@ class PendingAction:
     def drives(self) -> bool:
         """Whether it moves the base."""
         return self.kind in {"goto", "dock", "undock"}
+
+    @property
+    def is_cancelled(self) -> bool:
+        """Whether a cancel was sent."""
+        return self.cancelled_at > -math.inf
 
 
 class PendingActions:
@@ -92,13 +95,7 @@ class PendingActions:
         self.drive: PendingAction | None = None
         self.head: PendingAction | None = None
         self.localization: PendingAction | None = None
-        self.left: list[PendingAction] = []
         self._tell = tell
-
-    @property
-    def driving(self) -> list[PendingAction]:
-        """The actions of which one may still move the base."""
-        return [*self.left, *([self.drive] if self.drive is not None else [])]
 
     def own(self, pending: PendingAction) -> None:
         """Take an action that is about to be sent and may move the base.
@@ -106,7 +103,7 @@ class PendingActions:
         Raises:
             ActionRefusedError: the end of an earlier one is not confirmed.
         """
-        if self.driving:
+        if self.drive is not None:
             raise ActionRefusedError("the robot has not confirmed the end of its last action")
         self.drive = pending
 
@@ -130,7 +127,7 @@ class PendingActions:
 
     def of(self, action_id: str) -> PendingAction | None:
         """Return an action that has not ended, or that may still move the base."""
-        known = (self.drive, self.head, self.localization, *self.left)
+        known = (self.drive, self.head, self.localization)
         return next((each for each in known if each and each.action_id == action_id), None)
 
     def end(self, action_id: str, status: ActionState, reason: str = "") -> None:
@@ -143,11 +140,11 @@ class PendingActions:
             self._end(self.drive, status, reason)
 
     def end_all(self, reason: str) -> None:
-        """Report all as failed with the connection; what may still move the base goes to `left`."""
-        left = self.driving
-        for pending in (self.drive, self.head, self.localization):
-            self._end(pending, "FAILED", reason)
-        self.left = left
+        """Report all as failed with the connection, but for what may still move the base."""
+        self._end(self.head, "FAILED", reason)
+        self._end(self.localization, "FAILED", reason)
+        if self.drive is not None:
+            self.drive.failure = self.drive.failure or reason
 
     def watch(
         self,
@@ -206,9 +203,6 @@ class PendingActions:
             self.localization = None
         elif pending is self.drive:
             self.drive = None
-        elif pending in self.left:
-            self.left.remove(pending)
-            return  # it was reported when the connection was lost
         else:
             return
         if pending.failure and status != "FINISHED":

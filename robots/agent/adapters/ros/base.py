@@ -599,7 +599,8 @@ class RosAdapter(RemoteAdapter):
             drive.failure = drive.failure or "navigation does not answer"
 
     def _of_goal(self, goal: str) -> PendingAction | None:
-        return next((each for each in self.pending_actions.driving if each.goal_id == goal), None)
+        drive = self.pending_actions.drive
+        return drive if drive is not None and drive.goal_id == goal else None
 
     def accepted(self, goal: str) -> None:
         """Take that the robot works on a goal."""
@@ -636,7 +637,7 @@ class RosAdapter(RemoteAdapter):
         drive = self.pending_actions.drive
         if self.profile.navigation_control != "agent" or drive is None:
             return None
-        if drive.failure or drive.first_cancelled_at is not None:
+        if drive.failure or drive.is_cancelled:
             return None
         velocity, arrived = self._wanted
         return velocity if time.monotonic() - arrived <= WANTED_AGE else ZERO

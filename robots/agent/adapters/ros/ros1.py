@@ -128,15 +128,14 @@ class NodeBus:
         self._beating = asyncio.ensure_future(self._beat())
 
     def guard(self, settings: dict[str, Any]) -> None:
-        """Give the child what it guards. From here on it replaces the guards of earlier
-        connections.
-        """
+        """Give the child what it guards."""
         self._say(op="guard", **settings)
-        for child in self._guards_left:
-            child.terminate()
+
+    def _end_earlier_guards(self) -> None:
+        """End the guards of earlier connections, once this one's zeros reach the base."""
         left, self._guards_left = self._guards_left, []
         if left:
-            asyncio.get_running_loop().run_in_executor(None, _reap, left)
+            asyncio.get_running_loop().run_in_executor(None, _end, left)
 
     async def _beat(self) -> None:
         with contextlib.suppress(AdapterError):  # its reader reports the loss
@@ -216,6 +215,8 @@ class NodeBus:
                         topic in self._listeners
                     ):
                         self._listeners[topic] = count
+                        if count:
+                            self._end_earlier_guards()
                     case {"op": "gone"} if self._goals is not None:
                         self._goals.server_gone()
                     case {"op": "lost", "reason": why}:
@@ -453,8 +454,9 @@ def _has_ended(child: subprocess.Popen[bytes]) -> bool:
     return True
 
 
-def _reap(children: list[subprocess.Popen[bytes]]) -> None:
+def _end(children: list[subprocess.Popen[bytes]]) -> None:
     for child in children:
+        child.terminate()
         try:
             child.wait(timeout=END_TIME)
         except subprocess.TimeoutExpired:

@@ -106,7 +106,9 @@ def test_a_profile_that_states_no_watchdog_is_refused_for_no_default_is_a_proper
 ):
     with pytest.raises(AdapterError, match=f"has no watchdog for {adapter}: set in its section"):
         made(tmp_path, "", adapter=adapter)
-    assert made(tmp_path, f"[{adapter}]\nwatchdog = 0.7\n", adapter=adapter).profile.watchdog == 0.7
+    options = {"navigation": "none"} if adapter == "rosbridge" else {}
+    profile = made(tmp_path, f"[{adapter}]\nwatchdog = 0.7\n", options, adapter).profile
+    assert profile.watchdog == 0.7
 
 
 def test_no_option_overrules_it(tmp_path):
