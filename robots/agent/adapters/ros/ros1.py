@@ -41,6 +41,7 @@ UNCONNECTED = (
 )
 LONGEST_LINE = 8 << 20
 NODE = Path(__file__).with_name("ros1_node.py")
+CONTAINER = (Path("/.dockerenv"), Path("/run/.containerenv"))  # of Docker and Podman
 
 log = structlog.stdlib.get_logger(__name__)
 
@@ -71,7 +72,8 @@ class NodeBus:
 
     The child is also the guard of the robot's navigation (ros1_node.py). It outlives this process,
     and this connection for as long as something of ours may move the robot. It counts as a guard
-    only on the computer of the ROS master: only there no cut link separates it from the robot.
+    only on the computer of the ROS master, where no cut link separates it from the robot, and not
+    in a container that ends with the agent.
     """
 
     version = 1
@@ -84,7 +86,8 @@ class NodeBus:
     def __init__(self, options: Ros1Options) -> None:
         uri = _master_of(options)
         self.place = f"ROS 1 at {uri}"
-        self.guards = _is_here(urlsplit(uri).hostname or "")
+        ends_with_agent = 1 in {os.getpid(), os.getppid()} and any(map(Path.exists, CONTAINER))
+        self.guards = not ends_with_agent and _is_here(urlsplit(uri).hostname or "")
         self._python = options.python
         self._environment = {**os.environ, "ROS_MASTER_URI": uri, "ROS_PYTHON_LOG_CONFIG_FILE": ""}
         self._environment.pop("PYTHONHOME", None)  # that of the agent's Python
