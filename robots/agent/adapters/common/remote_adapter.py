@@ -26,7 +26,12 @@ from robots.agent.adapters.common.pending_actions import (
     PendingActions,
 )
 from robots.agent.adapters.common.progress_queue import ProgressQueue
-from robots.agent.adapters.common.robot_profile import BatteryRange, RobotProfile
+from robots.agent.adapters.common.robot_profile import (
+    BatteryRange,
+    ObstacleSensor,
+    RobotProfile,
+    check_sensors,
+)
 from robots.agent.adapters.common.state_builder import Readings
 from robots.agent.adapters.common.velocity_gate import GateParams, VelocityGate
 from robots.agent.ramp import ZERO
@@ -65,6 +70,7 @@ def profile_of(
     watchdog: float,
     *,
     own: tuple[Capability, ...] = (),
+    sensors: tuple[ObstacleSensor, ...] = (),
     control: NavigationControl | None = None,
     advice: str = "",
 ) -> Profile:
@@ -75,12 +81,15 @@ def profile_of(
         rca: the name of the RCA.
         watchdog: the base's own, in seconds.
         own: what the robot can do besides driving, in this RCA.
+        sensors: the sensors for obstacles besides a laser whose readings the adapter delivers.
         control: what stops the RCA's own navigation when the agent is lost.
         advice: what its owner can change, where that is nothing.
 
     Raises:
-        AdapterError: nothing stops the RCA's navigation, and the profile does not allow that.
+        AdapterError: nothing stops the RCA's navigation, and the profile does not allow that; or
+            the profile names a sensor that the adapter does not deliver.
     """
+    check_sensors(robot, rca, sensors)
     if control == "unguarded" and not robot.unguarded_navigation:
         raise AdapterError(
             f"nothing would stop the navigation of {robot.series} if the agent were lost: {advice},"
@@ -497,6 +506,12 @@ class RemoteAdapter(ABC):
 
     def configure(self, config: Any) -> None:
         """Ignore a `Config`: nothing in it is the RCA's."""
+
+    def sever(self) -> None:
+        """Drop the connection as the death of the agent would (robot_interface.Severable)."""
+        self._lose("the connection was cut on purpose")
+        for task in self._tasks:
+            task.cancel()
 
     async def close(self) -> None:
         """Cancel, brake, wait for the standstill, and disconnect."""
