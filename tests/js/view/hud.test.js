@@ -188,6 +188,25 @@ describe("cards", () => {
     assert.deepEqual([cardFor(well).word, statusFor(well).word], ["lobby", "status.ready"]);
   });
 
+  test("a robot that was stopped between visits says so, and who takes it releases it", () => {
+    const robot = { ...ROBOT, docked: false, safety: { ...ROBOT.safety, inhibited: "stopped" } };
+    const told = (more) => {
+      const one = state({ phase: "lobby" }, { robot, room: free(""), ...more });
+      return [cardFor(one).word, cardFor(one).main.word, statusFor(one).word];
+    };
+    assert.deepEqual(told({}), ["lobby.stopped", "do.drive", "status.stopped"]);
+    const docked = { robot: { ...robot, docked: true } };
+    assert.deepEqual(told(docked), ["lobby.stopped", "do.drive", "status.stopped"]);
+    const waits = { room: { ...free(""), waiting: 2 } };
+    assert.deepEqual(told(waits), ["lobby.waiting", "do.queue", "status.stopped"]);
+    const driven = { room: { ...free(""), driver: "Ada" } };
+    assert.deepEqual(told(driven).slice(2), ["status.busy"]);
+    assert.ok(SENTENCES.has("lobby.stopped.title") && SENTENCES.has("lobby.stopped.text"));
+    const operated = state({ phase: "lobby" }, { robot, room: free(""), operates: true });
+    assert.equal(cardFor(operated).detail.word, "release.held");
+    assert.equal(cardFor(operated).extra.action, "release_stop");
+  });
+
   test("a robot between two visits is called the same before, after and while one waits", () => {
     for (const [pause, status, word] of BETWEEN) {
       const more = { room: free(pause), robot: { ...ROBOT, docked: false } };

@@ -1,37 +1,45 @@
-"""The simulated robot on real DDS, between processes, on the loopback interface only."""
+"""The simulated robot on real ROS 2 (rclpy and Fast DDS), between processes of this computer."""
 
 import asyncio
 import contextlib
 import json
 import os
-import sys
+from pathlib import Path
 
 from tests.support.architectures.frozen import freeze
 from tests.support.architectures.rca_world import RcaRig
 from tests.support.architectures.ros_robot import BASE, RosRobot
 from tests.support.paths import ROOT
 
-LOOPBACK = (
-    '<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo"'
-    ' multicast="false"/></Interfaces></General><Discovery>'
-    "<ParticipantIndex>auto</ParticipantIndex><Peers><Peer"
-    ' address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>'
-)
-STATUS = "/navigate_to_pose/_action/status"
+# `make setup-ros2` installs it there: rclpy, and messages of our own definition.
+PYTHON = ROOT / "var" / "ros2" / "bin" / "python"
+DISCOVERY = ("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+DOCKING = {"/dock": "dock", "/undock": "undock", "/cancel_dock": "cancel"}
+NODE = Path(__file__).with_name("ros2_robot_node.py")
 
 
 class Ros2Rig(RcaRig):
     adapter_name = "ros2"
 
-    def __init__(self, series="giraff", base=BASE, words=()):
+    def __init__(self, series="giraff", base=BASE, **wish):
         super().__init__(series)
-        self.words = (*base, *words)
         worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
         # another one than that of any other process of this run
         self.domain = 20 + os.getpid() % 20 * 4 + worker % 4
         self.robot = RosRobot(self.world, 2, base)
-        self.goals = 0
+        self.wish = {
+            "publishes": RosRobot.TOPICS,
+            "hears": RosRobot.COMMANDS | dict([base]),
+            "services": list(DOCKING),
+            **wish,
+        }
+        self.goals = self.cancels = 0
+        self._journey = ""
         self._node = self._listening = None
+
+    def __enter__(self):
+        os.environ.setdefault(*DISCOVERY)
+        return super().__enter__()
 
     def options(self):
         tilts = (
@@ -39,22 +47,24 @@ class Ros2Rig(RcaRig):
             if self.world.sim.model.tilt
             else {}
         )
-        return {"domain": str(self.domain), **tilts}
+        docking = {"dock": "/dock", "undock": "/undock", "cancel_dock": "/cancel_dock"}
+        return {"python": str(PYTHON), "domain": str(self.domain), **docking, **tilts}
 
     async def up(self):
-        command = [
-            sys.executable,
-            "-m",
-            "tests.support.architectures.ros2_robot_node",
-            str(self.domain),
-            *self.words,
-        ]
         pipe = asyncio.subprocess.PIPE
         self._node = await asyncio.create_subprocess_exec(
-            *command, cwd=ROOT, stdin=pipe, stdout=pipe, limit=1 << 20
+            PYTHON,
+            NODE,
+            json.dumps(self.wish),
+            cwd=ROOT,
+            env=os.environ | {"ROS_DOMAIN_ID": str(self.domain)},
+            stdin=pipe,
+            stdout=pipe,
+            limit=1 << 20,
         )
         assert json.loads(await self._node.stdout.readline())[0] == "ready"
         self.robot.restarted()
+        self._journey = ""
         self._listening = asyncio.ensure_future(self._listen())
 
     async def down(self):
@@ -70,29 +80,37 @@ class Ros2Rig(RcaRig):
     async def after_reset(self):
         self.robot.restarted()
 
+    def planner(self, **behaviour):
+        """Change how the planner behaves: see ros2_robot_node.py."""
+
+        async def tell():
+            self.tell("planner", behaviour)
+
+        self.call(tell())
+
     async def _listen(self):
         while line := await self._node.stdout.readline():
             topic, message = json.loads(line)
-            if topic == "/goal_pose":
+            if topic == "goal":
                 self.goals += 1
                 self.robot.go(message, str(self.goals))
+                self._journey = "running"
+            elif topic == "cancel":
+                self.cancels += 1
+            elif topic == "canceled":
+                self.world.cancel()
+            elif topic in DOCKING:
+                getattr(self.world, DOCKING[topic])()
             else:
                 self.robot.hear(topic, message)
 
-    async def say(self, count):
-        for topic, message in self.robot.says(count) + self._nav2(count):
-            with contextlib.suppress(ConnectionError):
-                self._node.stdin.write((json.dumps([topic, message]) + "\n").encode())
+    def tell(self, topic, message):
+        with contextlib.suppress(ConnectionError):
+            self._node.stdin.write((json.dumps([topic, message]) + "\n").encode())
 
-    def _nav2(self, count):
-        """Nav2 tells of its goals when one of them changes, and keeps the old ones."""
-        over = self.robot.over()
-        if not self.goals or not (over or count % 10 == 0):
-            return []
-        status = {"running": 2, "done": 4}.get(self.world.journey, 6)
-        entries = [
-            {"goal_info": {"goal_id": {"uuid": [number] * 16}}, "status": 4}
-            for number in range(1, self.goals)
-        ]
-        entries.append({"goal_info": {"goal_id": {"uuid": [self.goals] * 16}}, "status": status})
-        return [(STATUS, {"status_list": entries[-5:]})]
+    async def say(self, count):
+        for topic, message in self.robot.says(count):
+            self.tell(topic, message)
+        if self._journey == "running" and self.world.journey != "running":
+            self._journey = self.world.journey
+            self.tell("journey", self._journey)

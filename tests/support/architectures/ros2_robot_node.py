@@ -1,19 +1,33 @@
-"""The simulated robot's node of ROS 2 in a process of its own: lines of JSON on standard input are
-said on DDS, and the other way round.
+"""The simulated robot's node of ROS 2, real rclpy in a process of its own.
+
+Lines of JSON on standard input are published; what it receives is written to standard output.
+
+Its NavigateToPose server drives the simulated robot; the line "planner" changes how it behaves:
+`accept` false rejects, `delay` seconds pass before it answers a goal, and `deaf` refuses cancels.
 """
 
-import asyncio
 import json
+import os
+import pathlib
 import sys
 import threading
+import time
 
-from cyclonedds.sub import DataReader
+import rclpy
+from nav2_msgs.action import NavigateToPose
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_srvs.srv import Trigger
 
-from robots.agent.adapters.ros.ros2 import DdsBus, quality
-from tests.support.architectures.ros_robot import RosRobot
+ROOT = pathlib.Path(__file__).resolve().parents[3]
+sys.path.insert(0, str(ROOT / "robots" / "agent" / "adapters" / "ros"))
 
-GOALS = {"/navigate_to_pose/_action/status": "action_msgs/GoalStatusArray"}
-LATCHED = {"/amcl_pose", *GOALS}
+import ros2_node
+
+LATCHED = ("/amcl_pose", "/estop_latched")
 
 
 def say(topic, message):
@@ -21,46 +35,108 @@ def say(topic, message):
     sys.stdout.flush()
 
 
-def hear(bus, topic, kind, *, best_effort):
-    """Subscribe as rclcpp's SystemDefaultsQoS does, with which diff_drive_controller hears cmd_vel:
-    reliable; or as a sensor is heard.
-    """
-    reader = DataReader(bus._participant, bus._topic(topic, kind), qos=quality(sensor=best_effort))
-    bus._readers.append((reader, lambda message: say(topic, message)))
+def quality(*, latched=False, best_effort=False):
+    return QoSProfile(
+        depth=1 if latched else 10,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+        reliability=ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE,
+    )
 
 
-class NamespacedBus(DdsBus):
-    """The topics of a robot of ROS 2 whose nodes were started in a namespace, such as /robot1."""
+class Planner:
+    """A NavigateToPose server whose journeys the rig carries out."""
 
-    def __init__(self, domain, namespace):
-        super().__init__(domain)
-        self._namespace = namespace
+    def __init__(self, node, name):
+        self.accept, self.delay, self.deaf = True, 0.0, False
+        self.journey = ""
+        self.server = ActionServer(
+            node,
+            NavigateToPose,
+            name,
+            self.execute,
+            goal_callback=self.asked,
+            cancel_callback=self.asked_to_cancel,
+            callback_group=ReentrantCallbackGroup(),
+        )
 
-    def _topic(self, name, kind):
-        return super()._topic(self._namespace + name, kind)
+    def asked(self, _goal):
+        time.sleep(self.delay)
+        return GoalResponse.ACCEPT if self.accept else GoalResponse.REJECT
+
+    def asked_to_cancel(self, _goal):
+        say("cancel", {})
+        return CancelResponse.REJECT if self.deaf else CancelResponse.ACCEPT
+
+    def execute(self, goal):
+        self.journey = "running"
+        say("goal", ros2_node.plain(goal.request.pose))
+        while self.journey == "running":
+            if goal.is_cancel_requested:
+                say("canceled", {})
+                goal.canceled()
+                return NavigateToPose.Result()
+            time.sleep(0.01)
+        if self.journey == "done":
+            goal.succeed()
+            return NavigateToPose.Result()
+        goal.abort()
+        return NavigateToPose.Result(error_code=104, error_msg="no path was found")
 
 
-async def main(domain, cmd_vel, velocity, best_effort="", namespace=""):
-    bus = NamespacedBus(domain, namespace)
-    await bus.open(sys.exit, None)
-    for topic, kind in (RosRobot.TOPICS | GOALS).items():
-        bus.advertise(topic, kind, latched=topic in LATCHED, sensor=topic == "/scan")
-    heard = RosRobot.COMMANDS | {"/goal_pose": "geometry_msgs/PoseStamped", cmd_vel: velocity}
-    for topic, kind in heard.items():
-        hear(bus, topic, kind, best_effort=best_effort == "best-effort")
-    loop, ended = asyncio.get_running_loop(), asyncio.Event()
+class Robot:
+    def __init__(self, wish):
+        self.node = Node("base_driver")
+        self.namespace = wish.get("namespace", "")
+        self.publishers = {}
+        for topic, kind in wish["publishes"].items():
+            best_effort = topic in wish.get("best_effort", ["/scan"])
+            form = quality(latched=topic in LATCHED, best_effort=best_effort)
+            made = ros2_node.type_of(kind, "msg")
+            name = self.namespace + topic
+            self.publishers[topic] = (self.node.create_publisher(made, name, form), made)
+        for topic, kind in wish["hears"].items():
+            self.hear(topic, kind, **wish.get("listens", {}))
+        for service in wish.get("services", ()):
+            self.node.create_service(Trigger, self.namespace + service, self.serve(service))
+        self.planner = Planner(self.node, self.namespace + "/navigate_to_pose")
 
-    def read():
-        for line in sys.stdin:
-            topic, message = json.loads(line)
-            loop.call_soon_threadsafe(bus.publish, topic, message)
-        loop.call_soon_threadsafe(ended.set)
+    def hear(self, topic, kind, *, latched=False, best_effort=False):
+        self.node.create_subscription(
+            ros2_node.type_of(kind, "msg"),
+            self.namespace + topic,
+            lambda message: say(topic, ros2_node.plain(message)),
+            quality(latched=latched, best_effort=best_effort),
+        )
 
-    threading.Thread(target=read, daemon=True).start()
+    def serve(self, service):
+        def answer(_request, response):
+            say(service, {})
+            response.success = True
+            return response
+
+        return answer
+
+    def obey(self, topic, message):
+        if topic == "journey":
+            self.planner.journey = message
+        elif topic == "planner":
+            vars(self.planner).update(message)
+        else:
+            publisher, made = self.publishers[topic]
+            publisher.publish(ros2_node.filled(made(), message))
+
+
+def main():
+    rclpy.init(args=["--ros-args", "--disable-external-lib-logs"])
+    robot = Robot(json.loads(sys.argv[1]))
+    executor = MultiThreadedExecutor(4)
+    executor.add_node(robot.node)
+    threading.Thread(target=executor.spin, daemon=True).start()
     say("ready", {})
-    await ended.wait()
-    await bus.shut()
+    for line in sys.stdin:
+        robot.obey(*json.loads(line))
+    os._exit(0)
 
 
 if __name__ == "__main__":
-    asyncio.run(main(int(sys.argv[1]), *sys.argv[2:]))
+    main()

@@ -185,7 +185,9 @@ class RosAdapter(RemoteAdapter):
         own = _abilities(options, name)
         control = _control(options, bus, own)
         super().__init__(
-            profile_of(robot, rca, options.watchdog, own=own, control=control, advice=ADVICE),
+            profile_of(
+                robot, rca, options.watchdog, own=own, control=control, advice=bus.advice + ADVICE
+            ),
             robot.battery,
         )
         self.must_answer, self.connect_time = bus.answers, bus.connect_time

@@ -42,6 +42,7 @@ class Bus(Protocol):
     answers: bool
     # whether a guard on the RCA's side stops the robot when the agent is lost
     guards: bool
+    advice: str  # the start of a sentence: how to get one
     connect_time: float | None  # seconds, None for what is usual
 
     @property

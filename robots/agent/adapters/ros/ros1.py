@@ -80,19 +80,21 @@ class NodeBus:
     answers = True
     connect_time: float | None = 20.0
     problems: tuple[str, ...] = ()
+    advice = "run the agent on the computer of the ROS master, or "
     script = NODE
     arguments: tuple[str, ...] = ()  # of the script, after the port
 
     def __init__(self, options: Ros1Options) -> None:
         uri = _master_of(options)
-        self.place = f"ROS 1 at {uri}"
-        ends_with_agent = 1 in {os.getpid(), os.getppid()} and any(map(Path.exists, CONTAINER))
-        self.guards = not ends_with_agent and _is_here(urlsplit(uri).hostname or "")
-        self._python = options.python
-        self._environment = {**os.environ, "ROS_MASTER_URI": uri, "ROS_PYTHON_LOG_CONFIG_FILE": ""}
-        self._environment.pop("PYTHONHOME", None)  # that of the agent's Python
+        self.guards = outlives_agent() and _is_here(urlsplit(uri).hostname or "")
+        environment = {**os.environ, "ROS_MASTER_URI": uri, "ROS_PYTHON_LOG_CONFIG_FILE": ""}
         if options.ip:
-            self._environment["ROS_IP"] = options.ip
+            environment["ROS_IP"] = options.ip
+        self._prepare(f"ROS 1 at {uri}", options.python, environment)
+
+    def _prepare(self, place: str, python: str, environment: dict[str, str]) -> None:
+        self.place, self._python, self._environment = place, python, environment
+        self._environment.pop("PYTHONHOME", None)  # that of the agent's Python
         self._lost: Callable[[str], None] = lambda _reason: None
         self._child: subprocess.Popen[bytes] | None = None
         self._guards_left: list[subprocess.Popen[bytes]] = []  # of earlier connections
@@ -431,6 +433,11 @@ def _master_of(options: Ros1Options) -> str:
 def _moves(message: Mapping[str, Any]) -> bool:
     twist = message.get("twist", message)
     return bool(twist["linear"]["x"] or twist["angular"]["z"])
+
+
+def outlives_agent() -> bool:
+    """Return whether a child process outlives the agent: not in a container that ends with it."""
+    return 1 not in {os.getpid(), os.getppid()} or not any(map(Path.exists, CONTAINER))
 
 
 def _is_here(host: str) -> bool:

@@ -1,90 +1,93 @@
-"""ROS 2 without ROS: its topics are DDS topics, and cyclonedds speaks DDS.
+"""ROS 2: a node of rclpy in a process of its own (ros2_node.py), and a loopback connection to it.
 
-Needs `cyclonedds` (the extra `ros2`). Services and actions are not portable over plain DDS: go-to
-is a topic (`goal_pose`) whose end Nav2's action tells on another; for docking by a service, use
-rosbridge. Options: `domain` (default: ROS_DOMAIN_ID, or 0) and those of `base.RosOptions`;
-interfaces and peers are configured as for every Cyclone DDS, by CYCLONEDDS_URI.
+Needs rclpy: a sourced ROS 2 installation (Humble or later), or the extra `ros2`. Options: `python`
+(the interpreter that has rclpy; default: the system's when ROS 2 is sourced, else the agent's),
+`domain` (default: ROS_DOMAIN_ID), `on_robot`, and those of `base.RosOptions`. The environment
+selects the middleware and how it finds the robot, as for every program of ROS 2.
 """
 
 import asyncio
 import contextlib
-import gc
+import json
 import os
-import time
+import sys
 from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
 from typing import Annotated, Any
 
-import structlog
+import msgspec
 from msgspec import Meta
 
 from robots.agent.adapters.common.robot_profile import load_profile, settings_of
+from robots.agent.adapters.common.velocity_gate import GateParams
 from robots.agent.adapters.ros.base import RosAdapter, RosOptions
 from robots.agent.adapters.ros.bus import Goals, Handler
 from robots.agent.adapters.ros.graph import Graph, TopicPeers
+from robots.agent.adapters.ros.ros1 import NodeBus
 from robots.agent.robot_interface import AdapterError
-
-try:
-    from cyclonedds.builtin import (
-        BuiltinDataReader,
-        BuiltinTopicDcpsPublication,
-        BuiltinTopicDcpsSubscription,
-    )
-    from cyclonedds.core import DDSException
-    from cyclonedds.domain import DomainParticipant
-    from cyclonedds.internal import InvalidSample
-    from cyclonedds.pub import DataWriter
-    from cyclonedds.qos import Policy, Qos
-    from cyclonedds.sub import DataReader
-    from cyclonedds.topic import Topic
-
-    from robots.agent.adapters.ros.ros2_messages import TYPES, filled, plain
-except ImportError as error:
-    raise ImportError("it needs cyclonedds: pip install 'cyclonedds>=0.10.5'") from error
+from robots.api.messages import ActionState
 
 HIGHEST_DOMAIN = 232  # of which the UDP ports are below 65536 (DDSI-RTPS 2.3, 9.6.1.1)
-POLL = 0.01
-AT_ONCE = 20
-MOST_ENDPOINTS = 5000
-DEPTH = 10
-GLANCE = 0.002
-BYSTANDER = 1.0
-BLOCKING = 10_000_000  # nanoseconds that a full history may hold us up
-
-log = structlog.stdlib.get_logger(__name__)
+CONFIRMED_WITHIN = 0.8  # s for the node's answer to a cancel, which comes 0.4 s after it at most
+# A velocity that is due waits for the next odometry anyway: at 30 Hz, one per odometry.
+GATE = GateParams(repeat=0.03, at_latest=0.012)
+GOAL_TYPES = {"nav2": "nav2_msgs/NavigateToPose"}
+# action_msgs/GoalStatus
+DONE: dict[int, ActionState] = {4: "FINISHED", 5: "CANCELLED", 6: "FAILED"}
 
 
 class Ros2Options(RosOptions, frozen=True, kw_only=True):
-    """Which domain; without one it is the environment's, as for every program of ROS 2."""
+    """Which Python has rclpy, and which domain; without one it is the environment's.
 
+    `on_robot` tells that this computer is the robot's: only there no cut link separates the guard
+    from the navigation. Where ROS 2 is limited to this computer, it is known.
+    """
+
+    python: str = ""
+    on_robot: bool | None = None
     domain: Annotated[int, Meta(ge=0, le=HIGHEST_DOMAIN)] | None = None
 
 
 def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
-    """Return an adapter for a robot of ROS 2; nothing is opened yet.
+    """Return an adapter for a robot of ROS 2; nothing is started yet.
 
     Raises:
         AdapterError: no such profile or option; one sentence.
     """
     robot = load_profile(profile_name)
-    settings = settings_of(Ros2Options, "ros2", robot, {"navigation": "goal_pose", **options})
-    if settings.navigation not in {"goal_pose", "none"}:
-        raise AdapterError(
-            "over DDS, navigation must be goal_pose or none; use the adapter rosbridge for actions"
-        )
-    if settings.dock or settings.undock:
-        raise AdapterError(
-            "ROS 2 services cannot be called over DDS; use the adapter rosbridge for docking"
-        )
-    domain = settings.domain if settings.domain is not None else _domain_of_environment()
-    return RosAdapter(robot, settings, DdsBus(domain), "ROS 2")
+    settings = settings_of(Ros2Options, "ros2", robot, {"navigation": "nav2", **options})
+    if settings.navigation not in {"nav2", "none"}:
+        raise AdapterError("with ROS 2, navigation must be nav2 or none")
+    adapter = RosAdapter(robot, settings, Ros2Bus(settings.resolved()), "ROS 2")
+    adapter.gate_params = GATE
+    return adapter
 
 
-def _domain_of_environment() -> int:
+def python_of(options: Ros2Options) -> str:
+    """Return the interpreter that has rclpy: the system's where an installation is sourced."""
+    if options.python:
+        return options.python
+    return "/usr/bin/python3" if os.environ.get("AMENT_PREFIX_PATH") else sys.executable
+
+
+def is_on_robot(options: Ros2Options) -> bool:
+    """Return whether the robot's nodes run on this computer."""
+    if options.on_robot is not None:
+        return options.on_robot
+    return (
+        os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") == "LOCALHOST"
+        or os.environ.get("ROS_LOCALHOST_ONLY") == "1"
+    )
+
+
+def domain_of(options: Ros2Options) -> int:
     """Return the domain as ROS 2 reads it, decimal or 0x… (rcl/src/rcl/domain_id.c).
 
     Raises:
-        AdapterError: it is none; one sentence.
+        AdapterError: ROS_DOMAIN_ID is malformed; one sentence.
     """
+    if options.domain is not None:
+        return options.domain
     text = os.environ.get("ROS_DOMAIN_ID") or "0"
     try:
         domain = int(text, 0)
@@ -97,76 +100,81 @@ def _domain_of_environment() -> int:
     return domain
 
 
-def quality(*, latched: bool = False, sensor: bool = False, depth: int = DEPTH) -> Any:
-    """Return the quality of service that ROS 2 gives a topic: `sensor` may lose, `latched` is kept
-    for who comes later.
-    """
-    reliable = Policy.Reliability.BestEffort if sensor else Policy.Reliability.Reliable(BLOCKING)
-    durable = Policy.Durability.TransientLocal if latched else Policy.Durability.Volatile
-    form = Policy.DataRepresentation(use_cdrv0_representation=True)
-    return Qos(reliable, durable, Policy.History.KeepLast(1 if latched else depth), form)
-
-
-class DdsBus:
-    """See ros.Bus. Samples are fetched by the loop: no thread of DDS ever runs our code."""
+class Ros2Bus(NodeBus):
+    """See base.Bus."""
 
     version = 2
-    answers = False  # an acknowledgement is of the order before
-    forgotten: tuple[str, ...] = ()  # there is no master
+    answers = False  # an acknowledgement is of the velocity before
+    advice = "run the agent on the robot's computer and set on_robot=true, or "
+    script = Path(__file__).with_name("ros2_node.py")
 
-    def __init__(self, domain: int) -> None:
-        self.place = f"ROS 2 in domain {domain}"
-        self._domain = domain
-        self._participant: Any = None
-        self._topics: dict[str, Any] = {}
-        self._writers: dict[str, tuple[Any, Any]] = {}
-        self._readers: list[tuple[Any, Handler]] = []
-        self._task: asyncio.Task[None] | None = None
-        self._endpoints: list[_Endpoints] = []
-        self._driving: Any = None  # the writer of velocities
-        self._has_bystanders = False
+    def __init__(self, options: Ros2Options) -> None:
+        domain = domain_of(options)
+        environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
+        self.guards = is_on_robot(options)
+        self._prepare(f"ROS 2 in domain {domain}", python_of(options), environment)
+        settings = {
+            "driving": options.cmd_vel,
+            "odom": options.odom,
+            "action": options.navigate if options.navigation in GOAL_TYPES else "",
+            "kind": GOAL_TYPES.get(options.navigation, ""),
+        }
+        self.arguments = (json.dumps(settings),)
 
     async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
-        """Join the domain.
+        """Start a node, which cancels the goals that an earlier one has left.
 
         Raises:
-            AdapterError: DDS cannot use this network.
+            AdapterError: there is no rclpy, or a goal does not end.
         """
-        del goals  # the status of Nav2's action is a topic
-        try:
-            self._participant = DomainParticipant(self._domain)
-        except DDSException as error:
-            settings = "; check CYCLONEDDS_URI" if os.environ.get("CYCLONEDDS_URI") else ""
-            raise AdapterError(f"{self.place} cannot be joined: {error}{settings}") from error
-        self._endpoints = [
-            _Endpoints(self._participant, topic)
-            for topic in (BuiltinTopicDcpsSubscription, BuiltinTopicDcpsPublication)
-        ]
-        self._task = asyncio.ensure_future(self._poll(lost))
+        self._lost, self._goals, self.problems = lost, goals, ()
+        self._handlers.clear()
+        self._listeners.clear()
+        reader, self._writer = await self._start()
+        self._beating = asyncio.ensure_future(self._beat())
+        ready = asyncio.get_running_loop().create_future()
+        self._reading = asyncio.ensure_future(self._read_node(reader, ready))
+        await ready
 
-    async def shut(self) -> None:
-        """Leave the domain."""
-        task, self._task = self._task, None
-        if task is not None:
-            task.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await task
-        entities = [
-            self._readers,
-            self._writers,
-            self._topics,
-            self._endpoints,
-            self._driving,
-            self._participant,
-        ]
-        self._readers, self._writers, self._topics, self._participant = [], {}, {}, None
-        self._endpoints, self._driving = [], None
-        await asyncio.to_thread(_forget, entities)
+    async def _read_node(self, reader: asyncio.StreamReader, ready: asyncio.Future[None]) -> None:
+        reason = "the ROS 2 node has ended"
+        with contextlib.suppress(OSError, ValueError):
+            while line := await reader.readline():
+                message = msgspec.json.decode(line)
+                if message["op"] == "ready" and not ready.done():
+                    ready.set_result(None)
+                elif message["op"] == "lost":
+                    reason = str(message["reason"])
+                    break
+                self._take(message)
+        if not ready.done():
+            ready.set_exception(AdapterError(f"{self.place}: {reason}"))
+        else:
+            self._lost(reason)
 
-    def _topic(self, name: str, kind: str) -> Any:
-        if name not in self._topics:
-            self._topics[name] = Topic(self._participant, f"rt/{name.lstrip('/')}", TYPES[kind])
-        return self._topics[name]
+    def _take(self, message: dict[str, Any]) -> None:
+        match message:
+            case {"op": "publish", "topic": topic, "content": content} if topic in self._handlers:
+                self._handlers[topic](content)
+            case {"op": "response", "number": number} if (
+                number in self._calls and not self._calls[number].done()
+            ):
+                self._calls[number].set_result(message)
+            case {"op": "listeners", "topic": topic, "count": int(count)} if (
+                topic in self._listeners
+            ):
+                self._listeners[topic] = count
+            case {"op": "accepted", "goal": goal} if self._goals is not None:
+                self._goals.accepted(goal)
+            case {"op": "ended", "goal": goal, "status": status, "reason": why} if (
+                self._goals is not None
+            ):
+                end = DONE.get(status, "FAILED")
+                self._goals.ended(
+                    goal, end, why or ("" if end == "FINISHED" else "navigation gave up")
+                )
+            case {"op": "problems", "sentences": sentences}:
+                self.problems = tuple(sentences)
 
     def subscribe(
         self,
@@ -175,183 +183,52 @@ class DdsBus:
         handler: Handler,
         *,
         latched: bool = False,
+        either: bool = False,
         sensor: bool = False,
         period: float = 0.0,
     ) -> None:
-        """Hear a topic. What is not latched is asked for as if it might be lost: then writers of
-        either reliability are heard.
-        """
-        del sensor, period
-        self._readers.append(
-            (
-                DataReader(
-                    self._participant,
-                    self._topic(topic, kind),
-                    qos=quality(latched=latched, sensor=not latched),
-                ),
-                handler,
-            )
+        """Subscribe to a topic; what is latched comes from publishers of either durability."""
+        del sensor  # publishers of either reliability are received
+        self._handlers[topic] = handler
+        self._say(
+            op="subscribe",
+            topic=topic,
+            kind=kind,
+            period=period,
+            latched=latched or either,
         )
 
     def advertise(
-        self,
-        topic: str,
-        kind: str,
-        *,
-        drives: bool = False,
-        latched: bool = False,
-        sensor: bool = False,
+        self, topic: str, kind: str, *, drives: bool = False, latch: bool = False
     ) -> None:
-        """Join the writers of a topic; of velocities only the newest is sent again to who missed
-        it.
-        """
-        form = quality(latched=latched, sensor=sensor, depth=1 if drives else DEPTH)
-        self._writers[topic] = (
-            DataWriter(self._participant, self._topic(topic, kind), qos=form),
-            TYPES[kind],
-        )
+        """Advertise a topic."""
+        self._listeners.pop(topic, None)
+        self._say(op="advertise", topic=topic, kind=kind, drives=drives, latch=latch)
         if drives:
-            self._driving = self._writers[topic][0]
-
-    def unadvertise(self, topic: str) -> None:
-        """Leave the writers of a topic."""
-        self._writers.pop(topic, None)
-        self._topics.pop(topic, None)
-        self._driving = None
-        gc.collect(0)
-
-    async def ask(self) -> None:
-        """Wait until every reliable reader has acknowledged the velocity of before: one that hangs
-        does not.
-
-        Where several listen, one that owes it for a second may be a bystander that has died; then
-        readings alone say who lives.
-        """
-        began = time.monotonic()
-        while self._driving is not None and not _acknowledged(self._driving):
-            if self._has_bystanders or (
-                time.monotonic() - began > BYSTANDER and self._matched(self._driving) > 1
-            ):
-                self._has_bystanders = True
-                return
-            await asyncio.sleep(GLANCE)
-        self._has_bystanders = False
-
-    def cut(self) -> None:
-        """Do nothing: of velocities, DDS keeps the newest, which is a zero."""
-
-    def listeners(self, topic: str) -> int | None:
-        """Return how many readers of this topic and type there are."""
-        return self._matched(self._writers[topic][0]) if topic in self._writers else None
-
-    @staticmethod
-    def _matched(writer: Any) -> int:
-        return int(writer.get_publication_matched_status().current_count)
+            self._listeners[topic] = 0
 
     async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
-        """Return what others have said of their topics. A topic that drives has the types of those
-        who listen: a planner may publish another one there.
-        """
+        """Return what others publish and subscribe to."""
         del heard
-        none: frozenset[str] = frozenset()
-        readers, writers = (each.others() for each in self._endpoints)
+        answer = await self._answer(
+            lambda number: self._say(op="graph", number=number, driving=driving)
+        )
         return {
-            topic: TopicPeers(
-                readers.get(topic, none)
-                | (none if topic == driving and topic in readers else writers.get(topic, none)),
-                len(readers.get(topic, none)),
-                len(writers.get(topic, none)),
-            )
-            for topic in readers.keys() | writers.keys()
+            topic: TopicPeers(frozenset(kinds), listeners, speakers)
+            for topic, (kinds, listeners, speakers) in answer.get("topics", {}).items()
         }
 
-    def publish(self, topic: str, message: dict[str, Any], *, newest: bool = False) -> None:
-        """Send a message.
-
-        Raises:
-            AdapterError: the bus is not open, or DDS takes no more.
-        """
-        del newest  # nothing waits here
-        if topic not in self._writers:
-            raise AdapterError(f"the connection to {self.place} is closed")
-        writer, kind = self._writers[topic]
-        try:
-            writer.write(filled(kind, message))
-        except DDSException as error:
-            raise AdapterError(f"{self.place} does not accept messages: {error}") from error
-
-    async def call(self, service: str, kind: str) -> tuple[bool, str]:
-        """Refuse: services are not portable over DDS.
-
-        Raises:
-            AdapterError: always.
-        """
-        raise AdapterError(
-            f"{service} ({kind}) is a service, which plain DDS does not carry; "
-            "use the adapter rosbridge"
-        )
-
     def send_goal(self, action: str, kind: str, goal: dict[str, Any], name: str) -> None:
-        """Refuse: actions are not portable over DDS.
+        """Send a goal under a name of ours."""
+        del kind  # the node has known it since it was started
+        self._say(op="goal", action=action, goal=name, content=goal)
 
-        Raises:
-            AdapterError: always.
-        """
-        raise AdapterError(
-            f"{action} ({kind}) is an action, which plain DDS does not carry; use "
-            f"the adapter rosbridge: {name} of {len(goal)} fields"
-        )
-
-    def cancel_goal(self, action: str, name: str) -> None:
-        """Do nothing: there is no such goal."""
-
-    async def _poll(self, lost: Callable[[str], None]) -> None:
-        try:
-            while True:
-                for reader, handler in list(self._readers):
-                    for sample in reader.take(AT_ONCE):
-                        if not isinstance(sample, InvalidSample):
-                            handler(plain(sample))
-                await asyncio.sleep(POLL)
-        except DDSException as error:
-            lost(f"{self.place} is gone: {error}")
-
-
-def _forget(entities: list[Any]) -> None:
-    """Let entities leave, which they do when they are forgotten: a writer waits a second for
-    acknowledgements.
-    """
-    entities.clear()
-    gc.collect(0)
-
-
-def _acknowledged(writer: Any) -> bool:
-    """Return whether every reliable reader has acknowledged what was written."""
-    try:
-        return bool(writer.wait_for_acks(0))
-    except AttributeError:  # what cyclonedds 11.0 says instead of False
+    async def cancel_goal(self, action: str, name: str) -> bool:
+        """Cancel a goal; return whether it has certainly ended, or never was."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(CONFIRMED_WITHIN):
+                answer = await self._answer(
+                    lambda number: self._say(op="cancel", number=number, action=action, goal=name)
+                )
+                return bool(answer["confirmed"])
         return False
-
-
-class _Endpoints:
-    """The readers or the writers that others have: DDS tells each of them, with
-    its topic and type.
-    """
-
-    def __init__(self, participant: Any, topic: Any) -> None:
-        self._own = participant.guid
-        self._reader = BuiltinDataReader(participant, topic)
-        self._known: dict[Any, tuple[str, str]] = {}
-
-    def others(self) -> dict[str, frozenset[str]]:
-        """Return their types by topic, both as ROS writes them."""
-        for sample in self._reader.take(MOST_ENDPOINTS):
-            if sample.topic_name is None:  # it has gone
-                self._known.pop(sample.key, None)
-            elif sample.participant_key != self._own and sample.topic_name.startswith("rt/"):
-                kind = sample.type_name.replace("::msg::dds_::", "/").removesuffix("_")
-                self._known[sample.key] = sample.topic_name.removeprefix("rt"), kind
-        found: dict[str, set[str]] = {}
-        for topic, kind in self._known.values():
-            found.setdefault(topic, set()).add(kind)
-        return {topic: frozenset(kinds) for topic, kinds in found.items()}

@@ -97,6 +97,7 @@ class RosbridgeBus:
     """
 
     answers = True
+    advice = ""
     guards = False
     connect_time: float | None = None
     problems: tuple[str, ...] = ()

@@ -16,7 +16,7 @@ from playwright.sync_api import expect, sync_playwright
 from experiments.bots.browser import Browser
 from experiments.bots.cockpit import Cockpit
 from experiments.bots.steering import STAND, SpeedSetting
-from tests.support.architectures.ros2_robot import LOOPBACK as DDS
+from tests.support.architectures.ros2_robot import DISCOVERY
 from tests.support.browsers.visitor import Visitor, chromium
 from tests.support.patience import patient
 from tests.support.sessions.site import LOOPBACK, running_site, wait_for
@@ -31,7 +31,7 @@ FAULT = "The robot reports a fault and has stopped."
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     with pytest.MonkeyPatch.context() as environment:
-        environment.setenv("CYCLONEDDS_URI", DDS)
+        environment.setenv(*DISCOVERY)
         with running_site(tmp_path_factory.mktemp("adapters")) as site:
             yield site
 

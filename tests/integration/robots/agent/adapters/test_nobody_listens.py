@@ -1,4 +1,4 @@
-"""Velocities that nobody hears: another topic, another type, no base yet. Real rospy and DDS; of
+"""Velocities that nobody hears: another topic, another type, no base yet. Real rospy and rclpy; of
 rosbridge a double that refuses as it does.
 """
 
@@ -14,7 +14,7 @@ from tests.integration.robots.agent.adapters.test_whole_agent import agent
 from tests.support.architectures.adapter_conformance import drive, wait_for
 from tests.support.architectures.rca_conformance import connected
 from tests.support.architectures.ros1_robot import Ros1Rig
-from tests.support.architectures.ros2_robot import LOOPBACK, Ros2Rig
+from tests.support.architectures.ros2_robot import Ros2Rig
 from tests.support.architectures.ros_robot import STAMPED
 from tests.support.architectures.rosbridge_robot import RosbridgeRig
 
@@ -29,9 +29,7 @@ RIGS = {
 NAMES = ["ros1", *(pytest.param(name, marks=pytest.mark.nightly) for name in list(RIGS)[1:])]
 
 
-@pytest.fixture(autouse=True)
-def _obstacle_map(monkeypatch, patient_adapters):
-    monkeypatch.setenv("CYCLONEDDS_URI", LOOPBACK)
+pytestmark = pytest.mark.usefixtures("patient_adapters")
 
 
 def driven(rig):

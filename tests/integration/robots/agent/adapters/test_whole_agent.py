@@ -12,7 +12,7 @@ from tests.support.agents.control_rig import ThreadedControlRig
 from tests.support.architectures.moos_robot import MoosRig
 from tests.support.architectures.openmora_robot import OpenMoraRig
 from tests.support.architectures.ros1_robot import Ros1Rig
-from tests.support.architectures.ros2_robot import LOOPBACK, Ros2Rig
+from tests.support.architectures.ros2_robot import Ros2Rig
 from tests.support.architectures.rosbridge_robot import RosbridgeRig
 
 RIGS = {
@@ -41,7 +41,6 @@ def agent(rca, directory):
 def test_a_drive_whose_architecture_is_killed_ends_standing_is_said_and_goes_on_when_it_is_back(
     name, tmp_path, monkeypatch, patient_adapters
 ):
-    monkeypatch.setenv("CYCLONEDDS_URI", LOOPBACK)
     monkeypatch.setattr("robots.agent.adapters.common.remote_adapter.FIRST_READING", 1.5)
     with RIGS[name](tmp_path) as rca, agent(rca, tmp_path) as rig:
         motion = lambda: rca.world.sim.motion.linear
@@ -84,7 +83,6 @@ def test_a_drive_whose_architecture_is_killed_ends_standing_is_said_and_goes_on_
 def test_the_script_of_a_hidden_operator_moves_a_robot_that_runs_ros_and_the_visitor_does_not(
     name, tmp_path, monkeypatch, patient_adapters
 ):
-    monkeypatch.setenv("CYCLONEDDS_URI", LOOPBACK)
     lease = {"kind": "wizard", "wizard": "w1", "wizard_epoch": 4, "ways": ("mqtt",)}
     with RIGS[name](tmp_path) as rca, agent(rca, tmp_path) as rig:
         motion = lambda: rca.world.sim.motion.linear

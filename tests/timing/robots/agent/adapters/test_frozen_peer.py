@@ -11,7 +11,7 @@ import pytest
 
 from tests.integration.robots.agent.adapters.test_whole_agent import RIGS, agent
 from tests.support.agents.orders import OLD, DatedOrders, caught_at_most_one
-from tests.support.architectures.ros2_robot import LOOPBACK, Ros2Rig
+from tests.support.architectures.ros2_robot import Ros2Rig
 
 FROZEN = 4.0
 
@@ -26,14 +26,13 @@ def press(rig, orders, until, within=15.0):
         time.sleep(0.05)
 
 
-PEERS = RIGS | {"ros2, best effort": lambda _: Ros2Rig("giraff", words=["best-effort"])}
+PEERS = RIGS | {"ros2, best effort": lambda _: Ros2Rig("giraff", listens={"best_effort": True})}
 
 
 @pytest.mark.parametrize("name", PEERS)
 def test_no_old_order_moves_a_robot_whose_architecture_hung_and_the_last_is_to_stand(
     name, tmp_path, monkeypatch
 ):
-    monkeypatch.setenv("CYCLONEDDS_URI", LOOPBACK)
     with PEERS[name](tmp_path) as rca, agent(rca, tmp_path) as rig:
         commands = rca.world.commands
         rig.grant()

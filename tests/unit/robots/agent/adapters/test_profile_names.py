@@ -106,10 +106,9 @@ def test_a_profile_that_states_no_watchdog_is_refused_for_no_default_is_a_proper
 ):
     with pytest.raises(AdapterError, match=f"has no watchdog for {adapter}: set in its section"):
         made(tmp_path, "", adapter=adapter)
-    guard = "client_ack_interval = 0.5\n" if adapter in {"moos", "openmora_mqtt"} else ""
-    options = {"navigation": "none"} if adapter == "rosbridge" else {}
-    stated = f"[{adapter}]\nwatchdog = 0.7\n{guard}"
-    assert made(tmp_path, stated, options, adapter).profile.watchdog == 0.7
+    control = "client_ack_interval = 0.5" if "mo" in adapter else 'navigation = "none"'
+    stated = f"[{adapter}]\nwatchdog = 0.7\n{control}\n"
+    assert made(tmp_path, stated, adapter=adapter).profile.watchdog == 0.7
 
 
 def test_no_option_overrules_it(tmp_path):

@@ -1,20 +1,26 @@
-"""ROS 2 over real DDS between processes on the loopback interface: the conformance suite, and how
-its types look on the wire.
+"""ROS 2 with real rclpy nodes over Fast DDS, each in a process of its own: the conformance suite,
+qualities of service, and goals of Nav2's type.
 """
 
-import math
-import struct
+import asyncio
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import pytest
 
 from robots.agent.adapters import registry
-from robots.agent.adapters.ros.ros2 import DdsBus
-from robots.agent.adapters.ros.ros2_messages import TYPES, filled, plain
+from robots.agent.adapters.ros import base, ros2
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import AdapterError
 from robots.api.geometry import Pose2D
 from robots.api.messages import Goto, Velocity
-from tests.support.architectures.adapter_conformance import drive, some, stands
+from tests.support.architectures.adapter_conformance import drive, some, stands, wait_for
 from tests.support.architectures.rca_conformance import (
     RcaConformance,
     connected,
@@ -22,17 +28,14 @@ from tests.support.architectures.rca_conformance import (
     heard,
     sees_grey,
 )
-from tests.support.architectures.ros2_robot import LOOPBACK, Ros2Rig
-from tests.support.architectures.ros_robot import STAMPED
+from tests.support.architectures.ros2_robot import PYTHON, Ros2Rig
+from tests.support.architectures.ros_robot import STAMPED, RosRobot
+from tests.support.paths import ROOT
+from tests.support.patience import patient
 
 AHEAD = Velocity(linear=0.25, angular=0.0)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _loopback():
-    with pytest.MonkeyPatch.context() as environment:
-        environment.setenv("CYCLONEDDS_URI", LOOPBACK)
-        yield
+BOOL = "std_msgs/Bool"
+ZERO_WITHIN = 0.65  # s: the heartbeat's 0.5 s, and a round of the guard
 
 
 class TestGiraff(RcaConformance):
@@ -42,35 +45,294 @@ class TestGiraff(RcaConformance):
     async def test_pictures_of_a_topic_are_its_camera(self):
         await sees_grey(self.rig.adapter(image="/camera/compressed"))
 
+    async def test_velocities_leave_at_20_hz_or_with_each_odometry(self, adapter):
+        await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)
+        commands = self.rig.world.commands
+        before, began = len(commands), time.monotonic()
+        odometry = []
+        async for state in adapter.states():
+            odometry.append(state.odometry)
+            adapter.apply(AHEAD)
+            if time.monotonic() - began > 2.0:
+                break
+        rate = (len(commands) - before) / (time.monotonic() - began)
+        measured = len(set(odometry)) / (time.monotonic() - began)
+        assert rate > 0.75 * min(20.0, measured)
 
-def test_a_velocity_is_laid_out_as_ros_2_does():
-    twist = filled(TYPES["geometry_msgs/Twist"], {"linear": {"x": 0.5}, "angular": {"z": -1.0}})
-    assert twist.serialize() == b"\x00\x01\x00\x00" + struct.pack(
-        "<6d", 0.5, 0.0, 0.0, 0.0, 0.0, -1.0
-    )
-    assert twist.__idl_typename__ == "geometry_msgs::msg::dds_::Twist_"
+
+class GoalRows:
+    """What becomes of goals; the planner of the robot's node behaves as each test says."""
+
+    @pytest.fixture(scope="class")
+    def shared(self):
+        with Ros2Rig("giraff") as rig:
+            yield rig
+
+    @pytest.fixture
+    def rig(self, shared):
+        shared.reset()
+        shared.planner(accept=True, delay=0.0, deaf=False)
+        yield shared
+        shared.revive()
+        assert not shared.errors
+
+    def goal(self, rig, ahead=3.0):
+        place = rig.world.truth.compose(Pose2D(ahead, 0.0, 0.0))
+        return {"x": place.x, "y": place.y}
+
+    def goto(self, rig):
+        return Goto(action_id="g", stamp=0.0, **self.goal(rig))
+
+    @contextlib.contextmanager
+    def client(self, rig):
+        """A process that sends the robot to a goal; the robot is on its way there."""
+        wish = {
+            "adapter": "ros2",
+            "profile": "giraff",
+            "options": rig.options(),
+            **self.goal(rig),
+        }
+        command = [sys.executable, "-m", "tests.support.architectures.goal_client"]
+        process = subprocess.Popen([*command, json.dumps(wish)], cwd=ROOT, stdout=subprocess.PIPE)
+        try:
+            assert process.stdout.readline() == b"RUNNING\n"
+            wait(lambda: rig.world.sim.motion.linear > 0.2, patient(10.0))
+            yield process
+        finally:
+            process.kill()
+            process.wait()
 
 
-@pytest.mark.parametrize("kind", sorted(TYPES))
-def test_every_type_goes_over_the_wire_and_into_json(kind):
-    message = TYPES[kind]()
-    again = TYPES[kind].deserialize(message.serialize())
-    assert plain(again) == plain(message)
-    assert plain(
-        filled(
-            TYPES[kind],
-            {name: value for name, value in plain(message).items() if value is not None},
+class TestGoals(GoalRows):
+    async def test_a_rejected_goal_fails_with_the_reason(self, rig):
+        rig.planner(accept=False)
+        async with connected(rig.adapter()) as adapter:
+            await adapter.start(self.goto(rig))
+            last = (await heard(adapter, ended("g")))[-1]
+        assert (last.status, last.reason) == ("FAILED", "/navigate_to_pose rejected the goal")
+        assert rig.world.journey == ""
+
+    async def test_an_aborted_goal_fails_with_the_planners_reason(self, rig):
+        async with connected(rig.adapter()) as adapter:
+            await adapter.start(self.goto(rig))
+            await wait_for(adapter, lambda _: rig.world.sim.motion.linear > 0.2)
+            rig.loop.call_soon_threadsafe(rig.world.cancel)
+            last = (await heard(adapter, ended("g")))[-1]
+        assert (last.status, last.reason) == ("FAILED", "no path was found")
+
+    async def test_cancel_is_confirmed_only_when_the_planner_has_ended_the_goal(self, rig):
+        async with connected(rig.adapter()) as adapter:
+            await adapter.start(self.goto(rig))
+            await wait_for(adapter, lambda _: rig.world.sim.motion.linear > 0.2)
+            rig.planner(deaf=True)
+            assert await adapter.cancel("g") is False
+            assert rig.world.journey == "running"
+            rig.planner(deaf=False)
+            async with asyncio.timeout(patient(3.0)):
+                while not await adapter.cancel("g"):
+                    assert rig.world.journey == "running"
+            assert rig.world.journey == "failed"
+            assert (await heard(adapter, ended("g")))[-1].status == "CANCELLED"
+
+    async def test_a_goal_that_is_accepted_late_is_cancelled_at_once(self, rig, monkeypatch):
+        monkeypatch.setattr(base, "ACCEPTANCE", 1.0)
+        rig.planner(delay=2.5)
+        async with connected(rig.adapter()) as adapter:
+            before = rig.goals
+            await adapter.start(self.goto(rig))
+            await wait_for(adapter, lambda _: rig.goals > before)
+            accepted = time.monotonic()
+            last = (await heard(adapter, ended("g")))[-1]
+        assert (last.status, last.reason) == ("FAILED", "navigation does not answer")
+        assert time.monotonic() - accepted < patient(0.5)
+        assert rig.world.journey == "failed"
+
+    async def test_a_new_goal_is_refused_while_the_planner_has_not_ended_the_one_before(self, rig):
+        async with connected(rig.adapter()) as adapter:
+            await adapter.start(self.goto(rig))
+            await wait_for(adapter, lambda _: rig.world.sim.motion.linear > 0.2)
+            rig.planner(deaf=True)
+            before = rig.goals
+            await adapter.cancel("g")
+            with pytest.raises(AdapterError):
+                await adapter.start(Goto(action_id="h", stamp=0.0, **self.goal(rig)))
+            assert rig.goals == before
+            rig.planner(deaf=False)
+
+    async def test_without_an_action_server_a_goal_fails_and_names_it(self, rig):
+        async with connected(rig.adapter(navigate="/elsewhere")) as adapter:
+            await adapter.start(self.goto(rig))
+            last = (await heard(adapter, ended("g")))[-1]
+        assert last.reason == "there is no action server on /elsewhere"
+
+    def test_a_killed_agent_leaves_no_goal_and_a_braked_robot(self, rig):
+        with self.client(rig) as process:
+            seen, began = len(rig.world.commands), time.monotonic()
+            process.send_signal(signal.SIGKILL)
+            wait(lambda: rig.world.journey == "failed", patient(ZERO_WITHIN))
+            wait(lambda: len(rig.world.commands) > seen, patient(ZERO_WITHIN))
+            assert rig.world.commands[seen][0] - began < patient(ZERO_WITHIN)
+            wait(lambda: rig.world.sim.motion.linear == 0.0, patient(3.0))
+            assert all(linear == angular == 0.0 for _, linear, angular in rig.world.commands[seen:])
+
+    def test_a_frozen_agent_leaves_no_goal_and_a_braked_robot(self, rig):
+        with self.client(rig) as process:
+            seen, began = len(rig.world.commands), time.monotonic()
+            process.send_signal(signal.SIGSTOP)
+            wait(lambda: len(rig.world.commands) > seen, patient(3.0))
+            assert rig.world.journey == "failed"
+            assert rig.world.commands[seen][0] - began < patient(ZERO_WITHIN)
+            wait(lambda: rig.world.sim.motion.linear == 0.0, patient(3.0))
+            process.send_signal(signal.SIGCONT)
+
+    def test_the_guard_repeats_its_cancel_until_the_planner_takes_it(self, rig):
+        with self.client(rig) as process:
+            rig.planner(deaf=True)
+            process.send_signal(signal.SIGKILL)
+            before = rig.cancels
+            wait(lambda: rig.cancels > before + 2, patient(4.0))
+            assert rig.world.journey == "running"
+            rig.planner(deaf=False)
+            wait(lambda: rig.world.journey == "failed", patient(2.0))
+
+    async def test_a_goal_of_an_earlier_run_is_cancelled_before_the_connection_is_made(self, rig):
+        with self.client(rig) as process:
+            process.send_signal(signal.SIGSTOP)  # so that it does not end what its node holds
+            for child in children(process.pid):
+                os.kill(child, signal.SIGKILL)  # the guard, too
+            process.kill()
+            assert rig.world.journey == "running"
+            async with connected(rig.adapter()):
+                assert rig.world.journey == "failed"
+                assert rig.world.sim.motion.linear < 0.05
+
+    async def test_goals_of_others_are_left_alone(self, rig):
+        send = subprocess.Popen(
+            [PYTHON, "-c", OTHER_CLIENT, json.dumps(self.goal(rig))],
+            env=os.environ | {"ROS_DOMAIN_ID": str(rig.domain)},
         )
-    ) == plain(message)
+        try:
+            wait(lambda: rig.world.sim.motion.linear > 0.2, patient(10.0))
+            async with connected(rig.adapter()) as adapter:
+                await some(adapter.states(), 20)
+                assert rig.world.journey == "running"
+        finally:
+            send.kill()
+            send.wait()
 
 
-def test_numbers_that_json_lacks_are_none():
-    assert plain([1.5, math.nan, math.inf]) == [1.5, None, None]
+OTHER_CLIENT = """
+import json, sys, rclpy, time
+from nav2_msgs.action import NavigateToPose
+from rclpy.action import ActionClient
+rclpy.init()
+node = rclpy.create_node("rviz")
+client = ActionClient(node, NavigateToPose, "/navigate_to_pose")
+client.wait_for_server()
+goal = NavigateToPose.Goal()
+place = json.loads(sys.argv[1])
+goal.pose.header.frame_id = "map"
+goal.pose.pose.position.x, goal.pose.pose.position.y = place["x"], place["y"]
+client.send_goal_async(goal)
+rclpy.spin(node)
+"""
 
 
-@pytest.mark.parametrize("options", [{"navigation": "nav2"}, {"dock": "/dock"}, {"domain": "many"}])
-def test_what_dds_cannot_carry_is_refused_with_the_way_out(options):
-    with pytest.raises(AdapterError, match=r"rosbridge|has a wrong value"):
+def wait(condition, seconds):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "what was waited for did not come"
+        time.sleep(0.005)
+
+
+def children(pid):
+    found = Path(f"/proc/{pid}/task/{pid}/children").read_text()
+    return [int(each) for each in found.split()]
+
+
+# --- qualities of service -------------------------------------------------------------------------
+
+ESTOPS = {"/estop": BOOL, "/estop_latched": BOOL}
+
+
+@pytest.mark.parametrize("best_effort", [[], ["/odom", "/scan", "/battery_state"]])
+async def test_readings_arrive_from_publishers_of_either_reliability(best_effort):
+    with Ros2Rig("giraff", best_effort=best_effort) as rig:
+        async with connected(rig.adapter()) as adapter:
+            await wait_for(adapter, lambda s: s.scan is not None)
+            await wait_for(adapter, lambda s: s.battery.voltage is not None)
+            await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2 and s.errors == ())
+
+
+async def test_an_emergency_stop_arrives_from_publishers_of_either_durability():
+    with Ros2Rig("giraff", publishes=RosRobot.TOPICS | ESTOPS) as rig:
+
+        async def press(topic, *, pressed):
+            rig.tell(topic, {"data": pressed})
+
+        rig.call(press("/estop_latched", pressed=True))  # before anyone subscribes
+        async with connected(rig.adapter(estop="/estop_latched")) as adapter:
+            await wait_for(adapter, lambda s: s.estop is True)
+            for pressed in (False, True, False):
+                rig.call(press("/estop_latched", pressed=pressed))
+                await wait_for(adapter, lambda s, pressed=pressed: s.estop is pressed)
+        async with connected(rig.adapter(estop="/estop")) as adapter:
+            await wait_for(adapter, lambda s: s.errors == ())
+            for pressed in (True, False):
+                rig.call(press("/estop", pressed=pressed))
+                await wait_for(adapter, lambda s, pressed=pressed: s.estop is pressed)
+
+
+async def test_a_base_that_needs_another_quality_of_service_is_named_with_the_policy():
+    with Ros2Rig("giraff", listens={"latched": True}) as rig:
+        async with connected(rig.adapter()) as adapter:
+            state = await wait_for(adapter, lambda s: "incompatible" in "".join(s.errors))
+            told = next(each for each in state.errors if "/cmd_vel does not reach" in each)
+            assert "Volatile publisher and transient local subscription" in told
+            assert "base_driver" in told
+
+
+async def test_a_message_package_that_is_not_installed_is_named():
+    with pytest.raises(AdapterError, match=r"ROS package tf2_msgs is not installed for .*python"):
+        await registry.create(
+            "ros2", "giraff", {"python": str(PYTHON), "localization": "tf", "domain": "19"}
+        ).connect()
+
+
+async def test_an_action_of_a_package_that_is_not_installed_is_named_and_driving_goes_on(
+    monkeypatch,
+):
+    monkeypatch.setitem(ros2.GOAL_TYPES, "nav2", "nav9_msgs/NavigateToPose")
+    with Ros2Rig("giraff") as rig:
+        async with connected(rig.adapter()) as adapter:
+            await adapter.start(Goto(action_id="g", stamp=0.0, x=1.0, y=1.0))
+            last = (await heard(adapter, ended("g")))[-1]
+            assert "the ROS package nav9_msgs is not installed for" in last.reason
+            state = await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)
+            assert any("nav9_msgs" in error for error in state.errors)
+
+
+async def test_a_python_without_rclpy_is_named(tmp_path):
+    options = {"python": sys.executable, "domain": "19"}
+    with pytest.raises(AdapterError, match=f"rclpy is not installed for {sys.executable}"):
+        await registry.create("ros2", "giraff", options).connect()
+    missing = tmp_path / "python"
+    with pytest.raises(AdapterError, match=f"{missing} cannot be run"):
+        await registry.create("ros2", "giraff", {"python": str(missing)}).connect()
+
+
+def test_a_sourced_installation_is_used_with_the_systems_python(monkeypatch):
+    options = ros2.Ros2Options(watchdog=0.5)
+    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
+    assert ros2.python_of(options) == sys.executable
+    monkeypatch.setenv("AMENT_PREFIX_PATH", "/opt/ros/jazzy")
+    assert ros2.python_of(options) == "/usr/bin/python3"
+    assert ros2.python_of(ros2.Ros2Options(watchdog=0.5, python="/opt/python")) == "/opt/python"
+
+
+@pytest.mark.parametrize("options", [{"navigation": "move_base"}, {"domain": "many"}])
+def test_what_ros_2_does_not_have_is_refused(options):
+    with pytest.raises(AdapterError, match=r"navigation must be|has a wrong value|domain must"):
         registry.create("ros2", "giraff", options)
 
 
@@ -105,7 +367,7 @@ def test_a_malformed_domain_of_the_environment_is_named(text, monkeypatch):
 
 @pytest.mark.nightly
 async def test_two_robots_in_one_domain_are_told_apart_by_their_namespaces(patient_adapters):
-    rigs = {name: Ros2Rig("giraff", words=("reliable", name)) for name in ("/robot1", "/robot2")}
+    rigs = {name: Ros2Rig("giraff", namespace=name) for name in ("/robot1", "/robot2")}
     with rigs["/robot1"], rigs["/robot2"]:
         for name, rig in rigs.items():
             (other,) = (each for each in rigs.values() if each is not rig)
@@ -125,28 +387,28 @@ async def test_two_robots_in_one_domain_are_told_apart_by_their_namespaces(patie
 async def test_velocities_have_the_type_of_who_listens_whatever_a_planner_publishes_there(
     patient_adapters,
 ):
-    with Ros2Rig("giraff", ("/cmd_vel", STAMPED)) as rig:
-        planner = DdsBus(rig.domain)
-        await planner.open(rig.errors.append, None)
-        planner.advertise("/cmd_vel", "geometry_msgs/Twist")
-        try:
-            async with connected(rig.adapter()) as adapter:
-                await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2 and s.errors == ())
-        finally:
-            await planner.shut()
-
-
-async def test_a_namespace_without_a_robot_names_the_topic_that_is_missing(monkeypatch):
-    monkeypatch.setattr("robots.agent.adapters.common.remote_adapter.FIRST_READING", 0.3)
-    options = {"domain": "19", "namespace": "robot1/"}
-    with pytest.raises(AdapterError, match="has not sent its odometry on /robot1/odom"):
-        await registry.create("ros2", "giraff", options).connect()
+    planned = RosRobot.TOPICS | {"/cmd_vel": "geometry_msgs/Twist"}
+    with Ros2Rig("giraff", ("/cmd_vel", STAMPED)) as rig, Ros2Rig("giraff", publishes=planned) as _:
+        async with connected(rig.adapter()) as adapter:
+            await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2 and s.errors == ())
 
 
 async def test_a_domain_without_a_robot_says_what_is_missing(monkeypatch):
     monkeypatch.setattr("robots.agent.adapters.common.remote_adapter.FIRST_READING", 0.3)
-    with pytest.raises(
-        AdapterError,
-        match="ROS 2 in domain 19 is connected, but has not sent its odometry on /odom",
-    ):
-        await registry.create("ros2", "giraff", {"domain": "19"}).connect()
+    for namespace, topic in (("", "/odom"), ("robot1/", "/robot1/odom")):
+        options = {"domain": "19", "namespace": namespace, "python": str(PYTHON)}
+        with pytest.raises(
+            AdapterError,
+            match=f"ROS 2 in domain 19 is connected, but has not sent its odometry on {topic}",
+        ):
+            await registry.create("ros2", "giraff", options).connect()
+
+
+def test_numbers_that_json_lacks_are_none():
+    program = (
+        "import array, json, ros2_node;"
+        "print(json.dumps(ros2_node.plain(array.array('f', [1.5, float('nan'), float('inf')]))))"
+    )
+    folder = ROOT / "robots" / "agent" / "adapters" / "ros"
+    done = subprocess.run([PYTHON, "-c", program], cwd=folder, capture_output=True, check=True)
+    assert json.loads(done.stdout) == [1.5, None, None]

@@ -1,0 +1,839 @@
+"""A node of ROS 2 that serves the agent over a loopback connection: one JSON object a line.
+
+It runs in the Python that has rclpy, which may not be the agent's (Humble: 3.10, Jazzy: 3.12), and
+so imports nothing of ours and is written for Python 3.8.
+
+    agent -> node   beat (every 0.1 s), guard, advertise, unadvertise, publish, drive (a velocity),
+                    ask (answered when every reliable subscriber has acknowledged the last
+                    velocity), graph, subscribe, call, goal, cancel
+    node -> agent   ready, publish, response, listeners, accepted, ended, problems, lost
+
+This process is also the robot's guard, and outlives the agent. When the connection closes, or no
+line arrives for HEARTBEAT while a goal of ours may run, it cancels our goals and publishes zero
+velocities until each goal has a terminal status and the robot is measured at rest. Then it exits.
+
+Our goals are recognized by the first bytes of their ids. An active one that this process has not
+sent was left by an earlier run, or was accepted after we gave it up: it is cancelled. Before
+`ready`, nothing is sent but cancels and zero velocities for such goals.
+
+Threads: the main one reads the agent's lines, the executor's has all goals and callbacks, `watch`
+is the guard, and one writes to the agent, so that an agent that hangs blocks none of the others.
+"""
+
+import array
+import base64
+import collections
+import functools
+import importlib
+import json
+import math
+import os
+import queue
+import signal
+import socket
+import sys
+import threading
+import time
+import traceback
+from typing import Any
+
+PERIOD = 0.05  # s between two rounds of the guard
+HEARTBEAT = 0.5  # s without a line from the agent, after which its goals are cancelled
+SILENCE = 0.3  # s without another velocity, after which a moving robot is stopped
+OLDEST = 0.25  # s after which a velocity that waited for this process is dropped
+PREFIX = b"telepres"  # the first bytes of the ids of our goals
+CANCEL_AGAIN = 0.5  # s between two cancels of a goal
+CONFIRMED_WITHIN = 0.4  # s that the agent waits for the end of a goal that it cancels
+RESULT_WITHIN = 0.2  # s between a terminal status and the result, which has the reason
+SERVER_WITHIN = 4.0  # s that a new goal waits for its action server
+MATCHED_WITHIN = 0.3  # s between the discovery of the server and its discovery of us
+LOST_AFTER = 10.0  # s after which a goal that the server does not know never reached it
+GONE_AFTER = 2.0  # s without an action server, after which its goals have ended
+DISCOVERY = 0.6  # s for the action server and its status to be discovered at the start
+LEFTOVERS = 3.0  # s for goals of an earlier run to end, before the connection is given up
+STILL_FOR = 0.3  # s below the thresholds of standstill
+MEASURED_WITHIN = 1.0  # s after which odometry is missing
+FORGOTTEN_AFTER = 60.0  # s without any sign of the robot, after which its guard ends
+PEERS_PERIOD = 0.5  # s between two looks at the quality of service of others
+HEARING = 3.0  # s for a subscriber to be discovered by a message that waits for it
+BYSTANDER = 1.0  # s after which one of several subscribers that acknowledge nothing may be dead
+BACKLOG = 50  # lines of readings that wait for the agent
+ACTIVE = (1, 2, 3)  # action_msgs/GoalStatus: accepted, executing, canceling
+CANCELED, ABORTED = 5, 6
+UNKNOWN_GOAL, GOAL_TERMINATED = 2, 3  # action_msgs/CancelGoal
+
+
+class MissingTypeError(Exception):
+    """The package of a type is not installed; the message is one sentence."""
+
+
+def type_of(kind: str, part: str) -> Any:
+    """Return the class of `package/Name`; `part` is msg, srv or action."""
+    package, _, name = kind.partition("/")
+    try:
+        return getattr(importlib.import_module(package + "." + part), name)
+    except (ImportError, AttributeError) as error:
+        raise MissingTypeError(
+            f"{kind} is not available: the ROS package {package} is not installed for"
+            f" {sys.executable} ({error})"
+        ) from error
+
+
+def plain(value: Any) -> Any:
+    """Return a message as JSON has it: bytes as base64, numbers that JSON lacks as None."""
+    if hasattr(value, "get_fields_and_field_types"):
+        return {name: plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
+    if isinstance(value, (bytes, bytearray)):
+        return base64.b64encode(value).decode()
+    if isinstance(value, array.array) and value.typecode == "B":
+        return base64.b64encode(value.tobytes()).decode()
+    if hasattr(value, "tolist"):  # array.array and numpy.ndarray
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [plain(each) for each in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def filled(message: Any, content: Any) -> Any:
+    """Return a message with the fields that an object names."""
+    kinds = message.get_fields_and_field_types()
+    for name, value in content.items():
+        now, kind = getattr(message, name), kinds[name]
+        if hasattr(now, "get_fields_and_field_types"):
+            filled(now, value)
+        elif isinstance(value, list) and value and isinstance(value[0], dict):
+            made = type_of(kind.replace("sequence<", "").split(">")[0].split("[")[0], "msg")
+            setattr(message, name, [filled(made(), each) for each in value])
+        elif isinstance(value, list) and ("float" in kind or "double" in kind):
+            setattr(message, name, [float(each) for each in value])
+        elif isinstance(value, str) and not isinstance(now, str):
+            setattr(message, name, list(base64.b64decode(value)))
+        else:
+            setattr(message, name, float(value) if isinstance(now, float) else value)
+    return message
+
+
+class Link:
+    """The connection to the agent. `say` never blocks."""
+
+    def __init__(self, connection: Any) -> None:
+        self.connection = connection
+        self.lines: Any = collections.deque()
+        self.changed = threading.Condition()
+
+    def say(self, **message: Any) -> None:
+        line = (json.dumps(message) + "\n").encode()
+        with self.changed:
+            if message["op"] != "publish" or len(self.lines) < BACKLOG:
+                self.lines.append(line)
+                self.changed.notify_all()
+
+    def write(self) -> None:
+        while True:
+            with self.changed:
+                self.changed.wait_for(lambda: self.lines)
+                line = self.lines[0]
+            try:
+                self.connection.sendall(line)
+            except OSError:
+                return
+            with self.changed:
+                self.lines.popleft()
+                self.changed.notify_all()
+
+    def drain(self) -> None:
+        with self.changed:
+            self.changed.wait_for(lambda: not self.lines, timeout=0.2)
+
+
+class Goal:
+    """A goal of ours at an action server; one without a name was left by an earlier run."""
+
+    def __init__(self, uuid: bytes, name: str = "", request: Any = None) -> None:
+        self.uuid, self.name = uuid, name
+        self.request = request  # until it is sent
+        self.status = 0  # action_msgs/GoalStatus; 0 until it is accepted
+        self.began = time.monotonic()
+        self.unwanted = not name
+        self.cancelled_at = -math.inf
+        self.over_at = math.inf
+        self.questions: Any = []  # (number, deadline) of the agent's cancels
+
+
+class OwnedGoals:
+    """Our goals at an action server. Everything runs on the executor's thread.
+
+    The client is made of the services and the status topic of an action, because cancelling needs
+    neither the type of the action nor the handle of a goal, which an earlier run took with it.
+    """
+
+    def __init__(self, node: Any, name: str, kind: str) -> None:
+        from action_msgs.msg import GoalStatusArray
+        from action_msgs.srv import CancelGoal
+
+        self.node, self.name, self.cancel_goal = node, name, CancelGoal
+        self.goals: Any = {}  # by id
+        self.has_reported = False
+        self.found_at = math.inf
+        self.seen_at = time.monotonic()
+        ros = node.ros
+        self.canceller = ros.create_client(CancelGoal, name + "/_action/cancel_goal")
+        self.subscription = ros.create_subscription(
+            GoalStatusArray, name + "/_action/status", self.take_status, node.quality(latched=True)
+        )
+        self.sender: Any = None
+        try:
+            self.kind = type_of(kind, "action")
+        except MissingTypeError as error:
+            self.missing = str(error)
+            node.problem(name, self.missing)
+            return
+        self.missing = ""
+        self.sender = ros.create_client(self.kind.Impl.SendGoalService, name + "/_action/send_goal")
+        self.results = ros.create_client(
+            self.kind.Impl.GetResultService, name + "/_action/get_result"
+        )
+
+    def settled(self, now: float) -> bool:
+        """Whether goals of an earlier run would have been reported by now."""
+        return self.has_reported or self.is_matched(now)
+
+    def is_matched(self, now: float) -> bool:
+        """Whether the server has been there for long enough to receive requests and answer."""
+        if self.canceller.service_is_ready():
+            self.seen_at = now
+            self.found_at = min(self.found_at, now)
+        else:
+            self.found_at = math.inf
+        return now - self.found_at > MATCHED_WITHIN
+
+    def start(self, name: str, content: Any) -> None:
+        goal = Goal(PREFIX + os.urandom(16 - len(PREFIX)), name)
+        self.goals[goal.uuid] = goal
+        if self.missing:
+            self.finish(goal, ABORTED, self.missing)
+            return
+        goal.request = self.kind.Impl.SendGoalService.Request()
+        goal.request.goal_id.uuid = list(goal.uuid)
+        filled(goal.request.goal, content)
+        self.attend(goal, time.monotonic())
+
+    def withdraw(self, name: str, number: int) -> None:
+        """Cancel a goal and answer the agent whether it has certainly ended."""
+        now = time.monotonic()
+        for goal in list(self.goals.values()):
+            if goal.name == name:
+                goal.unwanted = True
+                goal.questions.append((number, now + CONFIRMED_WITHIN))
+                self.attend(goal, now)
+                return
+        self.node.say(op="response", number=number, confirmed=True)
+
+    def attend_all(self) -> None:
+        now = time.monotonic()
+        self.is_matched(now)
+        for goal in list(self.goals.values()):
+            self.attend(goal, now)
+
+    def attend(self, goal: Any, now: float) -> None:
+        """Do what is due for a goal."""
+        if goal.request is not None and goal.unwanted:
+            self.finish(goal, CANCELED, "")
+        elif goal.request is not None and self.is_matched(now):
+            request, goal.request = goal.request, None
+            answer = self.sender.call_async(request)
+            answer.add_done_callback(lambda done: self.answered(goal, done.result().accepted))
+        elif goal.request is not None and now - goal.began > SERVER_WITHIN:
+            self.finish(goal, ABORTED, f"there is no action server on {self.name}")
+        elif now - goal.over_at > RESULT_WITHIN:
+            self.finish(goal, goal.status, "")
+        elif goal.request is None and now - self.seen_at > GONE_AFTER:
+            self.finish(goal, ABORTED, f"the action server on {self.name} is gone")
+        elif goal.unwanted and goal.request is None and now - goal.cancelled_at >= CANCEL_AGAIN:
+            self.cancel(goal, now)
+        for question in list(goal.questions):
+            if now > question[1]:
+                goal.questions.remove(question)
+                self.node.say(op="response", number=question[0], confirmed=False)
+
+    def answered(self, goal: Any, is_accepted: bool) -> None:
+        if is_accepted and goal.uuid not in self.goals:  # we have given it up meanwhile
+            goal.name, goal.unwanted = "", True
+            self.goals[goal.uuid] = goal
+        if is_accepted:
+            self.accept(goal, 1)
+        else:
+            self.finish(goal, ABORTED, f"{self.name} rejected the goal")
+
+    def accept(self, goal: Any, status: int) -> None:
+        is_new, goal.status = goal.status == 0, status
+        if is_new and goal.name:
+            self.node.say(op="accepted", goal=goal.name)
+            request = self.kind.Impl.GetResultService.Request()
+            request.goal_id.uuid = list(goal.uuid)
+            answer = self.results.call_async(request)
+            answer.add_done_callback(lambda done: self.take_result(goal, done.result()))
+        if is_new and goal.unwanted:
+            self.cancel(goal, time.monotonic())
+
+    def take_result(self, goal: Any, result: Any) -> None:
+        code = getattr(result.result, "error_code", 0)
+        reason = getattr(result.result, "error_msg", "") or (code and f"error code {code}") or ""
+        self.finish(goal, result.status or ABORTED, reason)
+
+    def take_status(self, message: Any) -> None:
+        self.has_reported = True
+        for entry in message.status_list:
+            uuid = bytes(entry.goal_info.goal_id.uuid)
+            goal = self.goals.get(uuid)
+            # A guard that is about to end leaves new goals to its successor.
+            is_ours = uuid.startswith(PREFIX) and not self.node.guarding
+            if goal is None and is_ours and entry.status in ACTIVE:
+                goal = self.goals[uuid] = Goal(uuid)
+            if goal is None:
+                continue
+            if entry.status in ACTIVE:
+                self.accept(goal, entry.status)
+            elif goal.over_at == math.inf:
+                goal.status, goal.over_at = entry.status, time.monotonic()
+
+    def cancel(self, goal: Any, now: float) -> None:
+        if not self.canceller.service_is_ready():
+            return  # in the next round
+        goal.cancelled_at = now
+        request = self.cancel_goal.Request()
+        request.goal_info.goal_id.uuid = list(goal.uuid)
+        answer = self.canceller.call_async(request)
+        answer.add_done_callback(lambda done: self.cancelled(goal, done.result().return_code))
+
+    def cancelled(self, goal: Any, code: int) -> None:
+        now = time.monotonic()
+        may_arrive = goal.status == 0 and now - goal.began < LOST_AFTER
+        if code in (UNKNOWN_GOAL, GOAL_TERMINATED) and goal.over_at == math.inf and not may_arrive:
+            goal.status, goal.over_at = CANCELED, now
+
+    def finish(self, goal: Any, status: int, reason: str) -> None:
+        if self.goals.pop(goal.uuid, None) is None:
+            return
+        for number, _ in goal.questions:
+            self.node.say(op="response", number=number, confirmed=True)
+        if goal.name:
+            self.node.say(op="ended", goal=goal.name, status=status, reason=reason)
+
+
+class Subscription:
+    """A topic, and the subscriptions that receive it from publishers of any quality of service.
+
+    Best effort and volatile receives from all. A latched topic has a second one that is reliable
+    and transient local, which alone receives what was published before; the first one is dropped
+    while all publishers are transient local, and reliable while all publishers are reliable.
+    """
+
+    def __init__(self, node: Any, topic: str, kind: Any) -> None:
+        self.node, self.topic, self.kind = node, topic, kind
+        self.period, self.due = 0.0, 0.0
+        self.is_forwarded = self.is_latched = False
+        self.volatile: Any = None
+        self.latched: Any = None
+        self.reliable = False
+
+    def open(self, *, latched: bool) -> None:
+        if self.volatile is None:
+            self.volatile = self.made(self.node.quality(reliable=False))
+        if latched and self.latched is None:
+            self.is_latched = True
+            self.latched = self.made(self.node.quality(latched=True))
+
+    def made(self, quality: Any) -> Any:
+        return self.node.ros.create_subscription(self.kind, self.topic, self.take, quality)
+
+    def adapt(self) -> None:
+        """Fit the publishers that are there now."""
+        policies = self.node.policies
+        others = [each.qos_profile for each in self.node.publishers_of(self.topic)]
+        if not self.is_latched or not others:
+            return
+        reliable = all(each.reliability == policies.reliable for each in others)
+        durable = all(each.durability == policies.transient_local for each in others)
+        former = self.volatile
+        if durable:
+            self.volatile = None
+        elif self.volatile is None or self.reliable != reliable:
+            self.volatile = self.made(self.node.quality(reliable=reliable))
+            self.reliable = reliable
+        if former is not None and former is not self.volatile:
+            self.node.ros.destroy_subscription(former)
+
+    def take(self, message: Any) -> None:
+        now = time.monotonic()
+        if self.topic == self.node.settings["odom"]:
+            self.node.measure(message, now)
+        if self.is_forwarded and now >= self.due:
+            self.due = now + self.period
+            self.node.say(op="publish", topic=self.topic, content=plain(message))
+
+
+class Ros2Node:
+    """One connection to the agent, one node."""
+
+    def __init__(self, connection: Any, settings: Any) -> None:
+        import rclpy
+        from rclpy import executors, node, qos, signals
+
+        self.settings = settings  # driving, odom, action, kind
+        self.linear, self.angular = 0.02, 0.05  # thresholds of standstill, until `guard`
+        self.cancel_dock, self.is_docking, self.docking_cancelled_at = "", False, -math.inf
+        self.policies = Policies(qos)
+        self.check_compatible = qos.qos_check_compatible
+        self.link = Link(connection)
+        self.say = self.link.say
+        self.problems: Any = {}  # sentences for the robot's owner, by topic
+        self.publishers: Any = {}
+        self.kinds: Any = {}  # type by publisher's topic
+        self.subscriptions: Any = {}
+        self.clients: Any = {}
+        self.waiting: Any = []  # (topic, message, deadline) without a subscriber
+        self.questions: Any = queue.Queue()
+        self.driven: Any = None  # monotonic time of the last velocity other than zero
+        self.measured_at = self.last_sign = -math.inf
+        self.still_since = math.inf
+        self.beat_at = time.monotonic()
+        self.ended = threading.Event()
+        self.guarding = self.is_attending = False
+        self.counted: Any = None  # (topic of velocities, its subscribers) as told last
+        self.peers_due = 0.0
+        rclpy.init(
+            args=["--ros-args", "--disable-external-lib-logs"],
+            signal_handler_options=signals.SignalHandlerOptions.NO,
+        )
+        self.ros = node.Node(
+            f"telepresence_agent_{os.getpid()}",
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        self.executor = executors.SingleThreadedExecutor()
+        self.executor.add_node(self.ros)
+        self.subscription(settings["odom"], "nav_msgs/Odometry").open(latched=False)
+        self.actions: Any = {}
+        if settings["action"]:
+            name = settings["action"]
+            self.actions[name] = OwnedGoals(self, name, settings["kind"])
+
+    def quality(self, *, latched: bool = False, reliable: bool = True, depth: int = 10) -> Any:
+        """Return a quality of service; `latched` keeps the last message for later subscribers."""
+        policies = self.policies
+        return policies.profile(
+            depth=1 if latched else depth,
+            reliability=policies.reliable if reliable else policies.best_effort,
+            durability=policies.transient_local if latched else policies.volatile,
+        )
+
+    def run(self) -> None:
+        """Serve the agent until it is gone."""
+        for number in (signal.SIGTERM, signal.SIGINT, getattr(signal, "SIGHUP", signal.SIGTERM)):
+            signal.signal(number, self.end)
+        watching = threading.Thread(target=self.watch, daemon=True)
+        for work in (self.link.write, self.spin, self.answer_questions):
+            threading.Thread(target=work, daemon=True).start()
+        watching.start()
+        try:
+            for line in self.link.connection.makefile("r", encoding="utf-8"):
+                self.beat_at = time.monotonic()
+                self.obey(json.loads(line))
+        except (OSError, ValueError):
+            pass  # as good as the end of what the agent sends
+        self.ended.set()
+        watching.join()
+
+    def end(self, *_: Any) -> None:
+        """Begin to guard; a guard that is ended has a successor (ros1.py, `NodeBus.guard`)."""
+        if self.guarding:
+            os._exit(0)
+        self.ended.set()
+
+    def obey(self, order: Any) -> None:
+        try:
+            getattr(self, "do_" + order.pop("op"))(**order)
+        except MissingTypeError as error:
+            self.say(op="lost", reason=str(error))
+        except Exception:  # one bad order must not end the guard
+            traceback.print_exc()
+
+    def spin(self) -> None:
+        while True:
+            try:
+                self.executor.spin_once()
+            except Exception:  # a callback's; the guard needs the others
+                traceback.print_exc()
+
+    def later(self, work: Any, *words: Any) -> None:
+        """Run something on the executor's thread."""
+        self.executor.create_task(work, *words)
+
+    # --- what the agent asks for ------------------------------------------------------------------
+
+    def do_beat(self) -> None:
+        pass
+
+    def do_guard(self, **settings: Any) -> None:
+        self.linear, self.angular = settings["linear"], settings["angular"]
+        self.cancel_dock = settings["cancel_dock"]
+        self.is_docking = bool(self.cancel_dock)  # an earlier run may have left that
+        self.cancel_docking()
+
+    def do_advertise(self, topic: str, kind: str, *, drives: bool, latch: bool = False) -> None:
+        if topic in self.publishers:
+            return
+        try:
+            made = type_of(kind, "msg")
+        except MissingTypeError as error:
+            self.problem(topic, str(error))
+            return
+        # of velocities, only the newest is sent again to a subscriber that missed it
+        quality = self.quality(latched=latch, depth=1 if drives else 10)
+        self.publishers[topic] = self.ros.create_publisher(made, topic, quality)
+        self.kinds[topic] = made
+
+    def do_unadvertise(self, topic: str) -> None:
+        publisher = self.publishers.pop(topic, None)
+        if publisher is not None:
+            self.driven = None
+            self.later(self.ros.destroy_publisher, publisher)
+
+    def do_publish(self, topic: str, content: Any) -> None:
+        """Publish as soon as there is a subscriber: what is published before is lost."""
+        if topic in self.publishers:
+            message = filled(self.kinds[topic](), content)
+            self.waiting.append((topic, message, time.monotonic() + HEARING))
+            self.publish_waiting()
+
+    def publish_waiting(self) -> None:
+        waiting, self.waiting = self.waiting, []
+        for each in waiting:
+            topic, message, deadline = each
+            publisher = self.publishers.get(topic)
+            if publisher is None:
+                continue
+            if publisher.get_subscription_count() or time.monotonic() > deadline:
+                publisher.publish(message)
+            else:
+                self.waiting.append(each)
+
+    def do_drive(self, topic: str, content: Any, *, moving: bool, at: float) -> None:
+        # A velocity that is late has waited here: this process has hung.
+        if moving and (self.guarding or time.monotonic() - at > OLDEST):
+            return
+        self.publishers[topic].publish(self.stamped(filled(self.kinds[topic](), content)))
+        self.driven = time.monotonic() if moving else None
+
+    def do_subscribe(self, topic: str, kind: str, *, period: float, latched: bool) -> None:
+        subscription = self.subscription(topic, kind)
+        subscription.period, subscription.is_forwarded = period, True
+        subscription.open(latched=latched)
+
+    def subscription(self, topic: str, kind: str) -> Any:
+        if topic not in self.subscriptions:
+            self.subscriptions[topic] = Subscription(self, topic, type_of(kind, "msg"))
+        return self.subscriptions[topic]
+
+    def do_ask(self, number: int) -> None:
+        self.questions.put(number)
+
+    def answer_questions(self) -> None:
+        has_bystanders = False
+        while True:
+            number = self.questions.get()
+            began = time.monotonic()
+            while not self.acknowledged():
+                publisher = self.publishers.get(self.settings["driving"])
+                several = publisher is not None and publisher.get_subscription_count() > 1
+                if several and (has_bystanders or time.monotonic() - began > BYSTANDER):
+                    has_bystanders = True
+                    break
+                time.sleep(0.002)
+            else:
+                has_bystanders = False
+            self.say(op="response", number=number)
+
+    def acknowledged(self) -> bool:
+        """Whether every reliable subscriber has acknowledged the last velocity."""
+        from rclpy.duration import Duration
+
+        publisher = self.publishers.get(self.settings["driving"])
+        try:
+            return publisher is None or publisher.wait_for_all_acked(Duration())
+        except RuntimeError:  # the publisher was destroyed meanwhile
+            return True
+
+    def do_graph(self, number: int, driving: str) -> None:
+        threading.Thread(target=self.look_round, args=(number, driving), daemon=True).start()
+
+    def look_round(self, number: int, driving: str) -> None:
+        """Answer which types, and how many publishers and subscribers, others have by topic.
+
+        A topic that drives has the types of its subscribers: a planner may publish another there.
+        """
+        found: Any = {}
+        for topic, _ in self.ros.get_topic_names_and_types():
+            speakers, listeners = self.publishers_of(topic), self.subscribers_of(topic)
+            typed = listeners if topic == driving and listeners else speakers + listeners
+            if typed:
+                kinds = sorted({each.topic_type.replace("/msg/", "/") for each in typed})
+                found[topic] = [kinds, len(listeners), len(speakers)]
+        self.say(op="response", number=number, topics=found)
+
+    def publishers_of(self, topic: str) -> Any:
+        return self.others(self.ros.get_publishers_info_by_topic(topic))
+
+    def subscribers_of(self, topic: str) -> Any:
+        return self.others(self.ros.get_subscriptions_info_by_topic(topic))
+
+    def others(self, endpoints: Any) -> Any:
+        own = self.own(endpoints)
+        return [each for each in endpoints if each not in own]
+
+    def own(self, endpoints: Any) -> Any:
+        return [each for each in endpoints if each.node_name == self.ros.get_name()]
+
+    def do_call(self, number: int, service: str, kind: str, arguments: Any) -> None:
+        if service != self.cancel_dock:
+            self.is_docking = bool(self.cancel_dock)
+        words = (
+            service,
+            kind,
+            arguments,
+            functools.partial(self.say, op="response", number=number),
+        )
+        threading.Thread(target=self.call, args=words, daemon=True).start()
+
+    def call(self, service: str, kind: str, arguments: Any, answer: Any) -> None:
+        """Call a service, and `answer` with `values` or a `problem`."""
+        try:
+            made = type_of(kind, "srv")
+        except MissingTypeError as error:
+            answer(problem=str(error), absent=True)
+            return
+        if service not in self.clients:
+            self.clients[service] = self.ros.create_client(made, service)
+        client, deadline = self.clients[service], time.monotonic() + SERVER_WITHIN
+        while not client.service_is_ready():
+            if time.monotonic() > deadline:
+                if service == self.cancel_dock:
+                    self.is_docking = False
+                answer(problem="there is no such service", absent=True)
+                return
+            time.sleep(PERIOD)
+        request = filled(made.Request(), arguments or {})
+        self.later(self.send, service, client, request, answer)
+
+    def send(self, service: str, client: Any, request: Any, answer: Any) -> None:
+        def answered(done: Any) -> None:
+            if service == self.cancel_dock:
+                self.is_docking = False
+            answer(values=plain(done.result()))
+
+        client.call_async(request).add_done_callback(answered)
+
+    def cancel_docking(self) -> None:
+        """Call the service that cancels docking, again every CANCEL_AGAIN until it answers."""
+        now = time.monotonic()
+        if self.is_docking and now - self.docking_cancelled_at > CANCEL_AGAIN:
+            self.docking_cancelled_at = now
+            words: Any = (self.cancel_dock, "std_srvs/Trigger", {}, lambda **_: None)
+            threading.Thread(target=self.call, args=words, daemon=True).start()
+
+    def do_goal(self, action: str, goal: str, content: Any) -> None:
+        self.later(self.actions[action].start, goal, content)
+
+    def do_cancel(self, number: int, action: str, goal: str) -> None:
+        self.later(self.actions[action].withdraw, goal, number)
+
+    # --- the guard --------------------------------------------------------------------------------
+
+    def measure(self, odometry: Any, now: float) -> None:
+        twist = odometry.twist.twist
+        still = (
+            math.hypot(twist.linear.x, twist.linear.y) < self.linear
+            and abs(twist.angular.z) < self.angular
+        )
+        self.measured_at = self.last_sign = now
+        self.still_since = min(self.still_since, now) if still else math.inf
+
+    @property
+    def goals(self) -> Any:
+        return [goal for action in self.actions.values() for goal in list(action.goals.values())]
+
+    def watch(self) -> None:
+        if self.cancel_leftovers():
+            self.say(op="ready")
+            while not self.ended.wait(PERIOD):
+                now = time.monotonic()
+                self.look_after(now)
+                if now - self.beat_at > HEARTBEAT and self.goals:
+                    reason = (
+                        f"the agent did not answer for {HEARTBEAT} s while its goal was running"
+                    )
+                    self.say(op="lost", reason=reason)
+                    break
+        self.guard()
+
+    def cancel_leftovers(self) -> bool:
+        """Cancel the goals of an earlier run; return whether they have ended."""
+        deadline = time.monotonic() + DISCOVERY
+        while not all(each.settled(time.monotonic()) for each in self.actions.values()):
+            if time.monotonic() > deadline:
+                break
+            time.sleep(0.02)
+        if not self.goals:
+            return True
+        deadline = time.monotonic() + LEFTOVERS
+        while time.monotonic() < deadline and not self.ended.is_set():
+            if not self.may_move(deadline - LEFTOVERS):
+                return True
+            self.brake()
+        self.say(op="lost", reason="a goal of an earlier connection does not end when cancelled")
+        return False
+
+    def guard(self) -> None:
+        """Cancel all goals and brake until the robot is measured at rest; then exit."""
+        self.guarding = True
+        began, was_driven = time.monotonic(), self.driven is not None
+        for goal in self.goals:
+            goal.unwanted = True
+        if self.goals or self.is_docking or was_driven:
+            self.brake()
+            while self.may_move(began):
+                self.brake()
+        self.link.drain()
+        os._exit(0)  # rclpy's threads would wait
+
+    def brake(self) -> None:
+        self.stop_wheels()
+        self.attend()
+        if self.guarding:
+            self.cancel_docking()
+        time.sleep(PERIOD)
+
+    def may_move(self, since: float) -> bool:
+        """Whether a goal of ours may run, or the robot is not at rest."""
+        now = time.monotonic()
+        if self.goals or self.is_docking:
+            return now - max(since, self.last_sign) < FORGOTTEN_AFTER
+        if now - self.measured_at > MEASURED_WITHIN:
+            return now - since < MEASURED_WITHIN
+        return now - self.still_since < STILL_FOR
+
+    def stop_wheels(self) -> None:
+        """Publish a zero velocity, also before the agent has said of which type."""
+        topic = self.settings["driving"]
+        if topic not in self.publishers:
+            kinds = {each.topic_type for each in self.subscribers_of(topic)}
+            for kind in ("geometry_msgs/Twist", "geometry_msgs/TwistStamped"):
+                if kind.replace("/", "/msg/") in kinds:
+                    self.do_advertise(topic, kind, drives=True)
+        if topic in self.publishers:
+            self.publishers[topic].publish(self.stamped(self.kinds[topic]()))
+
+    def stamped(self, message: Any) -> Any:
+        """Return a velocity with the time of now: a base may refuse one that is old."""
+        if hasattr(message, "header"):
+            message.header.stamp = self.ros.get_clock().now().to_msg()
+            message.header.frame_id = message.header.frame_id or "base_link"
+        return message
+
+    def look_after(self, now: float) -> None:
+        if self.driven is not None and now - self.driven > SILENCE:
+            self.driven = None
+            self.stop_wheels()
+        topic = self.settings["driving"]
+        publisher = self.publishers.get(topic)
+        counted = (topic, publisher.get_subscription_count() if publisher is not None else 0)
+        if counted != self.counted:
+            self.counted = counted
+            self.say(op="listeners", topic=counted[0], count=counted[1])
+        self.attend()
+
+    def attend(self) -> None:
+        if not self.is_attending:  # else the executor is late
+            self.is_attending = True
+            self.later(self.attend_now)
+
+    def attend_now(self) -> None:
+        self.is_attending = False
+        for action in self.actions.values():
+            action.attend_all()
+        if self.waiting:
+            self.publish_waiting()
+        now = time.monotonic()
+        if now >= self.peers_due:
+            self.peers_due = now + PEERS_PERIOD
+            for subscription in list(self.subscriptions.values()):
+                subscription.adapt()
+            for topic in list(self.publishers):
+                self.check_subscribers(topic)
+
+    def check_subscribers(self, topic: str) -> None:
+        """Report a subscriber whose quality of service keeps it from receiving our messages."""
+        own = self.own(self.ros.get_publishers_info_by_topic(topic))
+        for each in self.subscribers_of(topic) if own else ():
+            fits, why = self.check_compatible(own[0].qos_profile, each.qos_profile)
+            if fits == self.policies.incompatible:
+                problem = why.replace("ERROR: ", "").strip("; ")
+                self.problem(
+                    topic,
+                    f"{topic} does not reach {each.node_name}: incompatible QoS ({problem}); change"
+                    " it there",
+                )
+                return
+        self.problem(topic, "")
+
+    def problem(self, key: str, sentence: str) -> None:
+        """Report a problem of the robot's set-up, or that it is over."""
+        if self.problems.get(key, "") != sentence:
+            self.problems[key] = sentence
+            self.say(op="problems", sentences=[each for each in self.problems.values() if each])
+
+
+class Policies:
+    """The names of rclpy's quality of service, of Humble and later."""
+
+    def __init__(self, qos: Any) -> None:
+        self.profile = qos.QoSProfile
+        self.reliable = qos.ReliabilityPolicy.RELIABLE
+        self.best_effort = qos.ReliabilityPolicy.BEST_EFFORT
+        self.transient_local = qos.DurabilityPolicy.TRANSIENT_LOCAL
+        self.volatile = qos.DurabilityPolicy.VOLATILE
+        self.incompatible = qos.QoSCompatibility.ERROR
+
+
+def main() -> int:
+    """Connect to the agent: arguments are its port and the settings, the password is on stdin."""
+    connection = socket.create_connection(("127.0.0.1", int(sys.argv[1])), timeout=5.0)
+    connection.settimeout(None)
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    connection.sendall(sys.stdin.readline().encode())
+    try:
+        node = Ros2Node(connection, json.loads(sys.argv[2]))
+    except ImportError as error:
+        return refuse(
+            connection,
+            f"rclpy is not installed for {sys.executable} ({error}): source a ROS 2 installation,"
+            " set python to the interpreter that has it, or install the extra ros2",
+        )
+    except MissingTypeError as error:
+        return refuse(connection, str(error))
+    except RuntimeError as error:  # rclpy's RCLError
+        return refuse(connection, f"ROS 2 cannot be started with {sys.executable}: {error}")
+    node.run()
+    return 0
+
+
+def refuse(connection: Any, reason: str) -> int:
+    connection.sendall((json.dumps({"op": "lost", "reason": reason}) + "\n").encode())
+    return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
