@@ -4,6 +4,7 @@
 class FakeBus:
     place = "a fake bus"
     answers = True
+    advice = ""
     connect_time = None
     forgotten = problems = ()
 

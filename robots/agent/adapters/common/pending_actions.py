@@ -59,8 +59,8 @@ class PendingAction:
 
     `place` is the goal by name, `area` where a relocalized robot should find itself, `over_at` when
     the RCA reported the end. `failure` is the reason why the adapter itself cancels it; it ends as
-    FAILED for that reason. `cancelled_at` is when the newest cancel was sent, `goal_id` the name
-    that the RCA knows.
+    FAILED for that reason. `first_cancelled_at` and `cancelled_at` are when the first and the
+    newest cancel were sent, `goal_id` the name that the RCA knows.
     """
 
     action_id: str
@@ -74,6 +74,7 @@ class PendingAction:
     over_at: float = math.inf
     accepted: bool = False
     failure: str = ""
+    first_cancelled_at: float | None = None
     cancelled_at: float = -math.inf
     goal_id: str = ""
 
@@ -81,11 +82,6 @@ class PendingAction:
     def drives(self) -> bool:
         """Whether it moves the base."""
         return self.kind in {"goto", "dock", "undock"}
-
-    @property
-    def is_cancelled(self) -> bool:
-        """Whether a cancel was sent."""
-        return self.cancelled_at > -math.inf
 
 
 class PendingActions:

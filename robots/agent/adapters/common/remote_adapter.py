@@ -387,7 +387,7 @@ class RemoteAdapter(ABC):
             raise
         if self.pending_actions.of(action.action_id) is not None:  # it has not ended meanwhile
             pending.failure = expected.failure
-            pending.cancelled_at = expected.cancelled_at
+            pending.first_cancelled_at = expected.first_cancelled_at
             self.pending_actions.begin(pending)
 
     def _tilt(self, action: Tilt) -> None:
@@ -423,6 +423,8 @@ class RemoteAdapter(ABC):
         if self._failure:
             return False
         pending.cancelled_at = time.monotonic()
+        if pending.first_cancelled_at is None:
+            pending.first_cancelled_at = pending.cancelled_at
         try:
             return await self._withdraw(pending)
         except AdapterError as error:

@@ -639,7 +639,7 @@ class RosAdapter(RemoteAdapter):
         drive = self.pending_actions.drive
         if self.profile.navigation_control != "agent" or drive is None:
             return None
-        if drive.failure or drive.is_cancelled:
+        if drive.failure or drive.first_cancelled_at is not None:
             return None
         velocity, arrived = self._wanted
         return velocity if time.monotonic() - arrived <= WANTED_AGE else ZERO

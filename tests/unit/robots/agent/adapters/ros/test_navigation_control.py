@@ -78,7 +78,7 @@ async def test_velocities_pass_while_an_action_of_ours_runs(monkeypatch):
     assert adapter.wanted() == ZERO
     adapter._navigate({"header": {}, "twist": message})
     assert adapter.wanted() == AHEAD
-    adapter.pending_actions.drive.cancelled_at = now[0]
+    adapter.pending_actions.drive.first_cancelled_at = now[0]
     assert adapter.wanted() is None
 
 
