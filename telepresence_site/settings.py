@@ -55,6 +55,7 @@ MIDDLEWARE = [
     "django.contrib.messages.middleware.MessageMiddleware",
     "django.middleware.clickjacking.XFrameOptionsMiddleware",
     "accounts.rate_limits.RetryAfterMiddleware",
+    "accounts.password_guesses.DeviceMiddleware",
     "allauth.account.middleware.AccountMiddleware",
     "accounts.passwordless.GuestMiddleware",
 ]
@@ -162,7 +163,7 @@ ACCOUNT_FORMS = {
 SIGNUP_OPEN = env.flag("SIGNUP_OPEN", default=True)
 ACCOUNT_LOGOUT_REDIRECT_URL = "home"
 ACCOUNT_EMAIL_CONFIRMATION_HMAC = False
-ACCOUNT_RATE_LIMITS = {"login_failed": "10/m/ip,5/5m/key", "signup": "20/m/ip"}
+ACCOUNT_RATE_LIMITS = {"login_failed": "10/m/ip", "signup": "20/m/ip"}
 
 EMAIL_HOST = env.text("EMAIL_HOST")
 EMAIL_PORT = int(env.text("EMAIL_PORT", "587"))
