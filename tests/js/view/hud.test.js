@@ -539,6 +539,23 @@ describe("alerts", () => {
     );
   });
 
+  test("the driver is warned of a robot whose own navigation nothing stops", () => {
+    const word = (mode, navigationControl, visit = {}) =>
+      alertFor(
+        state(
+          { phase: "driving", link: "live", ...visit },
+          { robot: { ...ROBOT, mode }, factsheet: { navigationControl } },
+        ),
+      )?.word;
+    assert.equal(word("goto", "unguarded"), "alert.unguarded");
+    assert.equal(word("docking", "unguarded"), "alert.unguarded");
+    assert.notEqual(word("manual", "unguarded"), "alert.unguarded");
+    assert.notEqual(word("goto", "guarded"), "alert.unguarded");
+    const offline = { link: "lost", online: false };
+    assert.equal(word("goto", "unguarded", offline), "alert.offline_unguarded");
+    assert.equal(word("goto", "guarded", offline), "alert.robot_offline");
+  });
+
   const PARTS = ["broker", "session_manager", "database"];
   const fault = (part, then, at = null) => ({
     faults: [{ part, then, at }],

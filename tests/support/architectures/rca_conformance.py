@@ -442,7 +442,9 @@ class RcaConformance(AdapterConformance):
         await again(adapter)
         await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)
 
-    async def test_a_running_action_fails_with_its_architecture(self, adapter: Adapter) -> None:
+    async def test_an_action_of_a_lost_architecture_fails_once_its_end_is_confirmed(
+        self, adapter: Adapter
+    ) -> None:
         if "goto" not in adapter.profile.capabilities:
             return
         goal = self.rig.world.truth.compose(Pose2D(2.0, 0.0, 0.0))
@@ -452,11 +454,10 @@ class RcaConformance(AdapterConformance):
         with pytest.raises(AdapterError):
             await wait_for(adapter, lambda _: False)
         await dying
-        async with asyncio.timeout(patient(5.0)):
-            async for news in adapter.progress():
-                if ended("g")(news):
-                    break
-        assert news.status == "FAILED"
+        await asyncio.to_thread(self.rig.revive)
+        await again(adapter)
+        assert (await heard(adapter, ended("g"), 20.0))[-1].status == "FAILED"
+        assert await adapter.cancel("g")
 
 
 async def standing(rig: RcaRig, seconds: float = 3.0) -> None:

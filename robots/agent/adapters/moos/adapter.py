@@ -241,9 +241,9 @@ class MoosAdapter(RemoteAdapter):
                 pending.failure = pending.failure or "there is no route to the goal"
 
     def _plan_finished(self, plan: list[str]) -> None:
-        for pending in self.pending_actions.driving:
-            if plan == [PLANS[pending.kind], "ROBOT_CONTROLLER"]:
-                pending.over_at = time.monotonic()
+        pending = self.pending_actions.drive
+        if pending is not None and plan == [PLANS[pending.kind], "ROBOT_CONTROLLER"]:
+            pending.over_at = time.monotonic()
 
     def _moved_by(self, source: str, speed: float) -> None:
         """Take a velocity of the RobotControlManager, which is ours, or of a navigator: one that

@@ -61,7 +61,7 @@ def advice(adapter: str) -> str:
 
 def is_cancelling(actions: PendingActions) -> bool:
     """Whether the end of an action that moves the base was requested and is not confirmed."""
-    return any(pending.first_cancelled_at is not None for pending in actions.driving)
+    return actions.drive is not None and actions.drive.first_cancelled_at is not None
 
 
 @dataclass(frozen=True)
