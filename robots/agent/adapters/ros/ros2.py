@@ -11,6 +11,7 @@ import contextlib
 import json
 import os
 import sys
+import time
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,7 +24,7 @@ from robots.agent.adapters.common.velocity_gate import GateParams
 from robots.agent.adapters.ros.base import RosAdapter, RosOptions
 from robots.agent.adapters.ros.bus import Goals, Handler
 from robots.agent.adapters.ros.graph import Graph, TopicPeers
-from robots.agent.adapters.ros.ros1 import NodeBus
+from robots.agent.adapters.ros.ros1 import GRAPH_TIME, NodeBus
 from robots.agent.robot_interface import AdapterError
 from robots.api.messages import ActionState
 
@@ -31,6 +32,7 @@ HIGHEST_DOMAIN = 232  # of which the UDP ports are below 65536 (DDSI-RTPS 2.3, 9
 CONFIRMED_WITHIN = 0.8  # s for the node's answer to a cancel, which comes 0.4 s after it at most
 # A velocity that is due waits for the next odometry anyway: at 30 Hz, one per odometry.
 GATE = GateParams(repeat=0.03, at_latest=0.012)
+PREFIX = b"telepres"  # the first bytes of the ids of our goals, as in ros2_node.py
 GOAL_TYPES = {"nav2": "nav2_msgs/NavigateToPose"}
 # action_msgs/GoalStatus
 DONE: dict[int, ActionState] = {4: "FINISHED", 5: "CANCELLED", 6: "FAILED"}
@@ -120,6 +122,7 @@ class Ros2Bus(NodeBus):
             "kind": GOAL_TYPES.get(options.navigation, ""),
         }
         self.arguments = (json.dumps(settings),)
+        self._ids: dict[str, str] = {}  # of goals that have not ended, by our names
 
     async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
         """Start a node, which cancels the goals that an earlier one has left.
@@ -170,6 +173,7 @@ class Ros2Bus(NodeBus):
                 self._goals is not None
             ):
                 end = DONE.get(status, "FAILED")
+                self._ids.pop(goal, None)
                 self._goals.ended(
                     goal, end, why or ("" if end == "FINISHED" else "navigation gave up")
                 )
@@ -210,9 +214,13 @@ class Ros2Bus(NodeBus):
     async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
         """Return what others publish and subscribe to."""
         del heard
-        answer = await self._answer(
-            lambda number: self._say(op="graph", number=number, driving=driving)
-        )
+        try:
+            async with asyncio.timeout(GRAPH_TIME):
+                answer = await self._answer(
+                    lambda number: self._say(op="graph", number=number, driving=driving)
+                )
+        except TimeoutError as error:
+            raise AdapterError(f"{self.place}: its node does not answer") from error
         return {
             topic: TopicPeers(frozenset(kinds), listeners, speakers)
             for topic, (kinds, listeners, speakers) in answer.get("topics", {}).items()
@@ -221,14 +229,18 @@ class Ros2Bus(NodeBus):
     def send_goal(self, action: str, kind: str, goal: dict[str, Any], name: str) -> None:
         """Send a goal under a name of ours."""
         del kind  # the node has known it since it was started
-        self._say(op="goal", action=action, goal=name, content=goal)
+        self._ids[name] = (PREFIX + time.time_ns().to_bytes(8, "big")).hex()
+        self._say(op="goal", action=action, uuid=self._ids[name], goal=name, content=goal)
 
     async def cancel_goal(self, action: str, name: str) -> bool:
-        """Cancel a goal; return whether it has certainly ended, or never was."""
+        """Cancel a goal, also of an earlier connection; return whether it has certainly ended."""
+        if name not in self._ids:
+            return True  # it was never sent
+        uuid = self._ids[name]
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(CONFIRMED_WITHIN):
                 answer = await self._answer(
-                    lambda number: self._say(op="cancel", number=number, action=action, goal=name)
+                    lambda number: self._say(op="cancel", number=number, action=action, uuid=uuid)
                 )
                 return bool(answer["confirmed"])
         return False
