@@ -112,7 +112,10 @@ class Ros2Bus(NodeBus):
 
     def __init__(self, options: Ros2Options) -> None:
         domain = domain_of(options)
-        environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
+        # What a frozen base has not read waits in its socket, and a zero is behind each velocity.
+        # In shared memory the zeros are lost when their sender ends.
+        transport = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
+        environment = {**transport, **os.environ, "ROS_DOMAIN_ID": str(domain)}
         self.guards = is_on_robot(options)
         self._prepare(f"ROS 2 in domain {domain}", python_of(options), environment)
         settings = {
