@@ -7,15 +7,21 @@ rows would then tell a field letter by letter to whoever may look at the list an
 from typing import Any
 
 from django.contrib import admin
+from django.db.models import Model
 from django.http import HttpRequest
 
 
 class ShownFilters(admin.ModelAdmin):
     """A list that answers the filters it shows, those of the site's own links to
-    it, and no others.
+    it, and no others; and a form that overwrites nothing that it does not show.
     """
 
     linked: tuple[str, ...] = ()  # lookups of links to it, such as `robot__id__exact`
+
+    def save_model(self, request: HttpRequest, obj: Model, form: Any, change: bool) -> None:
+        """Save only what was changed in the form: others may have changed the rest meanwhile."""
+        own = {field.name for field in obj._meta.concrete_fields}
+        obj.save(**({"update_fields": own & {*form.changed_data}} if change else {}))
 
     def lookup_allowed(self, lookup: str, value: Any, request: Any = None) -> bool:
         """Refuse what is no filter of whoever asks; administrators ask anything that Django

@@ -12,6 +12,7 @@ BENCHMARKS = (
     "audience",
     "control",
     "page_floods",
+    "visits",
     "relay",
     "states",
     "load",

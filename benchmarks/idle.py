@@ -45,16 +45,16 @@ MAKE = """
 import json, time
 from django.utils import timezone
 from robots.enrol import credentials
-from robots.models import Robot
+from tests.support.robots import create_robots, unsaved_robot
 began, made = time.perf_counter(), []
 for number in range({robots}):
     token = credentials.new_token()
-    made.append((Robot(
+    made.append((unsaved_robot(
         name=f"idle-{{number}}", title=f"Robot {{number}}", returns_home=False,
         credential_hash=credentials.hash_token(token), credential_made_at=timezone.now(),
     ), token))
 hashed = time.perf_counter()
-Robot.objects.bulk_create([robot for robot, _ in made], batch_size=1000)
+create_robots(*(robot for robot, _ in made))
 stored = time.perf_counter()
 print(json.dumps({{
     "robots": [[robot.name, token] for robot, token in made],
@@ -78,9 +78,9 @@ print(json.dumps(server_credentials("web")))
 """
 ONLINE = """
 import datetime
-from robots.models import Robot
+from robots.models import RobotPresence
 since = datetime.datetime.fromtimestamp({since}, datetime.UTC)
-print(Robot.objects.filter(connection="ONLINE", last_seen_at__gte=since).count())
+print(RobotPresence.objects.filter(connection="ONLINE", last_seen_at__gte=since).count())
 """
 
 

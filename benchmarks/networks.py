@@ -172,7 +172,8 @@ def robot_in(server: Server, computer: Computer, address: str, folder: Path) -> 
 def connection(server: Server) -> str:
     """Return what the server knows of the robot's connection."""
     return server.site.django(
-        "from robots.models import Robot; print(Robot.objects.get(name='giraff').connection)"
+        "from robots.models import RobotPresence as Presence;"
+        " print(Presence.objects.get(robot__name='giraff').connection)"
     ).strip()
 
 

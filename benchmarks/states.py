@@ -214,12 +214,12 @@ def make_robots(kind: str) -> list[tuple[str, str, str]]:
 
     from accounts.models import User
     from robots.enrol.credentials import make_credentials
-    from robots.models import Robot
     from sessions.leases import store
+    from tests.support.robots import create_robot
 
     made = []
     for number in range(ROBOTS):
-        robot = Robot.objects.create(
+        robot = create_robot(
             name=f"{kind}{number}", title="driven", connection="ONLINE", last_seen_at=timezone.now()
         )
         taken = store.take(

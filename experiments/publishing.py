@@ -301,7 +301,7 @@ def _robots() -> dict[str, RobotFacts]:
     """A series can do what each of its robots can: nobody knows which one a participant gets."""
     found: dict[str, RobotFacts] = {}
     for robot in _heard_of():
-        sheet = robot.factsheet or {}
+        sheet = robot.presence.factsheet or {}
         limits = sheet["limits"]
         linear = min(limits["linear"], robot.max_linear or float("inf"))
         ages = (
@@ -330,12 +330,12 @@ def _heard_of() -> list[Robot]:
         .select_related("floor_plan")
         .defer("floor_plan__image")
     )
-    return [robot for robot in robots if robot.factsheet]
+    return [robot for robot in robots if robot.presence.factsheet]
 
 
 def _elsewhere(definition: StudyDefinition) -> Iterator[str]:
     here = {
-        ((robot.factsheet or {})["series"], robot.floor_plan.name)
+        ((robot.presence.factsheet or {})["series"], robot.floor_plan.name)
         for robot in _heard_of()
         if robot.floor_plan is not None
     }

@@ -8,7 +8,7 @@ from accounts.models import User
 from experiments import interface_suggestion
 from experiments.access import forget_members
 from experiments.models import Study
-from experiments.participation.grants import StudyTerms, invites
+from experiments.participation.grants import StudyTerms, claimed, invited_to
 from experiments.participation.questions import outer_progress
 from experiments.participation.withdrawal.deletion import clear_settled, withdraw_everywhere
 from experiments.research.notices import publish_not_ready, publish_pause
@@ -30,8 +30,8 @@ def connect() -> None:
     terms.register(STUDY_TERMS)
     operators.register(STUDY_OPERATORS)
     register_outer_progress(outer_progress)
-    register_guest_list(invites)
-    register_guest_rule(User.Kind.PARTICIPANT, STUDY_TERMS.claims)
+    register_guest_list(invited_to)
+    register_guest_rule(User.Kind.PARTICIPANT, claimed)
     interfaces.suggest_by(interface_suggestion.suggested_to)
     pre_delete.connect(
         withdraw_everywhere, sender=User, weak=False, dispatch_uid="experiments.withdraw_everywhere"

@@ -1,6 +1,6 @@
 """Who may drive, watch and operate a robot. Being offline or busy is another question."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -29,19 +29,21 @@ class Verdict:
 
 YES = Verdict(allowed=True)
 OVERSEES = "robots.change_robot"
-_guest_lists: list[Callable[[Any, Robot], bool]] = []
-_guest_rules: dict[str, Callable[[Any, Robot], bool]] = {}
+# of these robots, those for a user
+Chosen = Callable[[Any, Sequence[Robot]], Iterable[Robot]]
+_guest_lists: list[Chosen] = []
+_guest_rules: dict[str, Chosen] = {}
 
 
-def register_guest_list(invites: Callable[[Any, Robot], bool]) -> None:
-    """Let an app above this one invite visitors to drive (not to watch) a robot that asks for an
+def register_guest_list(invites: Chosen) -> None:
+    """Let an app above this one invite visitors to drive (not to watch) robots that ask for an
     invitation; registering twice does nothing.
     """
     if invites not in _guest_lists:
         _guest_lists.append(invites)
 
 
-def register_guest_rule(kind: str, admits: Callable[[Any, Robot], bool]) -> None:
+def register_guest_rule(kind: str, admits: Chosen) -> None:
     """Let an app above this one say which robots guests of one kind (accounts.models.User.Kind) may
     drive, of those that the robots' access allows; without a rule they drive none.
     """
@@ -86,17 +88,27 @@ def may_drive(user: Any, robot: Robot) -> Verdict:
     """Tell whether a user may drive: by the robot's access, as somebody who operates it, or as
     somebody's guest. An account without a password also needs a rule that lets it.
     """
-    verdict = _is_admitted(user, robot)
-    if verdict.reason == "not_invited" and any(invites(user, robot) for invites in _guest_lists):
-        verdict = YES
-    if verdict and user.is_guest and not _is_let_in(user, robot):
-        return _no("not_allowed")
-    return verdict
+    return _verdicts(user, [robot])[robot.pk]
 
 
-def _is_let_in(user: Any, robot: Robot) -> bool:
-    rule = _guest_rules.get(user.kind)
-    return rule is not None and rule(user, robot)
+def may_drive_each(user: Any, robots: Iterable[Robot]) -> dict[Any, Verdict]:
+    """Return `may_drive` for many robots, by their keys, in as many queries as for one."""
+    asked = list(robots)
+    know_permits(user, asked)
+    return _verdicts(user, asked)
+
+
+def _verdicts(user: Any, robots: Sequence[Robot]) -> dict[Any, Verdict]:
+    found = {robot.pk: _is_admitted(user, robot) for robot in robots}
+    uninvited = [robot for robot in robots if found[robot.pk].reason == "not_invited"]
+    for invites in _guest_lists if uninvited else ():
+        found |= {robot.pk: YES for robot in invites(user, uninvited)}
+    admitted = [robot for robot in robots if found[robot.pk]]
+    if admitted and user.is_guest:
+        rule = _guest_rules.get(user.kind)
+        let_in = {robot.pk for robot in rule(user, admitted)} if rule is not None else set()
+        found |= {robot.pk: _no("not_allowed") for robot in admitted if robot.pk not in let_in}
+    return found
 
 
 def _is_admitted(user: Any, robot: Robot) -> Verdict:
@@ -136,7 +148,7 @@ def has_a_robot(user: Any) -> bool:
         enabled=True, shown_to_visitors=True, access=Robot.Access.INVITATION
     )
     return robots_visible_to(user).filter(enabled=True).exists() or any(
-        may_drive(user, robot) for robot in by_invitation
+        may_drive_each(user, by_invitation).values()
     )
 
 
@@ -152,7 +164,8 @@ def robots_visible_to(user: Any) -> "QuerySet[Robot]":
     if user.is_guest:
         enabled = Robot.objects.filter(enabled=True, shown_to_visitors=True)
         looked_at = enabled.select_related("floor_plan").defer("floor_plan__image")
-        return enabled.filter(pk__in=[robot.pk for robot in looked_at if may_drive(user, robot)])
+        verdicts = may_drive_each(user, looked_at)
+        return enabled.filter(pk__in=[key for key, verdict in verdicts.items() if verdict])
     if oversees(user):
         return Robot.objects.all()
     permits = RobotPermit.objects.filter(user=user)

@@ -28,8 +28,8 @@ from robots.admin_pages.now_filter import NowFilter
 from robots.admin_pages.overview import status_of
 from robots.enrol.credentials import make_credentials, revoke
 from robots.forms import AdapterInput, FloorPlanForm, RobotElsewhereForm, RobotForm, offered
-from robots.models import FloorPlan, Robot, RobotElsewhere, RobotPermit
-from robots.presence import standstill_of, trouble_of
+from robots.models import FloorPlan, Robot, RobotElsewhere, RobotPermit, RobotPresence
+from robots.presence.report import standstill_of, trouble_of
 from robots.readiness_text import in_words
 
 NOTHING = "–"
@@ -70,9 +70,8 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         "driver",
         "seen",
     )
-    list_filter = (NowFilter, "enabled", "access", "connection", "floor_plan", "owner")
+    list_filter = (NowFilter, "enabled", "access", "presence__connection", "floor_plan", "owner")
     linked = ("floor_plan__id__exact",)
-    list_select_related = ("lease__session__visitor", "floor_plan", "owner")
     list_per_page = 50
     search_fields = ("title", "name", "description", "owner__username")
     autocomplete_fields = ("owner",)
@@ -197,6 +196,8 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         """Offer the adapters that are installed on the server."""
         if db_field.name == "adapter":
             options["widget"] = AdapterInput(attrs={"class": "vTextField"})
+        if db_field.name == "translations":  # compared with the row, not with a hidden field
+            options["show_hidden_initial"] = False
         return super().formfield_for_dbfield(db_field, request, **options)
 
     def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:
@@ -218,7 +219,8 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         """Leave out practice robots, which come and go by themselves."""
         rows: QuerySet[Robot] = super().get_queryset(request)
         # a page of the list would read a hundred maps
-        return rows.filter(practice=False).defer("floor_plan__image")
+        related = rows.select_related("lease__session__visitor", "floor_plan", "owner")
+        return related.filter(practice=False).defer("floor_plan__image")
 
     def managed(self, request: HttpRequest, pk: Any) -> Robot:
         """Return a robot for a page that changes it.
@@ -227,8 +229,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
             Http404: there is none, or it is not theirs to see.
             PermissionDenied: they may look at it and no more.
         """
-        rows = self.get_queryset(request).select_related("floor_plan").defer("floor_plan__image")
-        robot: Robot = get_object_or_404(rows, pk=pk)
+        robot: Robot = get_object_or_404(self.get_queryset(request), pk=pk)
         if not self.has_change_permission(request, robot):
             raise PermissionDenied
         return robot
@@ -247,7 +248,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
 
     # --- columns ----------------------------------------------------------------------------------
 
-    @admin.display(description=_("online"), boolean=True, ordering="connection")
+    @admin.display(description=_("online"), boolean=True, ordering="presence__connection")
     def online_now(self, robot: Robot) -> bool:
         """Whether it is connected and was heard a moment ago."""
         return robot.is_online(timezone.now())
@@ -257,12 +258,12 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         """Whether its agent reaches the robot's own control architecture, and why not."""
         if not robot.is_online(timezone.now()):
             return NOTHING
-        return trouble_of(robot.report) or gettext("responding")
+        return trouble_of(robot.presence.report) or gettext("responding")
 
     @admin.display(description=_("battery"))
     def battery(self, robot: Robot) -> str:
         """Its charge, and whether it charges."""
-        battery = (robot.report or {}).get("battery")
+        battery = (robot.presence.report or {}).get("battery")
         if battery is None:
             return NOTHING
         charge = gettext("unknown") if battery.get("charge") is None else f"{battery['charge']:.0%}"
@@ -275,7 +276,11 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
     @admin.display(description=_("docking"))
     def docked(self, robot: Robot) -> str:
         """Whether it stands in its dock; out of it is no fault, so that there is no red cross."""
-        return gettext("docked") if robot.report and robot.report.get("docked") else NOTHING
+        return (
+            gettext("docked")
+            if robot.presence.report and robot.presence.report.get("docked")
+            else NOTHING
+        )
 
     @admin.display(description=_("access"), ordering="access")
     def who(self, robot: Robot) -> str:
@@ -290,19 +295,21 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
             Robot.Access.TRAINED: gettext("trained"),
         }[robot.access]
 
-    @admin.display(description=_("last seen"), ordering="last_seen_at")
+    @admin.display(description=_("last seen"), ordering="presence__last_seen_at")
     def seen(self, robot: Robot) -> str:
         """When it was last heard."""
-        return NOTHING if robot.last_seen_at is None else _moment(robot.last_seen_at)
+        return (
+            NOTHING if robot.presence.last_seen_at is None else _moment(robot.presence.last_seen_at)
+        )
 
     @admin.display(description=_("current status"))
     def between(self, robot: Robot) -> str:
         """What the top of the page says, and why and since when it is not ready for a visit."""
         label, why, since = status_of(robot).label, "", None
         if robot.enabled and robot.is_online(timezone.now()):
-            why = standstill_of(robot.report) or robot.turnaround_reason
-            waits = robot.turnaround != Robot.Turnaround.READY
-            since = robot.turnaround_at if waits else None
+            why = standstill_of(robot.presence.report) or robot.presence.turnaround_reason
+            waits = robot.presence.turnaround != Robot.Turnaround.READY
+            since = robot.presence.turnaround_at if waits else None
         shown = f"{label}: {in_words(why)}" if why else label
         if since is None:
             return shown
@@ -350,10 +357,10 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
 
     @staticmethod
     def _credentials(robot: Robot) -> str:
-        if not robot.credential_hash or robot.credential_made_at is None:
+        if not robot.credentials.credential_hash or robot.credentials.credential_made_at is None:
             return gettext("none: the robot can't connect")
-        made = gettext("created %(when)s") % {"when": _moment(robot.credential_made_at)}
-        if robot.renewal_asked_at is None:
+        made = gettext("created %(when)s") % {"when": _moment(robot.credentials.credential_made_at)}
+        if robot.credentials.renewal_asked_at is None:
             return made
         return gettext("%(made)s; new ones requested, not fetched yet") % {"made": made}
 
@@ -371,7 +378,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         """Whether its display has an address, and the way to a new one."""
         if robot._state.adding:
             return gettext("Save the robot first.")
-        made = robot.screen_made_at
+        made = robot.credentials.screen_made_at
         state = (
             pgettext("an address", "none")
             if made is None
@@ -399,12 +406,12 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
     @admin.display(description=_("factsheet"))
     def told_factsheet(self, robot: Robot) -> str | SafeString:
         """What it is and can do, as it said it."""
-        return _shown(robot.factsheet)
+        return _shown(robot.presence.factsheet)
 
     @admin.display(description=_("last state"))
     def told_state(self, robot: Robot) -> str | SafeString:
         """Its last state, as it said it."""
-        return _shown(robot.report)
+        return _shown(robot.presence.report)
 
     # --- credentials ------------------------------------------------------------------------------
 
@@ -490,8 +497,9 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
     @admin.action(description=_("Open to visitors now, wherever it is"), permissions=["change"])
     def free(self, request: HttpRequest, robots: "QuerySet[Robot]") -> None:
         """Let visitors have robots that are on their way home, charging, or stuck."""
-        changed = list(theirs_to_change(request, robots).exclude(turnaround=Robot.Turnaround.READY))
-        Robot.objects.filter(pk__in=[robot.pk for robot in changed]).update(
+        away = RobotPresence.objects.exclude(turnaround=Robot.Turnaround.READY)
+        changed = list(theirs_to_change(request, robots).filter(presence__in=away))
+        RobotPresence.objects.filter(robot__in=changed).update(
             turnaround=Robot.Turnaround.READY, turnaround_reason=""
         )
         for robot in changed:
@@ -607,6 +615,10 @@ class FloorPlanAdmin(FinishingPage, OfRobots):
     ) -> tuple[str, ...]:
         """A map id is known to robots: it stays."""
         return (*self.readonly_fields, *(("name",) if obj is not None else ()))
+
+    def save_model(self, request: HttpRequest, obj: FloorPlan, form: Any, change: bool) -> None:
+        """Save the whole row when it comes out of files."""
+        super().save_model(request, obj, form, change and not form.values)
 
     def get_urls(self) -> list[URLPattern]:
         """Add the page that finishes a plan."""

@@ -12,7 +12,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 
 from robots.models import Robot
-from robots.presence import is_stopped_there, standstill_of
+from robots.presence.report import is_stopped_there, standstill_of
 
 CardState = Literal["available", "busy", "stopped", "offline"]
 # of a robot that is in its station and not ready yet: sessions/leases/readiness.py
@@ -76,7 +76,7 @@ def card(
     state = _state(robot, traffic, now)
     away = _instead(robot, state, traffic)
     drives = state in {"available", "busy"} and not barred
-    charge, charging = _battery(robot.report) if state != "offline" else (None, False)
+    charge, charging = _battery(robot.presence.report) if state != "offline" else (None, False)
     return RobotCard(
         name=robot.name,
         title=robot.shown_title,
@@ -99,9 +99,15 @@ def card(
 def _state(robot: Robot, traffic: Traffic, now: datetime.datetime) -> CardState:
     if not robot.is_online(now):
         return "offline"
-    if standstill_of(robot.report):
+    if standstill_of(robot.presence.report):
         return "stopped"
     return "busy" if traffic.driven or traffic.waiting or _away(robot) else "available"
+
+
+def was_stopped(robot: Robot) -> bool:
+    """Tell whether somebody stopped a robot between two visits (sessions/leases/readiness.py)."""
+    is_paused = robot.turnaround == Robot.Turnaround.PAUSED
+    return is_paused and robot.turnaround_reason == "stopped"
 
 
 def _instead(robot: Robot, state: CardState, traffic: Traffic) -> tuple[str, str] | None:
@@ -110,6 +116,8 @@ def _instead(robot: Robot, state: CardState, traffic: Traffic) -> tuple[str, str
     """
     if state == "stopped":
         return _stopped(robot)
+    if state == "available" and was_stopped(robot):
+        return _("Stopped"), _("Someone stopped it between visits. You release it by taking it.")
     return _away(robot) if state == "busy" and not traffic.driven else None
 
 
@@ -119,7 +127,7 @@ def _stopped(robot: Robot) -> tuple[str, str]:
         "estop": (
             _("Stopped"),
             _("Stopped by someone next to it. They or its operators can release it.")
-            if is_stopped_there(robot.report)
+            if is_stopped_there(robot.presence.report)
             else _(
                 "The emergency stop is on. Somebody at the robot, or an operator, must release it."
             ),
@@ -133,7 +141,7 @@ def _stopped(robot: Robot) -> tuple[str, str]:
             _("The robot has a fault. You can drive again once it is solved."),
         ),
     }
-    return words[standstill_of(robot.report)]
+    return words[standstill_of(robot.presence.report)]
 
 
 def _away(robot: Robot) -> tuple[str, str] | None:
@@ -142,12 +150,12 @@ def _away(robot: Robot) -> tuple[str, str] | None:
     """
     if robot.held:
         return _("Not ready"), _("Visits are paused for now. You can join the queue.")
-    if not robot.returns_home:
+    if not robot.returns_home or was_stopped(robot):
         return None
     words = {
         Robot.Turnaround.RETURNING: (
             (_("Getting ready"), _("It is running its self-check. You can join the queue."))
-            if robot.turnaround_reason in CHECKS
+            if robot.presence.turnaround_reason in CHECKS
             else (
                 _("Returning to its station"),
                 _("It needs to dock first. You can join the queue."),
@@ -160,11 +168,12 @@ def _away(robot: Robot) -> tuple[str, str] | None:
         Robot.Turnaround.PAUSED: (
             _("Not ready"),
             _("The robot couldn't get ready for the next visit. It tries again by itself.")
-            if isinstance(robot.report, dict) and robot.report.get("docked") is True
+            if isinstance(robot.presence.report, dict)
+            and robot.presence.report.get("docked") is True
             else _("The robot didn't reach its station. It tries again by itself."),
         ),
     }
-    return words.get(Robot.Turnaround(robot.turnaround))
+    return words.get(Robot.Turnaround(robot.presence.turnaround))
 
 
 def _label(state: CardState, *, own: bool) -> str:
@@ -190,11 +199,13 @@ def _detail(
         return ready if robot.shown_to_visitors else _("Ready, but hidden from visitors.")
     if state == "busy":
         return _("Your drive is not over yet.") if traffic.own else _line(traffic)
-    if robot.last_seen_at is None:
+    if robot.presence.last_seen_at is None:
         return _("This robot hasn't connected yet.")
-    if now - robot.last_seen_at < datetime.timedelta(minutes=1):
+    if now - robot.presence.last_seen_at < datetime.timedelta(minutes=1):
         return _("Last seen just now.")
-    return _("Last seen %(time)s ago.") % {"time": timesince(robot.last_seen_at, now, depth=1)}
+    return _("Last seen %(time)s ago.") % {
+        "time": timesince(robot.presence.last_seen_at, now, depth=1)
+    }
 
 
 def _line(traffic: Traffic) -> str:
@@ -257,7 +268,7 @@ def _battery(report: Any) -> tuple[int | None, bool]:
 
 def picture_of(robot: Robot) -> str:
     """Return the static file with the picture of a robot, or of a robot."""
-    return f"img/robots/{_picture(robot.factsheet)}.svg"
+    return f"img/robots/{_picture(robot.presence.factsheet)}.svg"
 
 
 def _picture(factsheet: Any) -> str:

@@ -47,7 +47,11 @@ class RobotForm(forms.ModelForm):
         for name in {*DECIMALS} & self.fields.keys():
             self.fields[name].widget.attrs["inputmode"] = "decimal"
         robot, switch = self.instance, self.fields.get("shown_to_visitors")
-        if switch is not None and robot.last_seen_at is None and not robot.shown_to_visitors:
+        if (
+            switch is not None
+            and robot.presence.last_seen_at is None
+            and not robot.shown_to_visitors
+        ):
             switch.widget.attrs["disabled"] = True  # the page lifts it with the first sign of life
 
     def clean_translations(self) -> dict[str, Any]:
@@ -57,7 +61,9 @@ class RobotForm(forms.ModelForm):
     def clean_shown_to_visitors(self) -> bool:
         """Refuse to show a robot that was never seen."""
         shown = bool(self.cleaned_data["shown_to_visitors"])
-        is_new = self.instance.last_seen_at is None and "shown_to_visitors" in self.changed_data
+        is_new = (
+            self.instance.presence.last_seen_at is None and "shown_to_visitors" in self.changed_data
+        )
         if shown and is_new:
             raise forms.ValidationError(
                 gettext("This robot hasn't connected yet. Connect it, then show it to visitors.")
@@ -115,7 +121,7 @@ class FloorPlanForm(forms.ModelForm):
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        self._values: dict[str, Any] = {}
+        self.values: dict[str, Any] = {}
         if self.instance._state.adding:
             for name in ("name", "title"):  # a plan.json brings both
                 self.fields[name].required = False
@@ -142,8 +148,8 @@ class FloorPlanForm(forms.ModelForm):
             return cleaned
         if files[0] is None or files[1] is None:
             raise forms.ValidationError(gettext("Choose the map's YAML file and its image."))
-        self._values = self._read(files[0], files[1], files[2], cleaned)
-        return cleaned | {"name": self._values["name"], "title": self._values["title"]}
+        self.values = self._read(files[0], files[1], files[2], cleaned)
+        return cleaned | {"name": self.values["name"], "title": self.values["title"]}
 
     def _read(
         self, map_file: bytes, image: bytes, plan: bytes | None, cleaned: dict[str, Any]
@@ -163,7 +169,7 @@ class FloorPlanForm(forms.ModelForm):
 
     def _post_clean(self) -> None:
         # Before the model's own checks (uniqueness of the name), which must see what the files say.
-        for field, value in self._values.items():
+        for field, value in self.values.items():
             setattr(self.instance, field, value)
         super()._post_clean()
 

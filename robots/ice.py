@@ -8,6 +8,8 @@ shares (coturn's `use-auth-secret`; draft-uberti-behave-turn-rest-00): the user 
 import base64
 import hashlib
 import hmac
+import math
+import time
 from collections.abc import Sequence
 
 from django.conf import settings
@@ -34,6 +36,24 @@ def ice_servers(name: str, now: float) -> tuple[IceServer, ...]:
             for urls in relays_by_region(settings.TURN_URLS).values()
         ]
     return tuple(servers)
+
+
+class IceCredentials:
+    """The servers for one name, for connections that begin at any time: their credentials are made
+    anew when half of their lifetime is over.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._servers: tuple[IceServer, ...] = ()
+        self._made_at = -math.inf  # Unix seconds
+
+    def __call__(self) -> tuple[IceServer, ...]:
+        """Return the servers."""
+        now = time.time()
+        if not 0.0 <= now - self._made_at < LIFETIME_SECONDS / 2:
+            self._servers, self._made_at = ice_servers(self._name, now), now
+        return self._servers
 
 
 def relays_by_region(words: Sequence[str]) -> dict[str, list[str]]:

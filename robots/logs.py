@@ -13,6 +13,7 @@ import queue
 import re
 import sys
 import threading
+from collections import Counter
 from collections.abc import Mapping, MutableMapping
 from typing import Any
 
@@ -26,6 +27,7 @@ for _name in _UNUSED:
     del sys.modules[_name]
 
 MOST_WAITING = 2000  # lines for a terminal or a journal that takes none
+LINES_OF_EVENT = 30  # a minute
 FLUSH_S = 1.0
 _PLAIN = re.compile(r"[^\s\"=]+")
 TRACEBACK = "exc_info"
@@ -64,6 +66,11 @@ def to_standard_library(
     return (LogEvent(event),), passed_on
 
 
+def reason_of(error: BaseException) -> str:
+    """Return what an error says, or its class when it says nothing, as a TimeoutError does."""
+    return str(error) or type(error).__name__
+
+
 def configure() -> None:
     """Have every logger of structlog hand its events to the standard library, unless the program
     around has set it up in its own way.
@@ -80,7 +87,9 @@ def configure() -> None:
 
 class ThreadedHandler(logging.Handler):
     """Has other handlers write in a thread of its own: a terminal or a journal that takes no more
-    lines must not stop the thread that logs. Lines that find no room are dropped and counted.
+    lines must not stop the thread that logs. Lines that find no room are dropped and counted, and
+    so are most lines of an event that happens often, lest a client fill the log; critical ones
+    never are.
 
     Args:
         handlers: that write.
@@ -90,15 +99,26 @@ class ThreadedHandler(logging.Handler):
     def __init__(self, handlers: list[logging.Handler], most: int = MOST_WAITING) -> None:
         super().__init__()
         self._handlers, self._dropped = handlers, 0
+        self._minute, self._events = 0, Counter[tuple[str, str]]()
         self._lines: queue.Queue[logging.LogRecord] = queue.Queue(most)
         threading.Thread(target=self._write, name="log", daemon=True).start()
 
     def emit(self, record: logging.LogRecord) -> None:
         """Queue a line; called with the handler's lock, like the count of those dropped."""
-        try:
-            self._lines.put_nowait(record)
-        except queue.Full:
+        full = self._lines.full()
+        if full or (record.levelno < logging.CRITICAL and self._is_frequent(record)):
             self._dropped += 1
+        else:
+            self._lines.put_nowait(record)
+
+    def _is_frequent(self, record: logging.LogRecord) -> bool:
+        minute = int(record.created // 60)
+        if minute != self._minute or len(self._events) > MOST_WAITING:
+            self._minute = minute
+            self._events.clear()
+        event = record.msg["event"] if isinstance(record.msg, LogEvent) else record.msg
+        self._events[record.name, str(event)] += 1
+        return self._events[record.name, str(event)] > LINES_OF_EVENT
 
     def flush(self) -> None:
         """Wait until all lines are written, at most `FLUSH_S` seconds."""

@@ -15,7 +15,7 @@ from django.core.validators import (
     RegexValidator,
     URLValidator,
 )
-from django.db import models
+from django.db import models, transaction
 from django.utils.translation import get_language
 from django.utils.translation import gettext_lazy as _
 
@@ -128,8 +128,18 @@ class FloorPlan(models.Model):
         return str(words["title"])
 
 
+class WithPresence(models.Manager["Robot"]):
+    """Robots joined with their presence, which nearly all that read a robot need."""
+
+    def get_queryset(self) -> "models.QuerySet[Robot]":
+        """Join the presence."""
+        return super().get_queryset().select_related("presence")
+
+
 class Robot(models.Model):
-    """A telepresence robot: its profile, its key to the broker, and what it last said of itself."""
+    """A telepresence robot as its owner set it up; each also has a RobotPresence and
+    RobotCredentials, which other processes write.
+    """
 
     class Access(models.TextChoices):
         """Who may drive."""
@@ -282,15 +292,6 @@ class Robot(models.Model):
         default=0.2,
         validators=[MinValueValidator(0.0), MaxValueValidator(1.0)],
     )
-    turnaround = models.CharField(
-        _("between visits"),
-        max_length=10,
-        choices=Turnaround,
-        default=Turnaround.READY,
-        editable=False,
-    )
-    turnaround_reason = models.CharField(_("reason"), max_length=300, blank=True, editable=False)
-    turnaround_at = models.DateTimeField(_("since"), null=True, editable=False)
     # Set by hand and only so taken back: nobody gets the robot meanwhile, and who waits goes on
     # waiting (sessions/leases/store.py).
     held = models.CharField(_("queue pause reason"), max_length=200, blank=True, editable=False)
@@ -302,36 +303,10 @@ class Robot(models.Model):
         default=Calls.ACCEPT,
         help_text=_("Applies when a visitor turns on the microphone or camera."),
     )
-    screen_hash = models.CharField(max_length=200, blank=True, editable=False)
-    screen_made_at = models.DateTimeField(_("screen key created"), null=True, editable=False)
-
-    credential_hash = models.CharField(max_length=200, blank=True, editable=False)
-    # The same token's hash for a broker that reads no other kind; empty until the token is shown
-    # to us again, for one that was made before there was this field.
-    bcrypt_hash = models.CharField(max_length=100, blank=True, editable=False)
-    credential_made_at = models.DateTimeField(_("credentials created"), null=True, editable=False)
-
-    # The user that the hash belongs to at the broker; empty: the robot's own name. A new one a
-    # rotation (robots/enrol/credentials.py).
-    credential_user = models.CharField(max_length=80, blank=True, editable=False)
-    # The credentials before these hold until then, so that a robot can take the new ones while it
-    # runs.
-    former_user = models.CharField(max_length=80, blank=True, editable=False)
-    former_hash = models.CharField(max_length=200, blank=True, editable=False)
-    former_bcrypt_hash = models.CharField(max_length=100, blank=True, editable=False)
-    former_until = models.DateTimeField(null=True, editable=False)
-    renewal_asked_at = models.DateTimeField(
-        _("credential renewal requested"), null=True, editable=False
-    )
-
-    connection = models.CharField(_("connection"), max_length=20, default="OFFLINE", editable=False)
-    boot = models.CharField(max_length=64, blank=True, editable=False)
-    last_seen_at = models.DateTimeField(_("last seen"), null=True, editable=False)
-    factsheet = models.JSONField(_("factsheet"), null=True, blank=True, editable=False)
-    report = models.JSONField(_("last state"), null=True, blank=True, editable=False)
-
     # a user's key and permits here, of a robot that robots.access.know_permits has looked at
     known_permits: tuple[Any, frozenset[str]] | None = None
+
+    objects = WithPresence()
 
     class Meta:
         verbose_name = _("robot")
@@ -340,6 +315,15 @@ class Robot(models.Model):
 
     def __str__(self) -> str:
         return self.title or self.name
+
+    @transaction.atomic
+    def save(self, *args: Any, **options: Any) -> None:
+        """Save the row; a new robot gets the rows that belong to it."""
+        is_new = self._state.adding
+        super().save(*args, **options)
+        if is_new:
+            RobotPresence.objects.create(robot=self)
+            RobotCredentials.objects.create(robot=self)
 
     def title_in(self, language: str) -> str:
         """Return what visitors call the robot in a language, or the title as it is."""
@@ -386,17 +370,86 @@ class Robot(models.Model):
     @property
     def can_go_home(self) -> bool:
         """Tell whether it is meant to go home after a visit, and says that it can dock."""
-        return self.returns_home and "dock" in (self.factsheet or {}).get("capabilities", ())
+        capabilities = (self.presence.factsheet or {}).get("capabilities", ())
+        return self.returns_home and "dock" in capabilities
 
     def is_online(self, now: datetime.datetime) -> bool:
         """Tell whether the robot is connected and was heard from: an idle one is silent for half a
         minute (robots/api/idle.py).
         """
-        heard = (
-            self.last_seen_at is not None
-            and (now - self.last_seen_at).total_seconds() < HEARD_SECONDS
-        )
-        return self.enabled and self.connection == "ONLINE" and heard
+        seen_at = self.presence.last_seen_at
+        heard = seen_at is not None and (now - seen_at).total_seconds() < HEARD_SECONDS
+        return self.enabled and self.presence.connection == "ONLINE" and heard
+
+
+class RobotPresence(models.Model):
+    """What a robot last reported, and what it does between two visits. The session manager writes
+    it every few seconds: in a row of its own, so that it and whoever edits the robot never
+    overwrite each other's changes.
+    """
+
+    robot = models.OneToOneField(
+        Robot, models.CASCADE, primary_key=True, related_name="presence", editable=False
+    )
+    connection = models.CharField(_("connection"), max_length=20, default="OFFLINE", editable=False)
+    boot = models.CharField(max_length=64, blank=True, editable=False)
+    last_seen_at = models.DateTimeField(_("last seen"), null=True, editable=False)
+    factsheet = models.JSONField(_("factsheet"), null=True, blank=True, editable=False)
+    report = models.JSONField(_("last state"), null=True, blank=True, editable=False)
+    turnaround = models.CharField(
+        _("between visits"),
+        max_length=10,
+        choices=Robot.Turnaround,
+        default=Robot.Turnaround.READY,
+        editable=False,
+    )
+    turnaround_reason = models.CharField(_("reason"), max_length=300, blank=True, editable=False)
+    turnaround_at = models.DateTimeField(_("since"), null=True, editable=False)
+
+    class Meta:
+        verbose_name = _("robot presence")
+        verbose_name_plural = _("robot presence")
+
+    def __str__(self) -> str:
+        return f"{self.robot_id} · {self.connection}"
+
+
+class RobotCredentials(models.Model):
+    """The hashes of a robot's keys: to the broker (robots/enrol/credentials.py), and of its screen
+    (robots/screens.py).
+    """
+
+    robot = models.OneToOneField(
+        Robot, models.CASCADE, primary_key=True, related_name="credentials", editable=False
+    )
+    screen_hash = models.CharField(max_length=200, blank=True, editable=False)
+    screen_made_at = models.DateTimeField(_("screen key created"), null=True, editable=False)
+
+    credential_hash = models.CharField(max_length=200, blank=True, editable=False)
+    # The same token's hash for a broker that reads no other kind; empty until the token is shown
+    # to us again, for one that was made before there was this field.
+    bcrypt_hash = models.CharField(max_length=100, blank=True, editable=False)
+    credential_made_at = models.DateTimeField(_("credentials created"), null=True, editable=False)
+
+    # The user that the hash belongs to at the broker; empty: the robot's own name. A new one a
+    # rotation (robots/enrol/credentials.py).
+    credential_user = models.CharField(max_length=80, blank=True, editable=False)
+    # The credentials before these hold until then, so that a robot can take the new ones while it
+    # runs.
+    former_user = models.CharField(max_length=80, blank=True, editable=False)
+    former_hash = models.CharField(max_length=200, blank=True, editable=False)
+    former_bcrypt_hash = models.CharField(max_length=100, blank=True, editable=False)
+    former_until = models.DateTimeField(null=True, editable=False)
+    renewal_asked_at = models.DateTimeField(
+        _("credential renewal requested"), null=True, editable=False
+    )
+
+    class Meta:
+        verbose_name = _("robot credentials")
+        verbose_name_plural = _("robot credentials")
+
+    def __str__(self) -> str:
+        return str(self.robot_id)
 
 
 class Enrolment(models.Model):

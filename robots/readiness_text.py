@@ -14,6 +14,7 @@ WORDS = {
     "charging": _("its battery is not charged enough yet"),
     "offline": _("no signal from the robot"),
     "estop": _("its emergency stop is on"),
+    "stopped": _("someone stopped it between visits"),
     "not_connected": _("its control system isn't responding"),
     "fault": _("it has a fault"),
     "network": _("it responds too slowly to be driven"),

@@ -20,15 +20,19 @@ def make_screen_key(robot: Robot, now: datetime.datetime) -> str:
     are sent away within a minute.
     """
     key = new_token()
-    robot.screen_hash, robot.screen_made_at = hash_token(key), now
-    robot.save(update_fields=["screen_hash", "screen_made_at"])
+    _write(robot, hash_token(key), now)
     return key
 
 
 def revoke_screen_key(robot: Robot) -> None:
     """Take the key away."""
-    robot.screen_hash, robot.screen_made_at = "", None
-    robot.save(update_fields=["screen_hash", "screen_made_at"])
+    _write(robot, "", None)
+
+
+def _write(robot: Robot, screen_hash: str, made_at: datetime.datetime | None) -> None:
+    kept = robot.credentials
+    kept.screen_hash, kept.screen_made_at = screen_hash, made_at
+    kept.save(update_fields=["screen_hash", "screen_made_at"])
 
 
 def screen_address(robot: Robot, key: str, server: str) -> str:
@@ -40,8 +44,9 @@ def screen_address(robot: Robot, key: str, server: str) -> str:
 
 def screen_of(name: str, key: str) -> Robot | None:
     """Return the robot whose screen this key makes, or None."""
-    robot = Robot.objects.filter(name=name, enabled=True).exclude(screen_hash="").first()
-    return robot if robot is not None and key and matches(key, robot.screen_hash) else None
+    robot = Robot.objects.filter(name=name, enabled=True).select_related("credentials").first()
+    fits = robot is not None and key and matches(key, robot.credentials.screen_hash)
+    return robot if fits else None
 
 
 def cookie_of(name: str) -> str:

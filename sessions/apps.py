@@ -26,7 +26,9 @@ class TelepresenceSessionsConfig(AppConfig):
         from sessions.leases.trial_terms import TRIAL_TERMS
 
         terms.register(TRIAL_TERMS)
-        register_guest_rule(User.Kind.VISITOR, lambda _user, robot: robot.practice)
+        register_guest_rule(
+            User.Kind.VISITOR, lambda _user, robots: [robot for robot in robots if robot.practice]
+        )
         post_save.connect(_user_changed, sender=User, dispatch_uid="sessions.user")
         user_logged_out.connect(_user_logged_out, dispatch_uid="sessions.logged_out")
         post_save.connect(_robot_changed, sender=Robot, dispatch_uid="sessions.robot")

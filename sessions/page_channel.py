@@ -95,13 +95,20 @@ async def listen(groups: tuple[str, ...], handle: Callable[[Event], None]) -> No
             for group in groups:
                 await layer.group_add(group, channel)
             while True:
-                handle(await layer.receive(channel))
+                _hand(handle, await layer.receive(channel))
         except LAYER_ERRORS as error:
             log.warning("channel_layer_away", reason=type(error).__name__)
         finally:
             if channel:
                 await _leave(groups, channel)
         await asyncio.sleep(RETRY_SECONDS)
+
+
+def _hand(handle: Callable[[Event], None], event: Event) -> None:
+    try:
+        handle(event)
+    except Exception:  # the page must get the events that follow
+        log.exception("event_failed", kind=event.get("type"))
 
 
 async def _leave(groups: tuple[str, ...], channel: str) -> None:

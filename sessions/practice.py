@@ -8,23 +8,25 @@ from typing import Any
 
 from django.conf import settings
 from django.contrib.auth.decorators import login_required
-from django.db.models import Count, Exists, OuterRef, Q
+from django.db.models import Count, Exists, OuterRef
 from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import redirect, render
 from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import ngettext
 from django.views.decorators.cache import never_cache
-from django.views.decorators.http import require_POST, require_safe
+from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
 from accounts.models import User
 from accounts.passwordless import NEW_GUESTS, create_guest, open_to_visitors, sign_in
 from accounts.rate_limits import limited
 from robots.models import Robot
 from sessions.leases.store import LIVE
-from sessions.models import StateChunk
+from sessions.models import Session, StateChunk
 
 ASKED_SECONDS = 5  # for which it is known that a page asked for a practice robot
+# A practice robot is started anew after each visitor; one that is not is nobody's by then.
+LONGEST_USE = datetime.timedelta(days=1)
 
 
 @dataclass(frozen=True)
@@ -46,15 +48,17 @@ def choose(places: list[PracticePlace]) -> str | None:
 
 def places(now: datetime.datetime) -> list[PracticePlace]:
     """Return all practice robots in use."""
-    living = Count("sessions", filter=Q(sessions__state__in=LIVE))
+    living = Session.objects.filter(robot__practice=True, state__in=LIVE).order_by()
+    taken = dict(living.values_list("robot").annotate(n=Count("pk")))
     left = StateChunk.objects.filter(
-        session__robot=OuterRef("pk"), session__ended_at__isnull=False, boot=OuterRef("boot")
+        session__robot=OuterRef("pk"),
+        session__state=Session.State.ENDED,
+        session__queued_at__gt=now - LONGEST_USE,
+        boot=OuterRef("presence__boot"),
     )
-    rows = Robot.objects.filter(practice=True, enabled=True).annotate(
-        taken=living, used=Exists(left)
-    )
+    rows = Robot.objects.filter(practice=True, enabled=True).annotate(used=Exists(left))
     return [
-        PracticePlace(row.name, row.is_online(now) and not row.used, row.taken)
+        PracticePlace(row.name, row.is_online(now) and not row.used, taken.get(row.pk, 0))
         for row in rows.order_by("name")
     ]
 
@@ -99,22 +103,28 @@ def _none_offered(request: HttpRequest) -> HttpResponse:
 @open_to_visitors
 @never_cache
 @login_required
-@require_safe
+@require_http_methods(["GET", "HEAD", "POST"])
 def practice(request: HttpRequest) -> JsonResponse:
     """Say where to practise: `url` of a drive page, null while a robot is being made ready, which
-    takes some seconds; on a site without practice robots that there is nothing.
+    takes some seconds; 404 on a site without practice robots. A page that does not wait for a
+    robot, whose session would say so, has one made ready by a POST.
     """
     if not settings.PRACTICE_ROBOTS:
         raise Http404
     now = timezone.now()
-    # a page asks every other second, and what runs the robots looks back for longer
-    known = now - datetime.timedelta(seconds=ASKED_SECONDS)
-    Robot.objects.filter(practice=True).exclude(wanted_at__gt=known).update(wanted_at=now)
-    if request.user.kind == User.Kind.VISITOR:
-        # a guest logs in once: from then on this is when a page of theirs last asked for a robot,
-        # and a day later they are forgotten (telepresence_site/ops/retention.py)
-        User.objects.filter(pk=request.user.pk).update(last_login=now)
+    if request.method == "POST":
+        _note_wish(request.user, now)
     chosen = choose(places(now))
     return JsonResponse(
         {"url": None if chosen is None else f"{reverse('practice_drive', args=[chosen])}?go=1"}
     )
+
+
+def _note_wish(user: Any, now: datetime.datetime) -> None:
+    # a page asks every other second, and what runs the robots looks back for longer
+    known = now - datetime.timedelta(seconds=ASKED_SECONDS)
+    Robot.objects.filter(practice=True).exclude(wanted_at__gt=known).update(wanted_at=now)
+    if user.kind == User.Kind.VISITOR:
+        # a guest logs in once: from then on this is when a page of theirs last asked for a robot,
+        # and a day later they are forgotten (telepresence_site/ops/retention.py)
+        User.objects.filter(pk=user.pk).update(last_login=now)

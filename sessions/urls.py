@@ -24,7 +24,6 @@ urlpatterns: list[URLPattern] = [
     path("api/v1/robots/", api_views.robots, name="api_robots"),
     path("api/v1/robots/<slug:robot>/", api_views.robot, name="api_robot"),
     path("api/v1/robots/<slug:robot>/actions/", api_views.act, name="api_act"),
-    path("healthz", views.healthz, name="healthz"),
 ]
 websocket_urlpatterns: list[URLPattern] = [
     path(protocol.PATH, RobotConsumer.as_asgi()),

@@ -1,18 +1,15 @@
-"""The drive page, a visitor's own snapshots, and whether this server is well."""
+"""The drive page, and a visitor's own snapshots."""
 
 import time
 from typing import Any
 from uuid import UUID
 
 import msgspec
-import structlog
-from channels.db import database_sync_to_async
 from csp.constants import SELF
 from csp.decorators import csp_replace
 from django.conf import settings
 from django.contrib.auth.decorators import login_required
 from django.core.exceptions import PermissionDenied
-from django.db import DatabaseError, InterfaceError
 from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import get_object_or_404, render
 from django.urls import reverse
@@ -25,9 +22,7 @@ from accounts.models import User
 from accounts.passwordless import open_to_visitors
 from accounts.rate_limits import limited
 from robots.access import has_a_robot, may_drive, may_observe, may_operate, robots_visible_to
-from robots.api.disk_space import DiskSpace
 from robots.api.messages import IceServer
-from robots.bridge import bridge
 from robots.cards import picture_of
 from robots.enrol.elsewhere import led_to_its_site
 from robots.ice import ice_servers
@@ -35,8 +30,6 @@ from robots.models import Robot
 from sessions import interfaces, protocol
 from sessions.models import Snapshot
 
-log = structlog.stdlib.get_logger(__name__)
-BROKER_PATIENCE_SECONDS = 1.0
 MAX_SNAPSHOTS = 200
 LISTS = Attempts("snapshots", limit=240)
 
@@ -100,7 +93,7 @@ def page_config(robot: Robot, user: Any) -> dict[str, Any]:
         "socket": "/" + protocol.PATH.replace("<slug:robot>", robot.name),
         "floorplan": reverse("floor_plan", args=[plan.name]) if plan is not None else None,
         "snapshots": reverse("snapshots", args=[robot.name]),
-        "factsheet": robot.factsheet,
+        "factsheet": robot.presence.factsheet,
         "returnsHome": robot.returns_home,
         "suggested": interfaces.suggested_to(user),
         "operates": bool(may_operate(user, robot)),
@@ -170,29 +163,3 @@ def snapshot(request: HttpRequest, robot: str, snapshot: UUID) -> HttpResponse:
 
 def _own_snapshots(user: Any, robot: str) -> Any:
     return Snapshot.objects.filter(session__visitor=user, session__robot__name=robot)
-
-
-@never_cache
-@require_safe
-async def healthz(_request: HttpRequest) -> JsonResponse:
-    """Tell a supervisor whether this process reaches the database and the broker: 200, or 503 with
-    what is missing.
-
-    How the disk is stands there as well; no restart makes room.
-    """
-    database = await database_sync_to_async(_database_answers)()
-    broker = await bridge.current().wait_connected(BROKER_PATIENCE_SECONDS)
-    disk = DiskSpace(settings.VAR_DIR, settings.DISK_LOW_MB).state()
-    return JsonResponse(
-        {"database": database, "broker": broker, "disk": disk},
-        status=200 if database and broker else 503,
-    )
-
-
-def _database_answers() -> bool:
-    try:
-        User.objects.exists()
-    except (DatabaseError, InterfaceError) as error:
-        log.warning("database_away", reason=str(error))
-        return False
-    return True

@@ -21,6 +21,7 @@ from sessions.urls import (
 from telepresence_site.web.asgi_limits import (
     BodyLimit,
     ConnectLimit,
+    KnownPaths,
     OpenLimit,
     SameOrigin,
     address_of,
@@ -42,7 +43,7 @@ counted = OpenLimit(
     settings.SOCKETS_PER_ADDRESS,
     lambda scope: address_of(scope, settings.TRUSTED_PROXIES),
 )
-sockets = ConnectLimit(counted, settings.TRUSTED_PROXIES)
+sockets = ConnectLimit(KnownPaths(counted, websocket_urlpatterns), settings.TRUSTED_PROXIES)
 
 kept = WhiteNoiseMiddleware(lambda _: None).files
 

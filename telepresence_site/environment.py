@@ -7,6 +7,8 @@ import os
 import secrets
 from pathlib import Path
 
+from robots.api.private_files import write_private
+
 
 def text(name: str, default: str = "") -> str:
     """Return an environment variable, or the default when it is unset or empty."""
@@ -25,21 +27,20 @@ def words(name: str, default: str = "") -> list[str]:
 
 
 def kept_secret(path: Path, nbytes: int = 48) -> str:
-    """Return the secret kept in a file, made on the first call and readable by its owner alone."""
-    try:
-        return path.read_text().strip()
-    except FileNotFoundError:
+    """Return the secret kept in a file, made on the first call and readable by its owner alone.
+
+    Raises:
+        ValueError: the file is empty.
+    """
+    if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
-        secret = secrets.token_urlsafe(nbytes)
-        try:
-            # O_EXCL: of two processes that start together one makes the secret and the other reads
-            # it.
-            descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        except FileExistsError:
-            return path.read_text().strip() or kept_secret(path, nbytes)
-        with os.fdopen(descriptor, "w") as file:
-            file.write(secret)
-        return secret
+        # of two processes that start together one makes the secret and the other reads it
+        with contextlib.suppress(FileExistsError):
+            write_private(path, secrets.token_urlsafe(nbytes), replace=False)
+    secret = path.read_text().strip()
+    if not secret:
+        raise ValueError(f"{path} is empty. Delete it, and a new secret is made.")
+    return secret
 
 
 def private_folder(path: Path) -> Path:

@@ -18,9 +18,9 @@ def keep_credentials_here(robot: Robot, mqtt_url: str) -> None:
     """
     file = settings.CREDENTIALS_DIR / f"{robot.name}.toml"
     token = _token_in(file)
-    fits = token is not None and credentials.matches(token, robot.credential_hash)
+    fits = token is not None and credentials.matches(token, robot.credentials.credential_hash)
     same = (
-        credentials.Credentials(robot.name, token, robot.credential_user)
+        credentials.Credentials(robot.name, token, robot.credentials.credential_user)
         if fits and token
         else None
     )

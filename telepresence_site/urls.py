@@ -19,6 +19,7 @@ urlpatterns = [
     path("about/", pages.about, name="about"),
     path("reference/<slug:name>/", reference_pages.reference, name="reference"),
     path("manifest.webmanifest", pages.manifest, name="manifest"),
+    path("healthz", health.healthz, name="healthz"),
     path("readyz", health.readyz, name="readyz"),
     path("metrics", metrics.metrics, name="metrics"),
     path("admin/", admin.site.urls),

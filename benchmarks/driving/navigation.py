@@ -22,11 +22,11 @@ import numpy as np
 
 from benchmarks.driving.true_world import TrueWorld
 from benchmarks.table import Figure, keep
-from robots.agent.navigation.assistance.braking import BRAKING
 from robots.agent.navigation.journey import JOURNEY
 from robots.agent.navigation.obstacles.local_map import LOCAL_MAP
 from robots.agent.navigation.planning.follower import FOLLOWER
 from robots.agent.navigation.planning.planner import PLANNER
+from robots.agent.safety.collision.braking import BRAKING
 from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.floorplan import DoorState
 from robots.world.robot_models import MODELS, RobotModel

@@ -19,9 +19,10 @@ from experiments.bots.endings import Ending
 from experiments.bots.persona import DRIVE, Persona
 from experiments.bots.socket import SocketClosed
 from experiments.bots.steering import STAND, SpeedSetting
-from experiments.bots.view import ENDED, View
+from experiments.bots.view import View
 from robots.api import floorplan
 from robots.api.geometry import Pose2D
+from robots.api.messages import ENDED
 
 TICK = 0.1
 WAIT_FOR_ROBOT = 3600.0

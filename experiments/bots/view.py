@@ -18,7 +18,6 @@ from robots.api.messages import ActionStatus, Heartbeat, PoseUpdate, Scan, State
 from robots.api.messages import Pose as RobotPose
 from sessions import protocol
 
-ENDED = frozenset({"FINISHED", "FAILED", "CANCELLED"})
 TRIPS = 7
 AT_CENTRE = Pose2D(0.0, 0.0, 0.0)
 

@@ -33,7 +33,7 @@ def robots_of(study: StudyDefinition, driven: Iterable[str]) -> tuple[RobotRecor
             name=row.name,
             title=row.title,
             series=series_of(row),
-            facts=facts(row.factsheet or {}, study),
+            facts=facts(row.presence.factsheet or {}, study),
         )
         for row in found
     )
@@ -41,7 +41,7 @@ def robots_of(study: StudyDefinition, driven: Iterable[str]) -> tuple[RobotRecor
 
 def series_of(row: Row) -> str:
     """Return what courses call a robot; its own name when it was never heard of."""
-    found: str = (row.factsheet or {}).get("series", row.name)
+    found: str = (row.presence.factsheet or {}).get("series", row.name)
     return found
 
 

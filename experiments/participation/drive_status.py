@@ -121,7 +121,11 @@ def robots_of(conditions: tuple[Condition, ...]) -> list[Robot]:
 
 def series_of(robot: Robot) -> str:
     """Return of which series a robot says it is; one that never said anything is of none."""
-    series = robot.factsheet.get("series") if isinstance(robot.factsheet, dict) else None
+    series = (
+        robot.presence.factsheet.get("series")
+        if isinstance(robot.presence.factsheet, dict)
+        else None
+    )
     return series if isinstance(series, str) else ""
 
 

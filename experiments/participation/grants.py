@@ -163,6 +163,16 @@ def standing_of(user: User, robot: Robot) -> Standing | None:
     """Return in which study somebody is to drive a robot now: where they were seen last; None when
     in none.
     """
+    return _standings(user, [robot]).get(robot.pk)
+
+
+def claimed(user: User, robots: Sequence[Robot]) -> list[Robot]:
+    """Return those robots that somebody is to drive for a study now."""
+    return [standing.robot for standing in _standings(user, robots).values()]
+
+
+def _standings(user: User, robots: Sequence[Robot]) -> dict[Any, Standing]:
+    found: dict[Any, Standing] = {}
     for participant in (
         progress.of_user(user).filter(status=Participant.Status.ACTIVE).order_by("-seen_at")
     ):
@@ -175,18 +185,19 @@ def standing_of(user: User, robot: Robot) -> Standing | None:
         step = definition.drive(participant.step)
         if step is None:
             continue
-        standing = Standing(participant, definition, step, robot)
-        condition = standing.assigned
-        if is_for(condition, robot) if condition is not None else standing.cells:
-            return standing
-    return None
+        condition = assigned(participant, definition)
+        for robot in robots:
+            standing = Standing(participant, definition, step, robot)
+            if is_for(condition, robot) if condition is not None else standing.cells:
+                found.setdefault(robot.pk, standing)
+    return found
 
 
-def invites(user: User, robot: Robot) -> bool:
-    """Tell whether a study has invited somebody to drive a robot now
+def invited_to(user: User, robots: Sequence[Robot]) -> list[Robot]:
+    """Return those robots that a study has invited somebody to drive now
     (robots.access.register_guest_list).
 
-    Asked of every visitor for every robot by invitation that is shown: whom nobody invited costs
+    Asked of every visitor for the robots by invitation that are shown: whom nobody invited costs
     one look that reads no study.
     """
     if (
@@ -194,13 +205,13 @@ def invites(user: User, robot: Robot) -> bool:
         .filter(status=Participant.Status.ACTIVE, access="invitation")
         .exists()
     ):
-        return False
-    standing = standing_of(user, robot)
-    return (
-        standing is not None
-        and standing.participant.access == "invitation"
-        and is_lent(robot, standing.definition.slug)
-    )
+        return []
+    return [
+        standing.robot
+        for standing in _standings(user, robots).values()
+        if standing.participant.access == "invitation"
+        and is_lent(standing.robot, standing.definition.slug)
+    ]
 
 
 def _why_not(standing: Standing, now: datetime.datetime) -> str:
@@ -248,24 +259,26 @@ def said_lately(robot: Robot, now: datetime.datetime) -> start_condition.RobotSn
     of its agent that is over.
     """
     fresh = (
-        robot.last_seen_at is not None
-        and (now - robot.last_seen_at).total_seconds() <= SAID_SECONDS
+        robot.presence.last_seen_at is not None
+        and (now - robot.presence.last_seen_at).total_seconds() <= SAID_SECONDS
     )
-    report = robot.report or {}
+    report = robot.presence.report or {}
     return (
         start_condition.snapshot(report)
-        if fresh and report and report.get("boot", "") == robot.boot
+        if fresh and report and report.get("boot", "") == robot.presence.boot
         else None
     )
 
 
 def _is_reserved(robot: Robot, now: datetime.datetime) -> bool:
     """Tell whether a study that is open now keeps the robot to its participants."""
-    for study in Study.objects.filter(status=Study.Status.PUBLISHED, exclusive=True):
-        is_of_it = any(is_for(condition, robot) for condition in study.as_definition().conditions)
-        if is_of_it and progress.is_open(study, now) and is_lent(robot, study.slug):
-            return True
-    return False
+    exclusive = Study.objects.filter(status=Study.Status.PUBLISHED, exclusive=True)
+    return any(
+        progress.is_open(study, now)
+        and any(is_for(condition, robot) for condition in study.as_definition().conditions)
+        and is_lent(robot, study.slug)
+        for study in exclusive
+    )
 
 
 # --- assignment -----------------------------------------------------------------------------------
@@ -453,7 +466,7 @@ def _doors(robot: Robot) -> list[str]:
     """Return the doors that the server can move: those of a simulated site. A real door is
     somebody's to close.
     """
-    movable = "doors" in (robot.factsheet or {}).get("capabilities", ())
+    movable = "doors" in (robot.presence.factsheet or {}).get("capabilities", ())
     return (
         [door["name"] for door in robot.floor_plan.plan.get("doors", ())]
         if movable and robot.floor_plan

@@ -10,20 +10,25 @@ for all studies.
 
 from accounts.models import User
 from experiments.models import Study
-from robots.access import may_operate
-from robots.models import Robot
+from robots.access import oversees
+from robots.models import Robot, RobotPermit
 
 
 def is_lent(robot: Robot, slug: str) -> bool:
     """Tell whether a study, in any version that was published, has a robot at its disposal."""
     if robot.owner_id is None:
         return True
-    publishers = (
+    found = (
         User.objects.filter(published_studies__slug=slug)
         .exclude(published_studies__status=Study.Status.DRAFT)
+        .filter(is_active=True)
         .distinct()
     )
-    return any(may_operate(user, robot) for user in publishers)
+    publishers = [user for user in found if not user.is_guest]
+    operators = robot.permits.filter(kind=RobotPermit.Privilege.OPERATOR, user__in=publishers)
+    return any(user.pk == robot.owner_id for user in publishers) or (
+        operators.exists() or any(oversees(user) for user in publishers)
+    )
 
 
 def is_shown(robot: Robot, slug: str) -> bool:

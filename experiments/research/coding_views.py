@@ -209,7 +209,7 @@ def _config(
     return {
         "data": reverse("coding_record", args=[session]),
         "site": plan_content(robot.floor_plan) if robot.floor_plan else None,
-        "footprint": (robot.factsheet or {}).get("footprint", []),
+        "footprint": (robot.presence.factsheet or {}).get("footprint", []),
         "photos": [],
         "coding": {
             "codes": [

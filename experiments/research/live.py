@@ -120,7 +120,7 @@ def _drawn(study: StudyDefinition, robot: Robot, language: str) -> dict[str, Any
 
 
 def _place(robot: Robot) -> tuple[str, str]:
-    return (robot.factsheet or {}).get(
+    return (robot.presence.factsheet or {}).get(
         "series", ""
     ), robot.floor_plan.name if robot.floor_plan else ""
 
@@ -212,19 +212,21 @@ def _unready(robots: list[Robot], now: datetime.datetime) -> dict[Any, str]:
 
 
 def _robot(robot: Robot, language: str, now: datetime.datetime) -> dict[str, Any]:
-    report = robot.report or {}
+    report = robot.presence.report or {}
     return {
         "name": robot.name,
         "title": robot.shown_title,
         "online": robot.is_online(now),
-        "heard": (now - robot.last_seen_at).total_seconds() if robot.last_seen_at else None,
+        "heard": (now - robot.presence.last_seen_at).total_seconds()
+        if robot.presence.last_seen_at
+        else None,
         "pose": report.get("pose"),
         "stamp": report.get("stamp"),
         "battery": report.get("battery"),
         "docked": report.get("docked"),
         "estop": (report.get("safety") or {}).get("estop", False),
-        "turnaround": robot.turnaround if robot.returns_home else Robot.Turnaround.READY,
-        "reason": in_words(robot.turnaround_reason),
+        "turnaround": robot.presence.turnaround if robot.returns_home else Robot.Turnaround.READY,
+        "reason": in_words(robot.presence.turnaround_reason),
         "held": robot.held,
         "doors": _doors(robot, language, now),
     }

@@ -208,7 +208,7 @@ def _config(session: Session, photos: list[dict[str, Any]]) -> dict[str, Any]:
     return {
         "data": reverse("replay_data", args=[session.pk]),
         "site": plan_content(robot.floor_plan) if robot.floor_plan else None,
-        "footprint": (robot.factsheet or {}).get("footprint", []),
+        "footprint": (robot.presence.factsheet or {}).get("footprint", []),
         "photos": photos,
     }
 

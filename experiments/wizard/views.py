@@ -47,7 +47,7 @@ def _study_for(request: HttpRequest, slug: str) -> Study:
 
 def _config(robot: Robot) -> dict[str, Any]:
     """Return what the page's script needs; nothing of it tells a condition."""
-    factsheet = robot.factsheet or {}
+    factsheet = robot.presence.factsheet or {}
     return {
         "robot": robot.name,
         "socket": "/" + protocol.PATH.replace("<slug:robot>", robot.name),

@@ -5,6 +5,7 @@ the robot drives.
 from typing import Any
 
 from django.contrib import messages
+from django.db import transaction
 from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
 from django.shortcuts import render
 from django.utils.translation import get_language
@@ -20,7 +21,9 @@ def has_doors(robot: Robot) -> bool:
     """Tell whether there is a door that the server can move: the robot says so, and its site has
     one.
     """
-    return "doors" in (robot.factsheet or {}).get("capabilities", ()) and bool(robot.doors_in(""))
+    return "doors" in (robot.presence.factsheet or {}).get("capabilities", ()) and bool(
+        robot.doors_in("")
+    )
 
 
 class DoorPage:
@@ -46,7 +49,10 @@ class DoorPage:
         if name not in titles or state not in STATES:
             messages.error(request, _("This door doesn't exist."))
             return
-        Robot.objects.filter(pk=robot.pk).update(doors=robot.doors | {name: state})
+        with transaction.atomic():  # another door may have been moved since the robot was read
+            rows = Robot.objects.select_related(None).select_for_update()
+            doors = rows.get(pk=robot.pk).doors | {name: state}
+            Robot.objects.filter(pk=robot.pk).update(doors=doors)
         text = (
             _("%(door)s is set to open.") if state == "open" else _("%(door)s is set to closed.")
         ) % {"door": titles[name]}

@@ -50,7 +50,7 @@ class EnrolmentPage(OverviewPage):
         """Let the agents take new credentials by themselves; the present ones
         hold for a day more.
         """
-        chosen = list(theirs_to_change(request, robots).exclude(credential_hash=""))
+        chosen = list(theirs_to_change(request, robots).exclude(credentials__credential_hash=""))
         for robot in chosen:
             ask_for_renewal(robot, timezone.now())
             self.log_change(request, robot, _("Credential renewal requested."))

@@ -9,7 +9,7 @@ from django.http import HttpRequest
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
-from robots.presence import has_problem
+from robots.presence.report import has_problem
 
 
 class NowFilter(admin.SimpleListFilter):
@@ -33,9 +33,7 @@ class NowFilter(admin.SimpleListFilter):
             return queryset.filter(lease__session__isnull=False)
         if chosen not in {"online", "problem"}:
             return queryset
-        rows = queryset.select_related(None).only(
-            "enabled", "connection", "last_seen_at", "turnaround", "report"
-        )
+        rows = queryset.select_related(None).select_related("presence")
         return queryset.filter(
             pk__in=[
                 robot.pk

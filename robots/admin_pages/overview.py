@@ -47,18 +47,18 @@ class OverviewPage(WithDriver):
         """Show a robot's page; with a one-time `token`, the command is the one that uses it."""
         found = self.get_object(request, object_id)
         if found is not None and self.has_view_permission(request, found):
-            robot = self._rows(request).get(pk=found.pk)
+            robot = self.get_queryset(request).get(pk=found.pk)
             overview = self._overview(request, robot, token)
             extra_context = {**(extra_context or {}), "overview": overview}
         return super().change_view(request, object_id, form_url, extra_context)
 
     def status_view(self, request: HttpRequest, pk: Any) -> JsonResponse:
         """Answer with how a robot is now, for its page."""
-        robot: Robot = get_object_or_404(self._rows(request), pk=pk)
+        robot: Robot = get_object_or_404(self.get_queryset(request), pk=pk)
         more = {
             "agent": _agent_version(robot),
             "enrolment": open_enrolment(robot, timezone.now()),
-            "enrolled": bool(robot.credential_hash),
+            "enrolled": bool(robot.credentials.credential_hash),
             "fields": self.live_fields(robot),
         }
         return JsonResponse(asdict(status_of(robot)) | more)
@@ -66,10 +66,6 @@ class OverviewPage(WithDriver):
     def live_fields(self, robot: Robot) -> dict[str, str]:
         """Return the texts of those fields of the page that change by themselves."""
         raise NotImplementedError
-
-    def _rows(self, request: HttpRequest) -> Any:
-        rows = self.get_queryset(request).select_related("floor_plan", "lease")
-        return rows.defer("floor_plan__image")
 
     def _overview(self, request: HttpRequest, robot: Robot, token: str) -> dict[str, Any]:
         return {
@@ -97,5 +93,5 @@ def status_of(robot: Robot) -> OwnerStatus:
 
 def _agent_version(robot: Robot) -> str:
     """Return the version that the agent reported, empty when it reported none."""
-    sheet = robot.factsheet if isinstance(robot.factsheet, dict) else {}
+    sheet = robot.presence.factsheet if isinstance(robot.presence.factsheet, dict) else {}
     return str(sheet.get("agentVersion", ""))

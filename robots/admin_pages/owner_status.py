@@ -10,7 +10,7 @@ from django.utils.translation import gettext as _
 
 from robots.cards import RobotCard, Traffic, card
 from robots.models import Robot
-from robots.presence import fault_of, is_stopped_there, standstill_of, trouble_of
+from robots.presence.report import fault_of, is_stopped_there, standstill_of, trouble_of
 from robots.readiness_text import in_words
 
 # Ready, working, for the owner to act on, not usable, switched off: the colours of the page.
@@ -35,19 +35,21 @@ def owner_status(robot: Robot, *, driven: bool, now: datetime.datetime) -> Owner
     """Return how `robot`, with its floor plan, is at `now`; `driven` tells that it has a driver."""
     shown = card(robot, Traffic(driven=driven), barred="", url="", now=now)
     tone, label, sentence = _away(robot, shown) or _present(robot, shown, driven=driven)
-    return OwnerStatus(tone, label, sentence, shown.battery, robot.last_seen_at is not None)
+    return OwnerStatus(
+        tone, label, sentence, shown.battery, robot.presence.last_seen_at is not None
+    )
 
 
 def _away(robot: Robot, shown: RobotCard) -> tuple[Tone, str, str] | None:
     """Return the state of a robot that is not connected; None when it is."""
     if not robot.enabled:
         return "off", _("Disabled"), _("It can't connect. Select “Enabled” below and save.")
-    if robot.last_seen_at is None:
+    if robot.presence.last_seen_at is None:
         sentence = _("It hasn't connected yet. Run the command below on the robot's computer.")
         return "off", _("New"), sentence
     if shown.state != "offline":
         return None
-    if not robot.credential_hash:
+    if not robot.credentials.credential_hash:
         sentence = _(
             "It has no credentials and can't connect. Create a command below and run it on the "
             "robot's computer."
@@ -61,8 +63,8 @@ def _away(robot: Robot, shown: RobotCard) -> tuple[Tone, str, str] | None:
 
 def _present(robot: Robot, shown: RobotCard, *, driven: bool) -> tuple[Tone, str, str]:
     """Return the state of a robot that is connected."""
-    if standstill_of(robot.report):
-        return "bad", shown.label, _standstill(robot.report)
+    if standstill_of(robot.presence.report):
+        return "bad", shown.label, _standstill(robot.presence.report)
     if driven:
         sentence = _("Somebody is driving. You can watch on its drive page.")
         return "busy", shown.label, sentence
@@ -96,10 +98,14 @@ def _between(robot: Robot, shown: RobotCard) -> tuple[Tone, str, str]:
     if robot.held:
         sentence = _("A researcher paused visits: %(why)s. Resume them in the study's live view.")
         return "attention", shown.label, sentence % {"why": robot.held}
-    if robot.turnaround == Robot.Turnaround.PAUSED:
+    if robot.presence.turnaround == Robot.Turnaround.PAUSED:
         sentence = _(
             "It couldn't get ready for the next visit: %(why)s. It tries again by itself. If it "
             "can't, put it in its charging station."
         )
-        return "attention", shown.label, sentence % {"why": in_words(robot.turnaround_reason)}
+        return (
+            "attention",
+            shown.label,
+            sentence % {"why": in_words(robot.presence.turnaround_reason)},
+        )
     return "busy", shown.label, _("It accepts visitors again as soon as it is ready.")

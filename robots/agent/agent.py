@@ -263,6 +263,7 @@ def factsheet_of(
         map_id=profile.map_id,
         watchdog=profile.watchdog,
         viewers=config.viewers,
+        navigation_control=profile.navigation_control or "",
     )
 
 

@@ -92,8 +92,9 @@ class Profile:
 
     What else a robot gets follows from what is named here, one by one: who names sensors for
     obstacles gets a collision monitor and assistance (obstacle_sources.py), and who names a `laser`
-    gets the localization and the navigation that it lacks (autonomy.py). Sensors for obstacles are
-    `laser` (readings have `scan`), `sonars` (`sonar`), `bumper` (`bumper`) and `depth` (`points`).
+    gets the localization and the navigation that it lacks (navigation_layer/). Sensors for
+    obstacles are `laser` (readings have `scan`), `sonars` (`sonar`), `bumper` (`bumper`) and
+    `depth` (`points`).
     `plan` is the site where such a robot stands, a shipped name or a folder, and `start` where it
     stands there when it is connected first; both are empty when the RCA cannot know.
 
@@ -390,6 +391,19 @@ class LimitsSpeed(Protocol):
 
     def limit_speed(self, linear: float) -> None:
         """Set the largest speed of the RCA's navigation, in m/s."""
+
+
+@runtime_checkable
+class Severable(Protocol):
+    """What an adapter offers besides so that `run_robot NAME --check` can show what becomes of the
+    RCA's own navigation when the agent is lost.
+    """
+
+    def sever(self) -> None:
+        """Drop the connection at once and without a goodbye, as the death of the agent's process
+        would: no zero velocity, no cancel, no heartbeat any more. `states()` then raises
+        AdapterError, and `connect()` connects again.
+        """
 
 
 @runtime_checkable

@@ -4,6 +4,7 @@ that its owner alone can read, replaced whole.
 
 import errno
 import os
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -20,38 +21,17 @@ def _quoted(value: str) -> str:
     return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
-def keep(path: Path, text: str) -> None:
-    """Write the file so that it is either the old one or the new one whenever the power fails, and
-    never readable by others.
-
-    Raises:
-        OSError: it cannot be written.
-    """
-    _written(path, text).replace(path)
-
-
 def rehearse(path: Path) -> None:
-    """Do everything of `keep` but to put the file in its place.
+    """Do everything of writing the file but to put it in its place.
 
     Raises:
         OSError: it could not be written.
     """
-    _written(path, "").unlink()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=path.parent) as file:
+        os.fsync(file.fileno())
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-
-
-def _written(path: Path, text: str) -> Path:
-    """Return where the text stands whole, beside the file."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_name(f"{path.name}.new")
-    unfinished.unlink(missing_ok=True)  # of a write that was cut short, perhaps with other rights
-    descriptor = os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    return unfinished
 
 
 def changed(text: str, values: Mapping[str, str]) -> str:

@@ -29,5 +29,8 @@ class DiskSpace:
 
     def state(self) -> DiskState:
         """Return in a word how much is left."""
-        free = self.free()
+        return self.word(self.free())
+
+    def word(self, free: int) -> DiskState:
+        """Return in a word what `free` bytes are."""
         return "full" if free < FULL_MB * MIB else "low" if free < self._low else "ok"

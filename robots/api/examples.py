@@ -140,6 +140,7 @@ EXAMPLES: dict[str, dict[str, m.Message]] = {
             camera=m.Camera(width=640, height=480, fps=30.0, hfov=1.2, x=0.1, z=1.3, pitch=0.35),
             tilt=m.TiltRange(minimum=-0.5, maximum=1.2),
             laser=m.Laser(x=0.22, theta=0.1),
+            navigation_control="guarded",
         ),
     },
     "state": {

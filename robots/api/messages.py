@@ -310,7 +310,9 @@ class Connection(Message, frozen=True, kw_only=True):
 
 class Factsheet(Message, frozen=True, kw_only=True):
     """`factsheet`: retained; what this robot is and can do. `watchdog` is what stops its base when
-    the agent is dead.
+    the agent is dead. `navigation_control` states what stops the robot's own navigation then:
+    `agent` (its velocities pass through the agent), `guarded` (a process on its side) or
+    `unguarded` (nothing); empty when the robot does not move by itself.
     """
 
     name: Id
@@ -327,6 +329,7 @@ class Factsheet(Message, frozen=True, kw_only=True):
     map_id: Name = ""
     watchdog: Positive
     viewers: Annotated[int, Meta(ge=0, le=64)] = 8
+    navigation_control: Name = ""
 
 
 class State(Message, frozen=True, kw_only=True):

@@ -335,7 +335,7 @@ the role, session, epoch and peer that a program states in them.
    and connect again; a process that was stopped never closes it.
 3. *Take again as the same program*: on every new socket, at once and without waiting for `hello`,
    `session/take` with `session` and `peer` of the last grant. The answer has `resumed` and the same
-   epoch, and `seq` continues. After `denied` with `unavailable` (the database does not answer), ask
+   epoch, and `seq` continues. After `denied` with `unavailable` (the server could not do it), ask
    again after a second. With another epoch, `seq` restarts.
 4. *Ask for a picture again* when none has arrived for 0.7 s. A request that was in a broker or an
    agent when it died is lost, and nobody repeats it; after a broker's restart, a program would wait

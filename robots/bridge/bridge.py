@@ -10,15 +10,15 @@ robot: a message costs about a quarter of a millisecond of CPU whether or not an
 a robot sends some thirty a second, so that a hundred idle robots would fill most of a core.
 
 Nothing is queued for a broker that is away: a command that arrives late is worse than one that does
-not arrive. `send` says False and its caller tells the page. Three kinds of message are kept, each
-for its own reason: a stop, for 3 s at most, because it is right at any age; what a robot must find
-retained (`retain`), because a restarted broker has forgotten it; and reports for the record.
+not arrive. `send` says False and its caller tells the page. Two kinds of message are kept: a stop,
+for 3 s at most, because it is right at any age, and reports for the record.
 
 Longer than most files here, because connecting, listening and speaking share the one connection.
 """
 
 import asyncio
 import collections
+import contextlib
 import contextvars
 import functools
 import random
@@ -118,12 +118,12 @@ class Bridge:
         self._flying: set[asyncio.Task[Any]] = set()
         # of these, whose packet is not yet with the client
         self._unsaid: set[asyncio.Task[Any]] = set()
-        self._retained: dict[tuple[str, str], bytes] = {}
         self._stops: collections.deque[_Stop] = collections.deque(maxlen=MAX_FLYING)
         self._reports: collections.deque[tuple[str, bytes]] = collections.deque()
         self.counts: collections.Counter[str] = collections.Counter()
         self._loop = asyncio.get_running_loop()
         self._up = asyncio.Event()
+        self._closed = False
         # In a context of its own: that of the request which came first ends with it, and would be
         # inherited by all that is heard.
         self._task = self._loop.create_task(self._run(), context=contextvars.Context())
@@ -134,23 +134,22 @@ class Bridge:
     @property
     def connected(self) -> bool:
         """Tell whether the broker is there and knows our subscriptions."""
-        return self._up.is_set()
+        return self._up.is_set() and not (self._task.done() or self._watching.done())
 
     async def wait_connected(self, seconds: float) -> bool:
         """Wait until the broker is there, at most `seconds`."""
-        try:
+        with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(seconds):
                 await self._up.wait()
-        except TimeoutError:
-            return False
-        return True
+        return self.connected
 
     def serves(self, loop: asyncio.AbstractEventLoop) -> bool:
-        """Tell whether this bridge lives on `loop`."""
-        return self._loop is loop and not (self._task.done() or self._watching.done())
+        """Tell whether pages of `loop` use this bridge."""
+        return self._loop is loop and not self._closed
 
     async def close(self) -> None:
         """Leave the broker and stop trying."""
+        self._closed = True
         await cancel(self._task, self._watching)
 
     async def _run(self) -> None:
@@ -159,19 +158,26 @@ class Bridge:
                 await self._serve()
             except aiomqtt.MqttError as error:
                 log.warning("bridge_lost", attempt=self._failover.attempt, reason=str(error))
+            except Exception:  # all pages of this process depend on this task
+                log.exception("bridge_failed", attempt=self._failover.attempt)
             was_up = self._up.is_set()
             self._up.clear()
             await asyncio.sleep(self._failover.ended(was_up=was_up))
 
     async def _watch(self) -> None:
-        """Look which parts of the server do their work, and have whoever listens told."""
+        """Report regularly to the listeners which parts of the server do their work."""
         while True:
             await asyncio.sleep(WATCH_SECONDS)
-            now = time.monotonic()
-            if self._client is not None and self._delivery.watch.wants_probe(now):
-                self._launch(functools.partial(self._probe, self._client))
-            self._delivery.bring_faults(now)
-            self._beat()
+            try:
+                self._look(time.monotonic())
+            except Exception:  # without this task no page learns of a fault
+                log.exception("bridge_watch_failed")
+
+    def _look(self, now: float) -> None:
+        if self._client is not None and self._delivery.watch.wants_probe(now):
+            self._launch(functools.partial(self._probe, self._client))
+        self._delivery.bring_faults(now)
+        self._beat()
 
     async def _probe(self, client: aiomqtt.Client) -> None:
         await client.publish(topics.PROBE, b"", qos=1)
@@ -218,8 +224,6 @@ class Bridge:
         self._stops.clear()
         for stop in stops:
             self._fly_stop(stop)
-        for (robot, suffix), payload in self._retained.items():
-            self._fly(topics.of(robot, suffix), payload, qos=1, retain=True)
         self._send_reports()
         self._delivery.beat_again()
         self._beat()
@@ -295,8 +299,6 @@ class Bridge:
         """
         if not self._delivery.ignore(robot, listener):
             return
-        for key in [key for key in self._retained if key[0] == robot]:
-            del self._retained[key]
         if self._client is not None:
             self._launch(
                 functools.partial(
@@ -337,14 +339,6 @@ class Bridge:
                 time.monotonic() + STOP_SECONDS,
             )
         )
-
-    def retain(self, robot: str, suffix: str, message: Message) -> None:
-        """Publish what a robot must find retained, and again whenever the broker comes back, while
-        somebody listens here.
-        """
-        payload = codec.encode(message)
-        self._retained[robot, suffix] = payload
-        self._fly(topics.of(robot, suffix), payload, qos=1, retain=True)
 
     def publish_lease(self, robot: str, lease: Lease | None) -> bool:
         """Publish who drives (None: nobody) and act on it here at once.

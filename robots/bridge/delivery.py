@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
 import msgspec
+import structlog
 
 from robots.api import codec, picture, topics
 from robots.api.errors import Rejection
@@ -14,6 +15,8 @@ from robots.api.idle import INTEREST_PERIOD_SECONDS
 from robots.api.messages import Heartbeat, Lease, ManagerStatus
 from robots.bridge.known import KnownRobot
 from robots.bridge.server_watch import ServerWatch
+
+log = structlog.stdlib.get_logger(__name__)
 
 # Suffixes of messages that no robot wrote: the connection to the broker came (True) or went
 # (False); a notice of a session, which is a frame for its page; which parts of the server fail,
@@ -37,12 +40,10 @@ class ReceivedMessage:
 
 
 class Listener(Protocol):
-    """Whoever is told what a robot or a server said; called on the loop, must return at once and
-    must not raise.
-    """
+    """Receives the messages of robots and servers; called on the loop, must return at once."""
 
     def handle_message(self, inbound: ReceivedMessage) -> None:
-        """Take one letter."""
+        """Take one message. What this raises is logged, and reaches no other listener."""
 
 
 class Delivery:
@@ -181,12 +182,12 @@ class Delivery:
             known.connection = None
 
     def bring(self, robot: str, inbound: ReceivedMessage) -> None:
-        """Bring a letter to everybody who listens to a robot."""
+        """Give a message to all listeners of a robot."""
         for listener in tuple(self._listeners.get(robot, ())):
-            listener.handle_message(inbound)
+            _hand(listener, inbound)
 
     def bring_everybody(self, inbound: ReceivedMessage) -> None:
-        """Bring a letter to everybody who listens to any robot."""
+        """Give a message to the listeners of all robots."""
         for robot in self.robots:
             self.bring(robot, inbound)
 
@@ -202,9 +203,16 @@ class Delivery:
                 self.bring(robot, ReceivedMessage(FAULTS, faults))
 
     def bring_notice(self, session: str, frame: str) -> None:
-        """Bring a notice to everybody who follows its session."""
+        """Give a notice to all followers of its session."""
         for follower in tuple(self._followers.get(session, ())):
-            follower.handle_message(ReceivedMessage(NOTICE, None, frame))
+            _hand(follower, ReceivedMessage(NOTICE, None, frame))
+
+
+def _hand(listener: Listener, inbound: ReceivedMessage) -> None:
+    try:
+        listener.handle_message(inbound)
+    except Exception:  # one page's failure must not take the messages of the others
+        log.exception("listener_failed", kind=type(listener).__name__, suffix=inbound.suffix)
 
 
 def _decoded(decoder: "msgspec.json.Decoder[Decoded]", payload: bytes) -> Decoded:

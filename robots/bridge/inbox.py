@@ -4,6 +4,9 @@ import asyncio
 from collections.abc import Callable
 
 import aiomqtt
+import structlog
+
+log = structlog.stdlib.get_logger(__name__)
 
 
 class Inbox(asyncio.Queue[aiomqtt.Message]):
@@ -16,5 +19,10 @@ class Inbox(asyncio.Queue[aiomqtt.Message]):
         self._receive = receive
 
     def put_nowait(self, item: aiomqtt.Message) -> None:
-        """Hand a message on."""
-        self._receive(item)
+        """Hand a message on. aiomqtt would take an exception for the end of the connection, and
+        meet a retained message again on the next one.
+        """
+        try:
+            self._receive(item)
+        except Exception:
+            log.exception("message_failed", topic=str(item.topic))

@@ -23,6 +23,7 @@ from pathlib import Path
 
 import structlog
 
+from robots.api.private_files import write_private
 from robots.broker.hub import WINDOW
 from robots.broker.permissions import (
     MAX_PACKET,
@@ -127,18 +128,6 @@ def permission_file(users: dict[str, BrokerUser]) -> str:
         lines += [f"topic write {topic}" for topic in user.permissions.write]
         lines += [f"topic read {topic}" for topic in user.permissions.read]
     return "\n".join(lines) + "\n"
-
-
-def write_private(path: Path, text: str, mode: int = 0o600) -> None:
-    """Write a file that only its owner can read (or whom `mode` adds), in one step, so that
-    Mosquitto never sees half of it.
-    """
-    draft = path.with_suffix(".new")
-    draft.unlink(missing_ok=True)
-    descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
-    with os.fdopen(descriptor, "w") as file:
-        file.write(text)
-    draft.replace(path)
 
 
 def usable_port(host: str, port: int) -> int:

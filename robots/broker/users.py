@@ -13,19 +13,19 @@ from django.utils.crypto import salted_hmac
 from robots.broker.permissions import BrokerUser, of_robot, of_server
 from robots.enrol.bcrypt import SALT_LETTERS, bcrypt_hash
 from robots.enrol.credentials import (
+    NONE,
     SALT_BYTES,
     SERVER_USERS,
-    STORED,
     ServerPart,
     bcrypt_hashes_of,
     hash_token,
     server_credentials,
     users_of,
 )
-from robots.models import Robot
+from robots.models import RobotCredentials
 
 POLL_SECONDS = 2.0
-FIELDS = ("name", *STORED)
+FIELDS = ("robot__name", *NONE)
 
 ReadUsers = Callable[[], Awaitable[dict[str, BrokerUser]]]
 
@@ -63,7 +63,8 @@ class _RobotUsers:
     def read(self) -> list[BrokerUser]:
         """Return the users of all enabled robots, by the robots' names."""
         now, until = timezone.now(), FIELDS.index("former_until")
-        rows = Robot.objects.filter(enabled=True).exclude(credential_hash="").order_by("name")
+        enabled = RobotCredentials.objects.filter(robot__enabled=True)
+        rows = enabled.exclude(credential_hash="").order_by("robot__name")
         made = {}
         for row in rows.values_list(*FIELDS):
             key = (*row, row[until] is not None and now < row[until])
@@ -73,11 +74,11 @@ class _RobotUsers:
 
 
 def _users_in(row: tuple[Any, ...], now: datetime.datetime) -> list[BrokerUser]:
-    robot = Robot(**dict(zip(FIELDS, row, strict=True)))
-    hashes = bcrypt_hashes_of(robot)
+    name, kept = row[0], RobotCredentials(**dict(zip(NONE, row[1:], strict=True)))
+    hashes = bcrypt_hashes_of(kept)
     return [
-        BrokerUser(user, kept, of_robot(robot.name), hashes[kept])
-        for user, kept in users_of(robot, now).items()
+        BrokerUser(user, credential_hash, of_robot(name), hashes[credential_hash])
+        for user, credential_hash in users_of(name, kept, now).items()
     ]
 
 

@@ -17,31 +17,31 @@ import hmac
 import secrets
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from django.utils import timezone
 from django.utils.crypto import salted_hmac
 
-from robots.api.credentials_file import keep, toml
+from robots.api.credentials_file import toml
+from robots.api.private_files import write_private
 from robots.enrol.bcrypt import bcrypt_hash
-from robots.models import Robot
+from robots.models import Robot, RobotCredentials
 
 TOKEN_BYTES = 32
 ITERATIONS = 101
 SALT_BYTES = 12  # the one length that Mosquitto reads
 HASH_BYTES = 64
 GRACE = datetime.timedelta(hours=24)
-STORED = (
-    "credential_user",
-    "credential_hash",
-    "bcrypt_hash",
-    "credential_made_at",
-    "former_user",
-    "former_hash",
-    "former_bcrypt_hash",
-    "former_until",
-    "renewal_asked_at",
-)
+NONE: dict[str, Any] = {
+    "credential_user": "",
+    "credential_hash": "",
+    "bcrypt_hash": "",
+    "former_user": "",
+    "former_hash": "",
+    "former_bcrypt_hash": "",
+    "former_until": None,
+    "renewal_asked_at": None,
+}
 MAX_ITERATIONS = 100_000
 
 # A robot's name has no dot, so that no robot can be called like a server.
@@ -119,38 +119,36 @@ def make_credentials(robot: Robot, now: datetime.datetime) -> Credentials:
     database on (about 2 s).
     """
     token = new_token()
-    user = "" if robot.credential_made_at is None else _new_user(robot)
-    _forget(robot)
-    _give(robot, user, token, now)
-    robot.save(update_fields=STORED)
+    user = "" if robot.credentials.credential_made_at is None else _new_user(robot)
+    robot.enrolments.all().delete()
+    _write(robot, NONE | _given(user, token, now))
     return Credentials(robot.name, token, user)
 
 
-def rotate(robot: Robot, shown: str, now: datetime.datetime) -> Credentials:
+def rotate(robot: Robot, shown: str, now: datetime.datetime) -> Credentials | None:
     """Give a robot new credentials while those that it showed hold for GRACE longer.
 
-    A robot that lost the answer asks again with what it has, and that holds no longer for it.
+    A robot that lost the answer asks again with what it has, and that holds no longer for it. Of
+    two requests that overlap, one is answered with None: the robot keeps the answer to the other.
     """
-    user, token = _new_user(robot), new_token()
-    if matches(shown, robot.credential_hash):
-        robot.former_user, robot.former_hash, robot.former_until = (
-            robot.credential_user,
-            robot.credential_hash,
-            now + GRACE,
-        )
-        robot.former_bcrypt_hash = robot.bcrypt_hash
-    robot.renewal_asked_at = None
-    _give(robot, user, token, now)
-    robot.save(update_fields=STORED)
-    return Credentials(robot.name, token, user)
+    before, user, token = robot.credentials, _new_user(robot), new_token()
+    changes = _given(user, token, now) | {"renewal_asked_at": None}
+    if matches(shown, before.credential_hash):
+        changes |= {
+            "former_user": before.credential_user,
+            "former_hash": before.credential_hash,
+            "former_bcrypt_hash": before.bcrypt_hash,
+            "former_until": now + GRACE,
+        }
+    is_first = _write(robot, changes, credential_hash=before.credential_hash)
+    return Credentials(robot.name, token, user) if is_first else None
 
 
 def ask_for_renewal(robot: Robot, now: datetime.datetime) -> None:
     """Have a robot fetch new credentials the next time that its agent asks, at the latest when it
     starts again.
     """
-    robot.renewal_asked_at = now
-    robot.save(update_fields=["renewal_asked_at"])
+    _write(robot, {"renewal_asked_at": now})
 
 
 def _new_user(robot: Robot) -> str:
@@ -162,72 +160,74 @@ def _new_user(robot: Robot) -> str:
     return f"{robot.name}.{secrets.token_hex(4)}"
 
 
-def _give(robot: Robot, user: str, token: str, now: datetime.datetime) -> None:
-    robot.credential_user, robot.credential_made_at = user, now
-    robot.credential_hash, robot.bcrypt_hash = hash_token(token), bcrypt_hash(token)
+def _given(user: str, token: str, now: datetime.datetime) -> dict[str, Any]:
+    return {
+        "credential_user": user,
+        "credential_hash": hash_token(token),
+        "bcrypt_hash": bcrypt_hash(token),
+        "credential_made_at": now,
+    }
 
 
-def _forget(robot: Robot) -> None:
-    """Take all credentials away, and what could still become some."""
-    robot.bcrypt_hash = robot.former_bcrypt_hash = ""
-    robot.credential_user = robot.credential_hash = robot.former_user = robot.former_hash = ""
-    robot.former_until = robot.renewal_asked_at = None
-    robot.enrolments.all().delete()
+def _write(robot: Robot, changes: dict[str, Any], **only_if: str) -> bool:
+    """Write these columns, if the row is as the caller read it; return whether it was."""
+    rows = RobotCredentials.objects.filter(robot=robot, **only_if)
+    if not rows.update(**changes):
+        return False
+    for name, value in changes.items():
+        setattr(robot.credentials, name, value)
+    return True
 
 
 def revoke(robot: Robot) -> None:
     """Take a robot's tokens away, also one with which it could enrol; the broker disconnects it."""
-    _forget(robot)
-    robot.save(update_fields=STORED)
+    robot.enrolments.all().delete()
+    _write(robot, NONE)
 
 
 def keep_credentials(credentials: Credentials, path: Path, **addresses: str) -> None:
     """Write a credentials file that only its owner can read (for a robot on the server's own
     machine).
     """
-    keep(path, credentials.toml(**addresses))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_private(path, credentials.toml(**addresses))
 
 
-def users_of(robot: Robot, now: datetime.datetime) -> dict[str, str]:
-    """Return the users at the broker that are this robot, and their hashes: its own, and the former
-    while that still holds.
+def users_of(name: str, kept: RobotCredentials, now: datetime.datetime) -> dict[str, str]:
+    """Return the users at the broker that are the robot of this name, and their hashes: its own,
+    and the former while that still holds.
     """
-    found = {robot.credential_user or robot.name: robot.credential_hash}
-    if robot.former_hash and robot.former_until is not None and now < robot.former_until:
-        found[robot.former_user or robot.name] = robot.former_hash
+    found = {kept.credential_user or name: kept.credential_hash}
+    if kept.former_hash and kept.former_until is not None and now < kept.former_until:
+        found[kept.former_user or name] = kept.former_hash
     return {user: credential_hash for user, credential_hash in found.items() if credential_hash}
 
 
-def bcrypt_hashes_of(robot: Robot) -> dict[str, str]:
+def bcrypt_hashes_of(kept: RobotCredentials) -> dict[str, str]:
     """Return the bcrypt hash beside each other hash of a robot, "" where there is none yet."""
-    return {
-        robot.credential_hash: robot.bcrypt_hash,
-        robot.former_hash: robot.former_bcrypt_hash,
-    }
+    return {kept.credential_hash: kept.bcrypt_hash, kept.former_hash: kept.former_bcrypt_hash}
 
 
 def robot_of(name: str, token: str) -> Robot | None:
     """Return the enabled robot that these credentials belong to, or None. A token of before there
     were bcrypt hashes gets its own.
     """
-    robot = Robot.objects.filter(name=name, enabled=True).exclude(credential_hash="").first()
+    robot = Robot.objects.filter(name=name, enabled=True).select_related("credentials").first()
     if robot is None:
         return None
     fits = [
         credential_hash
-        for credential_hash in users_of(robot, timezone.now()).values()
+        for credential_hash in users_of(name, robot.credentials, timezone.now()).values()
         if matches(token, credential_hash)
     ]
-    if fits and not bcrypt_hashes_of(robot)[fits[0]]:
-        _add_bcrypt_hash(robot, token, fits[0])
+    if fits and not bcrypt_hashes_of(robot.credentials)[fits[0]]:
+        # unless the credentials have changed since they were read
+        for kept, added in (
+            ("credential_hash", "bcrypt_hash"),
+            ("former_hash", "former_bcrypt_hash"),
+        ):
+            _write(robot, {added: bcrypt_hash(token)}, **{kept: fits[0]})
     return robot if fits else None
-
-
-def _add_bcrypt_hash(robot: Robot, token: str, credential_hash: str) -> None:
-    """Store it, unless the credentials have changed since they were read."""
-    for kept, added in (("credential_hash", "bcrypt_hash"), ("former_hash", "former_bcrypt_hash")):
-        rows = Robot.objects.filter(pk=robot.pk, **{kept: credential_hash})
-        rows.update(**{added: bcrypt_hash(token)})
 
 
 def server_credentials(part: ServerPart) -> tuple[str, str]:

@@ -76,10 +76,14 @@ def renew(request: HttpRequest) -> JsonResponse:
             },
             status=401,
         )
-    is_former = not credentials.matches(token, robot.credential_hash)
-    if robot.renewal_asked_at is None and not is_former:
+    is_former = not credentials.matches(token, robot.credentials.credential_hash)
+    if robot.credentials.renewal_asked_at is None and not is_former:
         return JsonResponse({"robot": robot.name})
     made = credentials.rotate(robot, token, timezone.now())
+    if made is None:
+        return JsonResponse(
+            {"error": "busy", "detail": "Another renewal of this robot was faster."}, status=409
+        )
     audit.note("credentials_rotated", robot=robot.name)
     return JsonResponse(_told(made))
 

@@ -42,7 +42,7 @@ def key_of(header: str) -> ApiKey | None:
     try:
         found = (
             ApiKey.objects.filter(pk=UUID(name), robot__enabled=True)
-            .select_related("robot__floor_plan")
+            .select_related("robot__presence")
             .first()
         )
     except ValueError:

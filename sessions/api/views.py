@@ -24,11 +24,13 @@ from django.views.decorators.csrf import csrf_exempt
 from django.views.decorators.http import require_POST, require_safe
 
 from accounts.attempts import Attempts, address_of
+from accounts.rate_limits import limited
 from robots.access import robots_visible_to
 from robots.api.messages import EStop, Stop
 from robots.bridge import bridge as mqtt_bridge
-from robots.models import Robot
-from robots.presence import standstill_of
+from robots.cards import was_stopped
+from robots.models import Robot, RobotPresence
+from robots.presence.report import standstill_of
 from sessions import system_log
 from sessions.api.keys import key_of, note_use
 from sessions.leases.store import LIVE, waits_here
@@ -37,6 +39,7 @@ from sessions.models import AT_THE_WHEEL, ApiKey, Session
 VERSION = 1
 REFUSED = Attempts("api-refused", limit=20)
 ACTED = Attempts("api-acted", limit=30)
+READ = Attempts("api-read", limit=120)
 ACTIONS = ("stop", "estop", "dock")
 MAX_BODY = 1024
 BROKER_PATIENCE_SECONDS = 1.0
@@ -76,69 +79,76 @@ def _key_or_problem(request: HttpRequest) -> ApiKey | JsonResponse | None:
 
 @never_cache
 @require_safe
+@limited(READ, reading=True, json=True)
 def robots(request: HttpRequest) -> JsonResponse:
     """List the robots that whoever asks may know of, by name."""
     key = _key_or_problem(request)
     if isinstance(key, JsonResponse):
         return key
     now = timezone.now()
-    rows = _with_traffic(_visible(request, key), now).order_by("name")
-    return JsonResponse(
-        {
-            "apiVersion": VERSION,
-            "robots": [_told(request, row, key, now) for row in rows],
-        }
-    )
+    traffic = _traffic(Session.objects.all(), now)
+    told = [
+        _told(request, row, key, traffic.get(row.pk, (0, 0)), now)
+        for row in _visible(request, key).order_by("name")
+    ]
+    return JsonResponse({"apiVersion": VERSION, "robots": told})
 
 
 @never_cache
 @require_safe
+@limited(READ, reading=True, json=True)
 def robot(request: HttpRequest, robot: str) -> JsonResponse:
     """Tell how one robot is."""
     key = _key_or_problem(request)
     if isinstance(key, JsonResponse):
         return key
     now = timezone.now()
-    row = _with_traffic(_visible(request, key), now).filter(name=robot).first()
+    row = _visible(request, key).filter(name=robot).first()
     if row is None:
         return _problem(404, "no_such_robot", "There is no robot of this name that you can access.")
-    return JsonResponse({"apiVersion": VERSION, "robot": _told(request, row, key, now)})
+    traffic = _traffic(row.sessions, now).get(row.pk, (0, 0))
+    return JsonResponse({"apiVersion": VERSION, "robot": _told(request, row, key, traffic, now)})
 
 
 def _visible(request: HttpRequest, key: ApiKey | None) -> Any:
+    own = Q() if key is None else Q(pk=key.robot_id)
     visible = robots_visible_to(request.user).filter(practice=False).values("pk")
-    return (
-        Robot.objects.filter(Q(pk__in=visible) | Q(pk=key.robot_id))
-        if key is not None
-        else Robot.objects.filter(pk__in=visible)
-    )
+    rows = Robot.objects.filter(Q(pk__in=visible) | own)
+    return rows.select_related("floor_plan").defer("floor_plan__image")
 
 
-def _with_traffic(rows: Any, now: datetime.datetime) -> Any:
-    driven, waiting = Q(sessions__state__in=AT_THE_WHEEL), waits_here(now, "sessions__")
-    counted = rows.annotate(
-        driven=Count("sessions", filter=driven), waiting=Count("sessions", filter=waiting)
+def _traffic(sessions: Any, now: datetime.datetime) -> dict[Any, tuple[int, int]]:
+    """Return how many drive and how many wait at each robot where anybody does."""
+    living = sessions.filter(state__in=LIVE).order_by()
+    counts = living.values("robot").annotate(
+        driving=Count("pk", filter=Q(state__in=AT_THE_WHEEL)),
+        waiting=Count("pk", filter=waits_here(now)),
     )
-    return counted.select_related("floor_plan").defer("floor_plan__image")
+    return {row["robot"]: (row["driving"], row["waiting"]) for row in counts}
 
 
 def _told(
-    request: HttpRequest, row: Any, key: ApiKey | None, now: datetime.datetime
+    request: HttpRequest,
+    row: Robot,
+    key: ApiKey | None,
+    traffic: tuple[int, int],
+    now: datetime.datetime,
 ) -> dict[str, Any]:
-    plan, factsheet = row.floor_plan, row.factsheet or {}
+    driving, waiting = traffic
+    plan, factsheet = row.floor_plan, row.presence.factsheet or {}
     online = row.is_online(now)
-    report = (row.report or {}) if online else {}
+    report = (row.presence.report or {}) if online else {}
     battery = report.get("battery") or {}
     told = {
         "name": row.name,
         "title": row.title,
         "description": row.description,
-        "state": _state(row, report, online=online),
+        "state": _state(row, report, busy=any(traffic), online=online),
         "online": online,
-        "lastSeenAt": row.last_seen_at and row.last_seen_at.isoformat(),
-        "driven": bool(row.driven),
-        "waiting": row.waiting,
-        "turnaround": row.turnaround,
+        "lastSeenAt": row.presence.last_seen_at and row.presence.last_seen_at.isoformat(),
+        "driven": bool(driving),
+        "waiting": waiting,
+        "turnaround": row.presence.turnaround,
         "charge": battery.get("charge"),
         "charging": battery.get("charging", False) if battery else None,
         "docked": report.get("docked", False) if report else None,
@@ -156,20 +166,23 @@ def _told(
     if key is not None and key.robot_id == row.pk:
         told |= {
             name: report.get(name) for name in ("pose", "velocity", "mode", "safety", "errors")
-        } | {"reason": row.turnaround_reason}
+        } | {"reason": row.presence.turnaround_reason}
     return told
 
 
-def _state(row: Any, report: dict[str, Any], *, online: bool) -> str:
+def _state(row: Robot, report: dict[str, Any], *, busy: bool, online: bool) -> str:
     if not online:
         return "offline"
     if standstill_of(report):
         return "stopped"
     return (
         "busy"
-        if row.driven
-        or row.waiting
-        or (row.can_go_home and row.turnaround != Robot.Turnaround.READY)
+        if busy
+        or (
+            row.can_go_home
+            and row.presence.turnaround != Robot.Turnaround.READY
+            and not was_stopped(row)
+        )
         else "available"
     )
 
@@ -184,14 +197,9 @@ def _counted(
 
     @functools.wraps(view)
     async def checked(request: HttpRequest, robot: str) -> JsonResponse:
-        key = await database_sync_to_async(_key_or_problem)(request)
+        key = await database_sync_to_async(_acting_key)(request, robot)
         if isinstance(key, JsonResponse):
             return key
-        if key is None or key.robot.name != robot:
-            return _problem(403, "not_allowed", "To act on a robot, send a key of that robot.")
-        name, now = str(key.pk), time.time()
-        if not ACTED.count(name, now):
-            return _too_many("too_many_actions", ACTED.wait(name, now))
         kind = _kind(request)
         if kind is None:
             return _problem(
@@ -200,6 +208,17 @@ def _counted(
         return await view(request, key, kind)
 
     return checked
+
+
+def _acting_key(request: HttpRequest, robot: str) -> ApiKey | JsonResponse:
+    """Count an action of the key that comes along. Asks database and cache, so not on the loop."""
+    key = _key_or_problem(request)
+    if isinstance(key, JsonResponse):
+        return key
+    if key is None or key.robot.name != robot:
+        return _problem(403, "not_allowed", "To act on a robot, send a key of that robot.")
+    name, now = str(key.pk), time.time()
+    return key if ACTED.count(name, now) else _too_many("too_many_actions", ACTED.wait(name, now))
 
 
 def _kind(request: HttpRequest) -> str | None:
@@ -250,6 +269,13 @@ async def _send_home(key: ApiKey, now: datetime.datetime) -> JsonResponse:
             "cannot_go_home",
             "The robot does not dock by itself, or its owner has turned this off.",
         )
+    if was_stopped(key.robot):
+        return _problem(
+            409,
+            "stopped",
+            "Someone stopped the robot. A person at the robot, an operator or a new driver must"
+            " release it.",
+        )
     if not await database_sync_to_async(_mark_returning)(key.robot, now):
         return _problem(
             409, "driven", "A visitor has the robot. It returns to its station when the visit ends."
@@ -259,8 +285,8 @@ async def _send_home(key: ApiKey, now: datetime.datetime) -> JsonResponse:
 
 def _mark_returning(robot: Robot, now: datetime.datetime) -> bool:
     """Mark it, in one statement that finds it free; what is on its way already stays so."""
-    free = Robot.objects.filter(pk=robot.pk).exclude(
-        pk__in=Session.objects.filter(robot=robot, state__in=LIVE).values("robot_id")
+    free = RobotPresence.objects.filter(robot=robot).exclude(
+        robot__in=Session.objects.filter(robot=robot, state__in=LIVE).values("robot_id")
     )
     marked = free.filter(turnaround=Robot.Turnaround.READY).update(
         turnaround=Robot.Turnaround.RETURNING, turnaround_reason="dock", turnaround_at=now

@@ -9,6 +9,7 @@ counted and told to the page but never raised.
 """
 
 import collections
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -72,6 +73,7 @@ class Halt:
 class Verb:
     """Ask the database: a Take, Observe or Leave."""
 
+    suffix: str
     message: Message
 
 
@@ -143,15 +145,18 @@ class Authorization:
             back with the grant.
         who: the visitor's name, as in messages.
         operator: whether the visitor operates the robot, and as what.
-        ice_servers: what the robot is to use for its side of a connection with this page.
+        ice_servers: returns what the robot is to use for its side of a connection with this page;
+            called for each offer, because credentials expire.
     """
+
+    _protocol: Any = protocol  # decodes what is no part of the Robot API
 
     def __init__(
         self,
         peer: str,
         who: str,
         operator: Operator | None = None,
-        ice_servers: tuple[IceServer, ...] = (),
+        ice_servers: Callable[[], tuple[IceServer, ...]] = tuple,
     ) -> None:
         self.peer = peer
         self.who = who[:120]
@@ -269,7 +274,7 @@ class Authorization:
         return (
             codec.decode(suffix, payload, "to_robot")
             if suffix in topics.FROM_PAGE
-            else protocol.decode(suffix, payload)
+            else self._protocol.decode(suffix, payload)
         )
 
     def deny(self, suffix: str, reason: str, now: float) -> tuple[Effect, ...]:
@@ -321,22 +326,10 @@ class Authorization:
                 if not self.moderates(lease):
                     raise FrameRefused("not_allowed")
                 return TellAudience(suffix, message)
-        return Verb(message)
+        return Verb(suffix, message)
 
     def _check_rate(self, message: Any, now: float) -> None:
-        if isinstance(message, VelocityCommand):
-            passes = self._allowance.velocity(now)
-        elif isinstance(message, Stop | EStop):
-            passes = self._allowance.stop(now)
-        elif isinstance(message, protocol.PageEvent | protocol.PageNetwork):
-            passes = self._allowance.report(now)
-        elif isinstance(message, PointCommand):
-            passes = self._allowance.point(now)
-        else:
-            passes = self._allowance.other(now) and (
-                not isinstance(message, Photo) or self._allowance.photo(now)
-            )
-        if not passes:
+        if not self._allowance.passes(message, now):
             raise FrameRefused("rate")
 
     def _check_driver(self, lease: Lease | None) -> None:
@@ -441,7 +434,7 @@ class Authorization:
             session=self.session if drives else None,
             epoch=self.epoch if drives else 0,
             who=self.who,
-            ice_servers=self.ice_servers,
+            ice_servers=self.ice_servers(),
         )
 
     def _report(self, suffix: str, message: Message) -> protocol.PageReport:

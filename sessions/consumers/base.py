@@ -2,9 +2,9 @@
 
 Channels' own looks after old database connections before every frame, in the one thread that all
 queries of all pages share: a page's stop would wait behind another page's query, and for as long as
-the database is away. Whoever asks the database here does so through `database_sync_to_async`, which
-looks after connections itself. Nor is the channel layer asked before every frame: who listens to it
-does so in a task of its own (sessions/page_channel.py).
+the database is away. Queries have threads of their own (database.py), which look after
+connections themselves. Nor is the channel layer asked before every frame: who listens to it does so
+in a task of its own (sessions/page_channel.py).
 
 Frames that wait are taken in one turn of the loop. One a turn would be fairer, and would let a
 page's commands pile up for as long as a turn takes longer than they are apart, which is just when

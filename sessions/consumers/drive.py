@@ -11,16 +11,14 @@ import uuid
 from collections.abc import Callable
 
 import structlog
-from channels.db import database_sync_to_async
 from django.conf import settings
-from django.db import DatabaseError, InterfaceError
 from django.utils import timezone
 
 from robots import log_ids
 from robots.api import picture
 from robots.api.messages import Action, ActionStatus, Message, Say
 from robots.bridge.delivery import FAULTS, LINK, ReceivedMessage
-from robots.ice import ice_servers
+from robots.ice import IceCredentials
 from sessions import page_channel, protocol
 from sessions.audience.audience import audience_of
 from sessions.consumers import queries, relay, waiting_chat
@@ -34,6 +32,7 @@ from sessions.consumers.authorization import (
     ToSfu,
     Write,
 )
+from sessions.consumers.database import query
 from sessions.consumers.page_session import PageSession
 from sessions.consumers.peers import part, peers_of
 from sessions.consumers.robot_page import WELCOME_EVERY, RobotPageConsumer
@@ -54,31 +53,25 @@ class RobotConsumer(RobotPageConsumer):
 
     # --- coming and going -------------------------------------------------------------------------
 
-    async def connect(self) -> None:
-        """Let the page in, or close with the reason: a code can only be told to a page whose socket
-        was accepted.
-        """
-        await self.accept()
-        user = self.scope["user"]
+    async def _enter(self) -> int | None:
+        user, name = self.scope["user"], self.scope["url_route"]["kwargs"]["robot"]
         if not user.is_authenticated:
-            await self.close(protocol.SIGNED_OUT)
-            return
-        context = await database_sync_to_async(queries.enter)(
-            user, self.scope["url_route"]["kwargs"]["robot"], timezone.now()
-        )
-        if context is None or not context.may_enter:
-            await self.close(protocol.NO_SUCH_ROBOT if context is None else protocol.NOT_ALLOWED)
-            return
-        self._register(context)
+            return protocol.SIGNED_OUT
+        self.context = await query(queries.enter, user, name, timezone.now())
+        if self.context is None:
+            return protocol.NO_SUCH_ROBOT
+        return None if self.context.may_enter else protocol.NOT_ALLOWED
 
-    def _register(self, context: queries.ConnectionContext) -> None:
+    def _register(self) -> None:
+        context = self.context
+        assert context is not None
         user, self.name = self.scope["user"], context.robot.name
         self._join()
         self.authorization = Authorization(
             secrets.token_urlsafe(12),
             user.sent_name,
             context.operator,
-            ice_servers(self.name, time.time()),
+            IceCredentials(self.name),
         )
         self.sparing = relay.Sparing()
         self.peers = peers_of(self.name)
@@ -169,7 +162,7 @@ class RobotConsumer(RobotPageConsumer):
             case Spare(direct):
                 self.sparing.direct = direct
             case Write(message):
-                self._launch(self._write(message))
+                self._launch(self._write(message), "command/action")
             case TellAudience():
                 self._tell_audience(effect)
 
@@ -177,8 +170,7 @@ class RobotConsumer(RobotPageConsumer):
         """Bring what the first in the queue of a stopped robot writes to the people there."""
         session, first = self.authorization.session, None
         if waiting_chat.is_open(self.known, time.monotonic()):
-            find = database_sync_to_async(waiting_chat.first_waiting)
-            first = await find(self.name, timezone.now())
+            first = await query(waiting_chat.first_waiting, self.name, timezone.now())
         if session is None or first is None or first[0] != session:
             denied = self.authorization.deny("command/action", "not_driver", time.monotonic())
             self._perform(denied)
@@ -198,7 +190,8 @@ class RobotConsumer(RobotPageConsumer):
                     effect.suffix,
                     lambda: self.authorization.moderates(self.known.lease),
                     lambda: self._change_audience(effect),
-                )
+                ),
+                effect.suffix,
             )
         else:
             self._change_audience(effect)
@@ -216,7 +209,8 @@ class RobotConsumer(RobotPageConsumer):
                         publish.suffix,
                         lambda: self.authorization.operator is not None,
                         functools.partial(super()._publish, publish),
-                    )
+                    ),
+                    publish.suffix,
                 )
             case _:
                 super()._publish(publish)
@@ -234,12 +228,12 @@ class RobotConsumer(RobotPageConsumer):
             else:
                 self._perform(self.authorization.deny(suffix, "not_allowed", time.monotonic()))
 
-    def _ask(self, verb: Message) -> None:
+    def _ask(self, suffix: str, verb: Message) -> None:
         assert self.page_session is not None
         if self.page_session.has_room_for_a_verb():
-            self._launch(self.page_session.do(verb))
+            self._launch(self.page_session.do(verb), suffix)
         else:
-            self._perform(self.authorization.deny("session/take", "busy", time.monotonic()))
+            self._perform(self.authorization.deny(suffix, "busy", time.monotonic()))
 
     # --- what the robot says ----------------------------------------------------------------------
 
@@ -273,7 +267,7 @@ class RobotConsumer(RobotPageConsumer):
         else:
             self._relay(inbound)
         if inbound.suffix == "lease" and self.peers.is_to_be_read(self.known, time.monotonic()):
-            self._launch(self._read_peers(self.page_session))
+            self._launch(self.page_session.read_peers())
         if inbound.suffix in {"lease", "state"}:
             self.page_session.peers_changed()
         if unsure:
@@ -319,21 +313,12 @@ class RobotConsumer(RobotPageConsumer):
         """
         assert self.page_session is not None
         await asyncio.sleep(pause)
-        try:
-            async with self.page_session.turn:
-                welcome = await self.page_session.still_welcome()
-            if welcome:
-                await self.page_session.confirm()
-        except (DatabaseError, InterfaceError) as error:
-            log.warning("page_not_checked", robot=self.name, reason=str(error))
+        async with self.page_session.turn:
+            welcome = await self.page_session.still_welcome()
+        if welcome:
+            await self.page_session.confirm()
 
     # --- what time brings -------------------------------------------------------------------------
-
-    async def _read_peers(self, page_session: PageSession) -> None:
-        try:
-            await page_session.read_peers()
-        except (DatabaseError, InterfaceError) as error:
-            log.warning("page_not_checked", robot=self.name, reason=str(error))
 
     async def _keep_time(self, page_session: PageSession) -> None:
         """Say every few seconds that the page is open, and every minute ask whether it may stay."""
@@ -344,7 +329,7 @@ class RobotConsumer(RobotPageConsumer):
             await asyncio.sleep(pause)
             pause = PAGE_SEEN_EVERY
             page_session.peers_changed()
-            try:
+            with self._guarded():
                 await page_session.say_seen()
                 if self.peers.is_to_be_read(self.known, time.monotonic()):
                     await page_session.read_peers()
@@ -353,5 +338,3 @@ class RobotConsumer(RobotPageConsumer):
                     async with page_session.turn:
                         if await page_session.still_welcome():
                             page_session.vouch()
-            except (DatabaseError, InterfaceError) as error:
-                log.warning("page_not_checked", robot=self.name, reason=str(error))

@@ -7,9 +7,9 @@ late for as long.
 
 import asyncio
 
-from channels.db import database_sync_to_async
 from django.utils import timezone
 
+from sessions.consumers.database import query
 from sessions.leases import store
 
 GATHER_SECONDS = 1.0  # a page counts as gone after many times as long
@@ -45,7 +45,7 @@ class LastSeenBatcher:
     async def _ask(self) -> set[str]:
         await asyncio.sleep(GATHER_SECONDS)
         present, self._present, self._asking = self._present, set(), None
-        return await database_sync_to_async(store.seen)(present, timezone.now())
+        return await query(store.seen, present, timezone.now())
 
 
 def _check(asked: asyncio.Task[set[str]]) -> None:

@@ -10,7 +10,6 @@ from typing import Any
 
 import msgspec
 import structlog
-from channels.db import database_sync_to_async
 from django.db import DatabaseError, InterfaceError
 from django.utils import timezone
 
@@ -26,6 +25,7 @@ from sessions import protocol
 from sessions.audience.audience import Audience
 from sessions.consumers import queries
 from sessions.consumers.authorization import Authorization
+from sessions.consumers.database import query
 from sessions.consumers.last_seen import last_seen_batcher
 from sessions.consumers.peers import Peers
 from sessions.consumers.relay import Outgoing
@@ -37,7 +37,6 @@ from sessions.sfu import broadcasts
 from sessions.sfu.broadcast import ToSfu
 
 log = structlog.stdlib.get_logger(__name__)
-may_watch_private = database_sync_to_async(queries.may_watch_private)
 MAX_WAITING_VERBS = 5
 VERDICT_SECONDS = 1.0  # in which the database must say that a page may watch a private drive
 ROOM_SECONDS = 2.0  # between two looks at who is here, for a page that watches through the SFU
@@ -78,21 +77,16 @@ class PageSession:
         return self.waiting_verbs < MAX_WAITING_VERBS
 
     async def do(self, verb: Message) -> None:
-        """Carry out a Take, Observe or Leave, after those before it."""
+        """Carry out a Take, Observe, Leave or Assist, after those before it.
+
+        Raises:
+            DatabaseError: or InterfaceError or LeaseContention; the page is not answered yet.
+        """
         self.waiting_verbs += 1
         async with self.turn:
             self.waiting_verbs -= 1
-            try:
-                if not self.sender.closed and await self.still_welcome():
-                    await self._do(verb)
-            except (DatabaseError, InterfaceError, store.LeaseContention):
-                log.exception("verb_failed", robot=self.robot.name, verb=type(verb).__name__)
-                self.sender.post(
-                    "denied",
-                    protocol.Denied(
-                        suffix=f"session/{type(verb).__name__.lower()}", reason="unavailable"
-                    ),
-                )
+            if not self.sender.closed and await self.still_welcome():
+                await self._do(verb)
         self.peers.changed()
 
     async def _do(self, verb: Message) -> None:
@@ -108,7 +102,8 @@ class PageSession:
         await self.read_peers()
 
     async def _take(self, ask: protocol.Take) -> None:
-        taken = await database_sync_to_async(queries.take)(
+        taken = await query(
+            queries.take,
             self.robot,
             self.user,
             self.authorization.peer,
@@ -138,9 +133,9 @@ class PageSession:
         """Return the outcome of a session whose page was not there to hear it; empty when it is not
         this visitor's.
         """
-        if session is None or not await database_sync_to_async(queries.is_of)(session, self.user):
+        if session is None or not await query(queries.is_of, session, self.user):
             return ""
-        outcome, _reason = await database_sync_to_async(queries.outcome_of)(session)
+        outcome, _reason = await query(queries.outcome_of, session)
         return outcome
 
     def _granted(self, granted: store.TakeGranted) -> None:
@@ -170,8 +165,8 @@ class PageSession:
     async def _choose_assist(self, verb: protocol.Assist) -> None:
         session, chosen = self.authorization.session, None
         if session is not None and self.authorization.standing == "driver":
-            choose = database_sync_to_async(queries.choose_assist)
-            chosen = await choose(
+            chosen = await query(
+                queries.choose_assist,
                 self.robot,
                 self.user,
                 session,
@@ -250,10 +245,8 @@ class PageSession:
             self.hang_up()
             self.authorization.leave()
             return
-        left = await database_sync_to_async(store.leave)(
-            session, peer=self.authorization.peer, now=timezone.now()
-        )
-        outcome, reason = await database_sync_to_async(queries.outcome_of)(session)
+        left = await query(store.leave, session, peer=self.authorization.peer, now=timezone.now())
+        outcome, reason = await query(queries.outcome_of, session)
         self._over(protocol.Ended(session=session, outcome=outcome or "moved", reason=reason))
         if left:
             self._send_ended(session, outcome, reason, drove=drove)
@@ -262,11 +255,11 @@ class PageSession:
         """End what the visitor left while the page could not say so; what has moved to another
         page, or is another's, stays.
         """
-        if not await database_sync_to_async(queries.is_of)(session, self.user):
+        if not await query(queries.is_of, session, self.user):
             self.sender.post("denied", protocol.Denied(suffix="session/leave", reason="not_yours"))
             return
-        left = await database_sync_to_async(store.leave)(session, peer=peer, now=timezone.now())
-        outcome, reason = await database_sync_to_async(queries.outcome_of)(session)
+        left = await query(store.leave, session, peer=peer, now=timezone.now())
+        outcome, reason = await query(queries.outcome_of, session)
         self.sender.notify(
             protocol.Ended(session=session, outcome=outcome or "moved", reason=reason)
         )
@@ -317,7 +310,8 @@ class PageSession:
             session = self.authorization.session
             if session is None or self.sender.closed:
                 return
-            standing = await database_sync_to_async(queries.session_status_of)(
+            standing = await query(
+                queries.session_status_of,
                 self.robot,
                 self.user,
                 session,
@@ -371,7 +365,7 @@ class PageSession:
         """
         try:
             async with asyncio.timeout(VERDICT_SECONDS):
-                if await may_watch_private(self.user, session):
+                if await query(queries.may_watch_private, self.user, session):
                     self.authorization.watchable = session
         except (DatabaseError, InterfaceError, TimeoutError) as error:
             log.warning("private_drive_not_checked", robot=self.robot.name, reason=str(error))
@@ -389,8 +383,8 @@ class PageSession:
 
     async def read_peers(self) -> None:
         """Read how many wait, and what the robot does when nobody drives it; say so to all."""
-        read = database_sync_to_async(queries.between_visits_at)
-        self.peers.waiting, self.peers.pause = await read(self.robot, timezone.now())
+        found = await query(queries.between_visits_at, self.robot, timezone.now())
+        self.peers.waiting, self.peers.pause = found
         self.peers.changed()
 
     async def say_seen(self) -> None:
@@ -405,9 +399,7 @@ class PageSession:
 
         What the visitor may do here besides is looked at anew as well. The caller holds `turn`.
         """
-        welcome = await database_sync_to_async(queries.welcome)(
-            self.session_key, self.user, self.robot
-        )
+        welcome = await query(queries.welcome, self.session_key, self.user, self.robot)
         answer = welcome.answer
         if answer == "welcome":
             self.may_observe, self.authorization.operator = welcome.may_observe, welcome.operator
@@ -426,7 +418,7 @@ class PageSession:
         if session is not None:
             self.forget()
             outcome = Session.Outcome.STOPPED_BY_OPERATOR if drove else Session.Outcome.CANCELLED
-            if await database_sync_to_async(store.end)(session, outcome, answer, timezone.now()):
+            if await query(store.end, session, outcome, answer, timezone.now()):
                 self._send_ended(session, outcome, answer, drove=drove)
         self.sender.end(protocol.SIGNED_OUT if answer == "signed_out" else protocol.NOT_ALLOWED)
         return False
@@ -441,7 +433,7 @@ class PageSession:
             if session is not None:
                 self.forget()
                 last_seen_batcher.forget(session)
-                await database_sync_to_async(store.page_gone)(session, peer, timezone.now(), code)
+                await query(store.page_gone, session, peer, timezone.now(), code)
             if waited:
                 await self.read_peers()
 

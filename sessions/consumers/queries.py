@@ -1,6 +1,6 @@
 """What a page's connection asks the database: synchronous, one question a function, plain answers.
 
-Consumers call these through `database_sync_to_async`, and never for a command or a signal: those
+Consumers call these through database.py, and never for a command or a signal: those
 are judged by the lease in memory.
 """
 

@@ -1,6 +1,12 @@
 """How much a page may say: token buckets, pure, `now` in monotonic seconds."""
 
+from typing import Any, Literal
+
 from robots.api.bucket import Bucket
+from robots.api.messages import EStop, Photo, PointCommand, SdpOffer, Stop, VelocityCommand
+from sessions.protocol import PageEvent, PageNetwork, WantOffer
+
+Kind = Literal["velocity", "stop", "other", "point", "photo", "report", "offer"]
 
 
 class Allowance:
@@ -13,44 +19,46 @@ class Allowance:
     else a page says can use it up. Photos are kept for good, half a megabyte each, so they have one
     too, and so has what the page says for the record: its network once a second, signs of the
     visitor as often while the server asks for one, and what changes, much of it at once when a
-    drive begins. What is refused, for whatever reason, fills the measure of a flood.
+    drive begins. An offer makes the robot or the SFU open sockets and gather candidates; a page
+    that looks for its robot pauses 0.5 s after the first one, and longer after each that follows.
+    What is refused, for whatever reason, fills the measure of a flood.
     """
 
     def __init__(self) -> None:
-        self._velocity = Bucket(rate=60.0, burst=60.0)
-        self._stop = Bucket(rate=60.0, burst=60.0)
-        self._other = Bucket(rate=30.0, burst=60.0)
-        self._point = Bucket(rate=20.0, burst=10.0)
-        self._photo = Bucket(rate=0.5, burst=10.0)
-        self._report = Bucket(rate=3.0, burst=60.0)
+        self._buckets: dict[Kind, Bucket] = {
+            "velocity": Bucket(rate=60.0, burst=60.0),
+            "stop": Bucket(rate=60.0, burst=60.0),
+            "other": Bucket(rate=30.0, burst=60.0),
+            "point": Bucket(rate=20.0, burst=10.0),
+            "photo": Bucket(rate=0.5, burst=10.0),
+            "report": Bucket(rate=3.0, burst=60.0),
+            "offer": Bucket(rate=0.5, burst=10.0),
+        }
         self._refusals = Bucket(rate=50.0, burst=500.0)
 
-    def velocity(self, now: float) -> bool:
-        """Tell whether one more velocity may pass."""
-        return self._velocity.spend(now)
-
-    def stop(self, now: float) -> bool:
-        """Tell whether one more stop or e-stop may pass."""
-        return self._stop.spend(now)
-
-    def other(self, now: float) -> bool:
-        """Tell whether one more frame of any other kind may pass."""
-        return self._other.spend(now)
-
-    def point(self, now: float) -> bool:
-        """Tell whether one more dot may pass."""
-        return self._point.spend(now)
-
-    def photo(self, now: float) -> bool:
-        """Tell whether one more photo may be asked for."""
-        return self._photo.spend(now)
-
-    def report(self, now: float) -> bool:
-        """Tell whether one more word for the record may pass."""
-        return self._report.spend(now)
+    def passes(self, message: Any, now: float) -> bool:
+        """Count a message, and tell whether it may pass."""
+        return all(self._buckets[kind].spend(now) for kind in _kinds(message))
 
     def floods(self, now: float) -> bool:
         """Count one refused frame, and tell whether there are so many that the
         connection must end.
         """
         return not self._refusals.spend(now)
+
+
+def _kinds(message: Any) -> tuple[Kind, ...]:
+    match message:
+        case VelocityCommand():
+            return ("velocity",)
+        case Stop() | EStop():
+            return ("stop",)
+        case PageEvent() | PageNetwork():
+            return ("report",)
+        case PointCommand():
+            return ("point",)
+        case SdpOffer() | WantOffer():
+            return ("offer",)
+        case Photo():
+            return ("other", "photo")
+    return ("other",)

@@ -5,7 +5,8 @@ frame; here is done what it decided.
 
 import asyncio
 import time
-from collections.abc import Awaitable, Callable, Coroutine
+from collections.abc import Awaitable, Callable, Coroutine, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import msgspec
@@ -37,6 +38,34 @@ class RobotPageConsumer(DirectConsumer):
     name: str
 
     # --- coming and going -------------------------------------------------------------------------
+
+    async def connect(self) -> None:
+        """Let the page in, or close with the reason, which only an accepted socket can carry.
+
+        The socket is accepted when the database has answered: until then daphne reads nothing that
+        the page sends.
+        """
+        try:
+            refusal = await self._enter()
+        except (DatabaseError, InterfaceError) as error:
+            log.warning("page_not_let_in", reason=str(error))
+            await self.close()  # as an HTTP response: the page tries again
+            return
+        await self.accept()
+        if refusal is None:
+            self._register()
+        else:
+            await self.close(refusal)
+
+    async def _enter(self) -> int | None:
+        """Ask the database for what `_register` needs; return the close code of a page that may not
+        come in.
+        """
+        raise NotImplementedError
+
+    def _register(self) -> None:
+        """Begin to serve the page."""
+        raise NotImplementedError
 
     def _join(self, *, needs: bool = True) -> None:
         """Hear the robot from now on; `needs` is whether it is to speak more while the page is
@@ -72,8 +101,11 @@ class RobotPageConsumer(DirectConsumer):
 
     async def receive(self, text_data: str | None = None, bytes_data: bytes | None = None) -> None:
         """Decide about a frame and do what was decided."""
-        if self.authorization is not None and not self.sender.closed:
-            frame = text_data if text_data is not None else bytes_data or b""
+        if self.authorization is None or self.sender.closed:
+            return
+        frame = text_data if text_data is not None else bytes_data or b""
+        suffix = frame.partition("\n")[0][:80] if isinstance(frame, str) else ""
+        with self._guarded(suffix):
             effects = self.authorization.receive(frame, self._lease(), time.monotonic())
             self._perform(effects)
             if any(isinstance(effect, Verb) for effect in effects):
@@ -91,8 +123,8 @@ class RobotPageConsumer(DirectConsumer):
                     self._publish(effect)
                 case Halt(message):
                     self.bridge.send_stop(self.name, message)
-                case Verb(message):
-                    self._ask(message)
+                case Verb(suffix, message):
+                    self._ask(suffix, message)
                 case DenyFrame(suffix, reason):
                     self.sender.post("denied", protocol.Denied(suffix=suffix, reason=reason))
                 case Close(code):
@@ -100,7 +132,7 @@ class RobotPageConsumer(DirectConsumer):
                 case _:
                     self._do(effect)
 
-    def _ask(self, verb: Message) -> None:
+    def _ask(self, suffix: str, verb: Message) -> None:
         """Do what the page asks of the server."""
 
     def _do(self, effect: Effect) -> None:
@@ -157,7 +189,7 @@ class RobotPageConsumer(DirectConsumer):
             except TimeoutError:
                 pass
             changed.clear()
-            try:
+            with self._guarded():
                 await look()
                 if time.monotonic() - asked >= WELCOME_EVERY:
                     asked = time.monotonic()
@@ -165,10 +197,29 @@ class RobotPageConsumer(DirectConsumer):
                         self._signal(Stay())
                     else:
                         self.sender.end(protocol.NOT_ALLOWED)
-            except (DatabaseError, InterfaceError) as error:
-                log.warning("page_not_checked", robot=self.name, reason=str(error))
 
-    def _launch(self, work: Coroutine[Any, Any, None]) -> None:
-        task = asyncio.get_running_loop().create_task(work)
+    def _launch(self, work: Coroutine[Any, Any, None], suffix: str = "") -> None:
+        """Run `work` beside the frames that follow. If it fails, what the page asked for with
+        `suffix` is answered with `denied`.
+        """
+        task = asyncio.get_running_loop().create_task(self._finish(work, suffix))
         self.tasks.add(task)
         task.add_done_callback(self.tasks.discard)
+
+    async def _finish(self, work: Coroutine[Any, Any, None], suffix: str) -> None:
+        with self._guarded(suffix):
+            await work
+
+    @contextmanager
+    def _guarded(self, suffix: str = "") -> Iterator[None]:
+        """Log an exception, and answer with `denied` what the page asked for with `suffix`."""
+        try:
+            yield
+        except (DatabaseError, InterfaceError) as error:
+            log.warning("page_failed", robot=self.name, suffix=suffix, reason=str(error))
+        except Exception:  # the page's next frame may be a stop
+            log.exception("page_failed", robot=self.name, suffix=suffix)
+        else:
+            return
+        if suffix:
+            self.sender.post("denied", protocol.Denied(suffix=suffix, reason="unavailable"))

@@ -7,19 +7,18 @@ import secrets
 import time
 
 import structlog
-from channels.db import database_sync_to_async
 from django.utils import timezone
 
 from robots import log_ids
 from robots.api.messages import Bye, Lease, Say
 from robots.bridge.delivery import LINK, ReceivedMessage
-from robots.ice import ice_servers
-from robots.models import Robot
+from robots.ice import IceCredentials
 from robots.screens import cookie_of, screen_of
 from sessions import page_channel, protocol
 from sessions.audience.audience import audience_of
 from sessions.consumers import relay, waiting_chat
 from sessions.consumers.authorization import Publish
+from sessions.consumers.database import query
 from sessions.consumers.robot_page import RobotPageConsumer
 from sessions.consumers.screen_authorization import ScreenAuthorization
 from sessions.leases import store
@@ -34,25 +33,20 @@ class ScreenConsumer(RobotPageConsumer):
 
     authorization: ScreenAuthorization | None = None
 
-    async def connect(self) -> None:
-        """Let the display in, or close with the reason: a code can only be told to a page whose
-        socket was accepted.
-        """
-        await self.accept()
+    async def _enter(self) -> int | None:
         self.name = self.scope["url_route"]["kwargs"]["robot"]
         log_ids.bind(lambda: {"robot": self.name})  # until the end of this socket's own task
         self.key = self.scope.get("cookies", {}).get(cookie_of(self.name), "")
-        robot = await database_sync_to_async(screen_of)(self.name, self.key)
-        if robot is None:
-            await self.close(protocol.NOT_ALLOWED)
-            return
-        self._register(robot)
+        self.robot = await query(screen_of, self.name, self.key)
+        return protocol.NOT_ALLOWED if self.robot is None else None
 
-    def _register(self, robot: Robot) -> None:
+    def _register(self) -> None:
+        robot = self.robot
+        assert robot is not None
         self.title, self.titles = robot.title or robot.name, robot.titles
         self._join(needs=False)  # a display is always there: it asks no idle robot to speak more
         self.authorization = ScreenAuthorization(
-            secrets.token_urlsafe(12), self.title, ice_servers(self.name, time.time())
+            secrets.token_urlsafe(12), self.title, IceCredentials(self.name)
         )
         self.shown: protocol.Screen | None = None
         self.asked = protocol.AudienceState()
@@ -94,7 +88,7 @@ class ScreenConsumer(RobotPageConsumer):
             words = waiting_chat.write(
                 self.name, self.waiting[0], publish.message, by="screen", who=self.title
             )
-            self._launch(words)
+            self._launch(words, "command/action")
         else:
             super()._publish(publish)
 
@@ -127,19 +121,18 @@ class ScreenConsumer(RobotPageConsumer):
 
     async def _is_welcome(self) -> bool:
         """Tell whether the key is still right."""
-        return await database_sync_to_async(screen_of)(self.name, self.key) is not None
+        return await query(screen_of, self.name, self.key) is not None
 
     async def _send_to_visitor(self) -> None:
         lease = self.known.lease_at(time.monotonic())
         if lease is not None and self.study[0] != lease.session:
             self.study = (
                 lease.session,
-                await database_sync_to_async(store.is_study)(lease.session),
+                await query(store.is_study, lease.session),
             )
         waiting = None
         if waiting_chat.is_open(self.known, time.monotonic()):
-            find = database_sync_to_async(waiting_chat.first_waiting)
-            waiting = await find(self.name, timezone.now())
+            waiting = await query(waiting_chat.first_waiting, self.name, timezone.now())
         self.waiting = waiting
         shown = protocol.Screen(
             title=self.title,
@@ -148,7 +141,7 @@ class ScreenConsumer(RobotPageConsumer):
             visitor=lease.who if lease else None,
             waiting=self.waiting[1] if self.waiting is not None else None,
             study=lease is not None and self.study[1],
-            ice_servers=self.authorization.ice_servers if self.authorization else (),
+            ice_servers=self.authorization.ice_servers() if self.authorization else (),
         )
         if shown != self.shown:
             self.shown = shown

@@ -6,6 +6,7 @@ the visitor writes, points at what the visitor shares, and stops the robot. It n
 says all of it as the screen.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import msgspec
@@ -33,10 +34,12 @@ class ScreenAuthorization(Authorization):
     Args:
         peer: the id that the server made for this connection.
         title: what the robot is called, in whose name the screen speaks.
-        ice_servers: what the robot is to use for its side of a connection with this page.
+        ice_servers: as of Authorization.
     """
 
-    def __init__(self, peer: str, title: str, ice_servers: tuple[IceServer, ...] = ()) -> None:
+    def __init__(
+        self, peer: str, title: str, ice_servers: Callable[[], tuple[IceServer, ...]] = tuple
+    ) -> None:
         super().__init__(peer, title, None, ice_servers)
 
     def _effect(self, suffix: str, message: Any, lease: Lease | None, now: float) -> Effect:
@@ -53,7 +56,7 @@ class ScreenAuthorization(Authorization):
                 return Publish(suffix, stamped, wanted=False)
             case SdpOffer():
                 offer = SdpOffer(
-                    sdp=message.sdp, role="screen", who=self.who, ice_servers=self.ice_servers
+                    sdp=message.sdp, role="screen", who=self.who, ice_servers=self.ice_servers()
                 )
                 return Publish(f"signal/{self.peer}", offer)
             case Candidate() | Bye():

@@ -13,7 +13,6 @@ import uuid
 from typing import Any
 
 import structlog
-from channels.db import database_sync_to_async
 from django.db import DatabaseError, InterfaceError
 from django.utils import timezone
 
@@ -21,11 +20,12 @@ from robots import log_ids
 from robots.api.errors import Rejection
 from robots.api.messages import Action, Bye, Lease, Message, Say
 from robots.bridge.delivery import FAULTS, LINK, NOTICE, ReceivedMessage
-from robots.ice import ice_servers
+from robots.ice import IceCredentials
 from robots.models import Robot
 from sessions import protocol as pages
 from sessions.consumers import queries, relay, wizard_relay
 from sessions.consumers.authorization import FrameRefused, Publish
+from sessions.consumers.database import query
 from sessions.consumers.robot_page import RobotPageConsumer
 from sessions.consumers.wizard_authorization import SCRIPT, WizardAuthorization
 from sessions.wizard import leases, operators, protocol
@@ -47,24 +47,17 @@ class WizardConsumer(RobotPageConsumer):
 
     # --- coming and going -------------------------------------------------------------------------
 
-    async def connect(self) -> None:
-        """Let the operator in, or close with the reason."""
-        await self.accept()
+    async def _enter(self) -> int | None:
         self.user, self.name = self.scope["user"], self.scope["url_route"]["kwargs"]["robot"]
         log_ids.bind(lambda: {"robot": self.name})  # until the end of this socket's own task
         if not self.user.is_authenticated:
-            await self.close(pages.SIGNED_OUT)
-            return
-        robot = await database_sync_to_async(_robot_for)(self.user, self.name)
-        if robot is None:
-            await self.close(pages.NOT_ALLOWED)
-            return
-        self._register(robot)
+            return pages.SIGNED_OUT
+        self.robot = await query(_robot_for, self.user, self.name)
+        return pages.NOT_ALLOWED if self.robot is None else None
 
-    def _register(self, robot: Robot) -> None:
-        self.robot = robot
+    def _register(self) -> None:
         self._join()
-        servers = ice_servers(str(self.user.pk), time.time())
+        servers = IceCredentials(str(self.user.pk))
         self.authorization = WizardAuthorization(secrets.token_urlsafe(12), servers)
         self.turn = asyncio.Lock()
         self.shown: protocol.SessionToOperate | None = None
@@ -77,7 +70,7 @@ class WizardConsumer(RobotPageConsumer):
             stamp=time.time(),
             robot=self.name,
             online=self.known.online is True,
-            ice_servers=servers,
+            ice_servers=servers(),
         )
         self.sender.post("wizard/hello", hello)
         self.changed.set()
@@ -102,7 +95,7 @@ class WizardConsumer(RobotPageConsumer):
 
     async def _release(self, session: str, peer: str, kind: str) -> None:
         now = timezone.now()
-        lease = await database_sync_to_async(leases.release)(session, peer, now)
+        lease = await query(leases.release, session, peer, now)
         if lease is not None:
             self.bridge.publish_lease(self.name, lease)
             await self._note(session, kind)
@@ -123,14 +116,14 @@ class WizardConsumer(RobotPageConsumer):
             self._launch(self._note(self._session(), leases.BY_HAND, method=method))
         self.hand_at = now
 
-    def _ask(self, verb: Message) -> None:
+    def _ask(self, suffix: str, verb: Message) -> None:
         authorization = self.authorization
         assert authorization is not None
         match verb:
             case protocol.TakeOver():
-                self._launch(self._take(authorization, verb))
+                self._launch(self._take(authorization, verb), suffix)
             case protocol.StopOperating():
-                self._launch(self._let_go(authorization))
+                self._launch(self._let_go(authorization), suffix)
             case protocol.BeginStep():
                 self._step(authorization, verb)
             case protocol.FreeLine():
@@ -148,7 +141,8 @@ class WizardConsumer(RobotPageConsumer):
             if operated is None:
                 self.sender.post("wizard/lost", protocol.Lost(reason="ended"))
                 return
-            taken = await database_sync_to_async(leases.take)(
+            taken = await query(
+                leases.take,
                 ask.session,
                 self.user,
                 authorization.peer,
@@ -254,9 +248,7 @@ class WizardConsumer(RobotPageConsumer):
         if session is None:
             return
         try:
-            await database_sync_to_async(leases.note)(
-                session, kind, self.user, timezone.now(), **data
-            )
+            await query(leases.note, session, kind, self.user, timezone.now(), **data)
         except (DatabaseError, InterfaceError) as error:
             log.error("wizard_not_recorded", session=session, event_type=kind, reason=str(error))
 
@@ -307,12 +299,12 @@ class WizardConsumer(RobotPageConsumer):
 
     async def _is_welcome(self) -> bool:
         key = self.scope["session"].session_key
-        return await database_sync_to_async(_is_welcome)(key, self.user, self.name)
+        return await query(_is_welcome, key, self.user, self.name)
 
     async def _look(self) -> None:
         authorization = self.authorization
         assert authorization is not None
-        scene = await database_sync_to_async(_scene)(self.user, self.robot, authorization.peer)
+        scene = await query(_scene, self.user, self.robot, authorization.peer)
         if scene is None:
             self._unfollow()
             self.at = self.progress = None
@@ -333,7 +325,7 @@ class WizardConsumer(RobotPageConsumer):
 
     async def _resume(self, session: str, operated: OperatedSession) -> None:
         """Know how far the script is, also after the page was loaded anew."""
-        done = await database_sync_to_async(leases.steps_done)(session)
+        done = await query(leases.steps_done, session)
         self.progress = ScriptProgress(operated.script, time.time())
         for at, key in done:
             self.progress.press(key, at)

@@ -6,11 +6,11 @@ the script: by hand where the study allows it, else with the velocities of a ste
 stops the robot at any time, like everybody.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import msgspec
 
-from robots.api import codec, topics
 from robots.api.messages import (
     Bye,
     Cancel,
@@ -41,10 +41,12 @@ class WizardAuthorization(Authorization):
 
     Args:
         peer: the id that the server made for this connection.
-        ice_servers: what the robot is to use for its side of a connection with this page.
+        ice_servers: as of Authorization.
     """
 
-    def __init__(self, peer: str, ice_servers: tuple[IceServer, ...] = ()) -> None:
+    _protocol = protocol
+
+    def __init__(self, peer: str, ice_servers: Callable[[], tuple[IceServer, ...]] = tuple) -> None:
         super().__init__(peer, "", None, ice_servers)
         self.watches = True
         self.by_hand = False
@@ -72,13 +74,6 @@ class WizardAuthorization(Authorization):
             == (self.session, self.peer, self.epoch)
         )
 
-    def _decode(self, suffix: str, payload: str) -> Any:
-        return (
-            codec.decode(suffix, payload, "to_robot")
-            if suffix in topics.FROM_PAGE
-            else protocol.decode(suffix, payload)
-        )
-
     def _effect(self, suffix: str, message: Any, lease: Lease | None, now: float) -> Effect:
         self._check_rate(message, now)
         match message:
@@ -94,12 +89,12 @@ class WizardAuthorization(Authorization):
             case Cancel():
                 return Publish(suffix, self._stamp_action(message, lease))
             case SdpOffer():
-                offer = SdpOffer(sdp=message.sdp, role="wizard", ice_servers=self.ice_servers)
+                offer = SdpOffer(sdp=message.sdp, role="wizard", ice_servers=self.ice_servers())
                 return Publish(f"signal/{self.peer}", offer)
             case Candidate() | Bye():
                 return Publish(f"signal/{self.peer}", message)
         if type(message) in protocol.TO_SERVER.values():
-            return Verb(message)
+            return Verb(suffix, message)
         raise FrameRefused("not_allowed")
 
     def _check_method(self, command: VelocityCommand, now: float) -> None:

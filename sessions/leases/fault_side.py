@@ -19,6 +19,7 @@ from typing import Literal
 Side = Literal["", "visitor", "network", "platform", "robot", "operator"]
 WEB, MANAGER = "web_process", "session_manager"
 LEASE_GONE = "lease_gone"
+TERMS_UNREADABLE = "terms_unreadable"
 RETURN_SECONDS = 60.0
 # WebSocket close codes (RFC 6455, 7.4.1) of a page that was closed or left, not cut off.
 CLOSED_BY_VISITOR = frozenset({1000, 1001})
@@ -73,7 +74,7 @@ def fault_of(end: SessionEnd) -> FaultAttribution:
     """Return whose fault the end of a session was."""
     if end.outcome in {"", "completed"}:
         return FaultAttribution()
-    if end.reason == LEASE_GONE:
+    if end.reason in {LEASE_GONE, TERMS_UNREADABLE}:
         return FaultAttribution("platform", MANAGER)
     absence = _absence(end)
     if absence is not None:

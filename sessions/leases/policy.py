@@ -51,7 +51,8 @@ class ActiveSession:
     whether it ever moved the robot.
 
     `turn`, `grace` and `idle` are what its terms say instead of the robot's rules, in seconds;
-    `turn_always` is whether the turn is a limit even while nobody waits.
+    `turn_always` is whether the turn is a limit even while nobody waits, `is_readable` whether its
+    terms could be read.
     `not_ready` says why the robot is not yet as its terms want it, empty when it is; it is known
     only of whoever would be next.
     """
@@ -70,6 +71,7 @@ class ActiveSession:
     grace: float | None = None
     idle: float | None = None
     turn_always: bool = False
+    is_readable: bool = True
     not_ready: str = ""
 
     def page_open(self, now: float) -> bool:

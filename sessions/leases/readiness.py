@@ -16,14 +16,17 @@ now and what to tell it next.
 - Last of all it is asked for a picture, which nobody keeps: a camera runs only while somebody
   looks, so nothing else tells whether it works. A robot that answers later than its driver could
   steer it waits for a better network, and pauses the queue when that takes long.
-- An emergency stop pauses at once; whoever releases it has seen to the robot, so all attempts begin
-  anew. Nothing is ordered of a robot that is not heard of.
+- An emergency stop pauses at once, and so does a stop between visits; whoever releases it has seen
+  to the robot, so all attempts begin anew. A new driver may take a robot that was only stopped
+  (sessions/leases/store.py), which releases it. Nothing is ordered of a robot that is not heard of.
 
-Times are Unix seconds.
+Times are seconds of a monotonic clock.
 """
 
 from dataclasses import dataclass, replace
 from typing import Literal
+
+from robots.api.messages import ENDED
 
 Phase = Literal["ready", "returning", "charging", "paused"]
 Kind = Literal["dock", "level", "relocalize", "picture"]
@@ -33,10 +36,10 @@ ORDERED = "home-"
 ATTEMPTS = 3
 AGAIN = 5.0
 PAUSE = 120.0
+STOPPED = "stopped"  # the reason of a pause: somebody stopped the robot between two visits
 LATE = 30.0  # seconds of a bad network after which the queue is paused
 LONGEST = {"dock": 300.0, "level": 15.0, "relocalize": 60.0, "picture": 15.0}
 LEVEL = 0.03  # rad
-ENDED = frozenset({"FINISHED", "FAILED", "CANCELLED"})
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,8 @@ class RobotCondition:
 
     `heard` is false when its last state is too old to go by, `level` when its head looks elsewhere,
     `prompt` when it answers too late to be driven, and `let_go` while its last driver's lease still
-    holds there. `sees` tells whether it has a camera. `charge` is None when unknown.
+    holds there. `stopped` tells that a stop keeps it where it is, `sees` whether it has a camera.
+    `charge` is None when unknown.
     """
 
     heard: bool = True
@@ -53,6 +57,7 @@ class RobotCondition:
     prompt: bool = True
     sees: bool = False
     estop: bool = False
+    stopped: bool = False
     docked: bool = False
     localized: bool = True
     level: bool = True
@@ -103,6 +108,8 @@ def decide(
         return replace(turnaround, reason="offline"), None
     if condition.estop:
         return Readiness("paused", "estop"), None
+    if condition.stopped:
+        return Readiness("paused", STOPPED), None
     turnaround = _looked_at(turnaround)
     if (
         turnaround.order is not None

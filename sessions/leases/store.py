@@ -5,7 +5,7 @@ Any process may call these at any time, on any of the supported databases. Corre
 things alone, never on a transaction: a lease changes only where its epoch is still the one that was
 read, and `live_key` is unique, so that a visitor has one living session at a robot.
 
-What a consumer calls, each through `database_sync_to_async`:
+What a consumer calls, each through consumers/database.py:
 
 - `take` for `session/take`. On `TakeGranted` publish `granted.lease` (retained) at once; the
   session manager renews it.
@@ -34,8 +34,8 @@ from django.db.models import Q
 from accounts.models import User
 from robots.access import may_operate
 from robots.api import messages as m
-from robots.models import Robot
-from robots.presence import standstill_of
+from robots.models import Robot, RobotPresence
+from robots.presence.report import standstill_of
 from sessions.leases import terms
 from sessions.leases.absences import note_page_closed
 from sessions.leases.policy import (
@@ -53,7 +53,8 @@ from sessions.leases.policy import (
     decide_take,
     turn_end,
 )
-from sessions.leases.terms import FREE, Terms
+from sessions.leases.readiness import STOPPED
+from sessions.leases.terms import FREE, Terms, UnreadableTerms
 from sessions.models import AT_THE_WHEEL, Lease, Session
 
 LIVE = (Session.State.WAITING, *AT_THE_WHEEL)
@@ -156,7 +157,7 @@ def take(  # noqa: D417 -- the rest is what the page said
             session=session,
             old_peer=old_peer,
             takeover=takeover,
-            operator=(robot.turnaround != Robot.Turnaround.READY or bool(scene.waits_for))
+            operator=(robot.presence.turnaround != Robot.Turnaround.READY or bool(scene.waits_for))
             and bool(may_operate(visitor, robot)),
             not_ready=terms.not_ready(visitor, robot, now) if scene.holder is None else "",
         )
@@ -287,7 +288,7 @@ def _assistance_to_begin_with(row: Session) -> str:
     obstacles. Empty for the robot's own level.
     """
     robot = row.robot
-    can_assist = "assist" in (robot.factsheet or {}).get("capabilities", ())
+    can_assist = "assist" in (robot.presence.factsheet or {}).get("capabilities", ())
     if row.assist or robot.assist != Robot.DriveAssist.OFF or not can_assist:
         return ""
     driven = Session.objects.filter(visitor=row.visitor, first_motion_at__isnull=False)
@@ -323,13 +324,22 @@ def set_assist(session: str, level: str, *, peer: str) -> tuple[Hold, int] | Non
 
     Whether the driver has a choice was asked before (sessions/consumers/queries.py).
     """
-    lease = Lease.objects.filter(session_id=session, peer=peer).first()
-    if lease is None or not Session.objects.filter(pk=session, state__in=LIVE).update(assist=level):
+    if not Session.objects.filter(pk=session, state__in=LIVE).update(assist=level):
         return None
-    renewal = lease.renewal + 1
-    if not Lease.objects.filter(robot=lease.robot_id, epoch=lease.epoch).update(renewal=renewal):
-        return None
-    return hold_of(lease), renewal
+    while (lease := Lease.objects.filter(session_id=session, peer=peer).first()) is not None:
+        if renewal := count_renewal(lease, lease.renewal + 1):
+            return hold_of(lease), renewal
+    return None
+
+
+def count_renewal(lease: Lease, renewal: int, *only_if: Q) -> int | None:
+    """Store the number of the next copy of a lease and return it; None when the lease has changed
+    since it was read. No two copies get one number: of two, the robot ignores what came last.
+    """
+    same = Lease.objects.filter(
+        *only_if, robot=lease.robot_id, epoch=lease.epoch, renewal=lease.renewal
+    )
+    return renewal if same.update(renewal=renewal) else None
 
 
 def seen(sessions: Collection[str], now: datetime.datetime) -> set[str]:
@@ -425,7 +435,7 @@ def send_home(robot: Robot, now: datetime.datetime) -> bool:
     """
     if not robot.can_go_home:
         return False
-    ready = Robot.objects.filter(pk=robot.pk, turnaround=Robot.Turnaround.READY)
+    ready = RobotPresence.objects.filter(robot=robot, turnaround=Robot.Turnaround.READY)
     return bool(
         ready.update(
             turnaround=Robot.Turnaround.RETURNING, turnaround_reason="dock", turnaround_at=now
@@ -630,8 +640,8 @@ def pause_of(robot: Robot) -> str:
 
 
 def _pauses_of(keys: Sequence[Any]) -> dict[Any, str]:
-    rows = Robot.objects.filter(pk__in=keys).values_list(
-        "pk", "report", "held", "returns_home", "turnaround", "turnaround_reason"
+    rows = RobotPresence.objects.filter(robot__in=keys).values_list(
+        "robot", "report", "robot__held", "robot__returns_home", "turnaround", "turnaround_reason"
     )
     return {key: _pause(*values) for key, *values in rows}
 
@@ -645,7 +655,9 @@ def _pause(report: Any, held: str, returns: bool, phase: str, reason: str) -> st
         return f"{Robot.Turnaround.PAUSED}: {why}"
     if held:
         return f"{HELD}: {held}"
-    is_away = returns and phase != Robot.Turnaround.READY
+    # Who takes a robot that was stopped between visits releases the stop.
+    may_be_taken = (phase, reason) == (Robot.Turnaround.PAUSED, STOPPED)
+    is_away = returns and phase != Robot.Turnaround.READY and not may_be_taken
     return f"{phase}: {reason}"[:REASON_LENGTH] if is_away else ""
 
 
@@ -667,6 +679,7 @@ def session_of(session: Session) -> ActiveSession:
         grace=fixed.grace_seconds,
         idle=fixed.idle_seconds,
         turn_always=fixed.turn_always,
+        is_readable=not isinstance(fixed, UnreadableTerms),
     )
 
 
@@ -689,13 +702,12 @@ def is_free_drive(lease: Lease) -> bool:
     return session is not None and not session.terms and session.first_motion_at is not None
 
 
-def waits_here(now: datetime.datetime, prefix: str = "") -> Q:
+def waits_here(now: datetime.datetime) -> Q:
     """Return the condition for sessions that wait with an open page, as
-    ActiveSession.page_open has it; `prefix` leads to the sessions from another row.
+    ActiveSession.page_open has it.
     """
     since = now - datetime.timedelta(seconds=PAGE_GONE_SECONDS)
-    is_waiting = Q(**{f"{prefix}state": Session.State.WAITING})
-    return is_waiting & Q(**{f"{prefix}seen_at__gt": since})
+    return Q(state=Session.State.WAITING, seen_at__gt=since)
 
 
 def began(session: Session | None) -> float | None:

@@ -11,10 +11,13 @@ import datetime
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import msgspec
+import structlog
 
 from robots.api.floorplan import DoorState
 from robots.api.messages import AssistLevel, NetworkLab
 from robots.api.prepared import prepare
+
+log = structlog.stdlib.get_logger(__name__)
 
 if TYPE_CHECKING:
     from accounts.models import User
@@ -61,6 +64,17 @@ NOT_DOCKED = "not_docked"  # the one of them that a robot which goes home by its
 
 prepare(Terms)
 FREE = Terms()
+
+
+class UnreadableTerms(Terms, frozen=True, kw_only=True):
+    """Stands for stored terms that this version cannot read: the robot obeys nothing, only the
+    visitor sees the session, and the session manager ends it (sessions/leases/transitions.py).
+    """
+
+    actions: tuple[str, ...] | None = ()
+    controllers: tuple[str, ...] | None = ()
+    private: bool = True
+    leaving_completes: bool = False
 
 
 class NotGranted(Exception):
@@ -169,7 +183,14 @@ def shown(session: str) -> dict[str, Any]:
 
 def of(session: "Session") -> Terms:
     """Return the terms that a session was granted on."""
-    return msgspec.convert(session.terms, Terms) if session.terms else FREE
+    if not session.terms:
+        return FREE
+    try:
+        return msgspec.convert(session.terms, Terms)
+    except msgspec.ValidationError as error:
+        log.error("terms_unreadable", session=str(session.pk), reason=str(error))
+        study = session.terms.get("study") if isinstance(session.terms, dict) else None
+        return UnreadableTerms(study=study if isinstance(study, dict) else {})
 
 
 def stored(terms: Terms) -> dict[str, Any]:

@@ -11,6 +11,7 @@ Rules, all in seconds unless said otherwise:
 - A robot that is not heard of for ROBOT_SILENCE ends the session as robot_fault, and so does one
   that, when one of these times is over, does not know of the session while its page is there: it
   has died and begun anew. While the robot is silent nobody's connection is taken for lost.
+- A session whose stored terms this version cannot read ends as stopped_by_operator.
 - `turn` and `grace` are the robot's, or what the terms of the session say
   (sessions/leases/terms.py).
 - A turn is a limit only while somebody waits whose page is open, or where the terms say that it
@@ -27,12 +28,13 @@ Rules, all in seconds unless said otherwise:
   Who waits with a closed page keeps the place for `grace`.
 
 Decided on plain snapshots. No deadline counts from before `RobotLink.since`, when the session
-manager began to hear robots: nobody is punished for its own absence.
+manager began to hear robots, or its clock made a step: nobody is punished for its own absence.
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
+from sessions.leases.fault_side import TERMS_UNREADABLE
 from sessions.leases.policy import (
     ActiveSession,
     Hold,
@@ -150,6 +152,12 @@ Act = (
 
 def decide_tick(scene: Scene, link: RobotLink, rules: Rules, now: float) -> tuple[Act, ...]:
     """Return what is to be done now, in order; nothing when all is well."""
+    unreadable = [session for session in scene.sessions if not session.is_readable]
+    if unreadable:  # the others of this robot come at the next tick
+        return tuple(
+            Ended(session=session.id, outcome="stopped_by_operator", reason=TERMS_UNREADABLE)
+            for session in unreadable
+        )
     acts = [*_orphans(scene), *_waiting(scene, link, rules, now)]
     holder = scene.holder
     if holder is not None:
@@ -212,7 +220,7 @@ def _driver(
     if idle is not None:
         yield idle
     if not isinstance(moved_on, Ended) and not isinstance(idle, Ended):
-        yield from _turn(scene, holder, rules, now)
+        yield from _turn(scene, holder, link, rules, now)
 
 
 def _fault(scene: Scene, holder: ActiveSession, link: RobotLink, now: float) -> Ended | None:
@@ -295,12 +303,14 @@ def _idle(
     )
 
 
-def _turn(scene: Scene, holder: ActiveSession, rules: Rules, now: float) -> Iterator[Act]:
+def _turn(
+    scene: Scene, holder: ActiveSession, link: RobotLink, rules: Rules, now: float
+) -> Iterator[Act]:
     if not holder.turn_always and not any(ready(session, now) for session in scene.queue):
         if holder.turn_ends_at is not None:
             yield TurnUnlimited(holder.id)
         return
-    ends_at = turn_end(holder, rules, now)
+    ends_at = max(turn_end(holder, rules, now), link.since + rules.warning)
     if now >= ends_at:
         yield Ended(session=holder.id, outcome="timed_out", reason="turn_over")
         return

@@ -26,7 +26,7 @@ from robots.bridge.inbox import Inbox
 from robots.bridge.quick_reading import read_quickly
 from robots.cancellation import cancel
 from robots.enrol.credentials import server_client_id
-from robots.presence import PresenceWriter
+from robots.presence.writer import PresenceWriter
 from sessions.manager.broker_connection import BrokerConnection, Work
 from sessions.manager.database_thread import DatabaseThread
 from sessions.manager.disk_watch import DiskWatch

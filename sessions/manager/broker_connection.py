@@ -13,7 +13,7 @@ import datetime
 import itertools
 import secrets
 import time
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
@@ -24,10 +24,11 @@ from django.db import DatabaseError, InterfaceError, transaction
 from django.utils import timezone
 
 from robots.api import codec, messages, topics
+from robots.api.bucket import Bucket
 from robots.bridge import broker_address
 from robots.cancellation import until_one_ends
 from robots.models import Robot
-from robots.presence import PresenceWriter
+from robots.presence.writer import PresenceWriter
 from sessions import signals, system_log
 from sessions.leases.transitions import RobotLink
 from sessions.manager import notices
@@ -42,6 +43,7 @@ from sessions.manager.return_to_dock import ReturnToDock
 from sessions.manager.robot_liveness import PEER
 from sessions.manager.scheduler import ManagerMessage, Scheduler, notice_message, send
 from sessions.models import Session, SystemLog
+from sessions.recording.builder import LOGGED_RATE
 from sessions.recording.items import CloseItem
 from sessions.recording.recorder import Recorder
 from sessions.shards.ownership import Ownership
@@ -56,6 +58,7 @@ HEARTBEAT_SECONDS = 0.5
 STATUS_SECONDS = 0.5
 HEALTH_SECONDS = 0.1  # between two readings of what the status would be: a fault is told at once
 GATHER_SECONDS = 0.04
+STEP_SECONDS = 1.0  # by which the clock may change between two looks, as NTP slews it
 MOST_FILTERS = 50  # of one packet; the embedded broker takes 64
 # a cluster makes a replicated queue of each filter, the first time
 SUBSCRIBE_SECONDS = 30.0
@@ -107,11 +110,14 @@ class BrokerConnection:
         self._clock = clock
         self._often_qos = often_qos
         self._since = clock()
+        self._shift = self._since - time.monotonic()  # from monotonic to Unix seconds
         self._desired_state = DesiredState(work.ownership)
         self._subscribed: set[tuple[str, int]] = set()
         self.prepared: tuple[int, ...] = ()  # the slots by whose division we have subscribed
         self._asking: set[asyncio.Task[None]] = set()
         self._needed: frozenset[str] = frozenset()
+        # of each robot, for entries of the system log
+        self._log_allowances: dict[str, Bucket] = defaultdict(lambda: Bucket(*LOGGED_RATE))
 
     async def begin(self) -> None:
         """Subscribe, and have every lease published anew."""
@@ -190,14 +196,24 @@ class BrokerConnection:
         send(signals.ticked, now=now, ownership=work.ownership)
         work.scheduler.outbox.extend(map(notice_message, notices.drain()))
         robots = dict(work.ingest.last_received)
+        self._follow_clock()
         links = {
-            name: robots[name].link(self._since, work.ingest.signs)
+            name: robots[name].link(self._since, work.ingest.signs, shift=self._shift)
             for name in self._needed & robots.keys()
         }
         closing = work.scheduler.tick(links, RobotLink(since=self._since), now)
         work.scheduler.outbox.extend(self._desired_state.tick(now))
-        work.scheduler.outbox.extend(work.return_to_dock.tick(robots, now))
+        work.scheduler.outbox.extend(work.return_to_dock.tick(robots, now, time.monotonic()))
         return closing
+
+    def _follow_clock(self) -> None:
+        """Begin all deadlines anew when the server's clock has made a step: what the database has
+        from before it tells no more how long ago something was.
+        """
+        before, self._shift = self._shift, self._clock() - time.monotonic()
+        if abs(self._shift - before) > STEP_SECONDS:
+            self._since = self._work.scheduler.stepped_at = self._clock()
+            logger.warning("clock_stepped", seconds=round(self._shift - before, 3))
 
     def _take_presence(self, now: datetime.datetime) -> None:
         """Store what robots have said of themselves; what the database did not take comes again,
@@ -220,15 +236,19 @@ class BrokerConnection:
         presence = self._work.presence
         presence.read({one.robot for one in news}, now)
         taken = (presence.take(one.robot, one.message, now, retained=one.retained) for one in news)
-        changes = [change for change in taken if change is not None]
+        changes = [
+            row
+            for row in taken
+            if row is not None and self._log_allowances[row.robot.name].spend(now.timestamp())
+        ]
         presence.write(now)
         with self._work.ownership.about(*(change.robot.name for change in changes)):
             SystemLog.objects.bulk_create(
                 system_log.entry(
-                    "robot_online" if change.online else "robot_offline",
+                    "robot_online" if change.connection == "ONLINE" else "robot_offline",
                     robot=change.robot,
                     at=now,
-                    state=change.state,
+                    state=change.connection,
                 )
                 for change in changes
             )
@@ -239,8 +259,9 @@ class BrokerConnection:
         """Beat for robots that are needed, and for others only to know the clock of one that
         somebody else keeps awake.
         """
+        due = time.monotonic()
         while True:
-            needed, now = self._needed, self._clock()
+            needed, now = self._needed, time.monotonic()
             for robot, liveness in list(self._work.ingest.last_received.items()):
                 is_due = liveness.is_awake(now) or (robot in needed and liveness.is_present(now))
                 if is_due and self._work.ownership.owns(robot):
@@ -251,7 +272,9 @@ class BrokerConnection:
                     await self._client.publish(
                         topics.of(robot, "command/heartbeat"), codec.encode(message)
                     )
-            await asyncio.sleep(HEARTBEAT_SECONDS)
+            # A robot ends what the server ordered when it misses these beats.
+            due = max(due + HEARTBEAT_SECONDS, time.monotonic())
+            await asyncio.sleep(due - time.monotonic())
 
     async def _publish_status_for_ever(self) -> None:
         """Say that the owner of the site lives and what it lacks; from the loop, which neither

@@ -19,21 +19,22 @@ class ClockOffset:
         self._peer = peer
         # (round trip, offset)
         self._exchanges: deque[tuple[float, float]] = deque(maxlen=EXCHANGES)
-        self.last_received_at: float | None = None  # when the last echo came, by our clock
         # the last echo that was taken; a restarted server counts from the beginning again
         self._newest = -1
 
-    def on_heartbeat(self, beat: Heartbeat, received: float) -> None:
-        """Take a robot's heartbeat that arrived at `received` by our clock; one that echoes nothing
-        new says nothing.
+    def on_heartbeat(self, beat: Heartbeat, received: float) -> bool:
+        """Take a robot's heartbeat that arrived at `received` by our clock; False when it echoes
+        nothing new.
         """
+        is_new = False
         for echo in beat.echoes:
             if echo.peer == self._peer and echo.n != self._newest:
-                self._newest, self.last_received_at = echo.n, received
+                self._newest, is_new = echo.n, True
                 round_trip = (received - echo.stamp) - (beat.stamp - echo.received)
                 offset = ((echo.received - echo.stamp) + (beat.stamp - received)) / 2.0
                 if round_trip >= 0.0:
                     self._exchanges.append((round_trip, offset))
+        return is_new
 
     @property
     def seconds(self) -> float | None:

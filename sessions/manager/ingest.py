@@ -10,6 +10,7 @@ Runs in the loop's thread and waits for nothing. Bytes that are no message are c
 dropped.
 """
 
+import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -24,6 +25,7 @@ from robots.api.errors import Rejection
 from sessions import protocol
 from sessions.leases.readiness import ORDERED
 from sessions.manager.robot_liveness import RobotLiveness
+from sessions.recording.builder import EARLY_SECONDS, MOST_EARLY
 from sessions.recording.items import ActionItem, EventItem, PageItem, PhotoItem, StateItem
 from sessions.recording.recorder import Recorder
 from sessions.shards.ownership import EVERYTHING, Ownership
@@ -32,11 +34,9 @@ logger = structlog.stdlib.get_logger(__name__)
 
 SELDOM = ("event", "action", "photo/+")
 OFTEN = ("connection", "factsheet", "state", "heartbeat")
-EARLY_SECONDS = 5.0  # for which messages of robots are kept that are not ours
-MOST_EARLY = 5000
+EARLY_BYTES = 32 * 1024 * 1024  # of messages of robots that are not ours
 MAX_UNSENT = 10_000
 MAX_SIGNS = 10_000
-ENDED = frozenset({"FINISHED", "FAILED", "CANCELLED"})
 # Answers to what is repeated many times a second, or asked for by the session manager itself, are
 # no part of a record.
 UNRECORDED = frozenset({"", "stop", "estop", "resend_states"})
@@ -91,6 +91,14 @@ class PresenceNews:
     message: messages.Message
     retained: bool = False
 
+    @property
+    def key(self) -> tuple[str, str]:
+        """Return of what only the newest counts. What says that a robot is gone may be late, and
+        must not hide that it is back.
+        """
+        is_online = isinstance(self.message, messages.Connection) and self.message.state == "ONLINE"
+        return self.robot, "online" if is_online else type(self.message).__name__
+
 
 class Intake:
     """Takes every message.
@@ -98,6 +106,7 @@ class Intake:
     Args:
         recorder: gets what belongs into the record.
         clock: Unix seconds.
+        monotonic: seconds that no step of the clock changes.
         wake_signals: called when `fresh` has something new.
         wake_scheduler: called when a web process has changed something.
         ownership: whose messages are ours.
@@ -111,15 +120,19 @@ class Intake:
         wake_signals: Callable[[], None],
         wake_scheduler: Callable[[], None],
         ownership: Ownership = EVERYTHING,
+        monotonic: Callable[[], float] = time.monotonic,
     ) -> None:
         self._recorder = recorder
         self._clock = clock
+        self._monotonic = monotonic
         self._wake_signals = wake_signals
         self._wake_scheduler = wake_scheduler
         self._ownership = ownership
         self._version = ownership.version
-        self._early: deque[_Early] = deque(maxlen=MOST_EARLY)
-        self._presence: deque[PresenceNews] = deque()
+        self._early: deque[_Early] = deque()
+        self._early_bytes = 0
+        # the newest of each kind of each robot
+        self._presence: dict[tuple[str, str], PresenceNews] = {}
         self._stated: set[str] = set()  # robots with a state that presence_news has not returned
         self._fresh: deque[Fresh] = deque(maxlen=MAX_UNSENT)
         self.last_received: dict[str, RobotLiveness] = {}
@@ -162,8 +175,12 @@ class Intake:
 
     def _keep(self, message: _Early) -> None:
         self._early.append(message)
-        while self._early[0].received_at < message.received_at - EARLY_SECONDS:
-            self._early.popleft()
+        self._early_bytes += len(message.payload)
+        oldest = message.received_at - EARLY_SECONDS
+        while self._early[0].received_at < oldest or (
+            len(self._early) > MOST_EARLY or self._early_bytes > EARLY_BYTES
+        ):
+            self._early_bytes -= len(self._early.popleft().payload)
 
     def follow_ownership(self) -> bool:
         """Forget robots that are not ours any more, and take what those that are ours by now have
@@ -180,6 +197,7 @@ class Intake:
                 self._early.append(early)
             elif early.received_at >= oldest:
                 self._take_early(early)
+        self._early_bytes = sum(len(early.payload) for early in self._early)
         return True
 
     def _take_early(self, early: _Early) -> None:
@@ -197,29 +215,31 @@ class Intake:
         last_received = self.last_received.get(robot) or self.last_received.setdefault(
             robot, RobotLiveness()
         )
+        received = self._monotonic()
         match message:
             case messages.State():
-                self._on_state(robot, last_received, message, payload, now)
+                late = not last_received.take(message, received)
+                self._on_state(robot, last_received, message, payload, now, late=late)
             case messages.Heartbeat():
-                last_received.heartbeat(message, now)
-                if (refutation := last_received.refutation()) is not None:
-                    self._presence.append(PresenceNews(robot, refutation))
+                last_received.heartbeat(message, received, now)
+                if (refutation := last_received.refutation(now)) is not None:
+                    self._note_presence(PresenceNews(robot, refutation))
             case messages.ActionStatus():
                 last_received.answer(message)
                 session = last_received.state.session if last_received.state is not None else None
                 if (
                     session is not None
-                    and message.status in ENDED
+                    and message.status in messages.ENDED
                     and message.type not in UNRECORDED
                 ):
                     self._put(ActionItem(robot, session, message, now))
             case messages.Event() if message.type != "photo" or not _is_ordered(message.action_id):
                 self._put(EventItem(robot, message, now))
             case messages.Connection():
-                last_received.connection(message, now)
-                self._presence.append(PresenceNews(robot, message, retained))
+                last_received.connection(message, received)
+                self._note_presence(PresenceNews(robot, message, retained))
             case messages.Factsheet():
-                self._presence.append(PresenceNews(robot, message, retained))
+                self._note_presence(PresenceNews(robot, message, retained))
             case bytes() if not _is_ordered(action := suffix.partition("/")[2]):
                 self._recorder.put(PhotoItem(robot, action, message, now))
 
@@ -230,15 +250,10 @@ class Intake:
         state: messages.State,
         payload: bytes,
         now: float,
+        *,
+        late: bool,
     ) -> None:
-        item = StateItem(
-            robot,
-            state,
-            payload,
-            now,
-            last_received.offset.seconds,
-            late=not last_received.take(state, now),
-        )
+        item = StateItem(robot, state, payload, now, last_received.offset.seconds, late=late)
         self._recorder.put(item)
         self._stated.add(robot)
         if state.session is not None:
@@ -266,22 +281,29 @@ class Intake:
         self._fresh.append(item)
         self._wake_signals()
 
+    def _note_presence(self, news: PresenceNews) -> None:
+        self._presence.pop(news.key, None)  # the newest comes last
+        self._presence[news.key] = news
+
     def presence_news(self) -> list[PresenceNews]:
-        """Return what came since the last call: connections and factsheets, and of each robot that
-        has sent states the newest.
+        """Return what came since the last call: of each robot the newest factsheet and state, and
+        the newest connection of either kind.
         """
-        news = [self._presence.popleft() for _ in range(len(self._presence))]
         stated, self._stated = self._stated, set()
-        found = ((robot, self.last_received.get(robot)) for robot in stated)
-        return news + [
-            PresenceNews(robot, liveness.state)
-            for robot, liveness in found
-            if liveness is not None and liveness.state is not None
-        ]
+        for robot in stated:
+            liveness = self.last_received.get(robot)
+            if liveness is not None and liveness.state is not None:
+                self._note_presence(PresenceNews(robot, liveness.state))
+        news, self._presence = self._presence, {}
+        return list(news.values())
 
     def repeat_news(self, news: list[PresenceNews]) -> None:
-        """Have news returned again by the next call: they could not be stored."""
-        self._presence.extendleft(reversed(news))
+        """Have news returned again by the next call, before newer ones: they could not be
+        stored.
+        """
+        newer, self._presence = self._presence, {}
+        for one in (*news, *newer.values()):
+            self._note_presence(one)
 
     def fresh(self) -> list["Fresh"]:
         """Return what came of sessions since the last call: states in order of seq but for late

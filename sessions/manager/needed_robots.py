@@ -15,6 +15,6 @@ def needed_robots() -> frozenset[str]:
     unclosed = Q(state__in=LIVE) | Q(state=Session.State.ENDED, closed_at=None)
     busy = Session.objects.filter(unclosed).values("robot_id")
     needed = Robot.objects.filter(
-        Q(pk__in=busy) | ~Q(turnaround=Robot.Turnaround.READY), enabled=True
+        Q(pk__in=busy) | ~Q(presence__turnaround=Robot.Turnaround.READY), enabled=True
     )
     return frozenset(needed.order_by().values_list("name", flat=True))

@@ -16,7 +16,7 @@ from typing import Any
 import structlog
 
 from robots.api import codec, messages, topics
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from sessions import signals, system_log
 from sessions.leases.readiness import LEVEL, ORDERED, Kind, Order, Readiness, RobotCondition, decide
 from sessions.leases.store import LIVE
@@ -48,10 +48,14 @@ class ReturnToDock:
         self._under_way: dict[str, Readiness] = {}
 
     def tick(
-        self, last_received: Mapping[str, RobotLiveness], now: datetime.datetime
+        self, last_received: Mapping[str, RobotLiveness], now: datetime.datetime, monotonic: float
     ) -> Iterator[ManagerMessage]:
-        """Bring every robot that is not ready a step nearer to it; yield what is to be said."""
-        rows = Robot.objects.exclude(turnaround=Robot.Turnaround.READY).select_related("floor_plan")
+        """Bring every robot that is not ready a step nearer to it; yield what is to be said. Both
+        times are those of the present; what is waited for is measured by `monotonic`, in seconds.
+        """
+        rows = Robot.objects.exclude(presence__turnaround=Robot.Turnaround.READY).select_related(
+            "floor_plan"
+        )
         away = [robot for robot in rows if self._ownership.owns(robot.name)]
         driven = set(
             Lease.objects.filter(robot__in=away, session__state__in=LIVE).values_list(
@@ -66,30 +70,36 @@ class ReturnToDock:
         for robot in away:
             with self._ownership.about(robot.name):
                 if robot.pk in driven or not robot.can_go_home or not robot.enabled:
-                    yield from self._let_be(robot, now)
+                    yield from self._let_be(robot, now, monotonic)
                 else:
-                    yield from self._bring(robot, last_received.get(robot.name), now)
+                    yield from self._bring(robot, last_received.get(robot.name), now, monotonic)
 
-    def _let_be(self, robot: Robot, now: datetime.datetime) -> Iterator[ManagerMessage]:
-        """An operator has taken it, or it need not go home any more."""
+    def _let_be(
+        self, robot: Robot, now: datetime.datetime, monotonic: float
+    ) -> Iterator[ManagerMessage]:
+        """A visitor or an operator has taken it, or it need not go home any more."""
         order = self._under_way.pop(robot.name, Readiness()).order
-        if order is not None and not order.is_over(now.timestamp()):
+        if order is not None and not order.is_over(monotonic):
             yield _outbound(robot, messages.Cancel(**_signature(now), target=order.action_id))
         self._save(robot, Readiness("ready"), now)
 
     def _bring(
-        self, robot: Robot, last_received: RobotLiveness | None, now: datetime.datetime
+        self,
+        robot: Robot,
+        last_received: RobotLiveness | None,
+        now: datetime.datetime,
+        monotonic: float,
     ) -> Iterator[ManagerMessage]:
         known = _known(robot)
-        before = self._under_way.get(robot.name, Readiness(reason=robot.turnaround_reason))
+        before = self._under_way.get(robot.name, Readiness(reason=robot.presence.turnaround_reason))
         turnaround, kind = decide(
             _answered(before, last_received),
-            _condition(robot, known, last_received, now),
-            now.timestamp(),
+            _condition(robot, known, last_received, monotonic),
+            monotonic,
         )
         if kind is not None:
             action = _action(kind, known, now)
-            turnaround = replace(turnaround, order=Order(action.action_id, kind, now.timestamp()))
+            turnaround = replace(turnaround, order=Order(action.action_id, kind, monotonic))
             logger.info("robot_sent_home", robot=robot.name, kind=kind, action=action.action_id)
         # First, as an order that the database or the fence refuses is not given.
         self._save(robot, turnaround, now)
@@ -100,21 +110,22 @@ class ReturnToDock:
             yield _outbound(robot, action)
 
     def _save(self, robot: Robot, turnaround: Readiness, now: datetime.datetime) -> None:
-        if (robot.turnaround, robot.turnaround_reason) == (
+        if (robot.presence.turnaround, robot.presence.turnaround_reason) == (
             turnaround.phase,
             turnaround.reason[:300],
         ):
             return
-        changed = Robot.objects.filter(pk=robot.pk, turnaround=robot.turnaround).update(
+        before = robot.presence.turnaround
+        changed = RobotPresence.objects.filter(robot=robot, turnaround=before).update(
             turnaround=turnaround.phase,
             turnaround_reason=turnaround.reason[:300],
             turnaround_at=now,
         )
-        if changed and turnaround.phase == "paused" and robot.turnaround != "paused":
+        if changed and turnaround.phase == "paused" and before != "paused":
             system_log.log("queue_paused", "warning", robot=robot, at=now, reason=turnaround.reason)
             send(signals.queue_paused, robot=robot, reason=turnaround.reason, at=now)
         elif changed and turnaround.phase == "ready":
-            system_log.log("robot_ready", robot=robot, at=now, after=robot.turnaround)
+            system_log.log("robot_ready", robot=robot, at=now, after=before)
 
 
 def _answered(turnaround: Readiness, last_received: RobotLiveness | None) -> Readiness:
@@ -133,14 +144,14 @@ def _answered(turnaround: Readiness, last_received: RobotLiveness | None) -> Rea
 
 
 def _condition(
-    robot: Robot, known: _Known, last_received: RobotLiveness | None, now: datetime.datetime
+    robot: Robot, known: _Known, last_received: RobotLiveness | None, now: float
 ) -> RobotCondition:
     state = last_received.state if last_received is not None else None
     if (
         last_received is None
         or state is None
         or last_received.state_at is None
-        or now.timestamp() - last_received.state_at > STATE_SILENCE
+        or now - last_received.state_at > STATE_SILENCE
     ):
         return RobotCondition(heard=False)
     level = (
@@ -148,9 +159,10 @@ def _condition(
     )
     return RobotCondition(
         let_go=state.session is None,
-        prompt=last_received.is_prompt(now.timestamp()),
+        prompt=last_received.is_prompt(now),
         sees=known.sees,
         estop=state.safety.estop,
+        stopped=state.safety.inhibited == "stopped",
         docked=state.docked,
         localized=state.pose.localized,
         level=level,
@@ -160,7 +172,7 @@ def _condition(
 
 
 def _known(robot: Robot) -> _Known:
-    factsheet = robot.factsheet or {}
+    factsheet = robot.presence.factsheet or {}
     capabilities = factsheet.get("capabilities", ())
     tilt = factsheet.get("tilt") if "tilt" in capabilities else None
     docks = robot.floor_plan.plan.get("docks", ()) if robot.floor_plan else ()

@@ -2,6 +2,7 @@
 driven, and its clock.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -25,9 +26,11 @@ BY_ITSELF = frozenset({"goto", "docking"})
 
 @dataclass
 class RobotLiveness:
-    """One robot. Times in Unix seconds by our clock, of receipt."""
+    """One robot. Times in seconds of a monotonic clock, of receipt: a step of the server's clock
+    makes no robot silent.
+    """
 
-    last_received_at: float = 0.0
+    last_received_at: float = -math.inf
     boot: str = ""
     seq: int = -1
     state_at: float | None = None
@@ -35,7 +38,8 @@ class RobotLiveness:
     moved: tuple[str, int] | None = None
     active_at: float | None = None
     page: tuple[str, int] | None = None  # session and epoch of the page that drives, or drove last
-    beat_at: float = 0.0
+    beat_at: float = -math.inf
+    echoed_at: float = -math.inf  # when it answered a beat of ours
     gone_at: float | None = None
     offset: ClockOffset = field(default_factory=lambda: ClockOffset(PEER))
     beats: int = 0
@@ -49,14 +53,15 @@ class RobotLiveness:
         elif message.boot == self.boot:
             self.gone_at = now
 
-    def heartbeat(self, message: Heartbeat, now: float) -> None:
-        """Note a beat."""
+    def heartbeat(self, message: Heartbeat, now: float, unix: float) -> None:
+        """Note a beat that came now, which is `unix` by our clock."""
         self.last_received_at = self.beat_at = now
-        self.offset.on_heartbeat(message, now)
+        if self.offset.on_heartbeat(message, unix):
+            self.echoed_at = now
 
-    def refutation(self) -> Connection | None:
+    def refutation(self, unix: float) -> Connection | None:
         """Return what a robot that is said to have gone and still beats would say; once."""
-        found = refutation(self.boot, self.gone_at, self.beat_at, self.beat_at)
+        found = refutation(self.boot, self.gone_at, self.beat_at, unix)
         if found is not None:
             self.gone_at = None
         return found
@@ -115,25 +120,27 @@ class RobotLiveness:
         """Tell whether the robot answers our beats, and at the best of the last ones soon enough to
         be driven.
         """
-        trip, at = self.offset.round_trip, self.offset.last_received_at
-        return (
-            trip is not None and at is not None and trip <= ROUND_TRIP and now - at <= ECHO_SECONDS
-        )
+        trip = self.offset.round_trip
+        return trip is not None and trip <= ROUND_TRIP and now - self.echoed_at <= ECHO_SECONDS
 
-    def link(self, since: float, signs: Mapping[str, float] = NO_SIGNS) -> RobotLink:
-        """Return what the scheduler needs to know; `signs` are those of pages, of every session."""
+    def link(
+        self, since: float, signs: Mapping[str, float] = NO_SIGNS, *, shift: float = 0.0
+    ) -> RobotLink:
+        """Return what the scheduler needs to know, in Unix seconds: those of the monotonic clock
+        plus `shift`. `signs` are those of pages, of every session.
+        """
+        last_received_at = self.last_received_at + shift
         state = self.state
         if state is None:
-            return RobotLink(since=since, last_received_at=self.last_received_at, signs=signs)
-        moved = self.moved == (state.session, state.epoch)
+            return RobotLink(since=since, last_received_at=last_received_at, signs=signs)
         return RobotLink(
             since,
-            self.last_received_at,
-            self.state_at,
+            last_received_at,
+            None if self.state_at is None else self.state_at + shift,
             state.session,
             state.epoch,
             state.visitor_silence,
-            moved,
-            self.active_at,
+            self.moved == (state.session, state.epoch),
+            None if self.active_at is None else self.active_at + shift,
             signs=signs,
         )

@@ -7,6 +7,7 @@ published it, so that an error half-way loses nothing.
 """
 
 import datetime
+import math
 import random
 from collections import deque
 from dataclasses import dataclass, replace
@@ -25,9 +26,10 @@ from sessions import protocol, signals, system_log
 from sessions.disk_full import is_disk_full
 from sessions.leases import expiry, store, terms
 from sessions.leases.absences import WebAbsences
-from sessions.leases.policy import Scene, minutes_until_turn, place_in_queue
+from sessions.leases.policy import PAGE_GONE_SECONDS, Scene, minutes_until_turn, place_in_queue
 from sessions.leases.store import (
     LIVE,
+    count_renewal,
     hold_of,
     lease_message,
     load_scene,
@@ -56,7 +58,11 @@ CLOSE_AGAIN_SECONDS = 5.0
 # come says how it is
 CALL_SECONDS = 5.0
 NEVER = (-1, 0.0)  # epoch and time of a lease that was not published yet
-UNREAD = ("report", "doors", "description")  # of a robot, which nobody needs here twice a second
+UNREAD = (
+    "presence__report",
+    "doors",
+    "description",
+)  # of a robot, which nobody needs here twice a second
 
 
 @dataclass(frozen=True)
@@ -97,6 +103,9 @@ class Scheduler:
         # robot: which session was asked for a sign, and when
         self._asked: dict[str, tuple[str, float]] = {}
         self._web_absences = WebAbsences()
+        # When the clock made a step (Unix seconds). Until pages were seen again since then, nothing
+        # tells how long they have been away.
+        self.stepped_at = -math.inf
         # session: why the robot is not as it needs it, and since when
         self._unready: dict[str, tuple[str, float]] = {}
         self._published: set[str] = set()
@@ -159,7 +168,8 @@ class Scheduler:
             since = max(link.since, self._gained.get(robot.name, 0.0))
             link = replace(link, since=since, asked=self._asked.get(robot.name))
             with log_ids.about(robot=robot.name), self._ownership.about(robot.name):
-                self._web_absences.tick(scenes[robot.pk].holder, now)
+                if now.timestamp() - self.stepped_at >= PAGE_GONE_SECONDS:
+                    self._web_absences.tick(scenes[robot.pk].holder, now)
                 for act in expiry.tick(robot, link, now, scenes[robot.pk]):
                     self._publish(act, robot, now)
                 if robot.pk in queues:
@@ -392,8 +402,8 @@ class Scheduler:
         epoch, counted = self._counted.get(lease.robot.name, (lease.epoch, 0))
         renewal: int = max(lease.renewal, counted if epoch == lease.epoch else 0) + 1
         try:
-            same = Lease.objects.filter(robot=lease.robot, epoch=lease.epoch)
-            if not same.filter(self._ownership.condition(lease.robot.name)).update(renewal=renewal):
+            ours = self._ownership.condition(lease.robot.name)
+            if count_renewal(lease, renewal, ours) is None:
                 return None
         except DatabaseError as error:
             if not is_disk_full(error):
@@ -432,7 +442,8 @@ class Scheduler:
         return items
 
     def _publish_end(self, session: Session, now: datetime.datetime) -> None:
-        self._told.pop(str(session.pk), None)
+        for known in (self._told, self._unready):
+            known.pop(str(session.pk), None)
         if _recorded(str(session.pk), "ended").exists():
             return  # by a session manager before this one
         ended = Ended(

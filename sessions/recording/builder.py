@@ -14,9 +14,10 @@ import msgspec
 import structlog
 from django.db.models import Model
 
+from robots.api.bucket import Bucket
 from robots.api.errors import Rejection
 from robots.api.messages import Event
-from robots.presence import without_nul
+from robots.presence.writer import without_nul
 from sessions import protocol
 from sessions.models import NetworkSample, SessionEvent, Snapshot, SystemLog
 from sessions.recording.chunks import Chunk, Chunks
@@ -46,6 +47,7 @@ LOGGED = {
     "adapter_back": "info",
     "localization_lost": "warning",
 }
+LOGGED_RATE = (0.1, 30.0)  # entries of one robot a second, and at once
 SETTLE_SECONDS = 2.0
 GIVE_UP_SECONDS = ASKING_SECONDS + 15.0
 # for which what pages say of another session manager's robots is kept, in case they become ours
@@ -72,6 +74,7 @@ class RecordBuilder:
         self._early: deque[PageItem] = deque(maxlen=MOST_EARLY)
         self._version = store.ownership.version
         self._released: list[ReleaseItem] = []
+        self._allowances: dict[Any, Bucket] = {}  # of each robot, for entries of the system log
         self.rows: list[Model] = []
         self.counts: Counter[str] = Counter()
         self.refused: Counter[str] = Counter()  # by robots, by reason
@@ -225,6 +228,9 @@ class RecordBuilder:
     def _log(
         self, event: str, level: str, robot: Any, session: str | None, now: float, **fields: Any
     ) -> None:
+        if not self._allowances.setdefault(robot, Bucket(*LOGGED_RATE)).spend(now):
+            self.counts["unlogged"] += 1
+            return
         logger.info(event, robot=robot, session=session, **fields)
         at = datetime.datetime.fromtimestamp(now, datetime.UTC)
         key = key_of(event, robot, session, fields, now)
@@ -386,6 +392,7 @@ class RecordBuilder:
         """Close the records of ended sessions to which nothing more will come."""
         for item in [item for item in self._closing.values() if self._is_settled(item, now)]:
             self._store.close(item.session, datetime.datetime.fromtimestamp(now, datetime.UTC))
+            self._store.forget(item.session)
             self._forget(item.session)
 
     def _forget(self, session: str) -> None:

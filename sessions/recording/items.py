@@ -82,4 +82,23 @@ class ReleaseItem:
     done: Callable[[], object]
 
 
+DECODED, OVERHEAD = 3, 512  # bytes of memory for each byte of a message, and beside them
+
+
+def memory_of(item: "Item") -> tuple[str, int]:
+    """Return whose share of the memory an item takes, a robot's or a session's, and about how many
+    bytes.
+    """
+    match item:
+        case StateItem():
+            return item.robot, OVERHEAD + DECODED * len(item.payload)
+        case PhotoItem():
+            return item.robot, OVERHEAD + len(item.jpeg)
+        case PageItem():
+            return item.report.session, OVERHEAD + DECODED * len(bytes(item.report.message))
+        case EventItem() | ActionItem():
+            return item.robot, OVERHEAD + DECODED * 1024
+    return "", OVERHEAD
+
+
 Item = StateItem | EventItem | ActionItem | PhotoItem | PageItem | CloseItem | ReleaseItem

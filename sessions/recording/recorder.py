@@ -10,6 +10,7 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import structlog
 from django.db import DatabaseError, InterfaceError, close_old_connections, connection
@@ -17,14 +18,29 @@ from django.db import DatabaseError, InterfaceError, close_old_connections, conn
 from sessions.disk_full import is_disk_full
 from sessions.models import STALE_SECONDS
 from sessions.recording.builder import RecordBuilder
-from sessions.recording.items import Item
+from sessions.recording.items import Item, memory_of
 from sessions.recording.store import RecordStore
 from sessions.shards.ownership import EVERYTHING, Fenced, Ownership
 
 logger = structlog.stdlib.get_logger(__name__)
 
+MIB = 1024 * 1024
 LIMIT = 100_000
 BATCH = 2000
+
+
+@dataclass(frozen=True)
+class BufferLimits:
+    """How much waits at most: items; bytes of memory, in all and of one robot or session; and the
+    bytes that are written at once.
+    """
+
+    items: int = LIMIT
+    total: int = 256 * MIB
+    each: int = 64 * MIB
+    batch: int = 32 * MIB
+
+
 LINGER = 0.25  # s between two writes when little comes
 FIRST_RETRY, LAST_RETRY = 0.1, 2.0
 REPORT_SECONDS = 10.0
@@ -33,31 +49,52 @@ REPORT_SECONDS = 10.0
 class Buffer:
     """A bounded queue between a loop that must not wait and a thread that may."""
 
-    def __init__(self, limit: int) -> None:
-        self._limit = limit
-        self._items: deque[Item] = deque()
+    def __init__(self, limits: BufferLimits) -> None:
+        self._limits = limits
+        self._items: deque[tuple[Item, str, int]] = deque()
+        self._used: Counter[str] = Counter()  # bytes of each robot and session
+        self._bytes = 0
         self._filled = threading.Condition()
 
     def put(self, item: Item) -> bool:
         """Add an item; False when there is no room."""
-        if len(self._items) >= self._limit:
-            return False
-        self._items.append(item)  # a deque needs no lock for this
-        if len(self._items) == BATCH:
-            self.wake()
+        source, size = memory_of(item)
+        with self._filled:
+            if (
+                len(self._items) >= self._limits.items
+                or self._bytes + size > self._limits.total
+                or self._used[source] + size > self._limits.each
+            ):
+                return False
+            self._items.append((item, source, size))
+            self._count(source, size)
+            if len(self._items) == BATCH:
+                self._filled.notify()
         return True
+
+    def _count(self, source: str, size: int) -> None:
+        self._bytes += size
+        self._used[source] += size
+        if not self._used[source]:
+            del self._used[source]
 
     def wake(self) -> None:
         """Have the waiting thread look at once."""
         with self._filled:
             self._filled.notify()
 
-    def take(self, most: int, seconds: float) -> list[Item]:
-        """Return up to `most` items; waits for at most `seconds` until a whole batch is there."""
+    def take(self, seconds: float) -> list[Item]:
+        """Return a batch of items; waits for at most `seconds` until a whole one is there."""
+        taken, total = [], 0
         with self._filled:
-            if len(self._items) < BATCH:
+            if len(self._items) < BATCH and self._bytes < self._limits.batch:
                 self._filled.wait(seconds)
-            return [self._items.popleft() for _ in range(min(most, len(self._items)))]
+            while self._items and len(taken) < BATCH and total < self._limits.batch:
+                item, source, size = self._items.popleft()
+                self._count(source, -size)
+                taken.append(item)
+                total += size
+        return taken
 
     def __len__(self) -> int:
         return len(self._items)
@@ -69,7 +106,7 @@ class Recorder:
     Args:
         ask: called in the recorder's thread with (robot, boot, first, last) for states that are to
             be sent again.
-        limit: of items that wait.
+        limits: of what waits.
         clock: Unix seconds.
         ownership: whose robots are recorded, and the fence around that.
     """
@@ -78,11 +115,11 @@ class Recorder:
         self,
         ask: Callable[[str, str, int, int], None],
         *,
-        limit: int = LIMIT,
+        limits: BufferLimits = BufferLimits(),
         clock: Callable[[], float] = time.time,
         ownership: Ownership = EVERYTHING,
     ) -> None:
-        self._buffer = Buffer(limit)
+        self._buffer = Buffer(limits)
         self._clock = clock
         self._ownership = ownership
         self._store = RecordStore(ownership)
@@ -150,7 +187,7 @@ class Recorder:
         """Record what has come; False when that was the last."""
         # asked before taking: what is put before `stop` is always taken
         last = self._stopping.is_set()
-        for item in self._buffer.take(BATCH, 0.0 if last else LINGER):
+        for item in self._buffer.take(0.0 if last else LINGER):
             self._insist(lambda item=item: self._builder.take(item))
         self._insist(lambda: self._builder.settle(self._clock()))
         if last and not len(self._buffer):

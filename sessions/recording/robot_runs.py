@@ -119,8 +119,9 @@ class RobotRuns:
         )
 
     def closed(self, session: str) -> None:
-        """Forget that a session was audited, since its record may be opened again."""
+        """Forget what was read of a session; its record may be opened again."""
         self._audited.discard(session)
+        self._restored = {pair for pair in self._restored if pair[0] != session}
 
     def forget(self, shards: frozenset[int]) -> None:
         """Forget the robots of some shards; what is stored of them must be read anew."""

@@ -138,6 +138,10 @@ class RecordStore:
         self._robot_of_session[session] = name
         return name
 
+    def forget(self, session: str) -> None:
+        """Keep no more of a session than the database does."""
+        self._robot_of_session.pop(session, None)
+
     def _remember_unknown(self, session: str, now: float) -> None:
         if len(self._unknown) > 10_000:
             self._unknown.clear()
@@ -233,10 +237,9 @@ class RecordStore:
 
     def _insert_one(self, row: Model) -> None:
         try:
-            with transaction.atomic():
+            # its commit tells of a session that was deleted meanwhile
+            with transaction.atomic(durable=True):
                 row.save(force_insert=True)
-                # a session that was deleted meanwhile shows here and not at some later commit
-                connection.check_constraints()
         except IntegrityError as error:
             if isinstance(row, StateChunk) and self._insert_rest(row):
                 return

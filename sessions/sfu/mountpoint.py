@@ -8,10 +8,11 @@ machine, to a mountpoint of the plug-in Streaming, which offers it to any number
     robot ══WebRTC══► NoSIP ──RTP, loopback──► mountpoint of Streaming ══WebRTC══► page, page, …
 """
 
-import hashlib
 import random
 from dataclasses import dataclass
 from typing import Any
+
+from django.utils.crypto import salted_hmac
 
 AUDIO, VIDEO = "audio", "video"
 PAYLOAD_TYPES = {AUDIO: 111, VIDEO: 96}
@@ -97,7 +98,7 @@ class MountpointInfo:
 
 def mountpoint_of(site_secret: str, robot: str) -> Mountpoint:
     """Return the mountpoint of a robot; nobody without the site's secret can guess it."""
-    digest = hashlib.sha256(f"sfu {site_secret} {robot}".encode()).digest()
+    digest = salted_hmac("sessions.sfu", robot, secret=site_secret, algorithm="sha256").digest()
     # Janus takes whole numbers that JavaScript can hold
     return Mountpoint(int.from_bytes(digest[:8]) >> 12 or 1, digest[8:24].hex())
 

@@ -20,7 +20,7 @@ from django.db import DatabaseError, InterfaceError, connection
 from django.utils import timezone
 
 from experiments.publishing import NotPublishableError
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from robots.processes import ignore_end_signals, interrupted_by_signals
 from sessions.models import ManagerBeat
 from telepresence_site.children import Child, Children, DemoPart, StartFailed
@@ -161,7 +161,7 @@ class Demo:
             self.password = seed(self.mqtt_url)
             # What an earlier run left behind is not news: without this a robot would look online
             # before it is started.
-            Robot.objects.update(connection="OFFLINE", boot="")
+            RobotPresence.objects.update(connection="OFFLINE", boot="")
 
     def _reset(self) -> None:
         var: Path = settings.VAR_DIR
@@ -300,8 +300,8 @@ def _robot_is_online(name: str, since: datetime.datetime) -> bool:
     def is_online() -> bool:
         robot = Robot.objects.get(name=name)
         return (
-            robot.factsheet is not None
-            and _boot_time(robot.boot) >= since.timestamp() - 0.001
+            robot.presence.factsheet is not None
+            and _boot_time(robot.presence.boot) >= since.timestamp() - 0.001
             and robot.is_online(timezone.now())
         )
 

@@ -6,6 +6,7 @@ word for every part; of the disk also while there is still room. Neither says an
 everybody's business.
 """
 
+import asyncio
 import datetime
 from collections.abc import Sequence
 
@@ -18,6 +19,7 @@ from django.utils import timezone
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
 
+from accounts.models import User
 from robots.api.disk_space import DiskSpace
 from robots.bridge import bridge
 from sessions import page_channel
@@ -29,8 +31,58 @@ log = structlog.stdlib.get_logger(__name__)
 PATIENCE_SECONDS = 1.0
 # A disk that is nearly full is told in time, and turns nobody away; nor does a channel layer that
 # is away: pages only hear later of what staff do (sessions/page_channel.py).
-WELL, LOW, SLOW = "ok", "low", "slow"
+WELL, LOW, SLOW, SILENT = "ok", "low", "slow", "silent"
 BEHIND = LIMIT // 4  # items that wait for the database; a busy site has a few hundred
+
+
+class DiskReader:
+    """Reads how much room the disk has, in a thread: a disk that dies may never answer. Until it
+    does, it holds that one thread and nothing else.
+    """
+
+    def __init__(self) -> None:
+        self._reading: asyncio.Future[int] | None = None
+
+    async def read(self) -> tuple[str, int | None]:
+        """Return how the disk is in a word, and its free bytes; None of a `silent` one."""
+        loop = asyncio.get_running_loop()
+        space = DiskSpace(settings.VAR_DIR, settings.DISK_LOW_MB)
+        reading = self._reading
+        if reading is None or reading.done() or reading.get_loop() is not loop:
+            reading = self._reading = loop.run_in_executor(None, space.free)
+        await asyncio.wait({reading}, timeout=PATIENCE_SECONDS)
+        if not reading.done():
+            return SILENT, None
+        return space.word(reading.result()), reading.result()
+
+
+disk = DiskReader()
+
+
+@never_cache
+@require_safe
+async def healthz(_request: HttpRequest) -> JsonResponse:
+    """Tell a supervisor whether this process reaches the database and the broker: 200, or 503 with
+    what is missing.
+
+    How the disk is stands there as well; no restart makes room.
+    """
+    database = await database_sync_to_async(_database_answers)()
+    broker = await bridge.current().wait_connected(PATIENCE_SECONDS)
+    word, _free = await disk.read()
+    return JsonResponse(
+        {"database": database, "broker": broker, "disk": word},
+        status=200 if database and broker else 503,
+    )
+
+
+def _database_answers() -> bool:
+    try:
+        User.objects.exists()
+    except (DatabaseError, InterfaceError) as error:
+        log.warning("database_away", reason=str(error))
+        return False
+    return True
 
 
 @never_cache
@@ -44,7 +96,7 @@ async def readyz(_request: HttpRequest) -> JsonResponse:
         "broker": WELL if broker else "away",
         "channel_layer": WELL if await page_channel.is_well() else SLOW,
         "session_manager": manager,
-        "disk": DiskSpace(settings.VAR_DIR, settings.DISK_LOW_MB).state(),
+        "disk": (await disk.read())[0],
     }
     ready = all(word in {WELL, LOW, SLOW} for word in parts.values())
     if any(word != WELL for word in parts.values()):

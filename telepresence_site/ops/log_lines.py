@@ -64,7 +64,8 @@ def in_order(_logger: Any, _name: str, event: Fields) -> Fields:
         **log_ids.current(),
         **event,
     }
-    if error:
+    # What Django refuses is the client's fault, and its message says all.
+    if error and not record.name.startswith("django.security."):
         line["traceback"] = logging.Formatter().formatException(error)
     return line
 

@@ -19,7 +19,7 @@ from typing import Any
 
 from channels.db import database_sync_to_async
 from django.conf import settings
-from django.db.models import Count, Q
+from django.db.models import Count
 from django.http import Http404, HttpRequest, HttpResponse
 from django.utils import timezone
 from django.views.decorators.cache import never_cache
@@ -29,12 +29,11 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
 from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
 from prometheus_client.registry import Collector
 
-from robots.api.disk_space import DiskSpace
 from robots.bridge import bridge as mqtt_bridge
 from robots.models import Robot
 from sessions.consumers import peers
 from sessions.models import Lease, ManagerBeat, Session
-from telepresence_site.ops.health import WELL, managers_state
+from telepresence_site.ops.health import WELL, disk, managers_state
 
 Labelled = dict[str, float]
 PREFIX = "telepresence_"
@@ -46,7 +45,9 @@ async def metrics(request: HttpRequest) -> HttpResponse:
     """Answer with every figure, to those who may see them."""
     if not may_read(request):
         raise Http404
-    families = [*_of_this_process(), *await database_sync_to_async(_of_the_site)(timezone.now())]
+    _word, free = await disk.read()
+    of_the_site = await database_sync_to_async(_of_the_site)(timezone.now())
+    families = [*_of_this_process(free), *of_the_site]
     registry = CollectorRegistry(auto_describe=False)
     registry.register(_Ready(families))
     return HttpResponse(
@@ -83,16 +84,13 @@ class _Ready(Collector):
         return iter(self._families)
 
 
-def _of_this_process() -> Iterator[Metric]:
+def _of_this_process(free: int | None) -> Iterator[Metric]:
     bridge = mqtt_bridge.current()
     yield _gauge(
         "broker_connected", "Whether this web process reaches the broker.", float(bridge.connected)
     )
-    yield _gauge(
-        "disk_free_bytes",
-        "Free space on the disk of VAR_DIR.",
-        float(DiskSpace(settings.VAR_DIR, settings.DISK_LOW_MB).free()),
-    )
+    if free is not None:
+        yield _gauge("disk_free_bytes", "Free space on the disk of VAR_DIR.", float(free))
     yield _counter(
         "bridge",
         "Messages between broker and pages, by outcome.",
@@ -146,12 +144,21 @@ def _sessions() -> Iterator[Metric]:
 
 def _robots(now: datetime.datetime) -> Iterator[Metric]:
     in_use = Robot.objects.filter(enabled=True, practice=False)
-    robots = list(in_use)
-    waiting = Count("sessions", filter=Q(sessions__state=Session.State.WAITING))
-    queues = dict(in_use.order_by().annotate(n=waiting).values_list("name", "n"))
+    robots = list(
+        in_use.only(
+            "name",
+            "enabled",
+            "presence__connection",
+            "presence__last_seen_at",
+            "presence__report",
+        )
+    )
+    waiting = Session.objects.filter(state=Session.State.WAITING).order_by()
+    queues = dict(waiting.values_list("robot").annotate(n=Count("pk")))
     held = set(Lease.objects.filter(session__isnull=False).values_list("robot_id", flat=True))
     charges = {
-        robot.name: (robot.report or {}).get("battery", {}).get("charge") for robot in robots
+        robot.name: (robot.presence.report or {}).get("battery", {}).get("charge")
+        for robot in robots
     }
     yield _gauges(
         "robot_online",
@@ -165,7 +172,12 @@ def _robots(now: datetime.datetime) -> Iterator[Metric]:
         "robot",
         {robot.name: robot.pk in held for robot in robots},
     )
-    yield _gauges("robot_queue_length", "Visitors who wait for a robot.", "robot", queues)
+    yield _gauges(
+        "robot_queue_length",
+        "Visitors who wait for a robot.",
+        "robot",
+        {robot.name: queues.get(robot.pk, 0) for robot in robots},
+    )
     yield _gauges(
         "robot_charge",
         "A robot's charge, 0 to 1.",

@@ -42,7 +42,9 @@ def prepare(count: int, mqtt_url: str) -> list[str]:
             "observers_allowed": False,
             "turn_minutes": settings.PRACTICE_MINUTES,
         }
-        robot, _ = Robot.objects.update_or_create(name=name, defaults=fields)
+        robot, made = Robot.objects.get_or_create(name=name, defaults=fields)
+        if not made:
+            Robot.objects.filter(pk=robot.pk).update(**fields)
         keep_credentials_here(robot, mqtt_url)
     return names
 

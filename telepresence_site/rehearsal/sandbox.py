@@ -23,7 +23,7 @@ from experiments.models import Study
 from robots.api.credentials_file import ENVIRONMENT
 from robots.enrol import credentials
 from robots.floorplans import store_floor_plan
-from robots.models import FloorPlan, Robot
+from robots.models import FloorPlan, Robot, RobotPresence
 from robots.world.sites import shipped_sites
 from sessions.models import ManagerBeat
 from surveys.models import Questionnaire as QuestionnaireRow
@@ -200,5 +200,7 @@ def _start(children: Children, definition: StudyDefinition, sites: Path) -> str:
 
 def _online(name: str) -> Callable[[Child], bool]:
     return lambda _child: (
-        Robot.objects.filter(name=name, connection="ONLINE").exclude(factsheet=None).exists()
+        RobotPresence.objects.filter(robot__name=name, connection="ONLINE")
+        .exclude(factsheet=None)
+        .exists()
     )

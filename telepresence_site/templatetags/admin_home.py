@@ -20,7 +20,7 @@ from experiments.participation import progress
 from experiments.research.live import RECENT
 from experiments.research.study_access import slugs_of
 from robots.models import Robot
-from robots.presence import has_problem
+from robots.presence.report import has_problem
 from sessions.models import ManagerBeat, Session
 
 MANAGER_SILENT_AFTER = datetime.timedelta(seconds=15)
@@ -138,7 +138,7 @@ def _of_robots(request: HttpRequest, now: datetime.datetime) -> list[Fact]:
         .get_queryset(request)
         .filter(enabled=True)
         .select_related(None)
-        .only("enabled", "connection", "last_seen_at", "turnaround", "report")
+        .select_related("presence")
     )
     visits = Session.objects.filter(robot__in=robots).order_by()
     states = list(visits.exclude(state=Session.State.ENDED).values_list("state", flat=True))

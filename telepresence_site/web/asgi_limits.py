@@ -3,12 +3,14 @@ ours, and too many at once.
 """
 
 import collections
+import functools
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from typing import Any
 from urllib.parse import urlsplit
 
 import structlog
+from django.urls import URLPattern
 
 from accounts.client_address import counted, visitor_address
 from robots.api.bucket import Bucket
@@ -140,6 +142,37 @@ class ConnectLimit:
         if len(self._buckets) > ADDRESSES:
             self._buckets.popitem(last=False)
         return bucket
+
+
+class KnownPaths:
+    """ASGI middleware for WebSockets: a path that no consumer serves is answered with 404."""
+
+    def __init__(self, application: Application, patterns: Sequence[URLPattern]) -> None:
+        self._application, self._patterns = application, patterns
+
+    async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
+        """Go on, or refuse before anything is looked up."""
+        path = scope["path"].removeprefix("/")
+        if any(pattern.resolve(path) for pattern in self._patterns):
+            await self._application(scope, receive, send)
+        else:
+            await _not_found(send)
+
+
+async def _not_found(send: Any) -> None:
+    """Refuse a handshake with 404. ASGI knows no status of a refusal, and daphne's is 403: this
+    does what its WebSocketProtocol.serverReject does. Behind another server it stays 403.
+    """
+    protocol = send.args[0] if isinstance(send, functools.partial) and send.args else None
+    handshake = getattr(protocol, "handshake_deferred", None)
+    if protocol is None or handshake is None:
+        await send({"type": "websocket.close", "code": 1000})
+        return
+    from autobahn.websocket.types import ConnectionDeny  # noqa: PLC0415 -- daphne has loaded it
+
+    del protocol.handshake_deferred
+    handshake.errback(ConnectionDeny(code=404, reason="Not Found"))
+    protocol.server.protocol_disconnected(protocol)
 
 
 class OpenLimit:

@@ -22,9 +22,9 @@ from django.views.decorators.http import require_safe
 from accounts.attempts import Attempts
 from accounts.rate_limits import limited
 from experiments.participation.landing import invitations
-from robots.access import know_permits, may_drive, robots_visible_to
+from robots.access import may_drive_each, robots_visible_to
 from robots.api.idle import HEARD_SECONDS
-from robots.cards import STATES, RobotCard, Traffic, card
+from robots.cards import STATES, RobotCard, card
 from robots.models import Robot
 from sessions.leases.traffic import living_sessions, traffic_at
 from sessions.practice import trial_length
@@ -206,7 +206,7 @@ def _found(robots: QuerySet[Robot], searched: str) -> QuerySet[Robot]:
 
 def _in_order(robots: QuerySet[Robot], now: datetime.datetime) -> QuerySet[Robot]:
     heard = now - datetime.timedelta(seconds=HEARD_SECONDS)
-    is_online = Q(connection="ONLINE", enabled=True, last_seen_at__gt=heard)
+    is_online = Q(presence__connection="ONLINE", enabled=True, presence__last_seen_at__gt=heard)
     return (
         robots.annotate(away=Case(When(is_online, then=0), default=1, output_field=IntegerField()))
         .order_by("away", "for_experienced", "title", "name")
@@ -220,30 +220,23 @@ def cards_for(user: Any, robots: list[Robot], now: datetime.datetime) -> list[Ro
     driven, now or in turn, come first, and of them those that anybody can drive.
     """
     sessions = living_sessions(robots)
-    know_permits(user, robots)
+    verdicts = may_drive_each(user, robots) if user.is_authenticated else {}
     cards = [
         _for_visitor(
-            _card(robot, traffic_at(robot, sessions.get(robot.pk, []), now, user), user, now), user
+            card(
+                robot,
+                traffic_at(robot, sessions.get(robot.pk, []), now, user),
+                barred=verdicts[robot.pk].reason if verdicts else "",
+                url=reverse("drive", args=[robot.name]),
+                now=now,
+            ),
+            user,
         )
         for robot in robots
     ]
     return sorted(
         cards, key=lambda c: (not c.drives, c.drives and c.for_experienced, STATES.index(c.state))
     )
-
-
-def _card(robot: Robot, traffic: Traffic, user: Any, now: datetime.datetime) -> RobotCard:
-    return card(
-        robot,
-        traffic,
-        barred=_barred(user, robot),
-        url=reverse("drive", args=[robot.name]),
-        now=now,
-    )
-
-
-def _barred(user: Any, robot: Any) -> str:
-    return "" if not user.is_authenticated else may_drive(user, robot).reason
 
 
 def _for_visitor(built: RobotCard, user: Any) -> RobotCard:

@@ -62,7 +62,7 @@ class RequestLog:
             await self._serve_request(scope, receive, send, request, route)
 
     async def _serve_socket(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
-        kind = "screen" if scope["path"].endswith("/screen/") else "drive"
+        kind = _kind_of_socket(scope["path"])
         SOCKETS.labels(kind).inc()
         try:
             await self._application(scope, receive, send)
@@ -88,6 +88,17 @@ class RequestLog:
             await self._application(scope, receive, answer)
         finally:
             _note(scope["method"], route, status, time.monotonic() - began)
+
+
+def _kind_of_socket(path: str) -> str:
+    match path.strip("/").split("/"):
+        case ["ws", "check"]:
+            return "check"
+        case ["ws", "robots", _robot]:
+            return "drive"
+        case ["ws", "robots", _robot, "screen" | "wizard" as page]:
+            return page
+    return ELSEWHERE
 
 
 def _found(path: str) -> tuple[str, dict[str, object]]:

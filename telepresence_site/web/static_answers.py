@@ -1,12 +1,16 @@
-"""Static files straight from the event loop: a drive page asks for a hundred of them at once, and
-each would otherwise wait for a thread.
+"""Static files without Django: a drive page asks for a hundred of them at once.
+
+They are read in two threads of their own, because a disk that dies may never answer, and the event
+loop carries commands.
 
 Which files there are, under which names, compressed how and kept for how long, WhiteNoise knows
 (whitenoise.middleware); what it does not find, or Django would first send to HTTPS, goes on to
 Django as before, and so does everything where files are looked for anew each time.
 """
 
+import asyncio
 from collections.abc import Awaitable, Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Protocol
 
 from telepresence_site.web.headers import PERMISSIONS
@@ -18,6 +22,7 @@ SAME = (
     (b"cross-origin-resource-policy", b"same-origin"),
     (b"permissions-policy", PERMISSIONS.encode()),
 )
+_THREADS = ThreadPoolExecutor(2, "static")
 METHODS = frozenset({"GET", "HEAD"})
 
 
@@ -56,11 +61,8 @@ class StaticAnswers:
         if file is None or (self._secure_only and scope["scheme"] != "https"):
             await self._application(scope, receive, send)
             return
-        answer = file.get_response(scope["method"], _environ(scope))
-        body = b""
-        if answer.file is not None:
-            with answer.file:
-                body = answer.file.read()
+        loop = asyncio.get_running_loop()
+        answer, body = await loop.run_in_executor(_THREADS, _read, file, scope)
         headers = [(name.lower().encode(), value.encode()) for name, value in answer.headers]
         await send(
             {
@@ -70,6 +72,15 @@ class StaticAnswers:
             }
         )
         await send({"type": "http.response.body", "body": body})
+
+
+def _read(file: StaticFile, scope: dict[str, Any]) -> tuple[Any, bytes]:
+    """Return WhiteNoise's response to a request, and its body."""
+    answer = file.get_response(scope["method"], _environ(scope))
+    if answer.file is None:
+        return answer, b""
+    with answer.file:
+        return answer, answer.file.read()
 
 
 def _environ(scope: dict[str, Any]) -> dict[str, str]:

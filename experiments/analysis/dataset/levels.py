@@ -64,6 +64,7 @@ END_REASONS: Levels = {
     "page_gone": "the page was closed before it had reached the robot",
     "robot_disabled": "the robot was switched off for visitors",
     "robot_offline": "the robot was silent for too long",
+    "terms_unreadable": "the server could not read what was fixed for the session",
     "task": "the task ended it: completed, or its time was over",
     "time_over": "the time for practice was over",
     "turn_not_taken": "the robot was offered and not taken",

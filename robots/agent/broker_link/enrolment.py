@@ -26,6 +26,7 @@ from robots.agent.broker_link.broker_discovery import (
 )
 from robots.agent.config import AgentConfig, ConfigError, credentials_path, load
 from robots.api import credentials_file
+from robots.api.private_files import write_private
 
 log = structlog.stdlib.get_logger(__name__)
 
@@ -88,7 +89,7 @@ def enrol(robot: str, server: str, token: str, path: Path, ca: str | None = None
         answer = _post(
             f"{server.rstrip('/')}{ENROL_PATH}", {"robot": robot, "token": token}, {}, ca
         )
-        credentials_file.keep(
+        write_private(
             path, credentials_file.toml(_lines(answer, robot) | {"server": server.rstrip("/")})
         )
     except ServerAwayError as error:
@@ -126,7 +127,7 @@ def renew(config: AgentConfig) -> dict[str, str] | None:
         return None
     lines = _lines(answer, config.robot)
     try:
-        credentials_file.keep(
+        write_private(
             config.credentials,
             credentials_file.changed(config.credentials.read_text(encoding="utf-8"), lines),
         )

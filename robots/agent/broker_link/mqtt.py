@@ -29,6 +29,7 @@ from robots.agent.broker_link.reconnection import Reconnection
 from robots.api import codec, topics
 from robots.api.errors import Rejection
 from robots.api.messages import Connection, Factsheet
+from robots.logs import reason_of
 
 log = structlog.stdlib.get_logger(__name__)
 
@@ -372,7 +373,7 @@ class MqttLink:
     def _reason(self, error: BaseException) -> str:
         """Return why there is no connection, and what to do where somebody has to do something."""
         if getattr(getattr(error, "rc", None), "value", None) not in REFUSALS:
-            return str(error)
+            return reason_of(error)
         now = time.monotonic()
         self._refused_since = self._refused_since or now
         if now - self._refused_since < TAKES_OVER:

@@ -1,14 +1,15 @@
 """`run_robot NAME --check`: tries a robot with its wheels off the ground, and measures when its
-base stops by itself.
+base and its navigation stop without the agent.
 
-It connects the adapter alone, without a site, and looks at what the robot reports; drives slowly
-for a moment; then says nothing any more, not even zero, as an agent that was killed or is stuck.
-How long the base goes on, by its own odometry, is its watchdog; the one that its profile states
-must not be shorter. Whatever happens, zeros are sent at the end.
+It connects the adapter alone, without a site, and looks at what the robot reports, also the noise
+of its velocity at rest. It drives slowly for a moment and then sends nothing more, not even zero,
+like an agent that was killed or hangs. The time for which the base keeps moving, by its own
+odometry, is its watchdog; the one that its profile states must not be shorter. navigation_check.py
+then does the same with the robot's own navigation. Zeros are sent at the end in any case.
 """
 
 import asyncio
-import contextlib
+import math
 import signal
 import sys
 import time
@@ -18,18 +19,25 @@ from types import FrameType
 from typing import Any
 
 from robots.agent.adapters import registry
+from robots.agent.adapters.common.robot_profile import (
+    LARGEST_ANGULAR_STANDSTILL,
+    LARGEST_LINEAR_STANDSTILL,
+)
 from robots.agent.config import AgentConfig, ConfigError, load
+from robots.agent.control.navigation_check import NavigationCheck
+from robots.agent.control.observed_robot import ObservedRobot, now
 from robots.agent.devices.equipment import equipment_of
-from robots.agent.ramp import LONGEST_WATCHDOG, ZERO
+from robots.agent.ramp import LONGEST_WATCHDOG
 from robots.agent.robot_interface import (
     FROM_PAGE,
     Adapter,
     AdapterError,
     FromPage,
+    Profile,
     RcaState,
     VideoSource,
 )
-from robots.api.messages import Velocity
+from robots.api.messages import Capability, Velocity
 
 Say = Callable[[str], None]
 WARNING = (
@@ -37,6 +45,11 @@ WARNING = (
     " itself. Lift it so that no wheel touches the ground, and keep your hand on its emergency"
     " button."
 )
+NAVIGATION_WARNING = (
+    "Then it gets a goal for its own navigation, and the connection is cut on the way: if nothing"
+    " stops it, it drives on until it is there."
+)
+NOISE_MARGIN = 1.5  # by which a threshold should exceed the noise that was measured
 
 
 @dataclass(frozen=True)
@@ -45,16 +58,14 @@ class CheckParams:
 
     speed: float = 0.05  # m/s
     period: float = 0.05  # s between two velocities
-    connecting: float = 30.0  # s
     listening: float = 3.0  # s in which everything that the robot reports has to come once
     picture: float = 10.0  # s to the first picture
     driving: float = 1.5  # s
     moving: float = 0.02  # m/s from which the base drives
-    standing: float = 0.01  # m/s below which it stands
+    standing: float = 0.01  # m/s below which it is at rest, unless its profile allows more
     stood: float = 0.4  # s of standing that are a stand
     tolerance: float = 0.25  # s: braking, and the time between two readings
     longest: float = LONGEST_WATCHDOG + 1.0  # s of silence after which nothing stops the base
-    stopping: float = 2.0  # s in which zeros are sent at the end, unless it stands before
 
 
 @dataclass(frozen=True)
@@ -127,6 +138,35 @@ def reported(
     return [*lines, *((False, f"The robot reports: {error}") for error in last.errors)]
 
 
+def noise(states: Sequence[RcaState], profile: Profile) -> str:
+    """Return in a sentence which standstill thresholds a robot needs that was at rest all the
+    time, "" where those of its profile are enough.
+    """
+    measured = {
+        "linear": max((abs(state.velocity.linear) for state in states), default=0.0),
+        "angular": max((abs(state.velocity.angular) for state in states), default=0.0),
+    }
+    units = {"linear": "m/s", "angular": "rad/s"}
+    present = {"linear": profile.standstill_linear, "angular": profile.standstill_angular}
+    largest = {"linear": LARGEST_LINEAR_STANDSTILL, "angular": LARGEST_ANGULAR_STANDSTILL}
+    exceeded = [axis for axis in measured if measured[axis] > present[axis]]
+    if not exceeded:
+        return ""
+    needed = {
+        axis: math.ceil(round(NOISE_MARGIN * measured[axis] * 1000.0, 3)) / 1000.0
+        for axis in exceeded
+    }
+    noisy = " and ".join(
+        f"{measured[axis]:.3f} {units[axis]} ({present[axis]:g} counts as rest)"
+        for axis in exceeded
+    )
+    words = f"Noise: at rest the robot reports up to {noisy}, so that it never counts as at rest."
+    if any(needed[axis] > largest[axis] for axis in exceeded):
+        return f"{words} That is too much for a threshold: filter its odometry."
+    settings = " and ".join(f"standstill_{axis} = {needed[axis]:g}" for axis in exceeded)
+    return f"{words} Set {settings} in its profile, unless something moved it."
+
+
 class RobotCheck:
     """One trial of a robot. `video` is the camera, `page` one that the robot's screen brings, None
     none.
@@ -142,9 +182,7 @@ class RobotCheck:
     ) -> None:
         self._adapter, self._say, self._video = adapter, say, video
         self._params = params or CheckParams()
-        self._states: list[RcaState] = []
-        self._samples: list[SpeedSample] = []
-        self._reading: asyncio.Task[None] | None = None
+        self._robot = ObservedRobot(adapter)
 
     async def run(self) -> bool:
         """Try the robot and return whether everything is as its profile says.
@@ -153,29 +191,30 @@ class RobotCheck:
             AdapterError: it cannot be reached, or was lost; one sentence.
         """
         try:
-            await self._connect()
+            await self._robot.connect()
             is_well = await self._listen()
             is_well &= await self._look()
-            return await self._measure() and is_well
+            if not await self._measure():
+                return False
+            return await NavigationCheck(self._robot, self._say).run() and is_well
         finally:
-            await self._leave()
+            await self._robot.leave()
 
-    async def _connect(self) -> None:
-        try:
-            async with asyncio.timeout(self._params.connecting):
-                await self._adapter.connect()
-        except TimeoutError as error:
-            raise AdapterError(f"no answer within {self._params.connecting:g} s") from error
-        self._reading = asyncio.ensure_future(self._read())
+    @property
+    def capabilities(self) -> tuple[Capability, ...]:
+        """What the robot can do by itself, without the agent's own navigation."""
+        return self._adapter.profile.capabilities
 
-    async def _read(self) -> None:
-        async for state in self._adapter.states():
-            self._states.append(state)
-            self._samples.append(SpeedSample(_now(), state.velocity.linear))
+    @property
+    def _states(self) -> list[RcaState]:
+        return [reading.state for reading in self._robot.readings]
 
     async def _listen(self) -> bool:
-        await self._wait(self._params.listening)
-        lines = reported(self._states, self._adapter.profile.capabilities, self._params.listening)
+        await self._robot.wait(self._params.listening)
+        profile, states = self._adapter.profile, self._states
+        lines = reported(states, profile.capabilities, self._params.listening)
+        if words := noise(states, profile):
+            lines.append((False, words))
         for _, line in lines:
             self._say(line)
         return all(is_well for is_well, _ in lines)
@@ -213,11 +252,10 @@ class RobotCheck:
         """Drive, fall silent, and see when the base stops."""
         params = self._params
         # A robot in its dock would push against the contacts.
-        speed = -params.speed if self._states and self._states[-1].charger_contact else params.speed
+        newest = self._robot.newest
+        speed = -params.speed if newest is not None and newest.charger_contact else params.speed
         silent_at = await self._drive(speed)
-        if not any(
-            abs(sample.speed) > params.moving for sample in self._samples if sample.at <= silent_at
-        ):
+        if not any(abs(sample.speed) > params.moving for sample in self._samples()):
             self._say(
                 f"According to its readings, the base did not move at {speed:g} m/s for"
                 f" {params.driving:g} s. Nothing was measured."
@@ -232,57 +270,34 @@ class RobotCheck:
         """Send a velocity again and again and return when the last one was sent,
         monotonic seconds.
         """
-        self._samples.clear()
+        self._robot.forget()
         self._say(f"Driving {speed:g} m/s…")
-        ends = _now() + self._params.driving
+        ends = now() + self._params.driving
         while True:
             self._adapter.apply(Velocity(linear=speed, angular=0.0))
-            sent_at = _now()
+            sent_at = now()
             if sent_at >= ends:
                 self._say("Silence…")
                 return sent_at
-            await self._wait(self._params.period)
+            await self._robot.wait(self._params.period)
 
     async def _silence(self, silent_at: float) -> float | None:
         params = self._params
-        while _now() < silent_at + params.longest:
-            await self._wait(params.period)
-            heard = [sample for sample in self._samples if sample.at > silent_at]
-            measured = stopped_after(heard, silent_at, params.standing)
-            if measured is not None and heard[-1].at - silent_at - measured >= params.stood:
+        standing = max(params.standing, self._adapter.profile.standstill_linear)
+        while now() < silent_at + params.longest:
+            await self._robot.wait(params.period)
+            samples = self._samples(after=silent_at)
+            measured = stopped_after(samples, silent_at, standing)
+            if measured is not None and samples[-1].at - silent_at - measured >= params.stood:
                 return measured
         return None
 
-    async def _wait(self, seconds: float) -> None:
-        """Let time pass, as long as the robot reports.
-
-        Raises:
-            AdapterError: it was lost.
-        """
-        assert self._reading is not None
-        done, _ = await asyncio.wait({self._reading}, timeout=seconds)
-        if done:
-            self._reading.result()
-            raise AdapterError("the robot stopped reporting")
-
-    async def _leave(self) -> None:
-        """Brake, whatever happened, and let go."""
-        ends = _now() + self._params.stopping
-        with contextlib.suppress(AdapterError):
-            while self._reading is not None and _now() < ends:
-                self._adapter.apply(ZERO)
-                await asyncio.sleep(self._params.period)
-                recent = self._samples[-3:]
-                if recent and all(abs(sample.speed) < self._params.standing for sample in recent):
-                    break
-            if self._reading is not None:
-                self._adapter.apply(ZERO)
-        if self._reading is not None:
-            self._reading.cancel()
-            await asyncio.gather(self._reading, return_exceptions=True)
-        with contextlib.suppress(AdapterError, TimeoutError):
-            async with asyncio.timeout(self._params.stopping):
-                await self._adapter.close()
+    def _samples(self, after: float = -math.inf) -> list[SpeedSample]:
+        return [
+            SpeedSample(reading.at, reading.state.velocity.linear)
+            for reading in self._robot.readings
+            if reading.at > after
+        ]
 
 
 def check_robot(arguments: Mapping[str, Any], say: Say, ask: Callable[[str], str] = input) -> bool:
@@ -299,6 +314,8 @@ def check_robot(arguments: Mapping[str, Any], say: Say, ask: Callable[[str], str
     params = CheckParams()
     check = _prepared(config, say, params)
     say(WARNING.format(speed=params.speed, driving=params.driving))
+    if "goto" in check.capabilities:
+        say(NAVIGATION_WARNING)
     if not arguments.get("yes") and not _agreed(ask):
         raise ConfigError("The robot was not moved: answer yes, or give --yes")
     try:
@@ -350,8 +367,3 @@ def say_line(line: str) -> None:
     """Print a line at once."""
     sys.stdout.write(f"{line}\n")
     sys.stdout.flush()
-
-
-def _now() -> float:
-    """Return the running loop's time, monotonic seconds."""
-    return asyncio.get_running_loop().time()

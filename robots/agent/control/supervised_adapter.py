@@ -36,6 +36,7 @@ from robots.agent.timing import Backoff
 from robots.api.floorplan import ChargingDock as Station
 from robots.api.messages import Action, Config, FloorPlanUpdate, Velocity
 from robots.cancellation import until_one_ends
+from robots.logs import reason_of
 from robots.world.sensing import Floats
 
 log = structlog.stdlib.get_logger(__name__)
@@ -90,7 +91,7 @@ class AdapterLink:
             except TimeoutError:
                 reason = f"no answer within {CONNECT_TIME:.0f} s"
             except AdapterError as error:
-                reason = str(error)
+                reason = reason_of(error)
             was_up, self.up = self.up, False
             log.warning("adapter_lost", reason=reason)
             listener.adapter_changed(up=False, reason=reason)

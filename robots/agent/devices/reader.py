@@ -2,7 +2,8 @@
 hangs nobody else.
 
 Each start has a thread and a state of its own. A thread that does not come back from its device is
-left behind, and whatever it still says counts for nothing.
+left behind, and whatever it still says counts for nothing. A few may be left behind, for a device
+that is reached again by another start; then the device counts as broken until one of them is back.
 """
 
 import errno
@@ -37,6 +38,7 @@ class ReaderLimits:
     # between a picture's own time and now, up to which its own is believed
     clocks_agree: float = 2.0
     leap: float = 1.0  # a file whose times leap more is begun anew
+    left_behind: int = 3  # threads that may hang in the device
 
 
 LIMITS = ReaderLimits()
@@ -89,12 +91,21 @@ class DeviceReader:
         self.name, self.words, self.kind, self.limits = name, words, kind, limits
         self._take = take
         self._run: _Run | None = None
+        self._left_behind: list[threading.Thread] = []
 
     def start(self) -> None:
-        """Begin to read; idempotent while it runs."""
-        if self._run is None:
-            self._run = _Run(self)
-            self._run.thread.start()
+        """Begin to read; idempotent while it runs.
+
+        Raises:
+            AdapterError: too many threads hang in the device.
+        """
+        if self._run is not None:
+            return
+        self._left_behind = [thread for thread in self._left_behind if thread.is_alive()]
+        if len(self._left_behind) >= self.limits.left_behind:
+            raise AdapterError(f"the {self.name} {self.words.place} hangs: reconnect it")
+        self._run = _Run(self)
+        self._run.thread.start()
 
     def stop(self) -> None:
         """Stop reading; idempotent. Waits for the device half a second at most."""
@@ -104,6 +115,7 @@ class DeviceReader:
             run.thread.join(self.limits.ending)
             if run.thread.is_alive():
                 log.warning("device_hung", name=self.name, address=self.words.place)
+                self._left_behind.append(run.thread)
 
     def check(self) -> None:
         """Raise AdapterError with the reason when the device is gone, or has taken too long to be
@@ -151,8 +163,10 @@ class _Run:
                     self.failure = "has ended"
                 if self.failure or self.ending.is_set():
                     return
-        except FAILURES as error:
+        except Exception as error:
             self.failure = f"cannot be read: {reason_of(error)}"
+            if not isinstance(error, FAILURES):
+                raise
 
     def _read_once(self) -> bool:
         """Read to the end; tell whether there was anything."""

@@ -20,7 +20,6 @@ import numpy as np
 from robots.agent.localization.field import field_of
 from robots.agent.localization.global_search import Found, GlobalSearch, Search, Searching
 from robots.agent.localization.motion_model import MotionNoise, move
-from robots.agent.localization.odometry import OdometryTrack
 from robots.agent.localization.particle_filter import (
     Cluster,
     ParticleSet,
@@ -39,6 +38,7 @@ from robots.agent.localization.sensor_model import (
     likelihood_field,
     sweep_of,
 )
+from robots.agent.safety.collision.odometry import OdometryTrack
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.world.grid import OccupancyGrid
 from robots.world.sensing import CENTRE, Covariance, Estimate, Floats, LaserScan

@@ -298,24 +298,20 @@ class MediaSide:
         self._calls.loop = asyncio.get_running_loop()
         self._closing = asyncio.Event()
         self._start_feeds()
-        if self._outputs is not None:
-            self._outputs.start()
         self._ready.set()
         while not self._closing.is_set():
             await self._housekeeping()
         await self._pages.close()
-        for feed in (self._camera, self._microphone):
+        for feed in (self._camera, self._microphone, self._outputs):
             if feed is not None:
                 await asyncio.to_thread(feed.close)
-        if self._outputs is not None:
-            await asyncio.to_thread(self._outputs.close)
 
     def _set_closing(self) -> None:
         assert self._closing is not None
         self._closing.set()
 
     def _start_feeds(self) -> None:
-        for feed in (self._camera, self._microphone):
+        for feed in (self._camera, self._microphone, self._outputs):
             if feed is not None:
                 feed.start()
 

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.agent.navigation.assistance.braking import BrakeCheck
 from robots.agent.navigation.obstacles.blocked_reason import what_blocks
 from robots.agent.navigation.obstacles.local_map import LocalObstacleMap
 from robots.agent.navigation.planning.follower import Followed, Follower
@@ -20,6 +19,7 @@ from robots.agent.navigation.planning.path import PlannedPath
 from robots.agent.navigation.planning.planner import PLANNER, Planner
 from robots.agent.navigation.planning.steps import NavigationStep, Sense, failed, finished
 from robots.agent.ramp import ZERO
+from robots.agent.safety.collision.braking import BrakeCheck
 from robots.api.floorplan import FloorPlan
 from robots.api.geometry import wrap_angle
 from robots.api.messages import Limits, Velocity

@@ -12,12 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.agent.navigation.assistance.braking import BrakeCheck, Hazards
 from robots.agent.navigation.docking.approach import Docking, Undocking
 from robots.agent.navigation.journey import Journey
 from robots.agent.navigation.obstacles.dynamic import LostObstacles
 from robots.agent.navigation.obstacles.local_map import LocalObstacleMap, moved
-from robots.agent.navigation.obstacles.memory import sees
 from robots.agent.navigation.obstacles.recent import RecentSweeps
 from robots.agent.navigation.planning.costmap import CostMap, NoWayError
 from robots.agent.navigation.planning.path import resampled
@@ -26,6 +24,8 @@ from robots.agent.navigation.planning.steps import NavigationStep, Sense, failed
 from robots.agent.navigation.pose_buffer import PoseBuffer
 from robots.agent.navigation.wheels import WheelWatch
 from robots.agent.ramp import ZERO
+from robots.agent.safety.collision.braking import BrakeCheck, Hazards
+from robots.agent.safety.collision.memory import sees
 from robots.api.floorplan import FloorPlan
 from robots.api.geometry import Pose2D
 from robots.api.messages import Limits, Velocity

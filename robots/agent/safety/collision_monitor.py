@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from robots.agent.localization.odometry import OdometryTrack
-from robots.agent.navigation.assistance.assist import Assisted, DriverAssistance
-from robots.agent.navigation.assistance.swept import outside
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import Profile, RcaState
+from robots.agent.safety.collision.assist import Assisted, DriverAssistance
+from robots.agent.safety.collision.odometry import OdometryTrack
+from robots.agent.safety.collision.swept import outside
 from robots.agent.safety.obstacle_sources import NO_POINTS, ObstacleSource, sources_of
 from robots.api.floorplan import ChargingDock as Station
 from robots.api.geometry import Pose2D

@@ -20,14 +20,14 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from robots.agent.localization.odometry import OdometryTrack
-from robots.agent.navigation.assistance.swept import Hull, hull
-from robots.agent.navigation.obstacles.memory import (
+from robots.agent.robot_interface import DepthCamera, Profile, RcaState, Sonar
+from robots.agent.safety.collision.memory import (
     SAME_BEARING,
     MemorySettings,
     RollingObstacleMap,
 )
-from robots.agent.robot_interface import DepthCamera, Profile, RcaState, Sonar
+from robots.agent.safety.collision.odometry import OdometryTrack
+from robots.agent.safety.collision.swept import Hull, hull
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Laser
 from robots.world.sensing import Floats, LaserScan, beams_of, points_from_frame, points_in_frame
@@ -77,7 +77,7 @@ class ObstacleSource(Protocol):
 
 
 class LaserSource:
-    """A planar laser, with its memory (obstacles/memory.py)."""
+    """A planar laser, with its memory (collision/memory.py)."""
 
     silence = 0.5
     loss: Loss = "stand"

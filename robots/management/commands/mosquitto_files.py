@@ -13,8 +13,8 @@ from typing import Any
 import structlog
 from django.core.management.base import BaseCommand, CommandError
 
+from robots.api.private_files import write_private
 from robots.broker.engines import ENGINES, Engine
-from robots.broker.mosquitto import write_private
 from robots.broker.permissions import BrokerUser
 from robots.broker.users import POLL_SECONDS, UsersUnavailableError, read_users, users_now
 from robots.processes import interrupted_by_signals
@@ -113,7 +113,7 @@ class Files:
             return False
         try:
             for name, text in texts.items():
-                write_private(self._directory / name, text, GROUP_MAY_READ)
+                write_private(self._directory / name, text, mode=GROUP_MAY_READ)
         except OSError as error:
             raise FilesError(f"{self._directory}: {error.strerror}.") from error
         logger.info("mosquitto_files_written", users=len(users))

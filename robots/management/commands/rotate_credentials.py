@@ -28,7 +28,7 @@ class Command(BaseCommand):
         )
 
     def handle(self, *_args: Any, **options: Any) -> None:
-        rows = Robot.objects.exclude(credential_hash="")
+        rows = Robot.objects.exclude(credentials__credential_hash="").select_related("credentials")
         chosen = list(rows.filter(name__in=options["robots"]) if options["robots"] else rows)
         missing = set(options["robots"]) - {robot.name for robot in chosen}
         if missing:

@@ -4,7 +4,7 @@
  * way ahead stays in sight.
  */
 
-import { releaseOf } from "../protocol/estop_release.js";
+import { isHeld, releaseOf } from "../protocol/estop_release.js";
 import { roleOf } from "../protocol/session.js";
 import { isMoving, isUnderWay } from "./robot_action.js";
 import { controllersOf, mayAsk, maySend, maySteer } from "../study/restrictions.js";
@@ -97,15 +97,18 @@ const inStation = (state) => {
 };
 
 /**
- * What somebody who operates a robot does about its emergency stop; null while it is not on.
+ * What somebody who operates a robot does about its emergency stop, or about a stop that holds it
+ * between visits; null while there is none.
  * @param {import("../drive/features.js").State} state
  * @returns {{word: string, main?: {action: string, word: string}} | null}
  */
-export const releaseFor = ({ operates, robot, release, now }) => {
-  if (!operates || !robot?.safety.estop) {
+export const releaseFor = ({ operates, robot, room, release, now }) => {
+  const held = isHeld(robot, room.driver);
+  if (!operates || !(robot?.safety.estop || held)) {
     return null;
   }
-  const what = releaseOf(release, now);
+  const asked = releaseOf(release, now);
+  const what = held && asked === "offered" ? "held" : asked;
   return { word: `release.${what}`, main: what === "asked" ? undefined : RELEASE };
 };
 

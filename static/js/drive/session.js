@@ -265,12 +265,13 @@ const newHandlers = ({ store, emit, words }) => ({
     const { robot: known, visit, began } = store.get();
     if (!known || known.boot !== message.boot || known.seq < message.seq) {
       const isReleased = known?.safety.estop && !message.safety.estop;
-      const released = isReleased ? { releasedAt: unixNow(), release: null } : {};
+      const isFree = !message.safety.estop && message.safety.inhibited !== "stopped";
       store.update({
         robot: message,
         robotAt: unixNow(),
         began: odometerAt(began, known, message),
-        ...released,
+        ...(isReleased ? { releasedAt: unixNow() } : {}),
+        ...(isReleased || isFree ? { release: null } : {}),
       });
       emit("newRobotState", message);
     }

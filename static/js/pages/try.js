@@ -3,12 +3,13 @@
 const AGAIN_MS = 1500;
 const LATE_MS = 30000; // a robot starts within a few seconds
 const section = document.getElementById("try");
-const { address, home } = section.dataset;
+const { address, home, csrf } = section.dataset;
 const began = performance.now();
 
 async function ask() {
   try {
-    const answer = await fetch(address, { headers: { Accept: "application/json" } });
+    const headers = { Accept: "application/json", "X-CSRFToken": csrf };
+    const answer = await fetch(address, { method: "POST", headers });
     if (answer.redirected) return location.replace(home); // signed out meanwhile
     if (answer.status === 404) return location.reload(); // no trial any more: the page says so
     const { url } = await answer.json();

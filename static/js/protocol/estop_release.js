@@ -1,6 +1,6 @@
 /**
- * Asking a robot to release its emergency stop: on its own display, and on the drive page of
- * somebody who operates it.
+ * Asking a robot to release its emergency stop, or a stop between visits: on its own display, and
+ * on the drive page of somebody who operates it.
  */
 
 import { unixNow } from "../lib/clock.js";
@@ -12,6 +12,15 @@ const PATIENCE = 4; // s in which a robot answers
 
 /** @param {string} page where it is asked @returns {Release} */
 export const newRelease = (page) => ({ id: freshId(page), since: unixNow(), refused: false });
+
+/**
+ * Whether a stop holds a robot between visits: a new driver releases it, somebody who operates the
+ * robot, or somebody beside it.
+ * @param {any} robot its last state, null before one came
+ * @param {string | null | undefined} driver
+ */
+export const isHeld = (robot, driver) =>
+  !driver && !robot?.safety.estop && robot?.safety.inhibited === "stopped";
 
 /**
  * The robot refuses by the action's status, and releases without a word of its own: its state says.

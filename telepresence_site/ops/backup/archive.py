@@ -16,6 +16,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePosixPath
 from typing import Any, BinaryIO
 
+from robots.api.private_files import draft_of
+
 MANIFEST = "manifest.json"
 FORMAT = 1
 MAX_MANIFEST = 64 * 1024 * 1024
@@ -54,24 +56,15 @@ def write(
     Raises:
         BackupError: something is there already, or cannot be read or written.
     """
-    draft = target.with_name(target.name + ".partial")
     if target.exists():
         raise BackupError(
             f"{target} already exists; a backup never overwrites anything. Choose another name."
         )
     try:
-        descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        try:
-            with os.fdopen(descriptor, "wb") as file:
-                manifest = _write(file, members, facts)
-                file.flush()
-                os.fsync(file.fileno())
-            os.link(draft, target)  # unlike a rename it fails when somebody else was quicker
-        finally:
-            draft.unlink(missing_ok=True)
+        with draft_of(target, replace=False) as file:
+            return _write(file, members, facts)
     except (OSError, tarfile.TarError) as error:
         raise BackupError(f"{target} could not be written: {error}.") from error
-    return manifest
 
 
 def _write(
@@ -91,7 +84,6 @@ def _write(
         info = tarfile.TarInfo(MANIFEST)
         info.size, info.mode = len(content), 0o600
         archive.addfile(info, io.BytesIO(content))
-    return manifest
 
 
 def unpack(source: Path, directory: Path) -> dict[str, Any]:

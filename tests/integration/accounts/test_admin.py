@@ -2,6 +2,7 @@ import re
 
 import pytest
 from allauth.account.models import EmailAddress
+from django.contrib.auth.forms import UserChangeForm
 from django.contrib.auth.models import Permission
 from django.urls import reverse
 
@@ -145,3 +146,20 @@ def test_an_address_is_marked_as_verified_by_who_may_change_it_and_not_by_who_ma
         helper.user_permissions.add(Permission.objects.get(codename=right))
         client.post(reverse("admin:account_emailaddress_changelist"), chosen)
         assert EmailAddress.objects.get().verified is is_verified, right
+
+
+def test_saving_a_person_keeps_a_password_that_they_changed_meanwhile(client, staff, monkeypatch):
+    ada = person("ada")
+    address = reverse("admin:accounts_user_change", args=[ada.pk])
+    fields = client.get(address).context["adminform"].form.initial
+    clean = UserChangeForm.clean
+
+    def slowly(self):
+        User.objects.filter(pk=ada.pk).update(password="new")
+        return clean(self)
+
+    monkeypatch.setattr(UserChangeForm, "clean", slowly)
+    sent = {"username": "ada", "display_name": "Countess", "email": fields["email"]}
+    assert client.post(address, sent | {"is_active": "on"}).status_code == 302
+    ada.refresh_from_db()
+    assert (ada.display_name, ada.password) == ("Countess", "new")

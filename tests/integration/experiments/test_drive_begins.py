@@ -15,7 +15,7 @@ from experiments.research.live import now_in
 from experiments.tasks.finalization import settle
 from experiments.tasks.records import FirstFrame
 from robots.api import topics
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from sessions import protocol
 from sessions.leases import store
 from sessions.leases.transitions import RobotLink
@@ -52,7 +52,7 @@ def study():
 
 
 def stands(robot: Robot, **changes: Any) -> None:
-    Robot.objects.filter(pk=robot.pk).update(
+    RobotPresence.objects.filter(pk=robot.pk).update(
         report=report_in_dock(robot.floor_plan, "giraff", **changes)
     )
 
@@ -213,7 +213,7 @@ def test_a_robot_that_goes_home_by_itself_is_sent_there_and_nobody_is_called(rob
     stands_away(robot)
     ask(robot, first_time_user(study, "ada"), NOW)
     looks(Scheduler(), 1.0, 20.0, 30.0)
-    assert Robot.objects.get().turnaround == "returning"
+    assert Robot.objects.get().presence.turnaround == "returning"
     assert mail.outbox == []
 
 

@@ -25,7 +25,7 @@ from experiments.export.formats import ON_REQUEST
 from experiments.models import Coding, CodingEdit, Drive, Participant, TaskEvent
 from robots.api import messages as m
 from robots.api.codec import encode
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from sessions import protocol
 from sessions.models import Session, SessionEvent, Snapshot
 from sessions.recording.builder import RecordBuilder
@@ -167,7 +167,7 @@ def stored(_made):
     Participant.objects.filter(pk=drive.participant_id).update(
         recruitment=fill.anything(), draw_seed=fill.count(), completion_code=fill.word()[:20]
     )
-    Robot.objects.filter(pk=drive.session.robot_id).update(
+    RobotPresence.objects.filter(pk=drive.session.robot_id).update(
         factsheet=as_stored(fill.message(m.Factsheet, **PUBLIC))
     )
     Session.objects.filter(pk=drive.session_id).update(

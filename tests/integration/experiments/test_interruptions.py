@@ -27,7 +27,7 @@ from experiments.participation.journey import JourneyPlace
 from experiments.tasks.finalization import settle
 from experiments.tasks.records import FirstFrame
 from experiments.tasks.runner import PATIENCE, Runner
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from sessions.leases import store as leases
 from sessions.models import Session
 from surveys.models import Answer, Response
@@ -268,7 +268,7 @@ def test_a_network_that_is_cut_before_anything_moved_leaves_the_step_to_be_tried
     settle(close(drive, at=timezone.now().timestamp()), timezone.now())
     assert "Try again" in walker.look().text
     assert progress.place(walker.participant) == place
-    Robot.objects.update(turnaround="ready")
+    RobotPresence.objects.update(turnaround="ready")
     second, _runner, _more = driving(walker)
     assert (second.pk != drive.pk, second.number) == (True, drive.number + 1)
     assert StepVisit.objects.filter(step=place.step).count() == 1

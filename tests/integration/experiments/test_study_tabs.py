@@ -34,8 +34,11 @@ def drive(monkeypatch):
 
     monkeypatch.setattr(analysis_cache, "fresh", refuse)
     robot = replays.cabin_robot()
-    robot.factsheet |= {"capabilities": ["velocity"], "limits": {"linear": 0.6, "angular": 0.7}}
-    robot.save()
+    robot.presence.factsheet |= {
+        "capabilities": ["velocity"],
+        "limits": {"linear": 0.6, "angular": 0.7},
+    }
+    robot.presence.save()
     visit = replays.session(robot, person("ada"), seconds=10)
     return replays.drive(replays.participant(replays.study(), visit.visitor), visit)
 

@@ -14,7 +14,7 @@ from django.utils import timezone
 
 from experiments.models import Drive, Participant, TaskEvent
 from robots.api import codec, messages
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from sessions import protocol
 from sessions.consumers import relay
 from sessions.leases import store
@@ -124,7 +124,10 @@ async def test_a_task_goes_on_over_the_death_of_the_session_manager_and_nothing_
         with ManagerProcess(broker.url) as first:
             await first.connected()
             await wait_for(
-                lambda: (found := Robot.objects.get()).boot and found.report["boot"] == found.boot,
+                lambda: (
+                    (found := RobotPresence.objects.get()).boot
+                    and found.report["boot"] == found.boot
+                ),
                 30,
                 "what the robot says of itself",
             )

@@ -17,6 +17,7 @@ from robots.access import (
 )
 from robots.models import Robot, RobotPermit
 from sessions.protocol import Refused
+from tests.support.robots import create_robot
 
 pytestmark = pytest.mark.django_db
 Kind, Access = RobotPermit.Privilege, Robot.Access
@@ -33,7 +34,7 @@ def overseer(name="staff"):
 
 
 def robot(**fields):
-    return Robot.objects.create(**({"name": "giraff", "title": "Giraff"} | fields))
+    return create_robot(**({"name": "giraff", "title": "Giraff"} | fields))
 
 
 def permit(user, robot, kind):
@@ -131,7 +132,7 @@ def test_a_hidden_robot_is_there_for_its_owner_its_operators_and_overseers_alone
 
 def test_a_guest_drives_no_hidden_robot(monkeypatch):
     hidden, guest = robot(access=Access.INVITATION, shown_to_visitors=False), person("guest")
-    monkeypatch.setattr(access, "_guest_lists", [lambda _user, _robot: True])
+    monkeypatch.setattr(access, "_guest_lists", [lambda _user, robots: robots])
     assert may_drive(guest, hidden).reason == "disabled"
     assert not has_a_robot(guest)
 
@@ -189,7 +190,9 @@ def test_there_is_a_robot_for_whom_one_is_shown_to_and_for_a_guest(monkeypatch):
         False,
     ]
     monkeypatch.setattr(
-        access, "_guest_lists", [lambda user, robot: (user, robot) == (visitor, closed)]
+        access,
+        "_guest_lists",
+        [lambda user, robots: [one for one in robots if (user, one) == (visitor, closed)]],
     )
     assert has_a_robot(visitor)
     Robot.objects.update(enabled=False)
@@ -211,7 +214,9 @@ def guest(kind="participant"):
 
 
 def let_in(monkeypatch, kind, rule):
-    monkeypatch.setitem(access._guest_rules, kind, rule)
+    monkeypatch.setitem(
+        access._guest_rules, kind, lambda user, robots: [one for one in robots if rule(user, one)]
+    )
 
 
 def test_a_guest_drives_no_robot_of_which_no_rule_speaks(monkeypatch):
@@ -253,3 +258,17 @@ def test_a_guest_manages_and_operates_nothing_whatever_they_were_given():
     assert not may_manage(user, owned)
     assert not may_operate(user, owned)
     assert not may_observe(user, owned)
+
+
+@pytest.mark.parametrize("count", [2, 40])
+@pytest.mark.parametrize("kind", ["guest", "visitor"])
+def test_which_robots_there_are_for_somebody_costs_the_same_for_many(
+    count, kind, django_assert_max_num_queries
+):
+    for number in range(count):
+        robot(name=f"robot-{number}", access=Access.INVITATION)
+    user = guest("participant") if kind == "guest" else person("visitor")
+    with django_assert_max_num_queries(6):
+        assert not has_a_robot(user)
+    with django_assert_max_num_queries(4):
+        assert not list(robots_visible_to(user))

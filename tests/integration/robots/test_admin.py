@@ -15,12 +15,15 @@ from django.core.exceptions import ValidationError
 from django.core.files.uploadedfile import SimpleUploadedFile
 from django.utils import timezone
 
+from robots.admin import RobotAdmin
 from robots.enrol.credentials import robot_of
 from robots.floorplans import MAX_PLAN, store_floor_plan
-from robots.models import FloorPlan, Robot, RobotPermit
+from robots.forms import RobotForm
+from robots.models import FloorPlan, Robot, RobotPermit, RobotPresence
 from robots.world.sites import SHIPPED
 from sessions.models import Lease, Session
 from tests.support.architectures.installed_adapters import install
+from tests.support.robots import create_robot, create_robots, unsaved_robot, update_robots
 
 pytestmark = pytest.mark.django_db
 LIST, ADD = "/admin/robots/robot/", "/admin/robots/robot/add/"
@@ -37,7 +40,7 @@ def researcher(client):
 @pytest.fixture
 def giraff():
     report = {"boot": "b1", "seq": 1, "battery": {"charge": 0.81, "charging": True}, "docked": True}
-    return Robot.objects.create(
+    return create_robot(
         name="giraff",
         title="The Giraff",
         connection="ONLINE",
@@ -105,8 +108,8 @@ def test_a_page_of_a_long_list_reads_fifty_rows_and_no_images_of_maps(
     client, researcher, giraff, django_assert_max_num_queries
 ):
     office = store_floor_plan(OFFICE)
-    Robot.objects.bulk_create(
-        Robot(name=f"many-{n}", title=f"Many {n}", floor_plan=office) for n in range(250)
+    create_robots(
+        *(unsaved_robot(name=f"many-{n}", title=f"Many {n}", floor_plan=office) for n in range(250))
     )
     with django_assert_max_num_queries(14) as asked:
         answer = client.get(LIST, {"q": "many", "enabled__exact": "1", "p": "2"})
@@ -123,7 +126,7 @@ def test_robots_are_found_and_filtered(client, researcher, giraff):
 
 
 def test_a_robot_whose_last_word_is_old_is_not_online(client, researcher, giraff):
-    Robot.objects.update(last_seen_at=timezone.now() - datetime.timedelta(minutes=1))
+    RobotPresence.objects.update(last_seen_at=timezone.now() - datetime.timedelta(minutes=1))
     assert 'alt="True"' not in page(client, LIST)
 
 
@@ -132,7 +135,7 @@ def test_a_robots_page_shows_what_it_said_and_lets_nobody_rename_it(client, rese
     assert "&lt;b&gt;simulator&lt;/b&gt;" in text.replace("\\u003C", "&lt;")
     assert 'name="name"' not in text
     assert f"{LIST}{giraff.pk}/credentials/" in text
-    assert giraff.credential_hash not in text or not giraff.credential_hash
+    assert giraff.credentials.credential_hash not in text or not giraff.credentials.credential_hash
     is_clean(text)
 
 
@@ -145,11 +148,12 @@ def test_a_robots_page_tells_its_owner_why_its_agent_does_not_reach_it(client, r
         )[1]
 
     assert control() == "responding"
-    Robot.objects.update(
-        report=giraff.report | {"errors": ["adapter_lost: no ROS master at http://robot:11311"]}
+    RobotPresence.objects.update(
+        report=giraff.presence.report
+        | {"errors": ["adapter_lost: no ROS master at http://robot:11311"]}
     )
     assert control() == "no ROS master at http://robot:11311"
-    Robot.objects.update(connection="OFFLINE")
+    RobotPresence.objects.update(connection="OFFLINE")
     assert control() == "–"
 
 
@@ -224,7 +228,7 @@ def test_credentials_are_asked_for_made_and_shown_once(client, researcher, giraf
     address = f"{LIST}{giraff.pk}/credentials/"
     asked = page(client, address)
     giraff.refresh_from_db()
-    assert not giraff.credential_hash  # looking makes nothing
+    assert not giraff.credentials.credential_hash  # looking makes nothing
     is_clean(asked)
 
     response = client.post(address, HTTP_HOST="localhost:8000")
@@ -300,7 +304,7 @@ def test_only_somebody_who_may_change_robots_makes_credentials(client, giraff):
     client.logout()
     assert client.post(address).status_code == 302
     giraff.refresh_from_db()
-    assert not giraff.credential_hash
+    assert not giraff.credentials.credential_hash
 
 
 def act(client, action, *robots):
@@ -324,7 +328,7 @@ def test_credentials_are_revoked(client, researcher, giraff):
         in act(client, "revoke_credentials", giraff).content.decode()
     )
     giraff.refresh_from_db()
-    assert giraff.credential_hash == ""
+    assert giraff.credentials.credential_hash == ""
     assert "none: the robot can't connect" in unescape(page(client, f"{LIST}{giraff.pk}/change/"))
 
 
@@ -473,7 +477,7 @@ def test_doors_are_opened_and_closed_on_a_page_of_their_own(client, researcher, 
         image=b"png",
         plan={"doors": [{"name": "lab-door", "title": "Laboratory door"}]},
     )
-    Robot.objects.update(floor_plan=plan, factsheet={"capabilities": ["doors"]})
+    update_robots(floor_plan=plan, factsheet={"capabilities": ["doors"]})
     address = f"{LIST}{giraff.pk}/doors/"
     assert "Laboratory door" in client.get(address).content.decode()
     text = client.post(
@@ -488,10 +492,66 @@ def test_doors_are_opened_and_closed_on_a_page_of_their_own(client, researcher, 
 
 
 def test_a_robot_that_is_stuck_between_two_visits_is_freed(client, researcher, giraff):
-    Robot.objects.update(turnaround="paused", turnaround_reason="estop")
+    RobotPresence.objects.update(turnaround="paused", turnaround_reason="estop")
     assert (
         "Not ready: its emergency stop is on"
         in client.get(f"{LIST}{giraff.pk}/change/").content.decode()
     )
     client.post(LIST, {"action": "free", "_selected_action": [str(giraff.pk)]})
-    assert Robot.objects.get(pk=giraff.pk).turnaround == "ready"
+    assert Robot.objects.get(pk=giraff.pk).presence.turnaround == "ready"
+
+
+def test_saving_a_robot_keeps_what_others_wrote_meanwhile(client, researcher, giraff, monkeypatch):
+    form = client.get(f"{LIST}{giraff.pk}/change/").context["adminform"].form
+    sent = {name: form[name].value() or "" for name in form.fields}
+    sent |= {"permits-TOTAL_FORMS": 0, "permits-INITIAL_FORMS": 0, "title": "Renamed"}
+    clean = RobotForm.clean
+
+    def slowly(self):
+        update_robots(
+            connection="CONNECTIONBROKEN",
+            turnaround="paused",
+            credential_hash="new",
+            held="repair",
+            doors={"lab": "open"},
+            max_linear=0.3,
+        )
+        return clean(self)
+
+    monkeypatch.setattr(RobotForm, "clean", slowly)
+    assert client.post(f"{LIST}{giraff.pk}/change/", sent).status_code == 302
+    saved = Robot.objects.get()
+    assert (saved.title, saved.held, saved.doors, saved.max_linear) == (
+        "Renamed",
+        "repair",
+        {"lab": "open"},
+        0.3,
+    )
+    assert (saved.presence.connection, saved.presence.turnaround) == ("CONNECTIONBROKEN", "paused")
+    assert saved.credentials.credential_hash == "new"
+
+
+def test_two_people_who_move_two_doors_at_once_move_both(client, researcher, giraff, monkeypatch):
+    doors = [{"name": "lab"}, {"name": "hall"}]
+    plan = FloorPlan.objects.create(
+        name="flat",
+        title="Flat",
+        resolution=0.05,
+        origin_x=0.0,
+        origin_y=0.0,
+        width=1,
+        height=1,
+        image=b"png",
+        plan={"doors": doors},
+    )
+    update_robots(floor_plan=plan, factsheet={"capabilities": ["doors"]})
+    read = RobotAdmin.managed
+
+    def slowly(self, *args):
+        robot = read(self, *args)
+        Robot.objects.update(doors={"hall": "closed"})
+        return robot
+
+    monkeypatch.setattr(RobotAdmin, "managed", slowly)
+    client.post(f"{LIST}{giraff.pk}/doors/", {"door": "lab", "state": "closed"})
+    assert Robot.objects.get().doors == {"hall": "closed", "lab": "closed"}

@@ -7,7 +7,6 @@ from django.db import DataError
 from django.db import connection as database
 from django.test.utils import CaptureQueriesContext
 
-from robots import presence
 from robots.api.messages import (
     Battery,
     Connection,
@@ -18,8 +17,11 @@ from robots.api.messages import (
     State,
     Velocity,
 )
-from robots.models import Robot
-from robots.presence import PresenceWriter, changes, trouble_of
+from robots.models import Robot, RobotPresence
+from robots.presence import writer as writing
+from robots.presence.report import trouble_of
+from robots.presence.writer import PresenceWriter, changes
+from tests.support.robots import create_robots, unsaved_robot
 
 NOW = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
 
@@ -69,13 +71,12 @@ class Heard(PresenceWriter):
     """Looks after every message, as often as a session manager that has nothing else to do."""
 
     def take(self, name, message, now, **how):
-        change = super().take(name, message, now, **how)
+        super().take(name, message, now, **how)
         self.write(now)
-        return change
 
 
 def row(**fields):
-    return Robot(**({"name": "giraff", "title": "Giraff"} | fields))
+    return RobotPresence(**fields)
 
 
 def test_a_robot_that_says_online_is_online():
@@ -121,15 +122,10 @@ def test_what_concerns_only_pages_changes_nothing():
 def test_a_robot_comes_and_goes_and_the_row_tells():
     Robot.objects.create(name="giraff", title="Giraff")
     writer = Heard()
-    came = writer.take("giraff", connection("ONLINE"), NOW)
-    assert came is not None
-    assert came.online
+    writer.take("giraff", connection("ONLINE"), NOW)
     assert Robot.objects.get().is_online(after(5))
-    assert writer.take("giraff", connection("ONLINE"), after(1)) is None
-    went = writer.take("giraff", connection("CONNECTIONBROKEN"), after(2))
-    assert went is not None
-    assert not went.online
-    assert went.state == "CONNECTIONBROKEN"
+    writer.take("giraff", connection("CONNECTIONBROKEN"), after(2))
+    assert RobotPresence.objects.get().connection == "CONNECTIONBROKEN"
     assert not Robot.objects.get().is_online(after(2))
 
 
@@ -137,7 +133,7 @@ def test_a_robot_comes_and_goes_and_the_row_tells():
 def test_the_factsheet_is_kept_as_it_stands_on_the_wire():
     Robot.objects.create(name="giraff", title="Giraff")
     Heard().take("giraff", FACTSHEET, NOW)
-    kept = Robot.objects.get().factsheet
+    kept = RobotPresence.objects.get().factsheet
     assert kept["agentVersion"] == "1"
     assert kept["limits"]["linearBraking"] == 0.8
 
@@ -151,7 +147,7 @@ def test_four_states_a_second_are_written_once_in_two():
         for number in range(40):
             writer.take("giraff", state(number), after(0.25 * (number + 1)))
     assert sum("UPDATE" in query["sql"] for query in queries) == 5
-    kept = Robot.objects.get()
+    kept = RobotPresence.objects.get()
     assert kept.last_seen_at >= after(8)
     assert kept.report["seq"] >= 30
 
@@ -164,9 +160,9 @@ def test_the_last_state_before_a_silence_is_written_too():
     writer.take("giraff", state(1), after(0.1))
     writer.take("giraff", state(2), after(0.2))
     writer.write(after(0.5))
-    assert Robot.objects.get().report["seq"] == 1
+    assert RobotPresence.objects.get().report["seq"] == 1
     writer.write(after(2.5))
-    assert Robot.objects.get().report["seq"] == 2
+    assert RobotPresence.objects.get().report["seq"] == 2
 
 
 @pytest.mark.django_db
@@ -182,11 +178,10 @@ def test_what_the_database_did_not_take_is_news_again_once_it_is_forgotten():
     Robot.objects.create(name="giraff", title="Giraff")
     writer = Heard()
     writer.take("giraff", connection("ONLINE"), NOW)
-    Robot.objects.update(connection="OFFLINE")  # as if it had been rolled back
+    RobotPresence.objects.update(connection="OFFLINE")  # as if it had been rolled back
     writer.forget({"giraff"})
-    came = writer.take("giraff", connection("ONLINE"), after(1))
-    assert came is not None
-    assert came.online
+    writer.take("giraff", connection("ONLINE"), after(1))
+    assert Robot.objects.get().is_online(after(1))
 
 
 @pytest.mark.django_db
@@ -195,15 +190,15 @@ def test_that_a_robot_is_not_reached_any_more_is_written_at_once_with_the_reason
     writer = Heard()
     writer.take("giraff", connection("ONLINE"), NOW)
     writer.take("giraff", state(1), after(0.1))
-    assert trouble_of(Robot.objects.get().report) == ""
+    assert trouble_of(RobotPresence.objects.get().report) == ""
     writer.take(
         "giraff",
         state(2, errors=("lens dirty", "adapter_lost: no ROS master at http://robot:11311")),
         after(0.2),
     )
-    assert trouble_of(Robot.objects.get().report) == "no ROS master at http://robot:11311"
+    assert trouble_of(RobotPresence.objects.get().report) == "no ROS master at http://robot:11311"
     writer.take("giraff", state(3), after(0.3))
-    assert trouble_of(Robot.objects.get().report) == ""
+    assert trouble_of(RobotPresence.objects.get().report) == ""
     starting = "adapter_starting: the agent is connecting to the robot"
     assert trouble_of({"errors": [starting]}) == "the agent is connecting to the robot"
 
@@ -224,7 +219,7 @@ def test_presence_leaves_what_people_edit_alone():
     Robot.objects.filter(pk=robot.pk).update(title="Renamed", enabled=False)
     writer.take("giraff", connection("OFFLINE"), after(5))
     robot.refresh_from_db()
-    assert (robot.title, robot.enabled, robot.connection) == ("Renamed", False, "OFFLINE")
+    assert (robot.title, robot.enabled, robot.presence.connection) == ("Renamed", False, "OFFLINE")
 
 
 @pytest.mark.django_db
@@ -234,7 +229,7 @@ def test_an_unknown_robot_is_ignored_without_asking_the_database_each_time(
     writer = Heard()
     with django_assert_num_queries(1):
         for number in range(10):
-            assert writer.take("nobody", state(number), after(number / 4)) is None
+            writer.take("nobody", state(number), after(number / 4))
 
 
 @pytest.mark.django_db
@@ -246,12 +241,12 @@ def test_a_robot_deleted_and_made_anew_is_found_again():
     writer.take("giraff", connection("OFFLINE"), after(1))
     Robot.objects.create(name="giraff", title="Giraff")
     writer.take("giraff", connection("ONLINE", boot="b2"), after(2))
-    assert Robot.objects.get().connection == "ONLINE"
+    assert RobotPresence.objects.get().connection == "ONLINE"
 
 
 @pytest.mark.django_db
 def test_many_robots_are_read_and_written_together(django_assert_num_queries):
-    Robot.objects.bulk_create(Robot(name=f"r{n}", title=f"R{n}") for n in range(50))
+    create_robots(*(unsaved_robot(name=f"r{n}", title=f"R{n}") for n in range(50)))
     writer = PresenceWriter()
     names = [f"r{n}" for n in range(50)] + ["nobody"]
     with django_assert_num_queries(4):  # read, savepoint, write, its release
@@ -261,7 +256,7 @@ def test_many_robots_are_read_and_written_together(django_assert_num_queries):
             writer.take(name, FACTSHEET, NOW)
             writer.take(name, state(1, boot=f"boot-{name}"), NOW)
         writer.write(NOW)
-    kept = Robot.objects.get(name="r7")
+    kept = RobotPresence.objects.get(robot__name="r7")
     assert (kept.connection, kept.boot, kept.report["boot"]) == ("ONLINE", "boot-r7", "boot-r7")
     assert kept.factsheet["series"] == "Giraff"
     assert kept.last_seen_at == NOW
@@ -269,22 +264,22 @@ def test_many_robots_are_read_and_written_together(django_assert_num_queries):
 
 @pytest.mark.django_db
 def test_a_row_that_the_database_refuses_costs_no_other_robot_its_presence(monkeypatch):
-    Robot.objects.bulk_create(Robot(name=name, title=name) for name in ("giraff", "rhodon"))
-    together = presence.update_each
+    create_robots(*(unsaved_robot(name=name, title=name) for name in ("giraff", "rhodon")))
+    together = writing.update_each
 
-    def strict(robots, fields):
-        if any(robot.name == "rhodon" for robot in robots):
+    def strict(rows, fields):
+        if any(row.robot.name == "rhodon" for row in rows):
             raise DataError("unsupported Unicode escape sequence")
-        return together(robots, fields)
+        return together(rows, fields)
 
-    monkeypatch.setattr(presence, "update_each", strict)
+    monkeypatch.setattr(writing, "update_each", strict)
     writer = PresenceWriter()
     for name in ("giraff", "rhodon"):
         writer.take(name, connection("ONLINE"), NOW)
     writer.write(NOW)
     writer.write(after(1))
-    assert Robot.objects.get(name="giraff").connection == "ONLINE"
-    assert Robot.objects.get(name="rhodon").connection != "ONLINE"
+    assert RobotPresence.objects.get(robot__name="giraff").connection == "ONLINE"
+    assert RobotPresence.objects.get(robot__name="rhodon").connection != "ONLINE"
 
 
 def test_text_that_postgresql_cannot_hold_is_left_out():

@@ -28,6 +28,7 @@ from sessions.models import (
     StateChunk,
     SystemLog,
 )
+from tests.support.robots import create_robot
 
 pytestmark = pytest.mark.django_db
 LIST = "/admin/telepresence_sessions/session/"
@@ -55,7 +56,7 @@ def assistant(client):
 
 @pytest.fixture
 def giraff():
-    return Robot.objects.create(
+    return create_robot(
         name="giraff", title="Giraff", connection="ONLINE", last_seen_at=timezone.now()
     )
 

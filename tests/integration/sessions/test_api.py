@@ -1,21 +1,31 @@
 """The JSON API: what everybody may read, what a key adds, and that no key drives."""
 
+import asyncio
 import io
 import re
+import threading
 from pathlib import Path
 
 import pytest
 from asgiref.sync import sync_to_async
 from django.conf import settings as site
 from django.core.management import CommandError, call_command
+from django.db import connection
 from django.test import AsyncClient, Client
+from django.test.utils import CaptureQueriesContext
 from django.utils import timezone
 
+from accounts.attempts import Attempts
 from robots.api.messages import EStop, Stop
-from robots.models import FloorPlan, Robot
+from robots.models import FloorPlan, Robot, RobotPresence
 from sessions.api.keys import key_of
+from sessions.api.views import READ
 from sessions.models import ApiKey, Lease, Session, SystemLog
+from tests.support.loop_gap import longest_gap
+from tests.support.patience import patient
 from tests.support.people import person
+from tests.support.robots import create_robot, update_robots
+from tests.support.sessions.query_plans import session_reads
 
 pytestmark = pytest.mark.django_db(transaction=True)
 PLACES = {"places": [{"name": "kitchen", "x": 1.0, "y": 2.0, "theta": 0.0}]}
@@ -43,7 +53,7 @@ def giraff():
         image=b"",
         plan=PLACES,
     )
-    return Robot.objects.create(
+    return create_robot(
         name="giraff",
         title="Giraff",
         floor_plan=plan,
@@ -120,18 +130,18 @@ def test_nobody_is_named(giraff):
     ],
 )
 def test_a_robots_state_is_one_word(giraff, change, state):
-    Robot.objects.update(**change)
+    update_robots(**change)
     assert Client().get("/api/v1/robots/giraff/").json()["robot"]["state"] == state
 
 
 def test_what_an_offline_robot_said_last_is_not_told_as_news(giraff, bearer):
-    Robot.objects.update(connection="OFFLINE")
+    RobotPresence.objects.update(connection="OFFLINE")
     told = Client().get("/api/v1/robots/giraff/", headers=bearer).json()["robot"]
     assert (told["charge"], told["docked"], told["pose"]) == (None, None, None)
 
 
 def test_a_key_tells_more_of_its_own_robot_alone(giraff, bearer):
-    Robot.objects.create(
+    create_robot(
         name="rhodon",
         title="Rhodon",
         connection="ONLINE",
@@ -205,7 +215,7 @@ async def test_a_stop_that_cannot_be_sent_says_so(bridge, giraff, bearer):
 
 async def test_a_free_robot_is_sent_home(bridge, giraff, bearer):
     assert (await act("dock", bearer))[0] == 202
-    assert (await Robot.objects.aget()).turnaround == "returning"
+    assert (await Robot.objects.aget()).presence.turnaround == "returning"
     assert (await act("dock", bearer))[0] == 202, "it is on its way"
 
 
@@ -214,7 +224,7 @@ async def test_a_robot_that_is_somebodys_is_not_taken_away(bridge, giraff, beare
     session = await sync_to_async(at)(giraff, state)
     await Lease.objects.acreate(robot=giraff, session=session, changed_at=timezone.now())
     status, answer = await act("dock", bearer)
-    assert (status, answer["error"], (await Robot.objects.aget()).turnaround) == (
+    assert (status, answer["error"], (await Robot.objects.aget()).presence.turnaround) == (
         409,
         "driven",
         "ready",
@@ -249,6 +259,21 @@ async def test_a_body_that_is_none_is_refused(bridge, giraff, bearer, body):
     assert (answer.status_code, bridge.stops) == (400, [])
 
 
+async def test_a_robot_that_was_stopped_is_free_and_not_sent_home(bridge, giraff, bearer):
+    await Robot.objects.aupdate(turnaround="paused", turnaround_reason="stopped")
+    told = await AsyncClient().get("/api/v1/robots/giraff/", headers=bearer)
+    robot = told.json()["robot"]
+    assert (robot["state"], robot["turnaround"], robot["reason"]) == (
+        "available",
+        "paused",
+        "stopped",
+    )
+    status, answer = await act("dock", bearer)
+    assert (status, answer["error"]) == (409, "stopped")
+    row = await Robot.objects.aget()
+    assert (row.turnaround, row.turnaround_reason) == ("paused", "stopped")
+
+
 async def test_a_key_acts_thirty_times_a_minute(bridge, giraff, bearer, monkeypatch):
     monkeypatch.setattr("sessions.api.views.time.time", lambda: 1e9)
     assert [(await act("stop", bearer))[0] for _ in range(31)] == [202] * 30 + [429]
@@ -260,3 +285,43 @@ def test_every_field_and_error_stands_in_the_reference(giraff, bearer):
     assert set(Client().get("/api/v1/robots/giraff/", headers=bearer).json()["robot"]) <= explained
     source = (Path(site.BASE_DIR) / "sessions/api/views.py").read_text()
     assert set(re.findall(r'_problem\(\d+, "(\w+)"', source)) <= explained
+
+
+@pytest.mark.parametrize("address", ["/api/v1/robots/", "/api/v1/robots/giraff/"])
+def test_reading_robots_costs_the_same_after_many_sessions(giraff, address):
+    at(giraff, "driving")
+    with CaptureQueriesContext(connection) as asked:
+        assert Client().get(address).status_code == 200
+    reads = session_reads(asked)
+    assert reads
+    assert all("state=?" in line for line in reads), reads
+    assert len(asked) <= 3
+
+
+def test_who_reads_the_robots_too_often_is_told_to_wait(giraff):
+    reader = Client()
+    codes = [reader.get("/api/v1/robots/").status_code for _ in range(READ.limit)]
+    assert codes == [200] * READ.limit
+    refused = reader.get("/api/v1/robots/giraff/")
+    assert refused.status_code == 429
+    assert int(refused["Retry-After"]) > 0
+
+
+async def test_a_cache_that_does_not_answer_holds_no_command(giraff, bridge, bearer, monkeypatch):
+    """A Redis that hangs, as Django's cache meets it."""
+    right, called, answers = Attempts.count, threading.Event(), threading.Event()
+
+    def hangs(*arguments):
+        called.set()
+        answers.wait(patient(20))
+        return right(*arguments)
+
+    monkeypatch.setattr(Attempts, "count", hangs)
+    async with longest_gap() as gap:
+        acting = asyncio.create_task(act("stop", bearer))
+        assert await asyncio.to_thread(called.wait, patient(10))
+        await asyncio.sleep(0.1)
+        assert not acting.done()
+        answers.set()
+        assert (await asyncio.wait_for(acting, patient(10)))[0] == 202
+    assert gap() < patient(0.5)

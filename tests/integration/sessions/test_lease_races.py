@@ -98,12 +98,12 @@ PREPARE = (
     RUNNER
     + """
 from accounts.models import User
-from robots.models import Robot
+from tests.support.robots import create_robots, unsaved_robot
 from django.utils import timezone
 now = timezone.now() + timezone.timedelta(hours=1)  # heard of all the time
-Robot.objects.bulk_create(
-    Robot(name=f"{prefix}-{n}", title="r", connection="ONLINE", last_seen_at=now)
-    for n in range(rounds)
+create_robots(
+    *(unsaved_robot(name=f"{prefix}-{n}", title="r", connection="ONLINE", last_seen_at=now)
+    for n in range(rounds))
 )
 for name in ("ana", "ben"):
     User.objects.get_or_create(username=name)

@@ -18,6 +18,7 @@ from sessions import page_channel, protocol
 from sessions.models import Session
 from tests.support.browsers.pages import Page, until
 from tests.support.patience import patient
+from tests.support.robots import create_robot
 from tests.support.sessions.site import free_port
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -26,7 +27,7 @@ AT_ONCE = 5.0  # s; a page asks by itself once a minute
 
 @pytest.fixture
 def robot(db):
-    return Robot.objects.create(name="giraff", connection="ONLINE", last_seen_at=timezone.now())
+    return create_robot(name="giraff", connection="ONLINE", last_seen_at=timezone.now())
 
 
 @pytest.fixture

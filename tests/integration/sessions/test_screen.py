@@ -15,18 +15,19 @@ from django.utils import timezone
 
 from accounts.models import AuditEntry
 from robots.api import messages as m
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from robots.screens import cookie_of, make_screen_key, revoke_screen_key, screen_of
 from sessions import protocol
 from tests.support import words
 from tests.support.browsers.pages import Display, Page, until
+from tests.support.robots import create_robot
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
 
 @pytest.fixture
 def robot(db):
-    return Robot.objects.create(
+    return create_robot(
         name="giraff", title="Giraff", connection="ONLINE", boot="b1", last_seen_at=timezone.now()
     )
 
@@ -170,7 +171,7 @@ async def test_who_waits_at_a_stopped_robot_and_the_people_there_write_to_each_o
     create = sync_to_async(get_user_model().objects.create_user)
     ada, bob = await create("ada", display_name="Ada"), await create("bob", display_name="Bob")
     stop = m.Safety(estop=True, estop_source="screen:Giraff")
-    await sync_to_async(Robot.objects.update)(
+    await sync_to_async(RobotPresence.objects.update)(
         report=msgspec.to_builtins(words.state(safety=stop)),
         last_seen_at=timezone.now() + datetime.timedelta(hours=1),  # for longer than the test
     )

@@ -1,20 +1,26 @@
 """Trying a simulated robot without an account: what such a visitor may do, and for how long."""
 
 import datetime
+import re
 
 import pytest
 from django.core.management import call_command
+from django.db import connection
+from django.test import Client
+from django.test.utils import CaptureQueriesContext
 from django.urls import reverse
 from django.utils import timezone
 
 from accounts.models import User
 from accounts.passwordless import NEW_GUESTS
 from robots.access import may_drive, may_observe
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from sessions.leases import terms
 from sessions.models import Session, StateChunk
 from telepresence_site.practice import robots
 from tests.support.people import person
+from tests.support.robots import create_robot
+from tests.support.sessions.query_plans import session_reads
 
 pytestmark = pytest.mark.django_db
 
@@ -29,9 +35,7 @@ def practice(settings, tmp_path):
 @pytest.fixture
 def giraff():
     now = timezone.now()
-    return Robot.objects.create(
-        name="giraff", title="Giraff", connection="ONLINE", last_seen_at=now
-    )
+    return create_robot(name="giraff", title="Giraff", connection="ONLINE", last_seen_at=now)
 
 
 @pytest.fixture
@@ -41,7 +45,9 @@ def tries(client):
 
 
 def is_there(robot: Robot) -> None:
-    Robot.objects.filter(pk=robot.pk).update(connection="ONLINE", last_seen_at=timezone.now())
+    RobotPresence.objects.filter(pk=robot.pk).update(
+        connection="ONLINE", last_seen_at=timezone.now()
+    )
 
 
 def test_the_first_page_offers_it_where_there_are_practice_robots(client, settings):
@@ -83,7 +89,7 @@ def test_it_leads_to_a_robot_as_soon_as_one_is_ready(client, tries, practice):
 
 def test_nobody_is_led_to_a_robot_that_is_about_to_be_started_anew(client, tries, practice):
     is_there(practice)
-    Robot.objects.filter(pk=practice.pk).update(boot="first")
+    RobotPresence.objects.filter(pk=practice.pk).update(boot="first")
     now = timezone.now()
     before = Session.objects.create(
         robot=practice, visitor=tries, state="ended", queued_at=now, granted_at=now, ended_at=now
@@ -100,7 +106,7 @@ def test_nobody_is_led_to_a_robot_that_is_about_to_be_started_anew(client, tries
         states=[],
     )
     assert client.get(reverse("practice")).json() == {"url": None}
-    Robot.objects.filter(pk=practice.pk).update(boot="second")
+    RobotPresence.objects.filter(pk=practice.pk).update(boot="second")
     assert client.get(reverse("practice")).json()["url"] is not None
 
 
@@ -110,7 +116,7 @@ def test_asking_for_a_robot_has_one_started(client, tries, kind):
         client.force_login(person())
         assert client.post(reverse("try_now")).url == reverse("try_robot")
     assert robots.demand(None, timezone.now()).wanted_at is None
-    client.get(reverse("practice"))
+    client.post(reverse("practice"))
     assert robots.demand(None, timezone.now()).wanted_at is not None
 
 
@@ -172,3 +178,34 @@ def test_after_a_day_nothing_is_left_of_them(client, tries, practice):
     call_command("forget", verbosity=0)
     assert not User.objects.filter(pk=tries.pk).exists()
     assert Session.objects.count() == 0
+
+
+def test_asking_where_to_practise_by_get_changes_nothing(tries, practice, client):
+    before = Robot.objects.values().get(pk=practice.pk), User.objects.values().get(pk=tries.pk)
+    with CaptureQueriesContext(connection) as asked:
+        assert client.get(reverse("practice")).json() == {"url": None}
+    assert not [query["sql"] for query in asked if query["sql"].startswith(("UPDATE", "INSERT"))]
+    assert before == (
+        Robot.objects.values().get(pk=practice.pk),
+        User.objects.values().get(pk=tries.pk),
+    )
+
+
+def test_the_page_that_tries_a_robot_has_one_made_ready(tries, practice):
+    browser = Client(enforce_csrf_checks=True)
+    browser.force_login(tries)
+    page = browser.get(reverse("try_robot")).content.decode()
+    token = re.search(r'data-csrf="(\w+)"', page)[1]
+    asked = browser.post(reverse("practice"), headers={"X-CSRFToken": token})
+    assert asked.json() == {"url": None}
+    practice.refresh_from_db()
+    assert practice.wanted_at is not None
+    assert browser.post(reverse("practice")).status_code == 403
+
+
+def test_finding_a_practice_robot_costs_the_same_after_many_visits(tries, practice, client):
+    with CaptureQueriesContext(connection) as asked:
+        client.get(reverse("practice"))
+    reads = session_reads(asked, "robots_robot")
+    assert reads
+    assert all("state=?" in line or "queued_at>?" in line for line in reads), reads

@@ -21,9 +21,10 @@ from experiments.dataset.states import states_of
 from experiments.research.replay import recorded
 from robots.api import codec, messages
 from robots.cards import Traffic, card
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from sessions.leases.readiness import Readiness, RobotCondition, decide
 from sessions.models import Session, StateChunk
+from tests.support.robots import create_robot, unsaved_robot
 
 pytestmark = pytest.mark.django_db(transaction=True)
 NOW = datetime.datetime(2026, 3, 1, 12, 0, tzinfo=datetime.UTC)
@@ -43,7 +44,7 @@ def stored(battery: messages.Battery) -> dict:
 
 @pytest.fixture
 def robot():
-    return Robot.objects.create(
+    return create_robot(
         name="giraff",
         title="Giraff",
         connection="ONLINE",
@@ -160,7 +161,7 @@ async def test_the_api_says_null_and_the_metrics_say_nothing(robot, settings):
 
 
 def test_a_robot_that_does_not_charge_says_so_in_the_api_though_its_state_left_it_out(robot):
-    Robot.objects.update(report=stored(messages.Battery(charge=0.5)))
+    RobotPresence.objects.update(report=stored(messages.Battery(charge=0.5)))
     told = Client().get("/api/v1/robots/giraff/").json()["robot"]
     assert (told["charge"], told["charging"], told["docked"]) == (0.5, False, False)
 
@@ -181,12 +182,12 @@ def test_home_assistant_is_told_unknown_and_not_off():
 
 
 def test_the_list_of_robots_says_that_it_is_unknown():
-    robot = Robot(
+    robot = unsaved_robot(
         name="giraff", title="Giraff", connection="ONLINE", last_seen_at=NOW, report=stored(UNKNOWN)
     )
     it = card(robot, Traffic(), barred="", url="/", now=NOW)
     assert (it.charge, it.battery) == (None, "Battery unknown")
-    robot.report = stored(messages.Battery(charging=True))
+    robot.presence.report = stored(messages.Battery(charging=True))
     assert (
         card(robot, Traffic(), barred="", url="/", now=NOW).battery == "Battery unknown, charging"
     )

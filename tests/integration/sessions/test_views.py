@@ -1,4 +1,4 @@
-"""The drive page, a visitor's own snapshots, and the health of a web process."""
+"""The drive page, and a visitor's own snapshots."""
 
 import json
 import re
@@ -6,14 +6,12 @@ from html import unescape
 
 import pytest
 from django.contrib.auth import get_user_model
-from django.test import AsyncClient
 from django.urls import reverse
 from django.utils import timezone
 
-from robots.bridge import bridge as mqtt_bridge
 from robots.models import FloorPlan, Robot, RobotPermit
-from sessions import views
 from sessions.models import Session, Snapshot
+from tests.support.robots import create_robot
 from tests.support.sessions.memory_bridge import MemoryBridge
 
 pytestmark = pytest.mark.django_db
@@ -32,7 +30,7 @@ def robot():
         image=b"png",
         sha256="a" * 64,
     )
-    return Robot.objects.create(
+    return create_robot(
         name="giraff",
         title="Giraff",
         floor_plan=plan,
@@ -142,45 +140,7 @@ def test_snapshots_are_for_who_has_signed_in(client, robot, ada):
         assert client.get(address).status_code == 302
 
 
-@pytest.mark.parametrize("address", ["/robots/giraff/", "/robots/giraff/snapshots/", "/healthz"])
+@pytest.mark.parametrize("address", ["/robots/giraff/", "/robots/giraff/snapshots/"])
 def test_pages_that_show_change_nothing(client, robot, ada, address):
     client.force_login(ada)
     assert client.post(address).status_code == 405
-
-
-@pytest.fixture
-def bridge():
-    double = MemoryBridge()
-    mqtt_bridge.use(double)
-    yield double
-    mqtt_bridge.use(None)
-
-
-async def test_a_well_server_says_so_to_anybody(bridge):
-    response = await AsyncClient().get("/healthz")
-    assert (response.status_code, response.json()) == (
-        200,
-        {"database": True, "broker": True, "disk": "ok"},
-    )
-
-
-async def test_a_server_without_its_broker_or_database_says_which(bridge, monkeypatch):
-    bridge.connected = False
-    monkeypatch.setattr(views, "_database_answers", lambda: False)
-    response = await AsyncClient().get("/healthz")
-    assert (response.status_code, response.json()) == (
-        503,
-        {"database": False, "broker": False, "disk": "ok"},
-    )
-
-
-def test_a_database_that_does_not_answer_is_no_exception(monkeypatch):
-    from django.db import OperationalError
-
-    from accounts.models import User
-
-    def broken():
-        raise OperationalError("gone")
-
-    monkeypatch.setattr(User.objects, "exists", broken)
-    assert not views._database_answers()

@@ -49,6 +49,17 @@ test("whoever wants to release a stop is asked first, and the question goes away
   assert.equal(sceneFor(moving, 101).release, "");
 });
 
+test("people beside a robot that was stopped between visits can release it", () => {
+  const held = { safety: { estop: false, inhibited: "stopped" } };
+  const nobody = { title: "Giraff", session: null, visitor: null, study: false };
+  const at = (screen) => {
+    const { stopped, release } = sceneFor(told(held, { screen }), 100);
+    return [stopped, release];
+  };
+  assert.deepEqual(at(nobody), ["held", "offered"]);
+  assert.deepEqual(at({ ...nobody, session: "s1", visitor: "Ada" }), ["", ""]);
+});
+
 test("whoever releases a stop sees that it is on its way, and what to do without an answer", () => {
   const at = (now, release) => {
     const { stopped, release: button } = sceneFor(told(STOPPED, { release }), now);

@@ -188,6 +188,25 @@ describe("cards", () => {
     assert.deepEqual([cardFor(well).word, statusFor(well).word], ["lobby", "status.ready"]);
   });
 
+  test("a robot that was stopped between visits says so, and who takes it releases it", () => {
+    const robot = { ...ROBOT, docked: false, safety: { ...ROBOT.safety, inhibited: "stopped" } };
+    const told = (more) => {
+      const one = state({ phase: "lobby" }, { robot, room: free(""), ...more });
+      return [cardFor(one).word, cardFor(one).main.word, statusFor(one).word];
+    };
+    assert.deepEqual(told({}), ["lobby.stopped", "do.drive", "status.stopped"]);
+    const docked = { robot: { ...robot, docked: true } };
+    assert.deepEqual(told(docked), ["lobby.stopped", "do.drive", "status.stopped"]);
+    const waits = { room: { ...free(""), waiting: 2 } };
+    assert.deepEqual(told(waits), ["lobby.waiting", "do.queue", "status.stopped"]);
+    const driven = { room: { ...free(""), driver: "Ada" } };
+    assert.deepEqual(told(driven).slice(2), ["status.busy"]);
+    assert.ok(SENTENCES.has("lobby.stopped.title") && SENTENCES.has("lobby.stopped.text"));
+    const operated = state({ phase: "lobby" }, { robot, room: free(""), operates: true });
+    assert.equal(cardFor(operated).detail.word, "release.held");
+    assert.equal(cardFor(operated).extra.action, "release_stop");
+  });
+
   test("a robot between two visits is called the same before, after and while one waits", () => {
     for (const [pause, status, word] of BETWEEN) {
       const more = { room: free(pause), robot: { ...ROBOT, docked: false } };
@@ -518,6 +537,23 @@ describe("alerts", () => {
       alertFor(state({ phase: "driving", link: "lost", online: false, serverBlind: true })).word,
       "alert.server",
     );
+  });
+
+  test("the driver is warned of a robot whose own navigation nothing stops", () => {
+    const word = (mode, navigationControl, visit = {}) =>
+      alertFor(
+        state(
+          { phase: "driving", link: "live", ...visit },
+          { robot: { ...ROBOT, mode }, factsheet: { navigationControl } },
+        ),
+      )?.word;
+    assert.equal(word("goto", "unguarded"), "alert.unguarded");
+    assert.equal(word("docking", "unguarded"), "alert.unguarded");
+    assert.notEqual(word("manual", "unguarded"), "alert.unguarded");
+    assert.notEqual(word("goto", "guarded"), "alert.unguarded");
+    const offline = { link: "lost", online: false };
+    assert.equal(word("goto", "unguarded", offline), "alert.offline_unguarded");
+    assert.equal(word("goto", "guarded", offline), "alert.robot_offline");
   });
 
   const PARTS = ["broker", "session_manager", "database"];

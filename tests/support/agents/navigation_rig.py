@@ -13,8 +13,8 @@ import numpy as np
 
 from robots.agent.localization.localizer import Localizer
 from robots.agent.navigation.navigator import Navigator
-from robots.agent.navigation.obstacles.memory import RollingObstacleMap
 from robots.agent.navigation.planning.steps import NavigationStep
+from robots.agent.safety.collision.memory import RollingObstacleMap
 from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Velocity

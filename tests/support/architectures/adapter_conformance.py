@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from robots.agent.media.pixels import video_frame
-from robots.agent.robot_interface import Adapter, AdapterError, RcaState
+from robots.agent.robot_interface import ActionRefusedError, Adapter, AdapterError, RcaState
 from robots.api.messages import Config, Goto, Tilt, Velocity
 from tests.support.architectures.patient_adapters import make_patient
 from tests.support.host_jitter import HostJitter, pauses, watched
@@ -213,12 +213,17 @@ class AdapterConformance:
             action: object = Goto(action_id="g", stamp=0.0, place="a place that nobody knows")
         else:
             action = Goto(action_id="g", stamp=0.0, x=0.0, y=0.0)
-        with pytest.raises(AdapterError, match=r"."):
+        with pytest.raises(ActionRefusedError, match=r"."):
             await adapter.start(action)
 
-    async def test_cancelling_what_does_not_run_is_nothing(self, adapter: Adapter) -> None:
-        await adapter.cancel("never-started")
+    async def test_an_unknown_action_counts_as_cancelled(self, adapter: Adapter) -> None:
+        assert await adapter.cancel("never-started") is True
         assert await some(adapter.states(), 1)
+
+    async def test_an_emergency_stop_that_was_never_reported_is_unknown(
+        self, adapter: Adapter
+    ) -> None:
+        assert (await some(adapter.states(), 3))[-1].estop is None
 
     async def test_a_head_tilts_to_the_angle_and_says_when_it_is_there(
         self, adapter: Adapter

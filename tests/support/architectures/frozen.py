@@ -16,15 +16,19 @@ from tests.support.sessions.site import free_port
 
 
 class ServerProcess:
-    """`python -m MODULE HOST PORT WORDS`; `start` returns when it listens."""
+    """`python -m MODULE HOST PORT WORDS`, or what `command` returns; `start` returns when it
+    listens.
+    """
 
     def __init__(self, module, host="127.0.0.1", words=()):
         self.module, self.host, self.port, self.words = module, host, free_port(), words
         self._process = None
 
+    def command(self):
+        return [sys.executable, "-m", self.module, self.host, str(self.port), *self.words]
+
     def start(self):
-        command = [sys.executable, "-m", self.module, self.host, str(self.port), *self.words]
-        self._process = subprocess.Popen(command, cwd=ROOT)
+        self._process = subprocess.Popen(self.command(), cwd=ROOT, stdout=subprocess.DEVNULL)
         deadline = time.monotonic() + patient(15.0)
         while not self._answers():
             assert self._process.poll() is None, f"{self.module} ended"

@@ -1,16 +1,19 @@
-"""OpenMORA with the simulated robot behind it, as one client of a MOOSDB: a double, or a real one
-by its address.
+"""OpenMORA with the simulated robot behind it, as clients of a MOOSDB: a double, or a real one by
+its address.
 
-What it obeys and says is what the modules do: RobotControlManager/CRobotControllerApp.cpp (modes,
-cancelling, nodes), MobileRobot_Giraff/CRobotGiraffApp.cpp (velocities in autonomous mode alone, the
-head's angle when asked, charging when it changes), NavigatorReactivePTG/CReacNavPTGApp.cpp (goals
-and their events), Executor/TExecutor.cpp and Planner/HPWA.cpp (plans), WorldModel/CAHGraphApp.cpp
-(the nearest place), and those named in openmora_rules.py.
+What it obeys and publishes is what the modules do: RobotControlManager/CRobotControllerApp.cpp
+(modes, cancelling, nodes, the guard), MobileRobot_Giraff/CRobotGiraffApp.cpp (velocities in
+autonomous mode alone, the head's angle when asked, charging when it changes),
+NavigatorReactivePTG3D/CReacNavPTGApp3D.cpp (goals, velocities, NAV_EVENT_END and no START),
+Executor/TExecutor.cpp and Planner/HPWA.cpp (plans: each ends with PLAN_FINISHED, and one that
+starts forgets a cancel that came before), WorldModel/CAHGraphApp.cpp (the nearest place), and those
+named in openmora_rules.py.
 """
 
 import asyncio
 import contextlib
 import math
+import os
 import time
 
 from robots.agent.adapters.moos.client import MoosClient
@@ -33,30 +36,51 @@ HEARD = (
     "TILT_GET_ANGLE_FROM_HOME",
     "CLIENT_MQTT_ACK",
 )
-MANUAL, AUTONOMOUS = 0, 2
+MANUAL, AUTONOMOUS = 0.0, 2.0
 CLIENT_ACK_INTERVAL = 2.0  # max_client_ack_interval, with use_client_alive_ack
+PLANNING = 0.2  # s from a task to its plan: the planner polls its answers every 0.1 s
 NODES = {"Sofa": (6.4, 1.0), "Door": (5.9, 1.0)}
 VIA = {"Sofa": "Door"}  # a plan of two journeys
 
 
+class HangingClient(MoosClient):
+    """A client whose process may be stopped: what is sent to it then stays in its socket."""
+
+    def hang(self, on):
+        transport = self._writer.transport
+        (transport.pause_reading if on else transport.resume_reading)()
+
+
+class RealMoosDb(ServerProcess):
+    """The program MOOSDB of core-moos, which listens on all addresses of this machine."""
+
+    def command(self):
+        return [self.module, f"--moos_port={self.port}", "--moos_community=test"]
+
+
 class MoosRig(RcaRig):
-    """`address` is a real MOOSDB's host:port."""
+    """`address` is a real MOOSDB's host:port. With MOOSDB_PROGRAM=/path/to/MOOSDB, the rig starts
+    a real one instead of the double.
+    """
 
     adapter_name = "moos"
 
     def __init__(self, series="giraff", address="", listening="127.0.0.1"):
         super().__init__(series)
-        self.db = (
-            None if address else ServerProcess("tests.support.architectures.moosdb", listening)
-        )
+        program = os.environ.get("MOOSDB_PROGRAM")
+        double = "tests.support.architectures.moosdb"
+        made = RealMoosDb(program, listening) if program else ServerProcess(double, listening)
+        self.db = None if address else made
         self._address = address
-        self._client = None
+        self._client = self._controller = self._navigator = None
+        self.ack_interval = patient(CLIENT_ACK_INTERVAL)
         self._began = 0.0
         self._told = ""
         self._charging = None
         self._acked_at = 0.0
         self._mode = MANUAL
-        self._plan = []  # the nodes that are still to be reached
+        # the nodes still to be reached, when the plan starts, and its number
+        self._plan, self._plan_at, self._number = [], math.inf, ""
         self.bumped = 0.0
 
     def where(self):
@@ -70,24 +94,41 @@ class MoosRig(RcaRig):
     async def up(self):
         if self.db:
             await asyncio.to_thread(self.db.start)
-        host, port = self.where()
-        self._client = MoosClient("OpenMORA", host, port, self._take, lambda _: None)
         self._began = time.time()
-        await self._client.connect()
+        self._client = await self._connected("MobileRobot_Giraff", self._take)
+        self._controller = await self._connected("RobotControlManager")
+        self._navigator = await self._connected("NavigatorReactivePTG3D")
         for key in HEARD:
             self._client.register(key)
+
+    async def _connected(self, name, take=lambda _: None):
+        client = HangingClient(name, *self.where(), take, lambda _: None)
+        await client.connect()
+        return client
 
     async def down(self):
         if self.db:
             self.db.kill()
-        await self._client.close()
+        for client in (self._client, self._controller, self._navigator):
+            await client.close()
         self.world.cancel()
 
     async def after_reset(self):
-        self._mode, self._plan, self._told = MANUAL, [], ""
+        self._mode, self._told = MANUAL, ""
+        self._plan, self._plan_at = [], math.inf
 
     def freeze(self, *, on):
+        self.world.hung = on  # the navigator's velocities reach the base through the database
         self.db.freeze(on=on)
+
+    def hang(self, *, on):
+        """Let all modules of the robot hang behind a database that goes on."""
+        self.running, self.world.hung = not on, on
+        self.loop.call_soon_threadsafe(self._client.hang, on)
+
+    def resume(self, goal):
+        """Let OpenMORA drive on by itself."""
+        self.loop.call_soon_threadsafe(self._go_to, (goal.x, goal.y))
 
     def _take(self, mail):
         if mail.time < self._began:
@@ -95,23 +136,22 @@ class MoosRig(RcaRig):
         world, value = self.world, mail.value
         match mail.key:
             case "MOTION_REQUEST":
-                self._mode, self._plan = AUTONOMOUS, []
-                world.drive(*map(float, value.split()))
+                self._move(*map(float, value.split()))
             case "NAVIGATE_TARGET":
                 self._go_to(openmora_rules.target(value))
             case "GO_TO_NODE":
-                self._plan = [node for node in (VIA.get(value), value) if node in NODES]
-                self._next_node()
+                self._set_mode(AUTONOMOUS)
+                self._start_plan("0", [node for node in (VIA.get(value), value) if node in NODES])
             case "GO_TO_RECHARGE":
-                self._mode = AUTONOMOUS  # as PARKING does at the end of the plan
-                world.dock()
+                world.cancel()  # all tasks of before
+                self._start_plan("505", ["dock"])
             case "NEW_TASK":
                 assert value == "ROBOT_CONTROLLER 1 UNDOCK"
-                # it is a MOTION_CMD_V, which the base obeys in no other mode
-                if self._mode == AUTONOMOUS:
-                    world.undock()
+                self._start_plan("1", ["undock"])
             case "CANCEL_NAVIGATION":
                 self._cancel()
+            case "PARKING":
+                assert value == 0.0
             case "CLIENT_MQTT_ACK":
                 self._acked_at = time.monotonic()
             case "TILT_SET_ANGLE_FROM_HOME":
@@ -122,22 +162,58 @@ class MoosRig(RcaRig):
             case "RELOCALIZE_IN_AREA":
                 openmora_rules.relocalize(world, value)
 
+    def _set_mode(self, mode):
+        if MANUAL in (mode, self._mode):
+            self._controller.notify("ROBOT_CONTROL_MODE", mode)
+        self._mode = mode
+
+    def _move(self, linear, angular):
+        self.world.pause()  # PNAVIGATORREACTIVEPTG3D_CMD PAUSE
+        if self._plan_at == math.inf:
+            self._plan = []
+        self._set_mode(AUTONOMOUS)
+        self._controller.notify("MOTION_CMD_V", linear)
+        self._controller.notify("MOTION_CMD_W", angular)
+        self.world.drive(linear, angular)
+
     def _cancel(self):
-        self._mode, self._plan = MANUAL, []
-        self.world.cancel()
-        self.world.drive(0.0, 0.0)
+        if self.world.cancel():
+            self.world.journey = ""  # without an event
+            self._set_mode(MANUAL)
+            self.world.drive(0.0, 0.0)
+            if self._plan_at == math.inf and self._plan:
+                self._end_plan()
 
     def _go_to(self, target):
-        self._mode = AUTONOMOUS
+        self._set_mode(AUTONOMOUS)
         if target is not None:
             self.world.go_to(*target)
 
-    def _next_node(self):
-        if self._plan:
-            self._go_to(NODES[self._plan[0]])
-        else:  # nothing to do, or no way to it: both end the plan
-            self._mode = MANUAL
-            self._client.notify("PLAN_FINISHED", "7 0 ROBOT_CONTROLLER")
+    def _start_plan(self, number, steps):
+        self._number, self._plan = number, steps
+        self._plan_at = time.monotonic() + PLANNING + self.world.accept_after
+
+    def _next_step(self):
+        self._plan_at = math.inf
+        match self._plan:
+            case []:  # done, or no way to it: both end the plan
+                self._end_plan()
+            case ["undock"]:
+                # it is a MOTION_CMD_V, which the base obeys in no other mode
+                if self._mode == AUTONOMOUS:
+                    self.world.undock()
+            case ["dock"]:
+                self._set_mode(AUTONOMOUS)  # as PARKING does at the end of the plan
+                self._end_plan()
+                self.world.dock()
+            case [node, *_]:
+                self._go_to(NODES[node])
+
+    def _end_plan(self):
+        self._plan = []
+        if self._number == "0":
+            self._set_mode(MANUAL)
+        self._client.notify("PLAN_FINISHED", f"7 {self._number} ROBOT_CONTROLLER")
 
     def _say_angle(self):
         sim = self.world.sim
@@ -152,8 +228,14 @@ class MoosRig(RcaRig):
 
     def _say(self, count):
         sim, notify = self.world.sim, self._client.notify
-        if time.monotonic() - self._acked_at > patient(CLIENT_ACK_INTERVAL) and not sim.docked:
+        is_silent = time.monotonic() - self._acked_at > self.ack_interval
+        if count % 5 == 0 and is_silent and not sim.docked:
             self._cancel()
+        if time.monotonic() > self._plan_at:
+            self._next_step()
+        if count % 5 == 2 and self.world.journey == "running":
+            self._navigator.notify("MOTION_CMD_V", sim.motion.linear)
+            self._navigator.notify("MOTION_CMD_W", sim.motion.angular)
         if count % 3 == 0:
             suffix, pose = "deg" if count % 2 else "", self.world.believed
             notify(
@@ -179,15 +261,13 @@ class MoosRig(RcaRig):
             return
         self._told = journey
         if kind == "goto":
-            event = {
-                "running": "NAV_EVENT_START",
-                "done": "NAV_EVENT_END",
-                "failed": "NAV_EVENT_ERROR",
-            }.get(journey)
+            event = {"done": "NAV_EVENT_END", "failed": "NAV_EVENT_ERROR"}.get(journey)
             if event:
                 notify(event, "")
             if journey == "done" and self._plan:
                 self._plan.pop(0)
-                self._next_node()
-        elif kind == "dock" and journey == "done":
-            self._mode = MANUAL  # AutoDocking sets PARKING to 0
+                self._next_step()
+        elif journey == "done" and kind == "dock":
+            self._set_mode(MANUAL)  # AutoDocking sends CANCEL_NAVIGATION
+        elif journey == "done" and kind == "undock":
+            self._end_plan()

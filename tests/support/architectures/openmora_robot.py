@@ -1,9 +1,12 @@
 """OpenMORA's MQTTMosquitto module with the simulated robot behind it: its topics, its time-outs,
 its habits.
 
-From MQTTMosquitto/CMQTTMosquitto.cpp and RobotControlManager/CRobotControllerApp.cpp: a journey to
-a point leaves the robot in autonomous mode when it is over, one to a node ends in manual mode; a
-variable that nobody has said yet is 0.00.
+From MQTTMosquitto/CMQTTMosquitto.cpp: it does all of its work when a message arrives, or after a
+second without one (`loop(-1)` in Iterate), and a variable that was never published is 0.00. From
+RobotControlManager/CRobotControllerApp.cpp: a journey to a point leaves the robot in autonomous
+mode when it is over, one to a node ends in manual mode, and a client that is silent for
+`max_client_ack_interval` ends everything. From Executor/TExecutor.cpp: a plan that starts forgets a
+cancel that came before.
 """
 
 import asyncio
@@ -19,7 +22,10 @@ from tests.support.patience import patient
 from tests.support.programs.mosquitto import Mosquitto
 
 MOTION_TIME = 0.5
-ACK_TIME = 2.0
+ACK_TIME = 2.0  # max_client_ack_interval, as shipped
+LOOP_TIME = 1.0  # libmosquitto's default, which -1 asks for
+PLANNING = 0.2  # s from a task to its plan
+PERIODS = {"Status": 0.1, "LaserScan": 0.1, "RobotACK": 0.5, "Topology": 1.0}
 EPOCH_MS = 11_644_473_600_000
 PLACES = {"Charger": (0.5, 6.3), "CorridorMiddle": (5.7, 1.0)}
 
@@ -34,6 +40,7 @@ class OpenMoraRig(RcaRig):
         self.name = name
         self.broker = Mosquitto(directory, host=host)
         self.said = []  # (topic, text) that reached the robot
+        self.ack_interval = patient(ACK_TIME)
         self.error = ""
         self._client = None
         self._listening = None
@@ -52,10 +59,12 @@ class OpenMoraRig(RcaRig):
     async def up(self):
         self._client = Client(self.broker.host, self.broker.port, keepalive=5)
         await self._client.__aenter__()
-        for topic in ("NavigationCommand", "SessionCommand", "ClientACK"):
+        for topic in ("NavigationCommand", "SessionCommand", "ClientACK", "Debug"):
             await self._client.subscribe(f"{self.name}/{topic}")
         self._motion_at = self._ack_at = None
-        self._destination, self._mode = "NULL", "Manual"
+        self._client_ack, self._published = "0 0", dict.fromkeys(PERIODS, 0.0)
+        self._iterated_at, self._robot_acks = 0.0, 0
+        self._destination, self._mode, self._plan = "NULL", "Manual", None
         self._listening = asyncio.ensure_future(self._listen())
 
     async def down(self):
@@ -69,20 +78,41 @@ class OpenMoraRig(RcaRig):
     def freeze(self, *, on):
         self.broker.freeze(on=on)
 
+    def hang(self, *, on):
+        """Let all modules of the robot hang behind a broker that goes on."""
+        self.running, self.world.hung = not on, on
+        self.loop.call_soon_threadsafe(self._hang, on)
+
+    def _hang(self, on):
+        paho = self._client._client
+        socket = paho.socket().fileno()
+        if on:
+            self.loop.remove_reader(socket)
+        else:
+            self.loop.add_reader(socket, paho.loop_read)
+
+    def resume(self, goal):
+        """Let OpenMORA drive on by itself."""
+        self.loop.call_soon_threadsafe(self._on_gotopoint, goal.x, goal.y)
+
+    async def after_reset(self):
+        self._destination, self._mode, self._plan = "NULL", "Manual", None
+
     async def _listen(self):
         async for delivery in self._client.messages:
             stamp, _, text = delivery.payload.decode().partition("|")
             late = time.time() - (int(stamp) - EPOCH_MS) / 1000
-            assert abs(late) < patient(5.0)
+            assert abs(late) < patient(5.0) or text == "StopGiraff"  # a will is stamped long before
             topic = str(delivery.topic).split("/")[1]
             if topic != "ClientACK":
                 self.said.append((topic, text))
             self._take(topic, text, time.monotonic() - max(0.0, late))
+            await self._iterate()
 
     def _take(self, topic, text, sent):
-        self._mind_the_time(sent)
         if topic == "ClientACK":
-            count, stamp = text.split("|")[0].split()
+            self._client_ack = text.split("|")[0]
+            count, stamp = self._client_ack.split()
             assert int(count) > 0
             assert int(stamp) > EPOCH_MS
             self._ack_at = time.monotonic()
@@ -91,9 +121,12 @@ class OpenMoraRig(RcaRig):
             getattr(self, f"_on_{word.lower()}")(*rest)
             if word == "Motion":
                 self._motion_at = sent
+        elif topic == "Debug":
+            assert text == "PNAVIGATORREACTIVEPTG_CMD CANCEL"
 
     def _on_motion(self, linear, angular):
         self._mode = "Autonomous"
+        self.world.pause()
         self.world.drive(float(linear), float(angular))
 
     def _on_stopgiraff(self):
@@ -104,12 +137,20 @@ class OpenMoraRig(RcaRig):
         self.world.go_to(float(x), float(y))
 
     def _on_gotonode(self, label):
-        self._destination, self._mode = label, "Autonomous"
-        self.world.go_to(*PLACES[label])
+        self._mode = "Autonomous"
+        self._plan = label, time.monotonic() + PLANNING + self.world.accept_after
 
     def _on_gotorecharge(self):
-        self._mode = "Autonomous"
-        self.world.dock()
+        self._plan = "Docking", time.monotonic() + PLANNING + self.world.accept_after
+
+    def _start_plan(self):
+        label, _ = self._plan
+        self._plan, self._mode = None, "Autonomous"
+        if label == "Docking":
+            self.world.dock()
+        else:
+            self._destination = label
+            self.world.go_to(*PLACES[label])
 
     def _on_tilt(self, degrees):
         self.world.tilt(self.world.sim.model.tilt.home + math.radians(float(degrees)))
@@ -118,31 +159,30 @@ class OpenMoraRig(RcaRig):
         openmora_rules.relocalize(self.world, " ".join(words))
 
     def _cancel(self):
-        self._destination, self._mode = "NULL", "Manual"
-        self.world.cancel()
-        self.world.drive(0.0, 0.0)
+        if self.world.cancel():
+            self.world.journey = ""
+            self._destination, self._mode = "NULL", "Manual"
+            self.world.drive(0.0, 0.0)
 
-    def _mind_the_time(self, now):
+    async def say(self, count):
+        """Let the other modules work, and this one if a second has passed."""
+        now = time.monotonic()
+        if self._plan is not None and now > self._plan[1]:
+            self._start_plan()
+        if count % 5 == 0 and self._ack_at is not None and now - self._ack_at > self.ack_interval:
+            self._cancel()
+        if now - self._iterated_at > LOOP_TIME:
+            await self._iterate()
+
+    async def _iterate(self):
+        now = self._iterated_at = time.monotonic()
         if self._motion_at is not None and now - self._motion_at > MOTION_TIME:
             self._motion_at = None
             self._cancel()  # as the real one: whatever runs by then
-        if self._ack_at is not None and now - self._ack_at > ACK_TIME:
-            self._ack_at = None
-            self._cancel()
-
-    async def say(self, count):
-        self._mind_the_time(time.monotonic())
-        if count % 5 == 0:
-            await self._publish("Status", self._status())
-        if count % 5 == 2:
-            await self._publish("LaserScan", self._scan())
-        if count % 25 == 0:
-            await self._publish("RobotACK", f"1 0|{count} {EPOCH_MS}|0 0")
-        if count % 50 == 0:
-            await self._publish(
-                "Topology",
-                "Graph" + "#".join(f"{label} Place {x} {y}" for label, (x, y) in PLACES.items()),
-            )
+        for topic, period in PERIODS.items():
+            if now - self._published[topic] > period:
+                self._published[topic] = now
+                await self._publish(topic, getattr(self, f"_{topic.lower()}")())
         if self.error:
             await self._publish("ErrorMsg", self.error)
             self.error = ""
@@ -153,12 +193,19 @@ class OpenMoraRig(RcaRig):
                 f"{self.name}/{topic}", f"{round(time.time() * 1000) + EPOCH_MS}|{text}"
             )
 
+    def _robotack(self):
+        self._robot_acks += 1
+        return f"{self._client_ack}|{self._robot_acks} {round(time.time() * 1000) + EPOCH_MS}|0 0"
+
+    def _topology(self):
+        return "Graph" + "#".join(f"{label} Place {x} {y}" for label, (x, y) in PLACES.items())
+
     def _status(self):
         sim, world, here = self.world.sim, self.world, self.world.believed
         plan_ended = world.journey != "running" and (
             self._destination != "NULL" or world.kind == "dock"
         )
-        if plan_ended and self._motion_at is None:
+        if plan_ended and self._motion_at is None and self._plan is None:
             self._destination, self._mode = "NULL", "Manual"
         place = next(
             (
@@ -172,7 +219,7 @@ class OpenMoraRig(RcaRig):
         going = f"{self._destination}|{self._mode}"
         return f"{pose}|{place}|{going}|{sim.voltage():.2f}|{int(sim.docked)}|0|0|0"
 
-    def _scan(self):
+    def _laserscan(self):
         laser = self.world.sim.model.laser
         values = " ".join(f"{value:.2f}" for value in self.world.ranges())
         return f"Aperture {laser.fov:.2f}#Nsamples {laser.beams}#Values {values}"

@@ -6,6 +6,8 @@ once a class.
 """
 
 import asyncio
+import contextlib
+import itertools
 import math
 import time
 from abc import abstractmethod
@@ -17,7 +19,7 @@ import pytest
 from robots.agent.adapters.common import remote_adapter
 from robots.agent.adapters.moos import openmora
 from robots.agent.adapters.ros import base
-from robots.agent.robot_interface import Adapter, AdapterError, RcaState
+from robots.agent.robot_interface import ActionRefusedError, Adapter, AdapterError, RcaState
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Dock, Goto, Relocalize, Undock, Velocity
 from tests.support.architectures.adapter_conformance import (
@@ -32,6 +34,8 @@ from tests.support.host_jitter import HostJitter
 from tests.support.patience import patient
 
 AHEAD = Velocity(linear=0.25, angular=0.0)
+AGAIN = 0.5  # s between two cancels of the agent
+LATE = 1.5  # s until a goal is accepted
 
 
 async def heard(adapter: Adapter, until, seconds: float = 10.0):
@@ -53,6 +57,24 @@ async def heard(adapter: Adapter, until, seconds: float = 10.0):
         states.cancel()
         await asyncio.gather(states, return_exceptions=True)
     raise AssertionError(f"progress ended: {found}")
+
+
+async def cancelled(adapter: Adapter, action_id: str, seconds: float = 15.0) -> int:
+    """Cancel an action every 0.5 s, as the agent does, until its end is certain; count."""
+    async with asyncio.timeout(patient(seconds)):
+        for count in itertools.count(1):
+            if await adapter.cancel(action_id):
+                return count
+            await asyncio.sleep(AGAIN)
+    raise AssertionError
+
+
+async def stays(rig: RcaRig, seconds: float) -> None:
+    """Watch that a robot does not leave its place."""
+    place = rig.world.truth
+    for _ in range(round(seconds / 0.05)):
+        await asyncio.sleep(0.05)
+        assert rig.world.truth.distance(place) < 0.03
 
 
 def ended(action_id):
@@ -219,16 +241,114 @@ class RcaConformance(AdapterConformance):
         assert [each.status for each in news] == ["RUNNING", "FINISHED"], news
         assert self.rig.world.truth.distance(goal) < 0.25
 
-    async def test_a_journey_that_is_cancelled_stops(self, adapter: Adapter) -> None:
-        if "goto" not in adapter.profile.capabilities:
-            return
+    async def on_its_way(self, adapter: Adapter) -> None:
+        """Start a goto of 2 m, and wait until the robot drives."""
         goal = self.rig.world.truth.compose(Pose2D(2.0, 0.0, 0.0))
         await adapter.start(Goto(action_id="g", stamp=0.0, x=goal.x, y=goal.y))
         await wait_for(adapter, lambda s: self.rig.world.sim.motion.linear > 0.2)
-        await adapter.cancel("g")
-        assert (await heard(adapter, ended("g")))[-1].status == "CANCELLED"
-        await wait_for(adapter, lambda s: self.rig.world.sim.motion.linear == 0.0)
+
+    async def has_stopped(self, seconds: float = 3.0) -> None:
+        await standing(self.rig, seconds)
         assert self.rig.world.journey != "running"
+        await stays(self.rig, 0.5)
+
+    async def test_a_journey_that_is_cancelled_stops(self, adapter: Adapter) -> None:
+        if "goto" not in adapter.profile.capabilities:
+            return
+        await self.on_its_way(adapter)
+        await cancelled(adapter, "g")
+        assert (await heard(adapter, ended("g")))[-1].status == "CANCELLED"
+        await self.has_stopped()
+
+    async def test_a_cancel_that_was_lost_does_not_count(self, adapter: Adapter) -> None:
+        if "goto" not in adapter.profile.capabilities:
+            return
+        await self.on_its_way(adapter)
+        self.rig.world.ignored_cancels = 1
+        assert await cancelled(adapter, "g") > 1
+        assert (await heard(adapter, ended("g")))[-1].status == "CANCELLED"
+        await self.has_stopped()
+
+    async def test_a_journey_runs_for_as_long_as_its_cancels_are_ignored(
+        self, adapter: Adapter
+    ) -> None:
+        if "goto" not in adapter.profile.capabilities:
+            return
+        await self.on_its_way(adapter)
+        self.rig.world.ignored_cancels = math.inf
+        for _ in range(4):
+            assert not await adapter.cancel("g")
+            await asyncio.sleep(AGAIN)
+        assert self.rig.world.cancels >= 4
+        with pytest.raises(ActionRefusedError):
+            await adapter.start(Goto(action_id="h", stamp=0.0, x=0.0, y=0.0))
+        self.rig.world.ignored_cancels = 0
+        await cancelled(adapter, "g")
+        assert (await heard(adapter, ended("g")))[-1].status == "CANCELLED"
+        await self.has_stopped()
+
+    async def test_a_goal_that_is_accepted_after_its_cancel_does_not_run(
+        self, adapter: Adapter
+    ) -> None:
+        if "goto" not in adapter.profile.capabilities:
+            return
+        self.rig.world.accept_after = LATE
+        goal = self.rig.world.truth.compose(Pose2D(2.0, 0.0, 0.0))
+        with contextlib.suppress(AdapterError):
+            await adapter.start(Goto(action_id="g", stamp=0.0, x=goal.x, y=goal.y))
+        await cancelled(adapter, "g")
+        await self.has_stopped()
+        await stays(self.rig, LATE)
+
+    async def test_a_docking_that_begins_after_its_cancel_does_not_run(
+        self, near_dock: Adapter
+    ) -> None:
+        if "dock" not in near_dock.profile.capabilities:
+            return
+        self.rig.world.accept_after = LATE
+        with contextlib.suppress(AdapterError):
+            await near_dock.start(Dock(action_id="d", stamp=0.0))
+        await cancelled(near_dock, "d")
+        await self.has_stopped()
+        await stays(self.rig, LATE)
+        assert not self.rig.world.sim.docked
+
+    async def test_a_goal_that_is_never_accepted_fails_and_is_cancelled(
+        self, adapter: Adapter
+    ) -> None:
+        if "goto" not in adapter.profile.capabilities:
+            return
+        self.rig.world.accept_after = math.inf
+        goal = self.rig.world.truth.compose(Pose2D(2.0, 0.0, 0.0))
+        before = self.rig.world.cancels
+        try:
+            await adapter.start(Goto(action_id="g", stamp=0.0, x=goal.x, y=goal.y))
+        except AdapterError:
+            await cancelled(adapter, "g")
+        else:
+            assert (await heard(adapter, ended("g"), 15.0))[-1].status == "FAILED"
+        assert self.rig.world.cancels > before
+
+    @pytest.mark.parametrize("by", ["the same agent", "the next agent"])
+    async def test_a_connection_cancels_what_an_earlier_one_left(
+        self, adapter: Adapter, by: str
+    ) -> None:
+        if "goto" not in adapter.profile.capabilities:
+            return
+        await self.on_its_way(adapter)
+        before = self.rig.world.cancels
+        if by == "the same agent":
+            adapter._lose("the cable was cut")
+            with pytest.raises(AdapterError, match="cable"):
+                await some(adapter.states(), 1)
+            await again(adapter)
+            await cancelled(adapter, "g")
+        else:
+            await adapter._let_go("the agent died")
+            async with connected(self.make()):
+                await self.has_stopped()
+        assert self.rig.world.cancels > before
+        await self.has_stopped()
 
     async def test_a_journey_that_fails_says_so(self, adapter: Adapter) -> None:
         if "goto" not in adapter.profile.capabilities:
@@ -322,7 +442,9 @@ class RcaConformance(AdapterConformance):
         await again(adapter)
         await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)
 
-    async def test_a_running_action_fails_with_its_architecture(self, adapter: Adapter) -> None:
+    async def test_an_action_of_a_lost_architecture_fails_once_its_end_is_confirmed(
+        self, adapter: Adapter
+    ) -> None:
         if "goto" not in adapter.profile.capabilities:
             return
         goal = self.rig.world.truth.compose(Pose2D(2.0, 0.0, 0.0))
@@ -332,11 +454,10 @@ class RcaConformance(AdapterConformance):
         with pytest.raises(AdapterError):
             await wait_for(adapter, lambda _: False)
         await dying
-        async with asyncio.timeout(patient(5.0)):
-            async for news in adapter.progress():
-                if ended("g")(news):
-                    break
-        assert news.status == "FAILED"
+        await asyncio.to_thread(self.rig.revive)
+        await again(adapter)
+        assert (await heard(adapter, ended("g"), 20.0))[-1].status == "FAILED"
+        assert await adapter.cancel("g")
 
 
 async def standing(rig: RcaRig, seconds: float = 3.0) -> None:

@@ -30,11 +30,12 @@ BEFORE_DOCK = {"giraff": "0.8,6.3,3.14159", "rhodon": "11.26,1.0,0.0"}
 
 
 class RcaWorld:
-    """One robot, in real time. `journey` is "", "running", "done" or "failed"; whoever drives by
-    hand ends it.
+    """One robot, in real time. `journey` is "", "running", "done" or "failed"; a velocity that
+    moves ends it.
 
-    `believed` is where its localization takes it to be; `deaf` is one that does not listen when it
-    is told.
+    `believed` is where its localization takes it to be; `deaf` is a localization that ignores what
+    it is told. Its planner accepts a goal after `accept_after` seconds, disregards the next
+    `ignored_cancels` of the `cancels` that it receives, and does nothing while it is `hung`.
     """
 
     watchdog = None  # seconds, where it is another one than the simulated robot's
@@ -53,6 +54,9 @@ class RcaWorld:
         self.commands = []  # (monotonic time, linear, angular)
         self._map_from_world = Pose2D(0.0, 0.0, 0.0)
         self.deaf = False
+        self.accept_after, self.ignored_cancels, self.cancels = 0.0, 0.0, 0
+        self._late = None  # a goal, its kind, and when it is accepted
+        self.hung = False
 
     @property
     def truth(self):
@@ -80,29 +84,46 @@ class RcaWorld:
         self.sim.tilt_target = angle
 
     def go_to(self, x, y):
-        self.journey, self.goal, self.kind = "running", Pose2D(x, y, 0.0), "goto"
+        self._accept(Pose2D(x, y, 0.0), "goto")
 
     def dock(self):
         place = self.sim.plan.dock_of(self.series)
-        self.journey, self.goal, self.kind = (
-            "running",
-            Pose2D(place.x, place.y, place.theta),
-            "dock",
-        )
+        self._accept(Pose2D(place.x, place.y, place.theta), "dock")
 
     def undock(self):
-        back = self.sim.pose.compose(Pose2D(-0.3, 0.0, 0.0))
-        self.journey, self.goal, self.kind = "running", back, "undock"
+        self._accept(self.sim.pose.compose(Pose2D(-0.3, 0.0, 0.0)), "undock")
+
+    def _accept(self, goal, kind):
+        if self.accept_after:
+            self._late = goal, kind, time.monotonic() + self.accept_after
+        else:
+            self._late, self.journey, self.goal, self.kind = None, "running", goal, kind
 
     def cancel(self):
+        """Return whether the planner obeyed."""
+        self.cancels += 1
+        if self.ignored_cancels > 0:
+            self.ignored_cancels -= 1
+            return False
+        self._late = None
         if self.journey == "running":
             self.journey = "failed"
+            self._command(0.0, 0.0)
+        return True
+
+    def pause(self):
+        """End a journey without a word."""
+        if self.journey == "running":
+            self.journey = ""
             self._command(0.0, 0.0)
 
     def tick(self):
         """Let time pass up to now."""
         self.playback.advance(time.monotonic(), time.time())
-        if self.journey == "running":
+        if self._late is not None and time.monotonic() > self._late[2]:
+            self.goal, self.kind, _ = self._late
+            self._late, self.journey = None, "running"
+        if self.journey == "running" and not self.hung:
             self._travel()
 
     def _travel(self):

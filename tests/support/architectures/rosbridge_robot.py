@@ -94,6 +94,7 @@ class RosbridgeRig(RcaRig):
                 }
             )
         self.robot.restarted()
+        self._nav_goal = None
         self._listening = asyncio.ensure_future(self._listen())
 
     async def listen(self, topic):
@@ -113,6 +114,7 @@ class RosbridgeRig(RcaRig):
 
     async def after_reset(self):
         self.robot.restarted()
+        self._nav_goal = None
 
     def _type(self, topic):
         robot = self.robot

@@ -14,7 +14,7 @@ with a topic, by nodes, and all clients are one (rosapi/proxy.py).
 What a client sends goes into a queue that is worked off in order, while pings are answered beside
 it (rosbridge_server/websocket_handler.py, IncomingQueue). With `blocking_goals` or
 `blocking_services` (send_action_goals_in_new_thread, call_services_in_new_thread: false) the queue
-waits for each result. `held` hangs the queues. `python -m
+waits for each result. `held` are the `clients` whose queue hangs. `python -m
 tests.support.architectures.rosbridge_server HOST PORT [no-rosapi] [blocking-goals]
 [blocking-services]` is one in a process of its own.
 """
@@ -49,7 +49,7 @@ class RosbridgeServer:
     ):
         self.host, self.port, self.rosapi = host, port, rosapi
         self.blocking_goals, self.blocking_services = blocking_goals, blocking_services
-        self.held = False
+        self.clients, self.held = [], set()
         self._server = None
         self.types, self.latched, self._last = {}, set(), {}
         self._publishers = {}  # topic: clients
@@ -81,6 +81,7 @@ class RosbridgeServer:
         self._last.clear()
 
     async def _client(self, client):
+        self.clients.append(client)
         incoming = asyncio.Queue()
         working = asyncio.ensure_future(self._work_off(client, incoming))
         try:
@@ -103,7 +104,7 @@ class RosbridgeServer:
     async def _work_off(self, client, incoming):
         while True:
             text = await incoming.get()
-            while self.held:
+            while client in self.held:
                 await asyncio.sleep(0.01)
             await self._take(client, text)
 

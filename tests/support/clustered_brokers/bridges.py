@@ -3,6 +3,7 @@
 import asyncio
 from pathlib import Path
 
+from robots.api.private_files import write_private
 from robots.broker import mosquitto
 from robots.broker.permissions import SERVER_ALLOWANCE, BrokerUser, Permissions
 from robots.enrol.credentials import hash_token, new_token
@@ -81,6 +82,6 @@ class BridgedMosquittos:
         everybody = {**users, BRIDGE: self._bridge}
         for number in range(len(self.ports)):
             folder = self._folder(number)
-            mosquitto.write_private(folder / "passwords", mosquitto.password_file(everybody))
-            mosquitto.write_private(folder / "permissions", mosquitto.permission_file(everybody))
+            write_private(folder / "passwords", mosquitto.password_file(everybody))
+            write_private(folder / "permissions", mosquitto.permission_file(everybody))
         self._users = dict(users)

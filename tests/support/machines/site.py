@@ -29,7 +29,7 @@ print(Robot.objects.get(name={name!r}).is_online(timezone.now()))
 """
 DOCKED = """
 from robots.models import Robot
-print(Robot.objects.filter(name={name!r}, report__docked=True).exists())
+print(Robot.objects.filter(name={name!r}, presence__report__docked=True).exists())
 """
 
 

@@ -25,8 +25,8 @@ class Rig(Site):
     def start_web(self):
         self.prepare()
         self.django(
-            "from django.utils import timezone; from robots.models import Robot;"
-            " Robot.objects.update(connection='ONLINE', last_seen_at=timezone.now() +"
+            "from django.utils import timezone; from robots.models import RobotPresence;"
+            " RobotPresence.objects.update(connection='ONLINE', last_seen_at=timezone.now() +"
             " timezone.timedelta(days=1))"
         )
         self.start_broker()

@@ -22,7 +22,7 @@ class MemoryBridge:
         self.stored = {}
         self.counts = collections.Counter()
         self.sent, self.stops, self.leases = [], [], []
-        self.retained, self.notices, self.reports = [], [], []
+        self.notices, self.reports = [], []
 
     def serves(self, _loop):
         return True
@@ -61,9 +61,6 @@ class MemoryBridge:
 
     def send_stop(self, robot, action):
         self.stops.append((robot, action))
-
-    def retain(self, robot, suffix, message):
-        self.retained.append((robot, suffix, message))
 
     def publish_lease(self, robot, lease):
         self.delivery.note_lease(robot, lease, time.monotonic())

@@ -148,6 +148,9 @@ class ScriptedRobot:
         self.loses: Callable[[int], bool] = lambda _seq: False
         self.answers = True
         self.speaks = True
+        self.safety = messages.Safety()
+        self.beats: list[float] = []  # when the server's heartbeats came (monotonic seconds)
+        self.ordered: list[messages.Action] = []
         self._beat: messages.CommandHeartbeat | None = None
         self._beat_at = 0.0
         self._task: asyncio.Task[None] | None = None
@@ -245,6 +248,7 @@ class ScriptedRobot:
             distance=self.seq * 0.01,
             visitor_silence=self.silence if self.session else None,
             applied=applied,
+            safety=self.safety,
         )
         state = msgspec.structs.replace(state, **changes)
         self.buffer[state.seq] = codec.encode(state)
@@ -271,10 +275,12 @@ class ScriptedRobot:
             await self._hear_lease(payload, retained)
         elif suffix == "command/heartbeat":
             self._beat, self._beat_at = codec.decode(suffix, payload), self.now()
+            self.beats.append(time.monotonic())
         elif suffix == "command/velocity":
             self.driven.append(codec.decode(suffix, payload))
         elif suffix == "command/action":
             action = codec.decode(suffix, payload)
+            self.ordered.append(action)
             if isinstance(action, messages.ResendStates) and action.boot == self.boot:
                 self.asked.append((action.first, action.last))
                 for seq in range(action.first, action.last + 1):

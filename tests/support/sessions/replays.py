@@ -10,6 +10,7 @@ from accounts.models import User
 from experiments.models import Drive, Participant, Study, TaskEvent
 from robots.models import FloorPlan, Robot
 from sessions.models import NetworkSample, Session, SessionEvent, Snapshot, StateChunk
+from tests.support.robots import create_robot
 from tests.support.studies.studies import PLAN, STUDY
 
 GRANTED = datetime.datetime(2026, 3, 2, 10, 0, tzinfo=datetime.UTC)
@@ -38,9 +39,7 @@ def cabin_robot(name: str = "giraff", **more: Any) -> Robot:
         "series": "giraff",
         "footprint": [[0.25, 0.2], [-0.25, 0.2], [-0.25, -0.2], [0.25, -0.2]],
     }
-    return Robot.objects.create(
-        name=name, title=name.title(), floor_plan=plan, factsheet=factsheet, **more
-    )
+    return create_robot(name=name, title=name.title(), floor_plan=plan, factsheet=factsheet, **more)
 
 
 def study(**more: Any) -> Study:

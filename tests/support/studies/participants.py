@@ -19,6 +19,7 @@ from robots.floorplans import store_floor_plan
 from robots.models import FloorPlan, Robot
 from sessions.models import Session
 from tests.support.agents.docked_robot import report_in_dock
+from tests.support.robots import create_robot
 
 OFFICE = Path(settings.BASE_DIR) / "robots" / "world" / "plans" / "office"
 
@@ -28,7 +29,7 @@ def site(name: str = "office", *, series: str = "giraff") -> Robot:
     site.
     """
     place = FloorPlan.objects.filter(name=name).first() or store_floor_plan(OFFICE)
-    return Robot.objects.create(
+    return create_robot(
         name=f"{series}-{name}",
         title=series.title(),
         floor_plan=place,

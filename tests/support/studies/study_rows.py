@@ -21,6 +21,7 @@ from sessions.models import NetworkSample, SessionEvent, StateChunk
 from sessions.models import Session as Visit
 from surveys.models import Answer, Response
 from surveys.models import Questionnaire as QuestionnaireRow
+from tests.support.robots import create_robot
 
 BEGUN = datetime.datetime(2026, 5, 4, 9, 0, tzinfo=datetime.UTC)
 MINUTE = datetime.timedelta(minutes=1)
@@ -86,7 +87,7 @@ def _robots(dataset: Dataset) -> dict[str, Robot]:
             "capabilities": ["velocity", "dock"],
             "limits": {"linear": 0.6, "angular": 0.7},
         }
-        found[robot.name] = Robot.objects.create(
+        found[robot.name] = create_robot(
             name=robot.name,
             title=robot.title,
             factsheet=sheet,

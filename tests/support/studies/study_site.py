@@ -7,6 +7,7 @@ from django.utils import timezone
 
 from robots.models import FloorPlan, Robot
 from tests.support.agents.docked_robot import report_in_dock
+from tests.support.robots import create_robot
 from tests.support.studies.studies import PLAN
 
 ALL = ("velocity", "goto", "follow", "dock", "undock", "tilt", "assist", "photo", "video", "doors")
@@ -36,7 +37,7 @@ def robot_at(
     """Make a robot whose factsheet has what studies ask of it."""
     sheet = {"series": series, "capabilities": list(capabilities), "limits": {"linear": linear}}
     heard = timezone.now() + datetime.timedelta(hours=1)  # for longer than any test takes
-    return Robot.objects.create(
+    return create_robot(
         name=name,
         title=name.title(),
         floor_plan=plan,

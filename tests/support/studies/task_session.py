@@ -17,7 +17,7 @@ from experiments.models import Drive, ParticipantKind
 from experiments.tasks.records import FirstFrame, PhotoAnswer, PhotoFailed, PhotoTaken, Record, Seen
 from experiments.tasks.runner import Runner
 from robots.api import messages as m
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from sessions.leases import store
 from sessions.models import Session, SessionEvent, StateChunk
 from sessions.protocol import PageEvent
@@ -31,7 +31,7 @@ AHEAD = 12.5  # the robot's clock is that much ahead of ours: seconds
 def cabin_robot() -> Robot:
     """The cabin and its giraff, which is online."""
     cabin_with_giraff()
-    Robot.objects.update(
+    RobotPresence.objects.update(
         connection="ONLINE", last_seen_at=timezone.now() + datetime.timedelta(hours=1)
     )
     return Robot.objects.get(name="giraff")

@@ -103,6 +103,7 @@ def test_broad_excepts_stand_only_where_a_loop_must_outlive_everything():
     control_loop = {
         "robots/agent/control/supervised_adapter.py",
         "robots/agent/control/dispatcher.py",
+        "robots/agent/control/loop.py",
         "robots/agent/adapters/ros/ros2_node.py",
     }
     assert found <= {"robots/agent/agent.py", "sessions/manager/service.py"} | control_loop

@@ -4,6 +4,7 @@ import pytest
 
 from robots.cards import STATES, Traffic, card
 from robots.models import FloorPlan, Robot
+from tests.support.robots import unsaved_robot
 
 NOW = datetime.datetime(2026, 3, 1, 12, 0, tzinfo=datetime.UTC)
 
@@ -16,7 +17,7 @@ def robot(**changes) -> Robot:
         "last_seen_at": NOW,
         "report": {"battery": {"charge": 0.824}},
     }
-    return Robot(**(fields | changes))
+    return unsaved_robot(**(fields | changes))
 
 
 def shown(traffic: Traffic | None = None, barred: str = "", **changes):
@@ -152,6 +153,14 @@ def test_a_robot_between_two_visits_says_what_it_does_and_can_be_waited_for(turn
     assert (it.state, it.label, it.action) == ("busy", label, "Join the queue")
     assert shown(Traffic(driven=True), returns_home=True, turnaround=turnaround).label == "In use"
     assert shown(returns_home=False, turnaround=turnaround).state == "available"
+
+
+def test_a_robot_that_was_stopped_between_visits_is_free_and_says_so():
+    stopped = {"returns_home": True, "turnaround": "paused", "turnaround_reason": "stopped"}
+    it = shown(**stopped)
+    assert (it.state, it.label, it.action) == ("available", "Stopped", "Drive Giraff")
+    assert it.detail == "Someone stopped it between visits. You release it by taking it."
+    assert shown(Traffic(driven=True), **stopped).label == "In use"
 
 
 @pytest.mark.parametrize(

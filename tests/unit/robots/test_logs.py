@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from robots.logs import ThreadedHandler
+from robots.logs import LINES_OF_EVENT, LogEvent, ThreadedHandler
 
 
 class StuckHandler(logging.Handler):
@@ -35,7 +35,7 @@ def test_a_terminal_that_takes_nothing_does_not_stop_who_logs(log):
     log.addHandler(ThreadedHandler([stuck], most=100))
     began = time.monotonic()
     for number in range(5000):
-        log.info("line %s", number)
+        log.info(f"line {number}")
     assert time.monotonic() - began < 2.0
     assert stuck.lines == []
     stuck.resume.set()
@@ -46,7 +46,7 @@ def test_lines_that_find_no_room_are_counted(log, caplog):
     handler = ThreadedHandler([stuck], most=100)
     log.addHandler(handler)
     for number in range(151):
-        log.info("line %s", number)
+        log.info(f"line {number}")
     stuck.resume.set()
     handler.flush()
     kept = len(stuck.lines)
@@ -78,3 +78,24 @@ def test_a_handler_gets_only_lines_of_its_level(log):
     log.error("large")
     handler.flush()
     assert quiet.lines == ["large"]
+
+
+def test_an_event_that_happens_often_leaves_room_in_the_log_for_others(log, monkeypatch):
+    monkeypatch.setattr(time, "time", lambda: 1_000_000_020.0)
+    written = StuckHandler()
+    written.resume.set()
+    handler = ThreadedHandler([written])
+    log.addHandler(handler)
+    for number in range(1000):
+        log.warning(LogEvent(event="offer_unusable", peer=number))
+    log.warning(LogEvent(event="message_failed"))
+    for _ in range(100):
+        log.critical("thread_failed")
+    handler.flush()
+    assert len([line for line in written.lines if "offer_unusable" in line]) == LINES_OF_EVENT
+    assert "message_failed" in written.lines
+    assert written.lines.count("thread_failed") == 100
+    monkeypatch.setattr(time, "time", lambda: 1_000_000_090.0)
+    log.warning(LogEvent(event="offer_unusable", peer=1000))
+    handler.flush()
+    assert written.lines[-1] == "offer_unusable peer=1000", "a minute later it is written again"

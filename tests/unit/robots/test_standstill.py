@@ -1,6 +1,6 @@
 import pytest
 
-from robots.presence import fault_of, is_stopped_there, standstill_of
+from robots.presence.report import fault_of, is_stopped_there, standstill_of
 
 FAULT = {"inhibited": "fault"}
 

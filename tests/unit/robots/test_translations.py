@@ -9,13 +9,14 @@ from django.utils import translation
 
 from robots.api import floorplan
 from robots.models import FloorPlan, Robot, check_translations
+from tests.support.robots import unsaved_robot
 
 SPANISH = {"es": {"title": "Jirafa", "description": "Un robot esbelto."}}
 PLANS = settings.BASE_DIR / "robots" / "world" / "plans"
 
 
 def robot(**fields):
-    return Robot(
+    return unsaved_robot(
         **{"name": "giraff", "title": "Giraff", "description": "A slender robot.", **fields}
     )
 

@@ -10,6 +10,7 @@ from django.conf import settings
 
 from robots.cards import Traffic, card
 from robots.models import Robot
+from tests.support.robots import unsaved_robot
 
 NOW = datetime.datetime(2026, 3, 1, 12, 0, tzinfo=datetime.UTC)
 HOME = {"returns_home": True}
@@ -32,7 +33,7 @@ def words() -> dict[str, str]:
 
 @pytest.mark.parametrize("word", CALLED)
 def test_a_robot_is_called_on_its_page_as_on_its_card(word):
-    robot = Robot(
+    robot = unsaved_robot(
         name="giraff", title="Giraff", connection="ONLINE", last_seen_at=NOW, **CALLED[word]
     )
     shown = card(robot, Traffic(), barred="", url="", now=NOW)
@@ -40,7 +41,7 @@ def test_a_robot_is_called_on_its_page_as_on_its_card(word):
 
 
 def test_a_robot_that_is_driven_is_called_the_same_too():
-    robot = Robot(name="giraff", title="Giraff", connection="ONLINE", last_seen_at=NOW)
+    robot = unsaved_robot(name="giraff", title="Giraff", connection="ONLINE", last_seen_at=NOW)
     shown = card(robot, Traffic(driven=True), barred="", url="", now=NOW)
     assert words()["busy"] == shown.label
     own = card(robot, Traffic(driven=True, own=True), barred="", url="", now=NOW)

@@ -72,14 +72,24 @@ async def test_a_crash_is_noted_and_goes_on_to_the_server(caplog):
     assert "status=0" in caplog.messages[-1]
 
 
-async def test_open_sockets_are_counted():
+@pytest.mark.parametrize(
+    ("path", "kind"),
+    [
+        ("/ws/robots/giraff/", "drive"),
+        ("/ws/robots/giraff/screen/", "screen"),
+        ("/ws/robots/giraff/wizard/", "wizard"),
+        ("/ws/check/", "check"),
+        ("/ws/nowhere/", "elsewhere"),
+    ],
+)
+async def test_open_sockets_are_counted_by_kind(path, kind):
     inside = []
 
     async def application(*_):
-        inside.append(REGISTRY.get_sample_value("telepresence_websockets", {"kind": "drive"}))
+        inside.append(REGISTRY.get_sample_value("telepresence_websockets", {"kind": kind}))
 
-    await ask(application, "/ws/robots/giraff/", kind="websocket")
-    after = REGISTRY.get_sample_value("telepresence_websockets", {"kind": "drive"})
+    await ask(application, path, kind="websocket")
+    after = REGISTRY.get_sample_value("telepresence_websockets", {"kind": kind})
     assert inside == [after + 1]
 
 

@@ -1,12 +1,15 @@
 """Static files that are answered without Django."""
 
 import asyncio
+import threading
 from typing import Any
 
 import pytest
 from whitenoise import WhiteNoise
 
 from telepresence_site.web.static_answers import StaticAnswers
+from tests.support.loop_gap import longest_gap
+from tests.support.patience import patient
 
 SCRIPT = b"export const answer = 42;\n" * 40
 
@@ -65,3 +68,35 @@ def test_everything_else_is_left_to_django(files):
     secure = StaticAnswers(django, files, secure_only=True)
     assert ask(secure, "/static/drive.js")[0] == 418, "it sends the browser to HTTPS"
     assert ask(secure, "/static/drive.js", scheme="https")[0] == 200
+
+
+async def test_a_disk_that_does_not_answer_holds_no_command(files, monkeypatch):
+    app, may_answer = StaticAnswers(django, files), threading.Event()
+    file = files["/static/drive.js"]
+    right = file.get_response
+
+    def hangs(*arguments):
+        may_answer.wait(patient(20))
+        return right(*arguments)
+
+    monkeypatch.setattr(file, "get_response", hangs)
+    sent = []
+
+    async def send(message):
+        sent.append(message)
+
+    scope = {
+        "type": "http",
+        "method": "GET",
+        "path": "/static/drive.js",
+        "scheme": "http",
+        "headers": [],
+    }
+    async with longest_gap() as gap:
+        answer = asyncio.create_task(app(scope, None, send))
+        await asyncio.sleep(0.1)
+        assert not answer.done()
+        may_answer.set()
+        await asyncio.wait_for(answer, patient(10))
+    assert gap() < patient(0.5)
+    assert sent[1]["body"] == SCRIPT

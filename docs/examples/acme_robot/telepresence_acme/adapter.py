@@ -51,7 +51,8 @@ class AcmeAdapter(RemoteAdapter):
     vital = "its odometry"
 
     def __init__(self, robot: RobotProfile, options: Options) -> None:
-        super().__init__(profile_of(robot, "Acme", options.watchdog, own=("video",)), robot.battery)
+        profile = profile_of(robot, "Acme", options.watchdog, own=("video",), sensors=("bumper",))
+        super().__init__(profile, robot.battery)
         self.place = f"Acme at {options.address}"
         self._options = options
         self._camera = AcmeCamera()

@@ -6,9 +6,8 @@ once. Some RCAs report the end of an action, others only reach it: the dock, the
 the pose are seen in the readings. Docking has ended when the robot is docked
 (robots/api/docked.py), undocking when its contacts are apart.
 
-An action that moves the base is ours from before it is sent until the RCA confirms its end. When
-the connection is lost meanwhile, it is reported as failed and kept in `left`, to be cancelled over
-the next connection.
+An action that moves the base is ours from before it is sent until the RCA confirms its end, also
+when the connection is lost in between: it is then cancelled over the next one.
 """
 
 import math
@@ -92,13 +91,7 @@ class PendingActions:
         self.drive: PendingAction | None = None
         self.head: PendingAction | None = None
         self.localization: PendingAction | None = None
-        self.left: list[PendingAction] = []
         self._tell = tell
-
-    @property
-    def driving(self) -> list[PendingAction]:
-        """The actions of which one may still move the base."""
-        return [*self.left, *([self.drive] if self.drive is not None else [])]
 
     def own(self, pending: PendingAction) -> None:
         """Take an action that is about to be sent and may move the base.
@@ -106,7 +99,7 @@ class PendingActions:
         Raises:
             ActionRefusedError: the end of an earlier one is not confirmed.
         """
-        if self.driving:
+        if self.drive is not None:
             raise ActionRefusedError("the robot has not confirmed the end of its last action")
         self.drive = pending
 
@@ -130,7 +123,7 @@ class PendingActions:
 
     def of(self, action_id: str) -> PendingAction | None:
         """Return an action that has not ended, or that may still move the base."""
-        known = (self.drive, self.head, self.localization, *self.left)
+        known = (self.drive, self.head, self.localization)
         return next((each for each in known if each and each.action_id == action_id), None)
 
     def end(self, action_id: str, status: ActionState, reason: str = "") -> None:
@@ -143,11 +136,11 @@ class PendingActions:
             self._end(self.drive, status, reason)
 
     def end_all(self, reason: str) -> None:
-        """Report all as failed with the connection; what may still move the base goes to `left`."""
-        left = self.driving
-        for pending in (self.drive, self.head, self.localization):
-            self._end(pending, "FAILED", reason)
-        self.left = left
+        """Report all as failed with the connection, but for what may still move the base."""
+        self._end(self.head, "FAILED", reason)
+        self._end(self.localization, "FAILED", reason)
+        if self.drive is not None:
+            self.drive.failure = self.drive.failure or reason
 
     def watch(
         self,
@@ -206,9 +199,6 @@ class PendingActions:
             self.localization = None
         elif pending is self.drive:
             self.drive = None
-        elif pending in self.left:
-            self.left.remove(pending)
-            return  # it was reported when the connection was lost
         else:
             return
         if pending.failure and status != "FINISHED":

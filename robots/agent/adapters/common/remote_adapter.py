@@ -15,7 +15,6 @@ import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator
-from dataclasses import replace
 from typing import Any
 
 import structlog
@@ -27,7 +26,12 @@ from robots.agent.adapters.common.pending_actions import (
     PendingActions,
 )
 from robots.agent.adapters.common.progress_queue import ProgressQueue
-from robots.agent.adapters.common.robot_profile import BatteryRange, RobotProfile
+from robots.agent.adapters.common.robot_profile import (
+    BatteryRange,
+    ObstacleSensor,
+    RobotProfile,
+    check_sensors,
+)
 from robots.agent.adapters.common.state_builder import Readings
 from robots.agent.adapters.common.velocity_gate import GateParams, VelocityGate
 from robots.agent.ramp import ZERO
@@ -53,7 +57,6 @@ PERIOD = 0.08  # seconds after which a state is said again when the RCA has noth
 GLANCE = 0.05  # seconds between two looks after actions
 CANCEL_AGAIN = 0.5  # seconds between two cancels of an action of which the end is not confirmed
 CANCEL_TIME = 1.0  # seconds for the first cancel of what an earlier connection has left
-UNCONFIRMED_AFTER = 1.0  # seconds after a cancel, from which its missing confirmation is an error
 BRAKING_TIME = 2.0
 STANDSTILL = 0.01
 GATE = GateParams()
@@ -67,6 +70,7 @@ def profile_of(
     watchdog: float,
     *,
     own: tuple[Capability, ...] = (),
+    sensors: tuple[ObstacleSensor, ...] = (),
     control: NavigationControl | None = None,
     advice: str = "",
 ) -> Profile:
@@ -77,12 +81,15 @@ def profile_of(
         rca: the name of the RCA.
         watchdog: the base's own, in seconds.
         own: what the robot can do besides driving, in this RCA.
+        sensors: the sensors for obstacles besides a laser whose readings the adapter delivers.
         control: what stops the RCA's own navigation when the agent is lost.
         advice: what its owner can change, where that is nothing.
 
     Raises:
-        AdapterError: nothing stops the RCA's navigation, and the profile does not allow that.
+        AdapterError: nothing stops the RCA's navigation, and the profile does not allow that; or
+            the profile names a sensor that the adapter does not deliver.
     """
+    check_sensors(robot, rca, sensors)
     if control == "unguarded" and not robot.unguarded_navigation:
         raise AdapterError(
             f"nothing would stop the navigation of {robot.series} if the agent were lost: {advice},"
@@ -202,7 +209,7 @@ class RemoteAdapter(ABC):
 
     async def _cancel_leftovers(self) -> None:
         """Cancel what an earlier run of the agent has left at the RCA; called after `_open`, before
-        anything else is sent. `pending_actions.left`, of this run, is cancelled anyway.
+        anything else is sent. What is pending of this run is cancelled anyway.
         """
 
     def _look(self, now: float) -> None:
@@ -292,7 +299,7 @@ class RemoteAdapter(ABC):
                 await self._open()
                 await self._cancel_leftovers()
             self._gate = VelocityGate(self.gate_params or GATE, time.monotonic())
-            await self._cancel_all()
+            await self._cancel_pending()
             self._tell_to_stand(time.monotonic())  # an earlier client may have driven
             await self._first_reading()
             await self._settle()
@@ -428,22 +435,13 @@ class RemoteAdapter(ABC):
         if await self._cancelled(pending):
             self.pending_actions.end(pending.action_id, "CANCELLED", "cancelled")
 
-    async def _cancel_all(self) -> None:
-        """Send a cancel for each action that may still move the base; `_watch` repeats it."""
-        with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(CANCEL_TIME):
-                for pending in self.pending_actions.driving:
-                    await self._cancel_again(pending)
-
-    @property
-    def _unconfirmed(self) -> tuple[str, ...]:
-        now = time.monotonic()
-        return tuple(
-            f"{self.place} has not confirmed that {pending.kind} was cancelled"
-            for pending in self.pending_actions.driving
-            if pending.first_cancelled_at is not None
-            and now - pending.first_cancelled_at > UNCONFIRMED_AFTER
-        )
+    async def _cancel_pending(self) -> None:
+        """Send a cancel for an action that may still move the base; `_watch` repeats it."""
+        drive = self.pending_actions.drive
+        if drive is not None:
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(CANCEL_TIME):
+                    await self._cancel_again(drive)
 
     async def states(self) -> AsyncIterator[RcaState]:
         """Yield a state for everything new that the RCA says, and at 12 Hz when it says the same.
@@ -460,8 +458,7 @@ class RemoteAdapter(ABC):
             if self._failure:
                 self.pending_actions.end_all(self._failure)
                 raise AdapterError(self._failure)
-            state = self.readings.state(time.time())
-            yield replace(state, errors=(*self._unconfirmed, *state.errors))
+            yield self.readings.state(time.time())
             await self._something_new()
 
     async def _something_new(self) -> None:
@@ -490,11 +487,10 @@ class RemoteAdapter(ABC):
             self.pending_actions.watch(
                 now, dock=dock, tilt=readings.tilt, pose=readings.pose, fixed_at=readings.fixed_at
             )
-            for pending in self.pending_actions.driving:
-                is_ours = pending in self.pending_actions.left or pending.failure
-                if is_ours and now - pending.cancelled_at > CANCEL_AGAIN:
-                    pending.cancelled_at = now
-                    self._run(self._cancel_again(pending))
+            drive = self.pending_actions.drive
+            if drive and drive.failure and now - drive.cancelled_at > CANCEL_AGAIN:
+                drive.cancelled_at = now
+                self._run(self._cancel_again(drive))
             await asyncio.sleep(GLANCE)
 
     async def progress(self) -> AsyncIterator[ActionProgress]:
@@ -513,10 +509,16 @@ class RemoteAdapter(ABC):
     def configure(self, config: Any) -> None:
         """Ignore a `Config`: nothing in it is the RCA's."""
 
+    def sever(self) -> None:
+        """Drop the connection as the death of the agent would (robot_interface.Severable)."""
+        self._lose("the connection was cut on purpose")
+        for task in self._tasks:
+            task.cancel()
+
     async def close(self) -> None:
         """Cancel, brake, wait for the standstill, and disconnect."""
         if not self._failure:
-            await self._cancel_all()
+            await self._cancel_pending()
             with contextlib.suppress(AdapterError, TimeoutError):
                 await self._stand()
         await self._let_go("closed")

@@ -20,7 +20,7 @@ import re
 import tomllib
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
 import msgspec
 from msgspec import Meta, Struct
@@ -50,7 +50,13 @@ class BatteryRange(Struct, frozen=True):
         return min(1.0, max(0.0, (voltage - self.empty) / (self.full - self.empty)))
 
 
-Speed = Annotated[float, Meta(gt=0.0, le=0.5)]  # m/s or rad/s that still counts as a standstill
+# m/s and rad/s: with a larger threshold, a robot that a person sees moving would count as at rest
+LARGEST_LINEAR_STANDSTILL = 0.1
+LARGEST_ANGULAR_STANDSTILL = 0.3
+LinearStandstill = Annotated[float, Meta(gt=0.0, le=LARGEST_LINEAR_STANDSTILL)]
+AngularStandstill = Annotated[float, Meta(gt=0.0, le=LARGEST_ANGULAR_STANDSTILL)]
+# a section or key of a profile, and the RcaState field that an adapter has to fill for it
+ObstacleSensor = Literal["sonars", "bumper", "depth"]
 
 
 class RobotProfile(Struct, frozen=True):
@@ -70,8 +76,8 @@ class RobotProfile(Struct, frozen=True):
     bumper: bool = False
     depth: DepthCamera | None = None
     unguarded_navigation: bool = False
-    standstill_linear: Speed = 0.02
-    standstill_angular: Speed = 0.05
+    standstill_linear: LinearStandstill = 0.02
+    standstill_angular: AngularStandstill = 0.05
     adapters: dict[str, dict[str, Any]] = {}
     file: str = ""
 
@@ -82,6 +88,15 @@ SECTIONS: dict[str, type[Struct]] = {
     "laser": Laser,
     "camera": Camera,
     "battery": BatteryRange,
+}
+# what to tell the owner of a robot whose adapter does not deliver a sensor; {rca} is its name
+UNDELIVERED: dict[ObstacleSensor, str] = {
+    "sonars": "[[sonars]] cannot be used with {rca}, which delivers no echoes of sonars: remove"
+    " these sections",
+    "bumper": "bumper = true cannot be used with {rca}, which reports contacts without their"
+    " direction: remove it; a contact still stops the robot",
+    "depth": "[depth] cannot be used with {rca}, which delivers no points of a depth camera: remove"
+    " this section",
 }
 SHARED = frozenset(
     {
@@ -126,6 +141,23 @@ def load_profile(name: str, folder: Path = SHIPPED) -> RobotProfile:
         ) from error
     except (OSError, ValueError) as error:
         raise AdapterError(f"the robot profile {path} cannot be used: {error}") from error
+
+
+def check_sensors(profile: RobotProfile, rca: str, delivered: Collection[ObstacleSensor]) -> None:
+    """Refuse a profile with a sensor that its adapter does not deliver: the collision monitor would
+    wait for it for ever, and an assisted driver would creep or not move at all.
+
+    Raises:
+        AdapterError: such a sensor, its line, and what to change; one sentence.
+    """
+    for sensor in get_args(ObstacleSensor):
+        if getattr(profile, sensor) and sensor not in delivered:
+            text = Path(profile.file).read_text(encoding="utf-8") if profile.file else ""
+            line = line_of(text, (sensor, 0)) or line_of(text, (sensor,))
+            raise AdapterError(
+                f"the robot profile {profile.file or profile.series}: {line}"
+                + UNDELIVERED[sensor].format(rca=rca)
+            )
 
 
 def settings_of(

@@ -1,22 +1,30 @@
 """The paper's Giraff at its source: the variables of OpenMORA in a MOOSDB.
 
-A variable never changes its type and keeps its last value, which comes when we register: of what
-was said before we came, only what stays true counts (battery, place), never an end of navigation.
+A variable never changes its type and keeps its last value, which arrives upon registration. Of what
+was published before we registered, only what stays true counts (battery, place), never an end of
+navigation.
 
 What OpenMORA does with these variables (its sources, by module and file):
-- A journey to a point ends with NAV_EVENT_END, ERROR or NOWAY
-  (NavigatorReactivePTG/CReacNavPTGApp.cpp). One to a node is a plan of several such journeys, tried
-  again after an ERROR, and ends with PLAN_FINISHED "task 0 ROBOT_CONTROLLER" whether it got there
-  or not (Executor/TExecutor.cpp, Planner/HPWA.cpp, RobotControlManager/CRobotControllerApp.cpp):
-  the place tells.
-- The head's angle is said once after TILT_SET_ANGLE_FROM_HOME, before it has turned, and whenever
+- RobotControlManager/CRobotControllerApp.cpp: NAVIGATE_TARGET, GO_TO_NODE, PARKING 1 and
+  MOTION_REQUEST (a zero, too) set the autonomous mode, ROBOT_CONTROL_MODE 2. CANCEL_NAVIGATION
+  cancels the navigator and the plans, sets PARKING 0 and publishes ROBOT_CONTROL_MODE 0, each time,
+  also when the mode was 0 before. MOTION_REQUEST pauses the navigator, so that its velocities
+  cannot pass through the agent.
+- With `use_client_alive_ack`, it sends CANCEL_NAVIGATION again and again while CLIENT_MQTT_ACK has
+  not come for `max_client_ack_interval` seconds (2 as shipped) and the robot is not charging. That
+  is the guard: it ends navigation, docking and driving alike when the agent or its link is lost.
+- MobileRobot_Giraff/CRobotGiraffApp.cpp: the base obeys MOTION_CMD_V and MOTION_CMD_W in the
+  autonomous mode alone, and repeats the last ones for ever; mode 0 stops it. The head's angle is
+  published once after TILT_SET_ANGLE_FROM_HOME, before it has turned, and whenever
   TILT_GET_ANGLE_FROM_HOME asks.
-- UNDOCK sets MOTION_CMD_V, which the base obeys in autonomous mode alone
-  (MobileRobot_Giraff/CRobotGiraffApp.cpp); docking ends in manual mode. A MOTION_REQUEST, of zero
-  too, makes it autonomous.
-- With `use_client_alive_ack`, as shipped, a robot out of its dock is stopped again and again while
-  CLIENT_MQTT_ACK has not come for two seconds (RobotControlManager/CRobotControllerApp.cpp,
-  Iterate). So it has to come from us; when we are dead, that stops the base.
+- NavigatorReactivePTG/CReacNavPTGApp.cpp and NavigatorReactivePTG3D/CReacNavPTGApp3D.cpp: a journey
+  to a point ends with NAV_EVENT_END, ERROR or NOWAY; the second never publishes NAV_EVENT_START.
+  Both compute MOTION_CMD_V and MOTION_CMD_W in any mode. The first knows no cancel of the
+  RobotControlManager, but its own command.
+- Executor/TExecutor.cpp and Planner/HPWA.cpp: a journey to a node, the way to the dock and UNDOCK
+  are plans. PLAN_FINISHED "<task> 0|505|1 ROBOT_CONTROLLER" ends them, whether they succeeded or
+  not. A plan that starts forgets a cancel that came before, so only PLAN_FINISHED tells that a
+  cancelled plan will not start.
 """
 
 import asyncio
@@ -25,12 +33,14 @@ import itertools
 import math
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Annotated, Any
 
 import structlog
 from msgspec import Meta, Struct
 
-from robots.agent.adapters.common.pending_actions import PendingAction
+from robots.agent.adapters.common import remote_adapter
+from robots.agent.adapters.common.pending_actions import Kind, PendingAction
 from robots.agent.adapters.common.remote_adapter import RemoteAdapter, profile_of
 from robots.agent.adapters.common.robot_profile import RobotProfile, load_profile, settings_of
 from robots.agent.adapters.common.state_builder import stamp_of
@@ -38,7 +48,7 @@ from robots.agent.adapters.moos import openmora
 from robots.agent.adapters.moos.client import MoosClient
 from robots.agent.adapters.moos.wire import Mail
 from robots.agent.ramp import ZERO
-from robots.agent.robot_interface import AdapterError
+from robots.agent.robot_interface import ActionRefusedError, AdapterError
 from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Undock, Velocity
 
 OWN: tuple[Capability, ...] = ("localization", "goto", "dock", "undock", "relocalize", "tilt")
@@ -55,33 +65,34 @@ HEARD = (
     "NAV_EVENT_NOWAY",
     "PLAN_FINISHED",
     "ROBOT_TOPOLOGICAL_PLACE",
+    "ROBOT_CONTROL_MODE",
+    "MOTION_CMD_V",
+    "MOTION_CMD_W",
 )
-SETTING_OUT = 5.0
-OURS = ["0", "ROBOT_CONTROLLER"]  # of PLAN_FINISHED: the journey to a node
-# metres from its goal at which a robot that ended its journey has reached it: OpenMORA allows
-# itself 0.4
-ARRIVED = 0.6
+PLANS: dict[Kind, str] = {"goto": "0", "dock": "505", "undock": "1"}  # their number at its end
 LANDING = 2.0  # seconds that the place may come after the end of the journey
-ACK_PERIOD = 0.5  # seconds
 ASKING = 0.3  # seconds between two questions for the head's angle while it turns
-ERROR_SHOWN = 10.0
 
 log = structlog.stdlib.get_logger(__name__)
 
 
 class MoosOptions(Struct, frozen=True, kw_only=True):
-    """Where the MOOSDB is, and who we are to it; `tilt_sign` -1 where the head counts upwards,
+    """Where the MOOSDB is, and our name there; `tilt_sign` -1 where the head counts upwards,
     `nodes` places by name, by comma.
 
-    Told where it is, the robot looks for itself in a square that reaches `relocalize_half_width`
-    metres either way, with so many `relocalize_particles`. The first should be what the robot's own
-    X_MIN … Y_MAX say, the second is what OpenMORA takes when lost.
+    `client_ack_interval` is the `max_client_ack_interval` of the robot's RobotControlManager in
+    seconds, 0 where its `use_client_alive_ack` is off.
+
+    To relocalize, the robot searches a square that reaches `relocalize_half_width` metres to each
+    side, with so many `relocalize_particles`. The first should be the robot's own X_MIN … Y_MAX,
+    the second is what OpenMORA uses when lost.
     """
 
     host: str = "127.0.0.1"
     port: Annotated[int, Meta(ge=1, le=65535)] = 9000
     name: str = "telepresence"
     watchdog: float
+    client_ack_interval: float = 0.0
     tilt_sign: float = 1.0
     nodes: str = ""
     relocalize_half_width: float = 1.0
@@ -92,7 +103,7 @@ def create(profile_name: str, options: Mapping[str, Any]) -> "MoosAdapter":
     """Return an adapter for a robot of OpenMORA; nothing is connected yet.
 
     Raises:
-        AdapterError: no such profile or option; one sentence.
+        AdapterError: no such profile or option, or nothing would stop its navigation; one sentence.
     """
     robot = load_profile(profile_name)
     return MoosAdapter(robot, settings_of(MoosOptions, "moos", robot, options))
@@ -105,13 +116,26 @@ class MoosAdapter(RemoteAdapter):
 
     def __init__(self, robot: RobotProfile, options: MoosOptions) -> None:
         super().__init__(
-            profile_of(robot, "MOOS (OpenMORA)", options.watchdog, own=OWN), robot.battery
+            profile_of(
+                robot,
+                "MOOS (OpenMORA)",
+                options.watchdog,
+                own=OWN,
+                control=openmora.control_of(options.client_ack_interval),
+                advice=openmora.advice("moos"),
+            ),
+            robot.battery,
         )
+        # The middleman answers for a robot that hangs behind it, and would keep more for it.
+        self.gate_params = replace(remote_adapter.GATE, orders=1)
         self.place = f"the MOOSDB at {options.host}:{options.port}"
         self._robot, self._options = robot, options
         self._client: MoosClient | None = None
         self._nodes = openmora.listed_nodes(options.nodes)
         self._connected_at = self._error_at = self._asked_at = 0.0
+        self._manual_at = self._cancelled_at = -math.inf  # monotonic
+        self._arrived = ""  # the action that has reached its goal
+        self._controller = ""  # the name of the RobotControlManager in this mission
         self._place = ""
         self._voltage: float | None = None
         self._charging: bool | None = None
@@ -119,12 +143,15 @@ class MoosAdapter(RemoteAdapter):
     async def _open(self) -> None:
         options = self._options
         self._client = MoosClient(options.name, options.host, options.port, self._take, self._lose)
-        self._connected_at = time.time()
         await self._client.connect()
+        self._connected_at = time.time() + self._client.skew
         for key in HEARD:
             self._client.register(key)
         self._ask_for_angle(time.monotonic())
         self._run(self._acknowledge())
+
+    async def _cancel_leftovers(self) -> None:
+        self._cancel_navigation()
 
     async def _ask(self) -> None:
         if self._client is None:
@@ -143,15 +170,12 @@ class MoosAdapter(RemoteAdapter):
     async def _acknowledge(self) -> None:
         for count in itertools.count(1):
             self._notify("CLIENT_MQTT_ACK", f"{count} {openmora.milliseconds(time.time())}|0 0|0 0")
-            await asyncio.sleep(ACK_PERIOD)
+            await asyncio.sleep(openmora.ACK_PERIOD)
 
-    # --- what it hears ----------------------------------------------------------------------------
+    # --- what it receives -------------------------------------------------------------------------
 
     def _take(self, mail: Mail) -> None:
-        is_news = mail.time > self._connected_at
         match mail.key, mail.value:
-            case "LOCALIZATION", str(text) if is_news:
-                self._locate(text, mail.time)
             case "BATTERY_V_FLOAT", float(volts):
                 self._voltage = volts
                 self._charge()
@@ -162,17 +186,27 @@ class MoosAdapter(RemoteAdapter):
                 self.readings.tilt = openmora.tilt_of(degrees, self._robot, self._options.tilt_sign)
             case "BUMPERS", value:
                 self.readings.bumped(touching=_is_set(value))
-            case "ERROR_MSG", str(text) if is_news:
-                self.readings.errors, self._error_at = (text,), time.monotonic()
-            case (
-                ("NAV_EVENT_START" | "NAV_EVENT_END" | "NAV_EVENT_ERROR" | "NAV_EVENT_NOWAY"),
-                _,
-            ) if is_news:
-                self._navigated(mail.key.rpartition("_")[2])
-            case "PLAN_FINISHED", str(text) if is_news and text.split()[1:3] == OURS:
-                self._over(named=True)
             case "ROBOT_TOPOLOGICAL_PLACE", str(label):
                 self._place = label
+            case _ if mail.time > self._connected_at:
+                self._take_news(mail)
+
+    def _take_news(self, mail: Mail) -> None:
+        match mail.key, mail.value:
+            case "LOCALIZATION", str(text):
+                self._locate(text, mail.time)
+            case "ERROR_MSG", str(text):
+                self.readings.errors, self._error_at = (text,), time.monotonic()
+            case (("NAV_EVENT_START" | "NAV_EVENT_END" | "NAV_EVENT_ERROR" | "NAV_EVENT_NOWAY"), _):
+                self._navigated(mail.key.rpartition("_")[2])
+            case "PLAN_FINISHED", str(text):
+                self._plan_finished(text.split()[1:3])
+            case "ROBOT_CONTROL_MODE", float(mode):
+                self._controller = mail.source
+                if mode == openmora.MANUAL:
+                    self._manual_at = time.monotonic()
+            case (("MOTION_CMD_V" | "MOTION_CMD_W"), float(speed)):
+                self._moved_by(mail.source, speed)
 
     def _locate(self, text: str, said: float) -> None:
         try:
@@ -195,30 +229,36 @@ class MoosAdapter(RemoteAdapter):
         pending = self.pending_actions.drive
         if pending is None:
             return
-        by_plan = pending.kind == "dock" or bool(pending.place)
+        by_plan = pending.kind != "goto" or bool(pending.place)
         match event:
             case "START":
                 pending.seen_running = True
-            case "END":
-                self._over(named=False)
+            case "END" if not by_plan:
+                pending.over_at = time.monotonic()
             case "ERROR" if not by_plan:  # a plan tries again
-                self._give_up("navigation failed")
+                pending.failure = pending.failure or "navigation failed"
             case "NOWAY":
-                self._give_up("there is no route to the goal")
+                pending.failure = pending.failure or "there is no route to the goal"
 
-    def _give_up(self, reason: str) -> None:
-        """Say that a journey has failed, and see to it that the robot does not go on with it."""
-        self._cancel_navigation()
-        self.pending_actions.end_drive("FAILED", reason)
-
-    def _over(self, *, named: bool) -> None:
-        """Take that a journey to a point, or to a node, has ended; where, tells the place."""
+    def _plan_finished(self, plan: list[str]) -> None:
         pending = self.pending_actions.drive
-        if pending is not None and pending.kind == "goto" and bool(pending.place) == named:
+        if pending is not None and plan == [PLANS[pending.kind], "ROBOT_CONTROLLER"]:
             pending.over_at = time.monotonic()
 
+    def _moved_by(self, source: str, speed: float) -> None:
+        """Take a velocity of the RobotControlManager, which is ours, or of a navigator: one that
+        moves the base without an action of ours started late, or never stopped.
+        """
+        if source == self._controller:
+            return
+        if self.pending_actions.drive is not None:
+            self.pending_actions.drive.seen_running = True
+        elif speed != 0.0:
+            with contextlib.suppress(AdapterError):  # the reader of the connection reports it
+                self._cancel_navigation()
+
     def _look(self, now: float) -> None:
-        if self.readings.errors and now - self._error_at > ERROR_SHOWN:
+        if self.readings.errors and now - self._error_at > openmora.ERROR_SHOWN:
             self.readings.errors = ()
         if self.pending_actions.head is not None and now - self._asked_at > ASKING:
             self._ask_for_angle(now)
@@ -226,18 +266,31 @@ class MoosAdapter(RemoteAdapter):
 
     def _watch_journey(self, now: float) -> None:
         pending = self.pending_actions.drive
-        if pending is None or pending.kind != "goto":
+        if pending is None or pending.kind != "goto" or pending.failure:
             return
+        if pending.first_cancelled_at is not None and pending.action_id != self._arrived:
+            return  # the confirmation ends it
         if pending.over_at < now and self._is_there(pending):
-            self.pending_actions.end(pending.action_id, "FINISHED")
+            self._finish(pending, now)
         elif now - pending.over_at > LANDING:
-            self.pending_actions.end(
-                pending.action_id, "FAILED", "the robot stopped before it arrived"
-            )
+            pending.failure = "the robot stopped before it arrived"
         elif (
-            pending.over_at > now and not pending.seen_running and now - pending.began > SETTING_OUT
+            pending.over_at > now
+            and not pending.seen_running
+            and now - pending.began > openmora.SETTING_OUT
         ):
-            self._give_up("the robot does not start moving")
+            pending.failure = "the robot does not start moving"
+
+    def _finish(self, pending: PendingAction, now: float) -> None:
+        """Cancel a navigator that would set out again if the robot were moved; its end counts when
+        that is confirmed.
+        """
+        self._arrived = pending.action_id
+        if pending.first_cancelled_at is None:
+            pending.first_cancelled_at = now
+        self._cancel_navigation()
+        if self._has_ended(pending):
+            self.pending_actions.end(pending.action_id, "FINISHED")
 
     def _is_there(self, pending: PendingAction) -> bool:
         if pending.goal is None:
@@ -245,10 +298,10 @@ class MoosAdapter(RemoteAdapter):
         pose = self.readings.pose
         return (
             pose.localized
-            and math.hypot(pose.x - pending.goal[0], pose.y - pending.goal[1]) < ARRIVED
+            and math.hypot(pose.x - pending.goal[0], pose.y - pending.goal[1]) < openmora.ARRIVED
         )
 
-    # --- what it says -----------------------------------------------------------------------------
+    # --- what it sends ----------------------------------------------------------------------------
 
     def _notify(self, key: str, value: float | str) -> None:
         if self._client is None:
@@ -256,7 +309,13 @@ class MoosAdapter(RemoteAdapter):
         self._client.notify(key, value)
 
     def _drive(self, velocity: Velocity) -> None:
-        self._notify("MOTION_REQUEST", openmora.motion(velocity))
+        now = time.monotonic()
+        if velocity != ZERO or not openmora.is_cancelling(self.pending_actions):
+            self._notify("MOTION_REQUEST", openmora.motion(velocity))
+        elif now - self._cancelled_at > openmora.CANCEL_AGAIN:
+            # it sets the autonomous mode, which the cancel behind it ends
+            self._notify("MOTION_REQUEST", openmora.motion(ZERO))
+            self._cancel_navigation()
 
     def _turn_head(self, angle: float) -> None:
         self._notify(
@@ -276,7 +335,7 @@ class MoosAdapter(RemoteAdapter):
             case Goto(place=str(place)) if place in self._nodes:
                 self._notify("GO_TO_NODE", place)
             case Goto(place=place):
-                raise AdapterError(
+                raise ActionRefusedError(
                     f"this robot does not know the place {place!r}; it knows "
                     f"{', '.join(sorted(self._nodes)) or 'none by name'}"
                 )
@@ -297,17 +356,31 @@ class MoosAdapter(RemoteAdapter):
                     action.action_id, x, y, options.relocalize_half_width, time.monotonic()
                 )
             case _:
-                raise AdapterError("this robot needs to be given its position: x and y")
+                raise ActionRefusedError("this robot needs to be given its position: x and y")
         return self._pending(action)
 
-    async def _withdraw(self, pending: PendingAction) -> None:
-        if pending.kind == "dock":
-            self._notify("PARKING", 0.0)
+    async def _withdraw(self, pending: PendingAction) -> bool:
         self._cancel_navigation()
+        return self._has_ended(pending)
+
+    def _has_ended(self, pending: PendingAction) -> bool:
+        """Whether the RobotControlManager has obeyed a cancel of this action, and its plan, if it
+        is one, is over.
+        """
+        is_plan = pending.kind != "goto" or bool(pending.place)
+        return (
+            pending.first_cancelled_at is not None
+            and self._manual_at > pending.first_cancelled_at
+            and (not is_plan or pending.over_at < math.inf)
+        )
 
     def _cancel_navigation(self) -> None:
-        with contextlib.suppress(AdapterError):
+        now = time.monotonic()
+        if now - self._cancelled_at > openmora.CANCEL_AGAIN:
+            self._cancelled_at = now
             self._notify("CANCEL_NAVIGATION", "telepresence")
+            self._notify("PARKING", 0.0)
+            self._notify("PNAVIGATORREACTIVEPTG_CMD", "CANCEL")
 
 
 def _is_set(value: float | str | bytes) -> bool:

@@ -38,6 +38,7 @@ class MoosClient:
         lost: Callable[[str], None],
     ) -> None:
         self.name, self.community = name, ""
+        self.skew = 0.0  # seconds that the database's clock is ahead of ours
         self._host, self._port, self._heard, self._lost = host, port, heard, lost
         self._ids = itertools.count()
         self._writer: asyncio.StreamWriter | None = None
@@ -69,7 +70,8 @@ class MoosClient:
             answer = (await _packet(reader))[0]
         except (wire.MoosWireError, IndexError, asyncio.IncompleteReadError) as error:
             raise AdapterError(
-                f"no compatible MOOSDB at {self._host}:{self._port}: {error}"
+                f"no compatible MOOSDB at {self._host}:{self._port}: "
+                f"{str(error) or type(error).__name__}"
             ) from error
         if answer.type == wire.POISON:
             raise AdapterError(f"the MOOSDB refused the connection: {answer.text}")
@@ -77,6 +79,8 @@ class MoosClient:
             raise AdapterError(
                 "the MOOSDB does not support asynchronous clients: it is older than version 10"
             )
+        if isinstance(answer.value, float):
+            self.skew = answer.value
         return answer.community
 
     def notify(self, key: str, value: Value) -> None:
@@ -169,7 +173,7 @@ class MoosClient:
                     elif mail.type == wire.TIMING and self._asking:
                         self._answer()
         except (OSError, asyncio.IncompleteReadError, wire.MoosWireError) as error:
-            self._lost(f"the MOOSDB is gone: {error or type(error).__name__}")
+            self._lost(f"the MOOSDB is gone: {str(error) or type(error).__name__}")
 
 
 async def _packet(reader: asyncio.StreamReader) -> list[Mail]:

@@ -1,8 +1,8 @@
-"""The words of OpenMORA, the robot architecture of the paper's Giraff, as strings and back. Pure.
+"""The values of OpenMORA, the robot architecture of the paper's Giraff, as strings and back. Pure.
 
 The same values travel as variables of MOOS and, prefixed by a time, as MQTT payloads of OpenMORA's
-MQTTMosquitto module. Angles are in degrees there; the head's are counted from its home, which in
-our words is the profile's `tilt.home`.
+MQTTMosquitto module. Angles are in degrees there; the head's are counted from its home, which is
+the profile's `tilt.home`.
 """
 
 import math
@@ -12,8 +12,10 @@ from robots.agent.adapters.common.pending_actions import (
     LONGEST_RELOCALIZATION,
     ExpectedArea,
     PendingAction,
+    PendingActions,
 )
 from robots.agent.adapters.common.robot_profile import RobotProfile
+from robots.agent.robot_interface import NavigationControl
 from robots.api.geometry import wrap_angle
 from robots.api.messages import Pose, Scan, Velocity
 
@@ -24,6 +26,13 @@ MOST_RANGES = 2000
 FILTERING = 1.0
 LONGEST_STAMP = 20  # digits
 UNKNOWN = "NULL"
+MANUAL = 0.0  # of ROBOT_CONTROL_MODE
+ACK_PERIOD = 0.1  # seconds
+SLOWEST_GUARD = 2.0  # seconds, as for a watchdog
+CANCEL_AGAIN = 0.1  # seconds between two cancels, at least
+SETTING_OUT = 5.0  # seconds in which a journey begins
+ARRIVED = 0.6  # metres from its goal at which a journey may end: OpenMORA's navigators allow 0.5
+ERROR_SHOWN = 10.0  # seconds
 
 
 class DialectError(ValueError):
@@ -33,6 +42,26 @@ class DialectError(ValueError):
 def listed_nodes(text: str) -> frozenset[str]:
     """Return the names of places that an option lists by comma."""
     return frozenset(name.strip() for name in text.split(",") if name.strip())
+
+
+def control_of(client_ack_interval: float) -> NavigationControl:
+    """Return what ends OpenMORA's navigation when the agent is lost: its RobotControlManager, if
+    that expects an acknowledgement of ours at least so often, in seconds.
+    """
+    return "guarded" if 0.0 < client_ack_interval <= SLOWEST_GUARD else "unguarded"
+
+
+def advice(adapter: str) -> str:
+    """Return what the owner of a robot without this guard can do."""
+    return (
+        "set use_client_alive_ack = true and max_client_ack_interval = 0.5 for RobotControlManager"
+        f" in the mission file, and client_ack_interval = 0.5 in [{adapter}] of the profile"
+    )
+
+
+def is_cancelling(actions: PendingActions) -> bool:
+    """Whether the end of an action that moves the base was requested and is not confirmed."""
+    return actions.drive is not None and actions.drive.first_cancelled_at is not None
 
 
 @dataclass(frozen=True)

@@ -1,19 +1,28 @@
 """The paper's Giraff as it is: OpenMORA's MQTTMosquitto module on a broker of its own, with our age
 limits in front of it.
 
-Its topics are `<robot>/…`, QoS 0, not retained. It stops half a second after the last `Motion` and
-two seconds after the last `ClientACK`; it obeys a `Motion` however late it comes
-(CMQTTMosquitto::on_message compares its time with that of the last `ClientACK`, not with the
-clock). So one that waited here too long is not sent at all (outgoing.py), and none is sent to a
-broker that has not just acknowledged a `ClientProbe`, which is of QoS 1 and means nothing to the
-robot (velocity_gate.py).
+Its topics are `<robot>/…`, QoS 0, not retained. What it does (MQTTMosquitto/CMQTTMosquitto.cpp):
+- It obeys a `Motion` however late it arrives: on_message compares its time with that of the last
+  `ClientACK`, not with the clock. So a velocity that waited here too long is not sent
+  (send_slots.py), and none is sent to a broker that has not just acknowledged a `ClientProbe`,
+  which is of QoS 1 and means nothing to the robot (velocity_gate.py).
+- Half a second after the last `Motion` it publishes CANCEL_NAVIGATION, whatever runs by then. But
+  it looks for that only when a message arrives, or after a second without one (`loop(-1)`).
+- It forwards `ClientACK` to the RobotControlManager, which is the guard: see adapter.py. It ends
+  navigation and docking, two seconds after the last one as shipped.
+- `StopGiraff` is CANCEL_NAVIGATION. `Debug VARIABLE text` publishes any variable.
+- `RobotACK` begins with the count of the last `ClientACK`, so it tells what the module has read.
 
-The angle of the head is told and never reported: unknown before we told it, then taken to turn as
-fast as the profile says.
+The agent's last will is a `StopGiraff`: when its process dies, the broker ends whatever runs.
 
-The robot ends a journey to a place by name in manual mode. One to a point leaves it autonomous,
-arrived or not (only PLAN_FINISHED, CANCEL_NAVIGATION and PARKING set manual mode in
-RobotControlManager/CRobotControllerApp.cpp): it has ended where the robot stays.
+The angle of the head is sent and never reported: unknown at first, then assumed to turn as fast as
+the profile says.
+
+A cancel, and the end of a journey to a place by name, leave the robot in manual mode. The end of
+one to a point leaves it autonomous (RobotControlManager/CRobotControllerApp.cpp): it has ended
+where the robot stays. The Executor forgets a cancel that came before it started a plan, and over
+MQTT nothing tells of plans: a cancelled plan has ended when the mode has stayed manual for longer
+than a plan takes to start. A robot that is autonomous without an action of ours is cancelled again.
 """
 
 import asyncio
@@ -21,11 +30,13 @@ import contextlib
 import math
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
-from aiomqtt import Client, MqttError
+from aiomqtt import Client, MqttError, Will
 from msgspec import Struct
 
+from robots.agent.adapters.common import remote_adapter
 from robots.agent.adapters.common.pending_actions import PendingAction
 from robots.agent.adapters.common.remote_adapter import RemoteAdapter, profile_of
 from robots.agent.adapters.common.robot_profile import RobotProfile, load_profile, settings_of
@@ -34,32 +45,33 @@ from robots.agent.adapters.common.sockets import options as socket_options
 from robots.agent.adapters.common.state_builder import stamp_of
 from robots.agent.adapters.moos import openmora
 from robots.agent.broker_link.mqtt import Endpoint, subscribe
-from robots.agent.robot_interface import AdapterError
+from robots.agent.ramp import ZERO
+from robots.agent.robot_interface import ActionRefusedError, AdapterError
 from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Velocity
 
 OWN: tuple[Capability, ...] = ("localization", "scan", "goto", "dock", "relocalize", "tilt")
 HEARD = ("Status", "LaserScan", "Topology", "ErrorMsg", "RobotACK")
 CONNECTING = 4.0
 KEEPALIVE = 5
-ACK_PERIOD = 0.2
 # seconds after a Motion in which the robot would cancel any new journey with it
 MOTION_MEMORY = 0.6
-ARRIVED = 0.6  # metres from its goal at which a robot that ended its journey has reached it
-SETTING_OUT = 5.0
-STAYS = 0.1  # metres that the pose of a robot which stands may wander
+MOTION_ENDS = 2.0  # seconds after the last Motion, after which the robot is in manual mode
+PLAN_STARTS = 1.5  # seconds in which a plan starts, and sets the autonomous mode
+STAYS = 0.1  # metres that the pose of a robot at rest may vary
 # seconds after which a robot that does not leave its place has ended its journey, if it is where it
 # should be
 STAYED = 1.5
+LANDING = 5.0  # seconds in which a robot that ended its docking reports that it charges
 GIVEN_UP = 20.0  # seconds after which one that is not has given up
-ERROR_SHOWN = 10.0
 
 
 class OpenMoraMqttOptions(Struct, frozen=True, kw_only=True):
     """`broker` is the robot's own broker, `robot` the first part of its topics.
 
-    `user` is who its session logger says drives (empty: nobody); `range_max` in metres, `tilt_sign`
-    -1 where the head counts upwards; `nodes` are the places that it knows by name, besides those
-    that its topology tells, by comma; `relocalize_…` as in moos.Options.
+    `user` is the driver in the robot's session log (empty: no log); `range_max` in metres,
+    `tilt_sign` -1 where the head counts upwards; `nodes` are the places that it knows by name,
+    besides those of its topology, by comma; `client_ack_interval` and `relocalize_…` as in
+    MoosOptions.
     """
 
     broker: str = "mqtt://127.0.0.1:1883"
@@ -68,6 +80,7 @@ class OpenMoraMqttOptions(Struct, frozen=True, kw_only=True):
     password: str = ""
     user: str = "telepresence"
     watchdog: float
+    client_ack_interval: float = 0.0
     range_max: float = 30.0
     tilt_sign: float = 1.0
     nodes: str = ""
@@ -79,7 +92,7 @@ def create(profile_name: str, options: Mapping[str, Any]) -> "OpenMoraMqttAdapte
     """Return an adapter for a robot that speaks OpenMORA's MQTT; nothing is connected yet.
 
     Raises:
-        AdapterError: no such profile or option; one sentence.
+        AdapterError: no such profile or option, or nothing would stop its navigation; one sentence.
     """
     robot = load_profile(profile_name)
     settings = settings_of(OpenMoraMqttOptions, "openmora_mqtt", robot, options)
@@ -101,15 +114,30 @@ class OpenMoraMqttAdapter(RemoteAdapter):
         self, robot: RobotProfile, options: OpenMoraMqttOptions, endpoint: Endpoint
     ) -> None:
         super().__init__(
-            profile_of(robot, "OpenMORA over MQTT", options.watchdog, own=OWN), robot.battery
+            profile_of(
+                robot,
+                "OpenMORA over MQTT",
+                options.watchdog,
+                own=OWN,
+                control=openmora.control_of(options.client_ack_interval),
+                advice=openmora.advice("openmora_mqtt"),
+            ),
+            robot.battery,
         )
+        # The middleman answers for a robot that hangs behind it, and would keep more for it.
+        self.gate_params = replace(remote_adapter.GATE, orders=1)
         self.place = f"{options.robot} at {options.broker}"
         self._robot, self._options, self._endpoint = robot, options, endpoint
         self._outgoing: SendSlots[tuple[str, str]] = SendSlots()
         self._moved_at = self._error_at = 0.0
+        self._cancelled_at = -math.inf  # monotonic
+        # counts of ClientACK: the last one sent, read by the robot, sent before the first cancel
+        self._acks = int(time.time()) % (1 << 31)  # the robot may repeat one of an earlier run
+        self._acked = self._acks_before = 0
+        self._mode: tuple[bool, float] = (True, -math.inf)  # whether it is autonomous, since when
         self._nodes = openmora.listed_nodes(options.nodes)
         self._stood_at, self._stood_since = (math.inf, math.inf), 0.0
-        self._counts = {"ClientACK": "0 0", "RobotACK": "0 0"}
+        self._robot_ack = "0 0"
         self._head = _Head(robot)
         self._broker: Client | None = None
 
@@ -117,7 +145,8 @@ class OpenMoraMqttAdapter(RemoteAdapter):
 
     async def _open(self) -> None:
         self._outgoing.clear()
-        self._moved_at = time.monotonic()  # whoever was here before may have driven just now
+        self._moved_at = time.monotonic()  # an earlier client may have driven just now
+        self._mode = True, self._moved_at
         ready: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._run(self._connection(ready))
         await ready
@@ -129,13 +158,15 @@ class OpenMoraMqttAdapter(RemoteAdapter):
                 await subscribe(client, [(f"{self._options.robot}/{name}", 0) for name in HEARD])
                 if not ready.done():
                     ready.set_result(None)
+                self._cancel_navigation()  # what an earlier connection or run has left
                 self._say_session("Start")
                 async with asyncio.TaskGroup() as tasks:
                     tasks.create_task(self._receive(client))
                     tasks.create_task(self._send(client))
                     tasks.create_task(self._acknowledge())
         except* MqttError as errors:
-            reason = f"{self.place}: {errors.exceptions[0]}"
+            error = errors.exceptions[0]
+            reason = f"{self.place}: {str(error) or type(error).__name__}"
             if ready.done():
                 self._lose(reason)
             else:
@@ -154,6 +185,10 @@ class OpenMoraMqttAdapter(RemoteAdapter):
             keepalive=KEEPALIVE,
             timeout=CONNECTING,
             clean_session=True,
+            will=Will(
+                f"{self._options.robot}/NavigationCommand",
+                openmora.stamped("StopGiraff", time.time()),
+            ),
             socket_options=socket_options() if place.transport == "tcp" else (),
         )
 
@@ -168,7 +203,7 @@ class OpenMoraMqttAdapter(RemoteAdapter):
                 timeout=math.inf,
             )
         except MqttError as error:
-            raise AdapterError(f"{self.place}: {error}") from error
+            raise AdapterError(f"{self.place}: {str(error) or type(error).__name__}") from error
 
     async def _shut(self) -> None:
         self._broker = None
@@ -201,12 +236,11 @@ class OpenMoraMqttAdapter(RemoteAdapter):
             )
 
     async def _acknowledge(self) -> None:
-        count = 0
         while True:
-            count += 1
-            self._counts["ClientACK"] = f"{count} {openmora.milliseconds(time.time())}"
-            self._say("ClientACK", f"{self._counts['ClientACK']}|{self._counts['RobotACK']}|0 0")
-            await asyncio.sleep(ACK_PERIOD)
+            self._acks += 1
+            ours = f"{self._acks} {openmora.milliseconds(time.time())}"
+            self._say("ClientACK", f"{ours}|{self._robot_ack}|0 0")
+            await asyncio.sleep(openmora.ACK_PERIOD)
 
     def _say(self, topic: str, text: str) -> None:
         self._outgoing.say((topic, text))
@@ -214,7 +248,7 @@ class OpenMoraMqttAdapter(RemoteAdapter):
     def _command(self, text: str) -> None:
         self._say("NavigationCommand", text)
 
-    # --- what it hears ----------------------------------------------------------------------------
+    # --- what it receives -------------------------------------------------------------------------
 
     def _take(self, topic: str, text: str, sent: float) -> None:
         match topic:
@@ -229,8 +263,10 @@ class OpenMoraMqttAdapter(RemoteAdapter):
             case "ErrorMsg":
                 self.readings.errors, self._error_at = (text,), time.monotonic()
             case "RobotACK":
-                parts = text.split("|")
-                self._counts["RobotACK"] = parts[1] if len(parts) > 1 else "0 0"
+                ours, _, robot = text.partition("|")
+                self._robot_ack = robot.partition("|")[0] or "0 0"
+                count = ours.partition(" ")[0]
+                self._acked = int(count) if count.isdecimal() else 0
 
     def _take_status(self, status: openmora.OpenMoraStatus, stamp: float) -> None:
         now = time.monotonic()
@@ -240,36 +276,58 @@ class OpenMoraMqttAdapter(RemoteAdapter):
         else:
             self.readings.located(status.pose, stamp, now)
         self.readings.charged(voltage=status.voltage, charging=status.charging)
+        if status.autonomous != self._mode[0]:
+            self._mode = status.autonomous, now
         self._watch_journey(status, now)
+        self._stop_strays(status, now)
         self._heard()
+
+    def _stop_strays(self, status: openmora.OpenMoraStatus, now: float) -> None:
+        """Cancel what drives the robot although no action of ours does: it started late, or an
+        earlier run of the agent has left it.
+        """
+        is_ours = self.pending_actions.drive is not None or now - self._moved_at < MOTION_ENDS
+        if status.autonomous and not is_ours:
+            self._cancel_navigation()
 
     def _watch_journey(self, status: openmora.OpenMoraStatus, now: float) -> None:
         """Tell from mode and place when a journey ends, and whether it ended where it should."""
         pending = self.pending_actions.drive
-        if pending is None or pending.kind != "goto":
+        if pending is None or not pending.accepted or pending.failure:
             return
-        stays = now - max(self._stays_since(status, now), pending.began)
+        if pending.over_at < math.inf:
+            self._finish(pending, status)
+            return
+        if pending.first_cancelled_at is not None:
+            return  # the confirmation ends it
         pending.seen_running |= status.autonomous
+        if pending.kind == "dock":
+            is_at_rest = pending.seen_running and not status.autonomous
+            if is_at_rest and not self.readings.charger_contact and now - self._mode[1] > LANDING:
+                self.pending_actions.end_drive("FAILED", "the robot stopped before it was docked")
+        else:
+            self._watch_goto(pending, status, now)
+
+    def _watch_goto(
+        self, pending: PendingAction, status: openmora.OpenMoraStatus, now: float
+    ) -> None:
+        stays = now - max(self._stays_since(status, now), pending.began)
         if self._is_there(pending, status):
             if stays > STAYED and (pending.goal is not None or not status.autonomous):
-                self._finish(pending, status)
+                pending.over_at = now
         elif pending.seen_running and not status.autonomous:
-            self.pending_actions.end(
-                pending.action_id, "FAILED", "the robot stopped before it arrived"
-            )
-        elif not pending.seen_running and now - pending.began > SETTING_OUT:
-            self.pending_actions.end(pending.action_id, "FAILED", "the robot does not start moving")
+            self.pending_actions.end_drive("FAILED", "the robot stopped before it arrived")
+        elif not pending.seen_running and now - pending.began > openmora.SETTING_OUT:
+            pending.failure = "the robot does not start moving"
         elif stays > GIVEN_UP:
-            self._command("StopGiraff")
-            self.pending_actions.end(
-                pending.action_id, "FAILED", "the robot did not arrive in time"
-            )
+            pending.failure = "the robot did not arrive in time"
 
     def _finish(self, pending: PendingAction, status: openmora.OpenMoraStatus) -> None:
-        if status.autonomous:
-            # or it would set out again when somebody stands in its place
-            self._command("StopGiraff")
-        self.pending_actions.end(pending.action_id, "FINISHED")
+        """Cancel a navigator that would set out again if the robot were moved."""
+        if not status.autonomous:
+            self.pending_actions.end(pending.action_id, "FINISHED")
+        else:
+            self._cancel_navigation()
 
     def _stays_since(self, status: openmora.OpenMoraStatus, now: float) -> float:
         """Return since when the robot has not left its place, monotonic seconds."""
@@ -286,19 +344,26 @@ class OpenMoraMqttAdapter(RemoteAdapter):
             return status.place == pending.place
         x, y = pending.goal
         return (
-            status.pose is not None and math.hypot(status.pose.x - x, status.pose.y - y) < ARRIVED
+            status.pose is not None
+            and math.hypot(status.pose.x - x, status.pose.y - y) < openmora.ARRIVED
         )
 
     def _look(self, now: float) -> None:
-        if self.readings.errors and now - self._error_at > ERROR_SHOWN:
+        if self.readings.errors and now - self._error_at > openmora.ERROR_SHOWN:
             self.readings.errors = ()
         self.readings.tilt = self._head.angle(now)
 
-    # --- what it says -----------------------------------------------------------------------------
+    # --- what it sends ----------------------------------------------------------------------------
 
     def _drive(self, velocity: Velocity) -> None:
+        now = time.monotonic()
+        is_braking = velocity == ZERO and openmora.is_cancelling(self.pending_actions)
+        if is_braking and now - self._cancelled_at <= openmora.CANCEL_AGAIN:
+            return
         self._outgoing.drive(("NavigationCommand", f"Motion {openmora.motion(velocity)}"))
-        self._moved_at = time.monotonic()
+        self._moved_at = now
+        if is_braking:  # a Motion sets the autonomous mode, which the cancel behind it ends
+            self._cancel_navigation()
 
     def _turn_head(self, angle: float) -> None:
         self._command(
@@ -311,6 +376,9 @@ class OpenMoraMqttAdapter(RemoteAdapter):
         # A Motion of just now is cancelled by the robot after half a second, and any journey with
         # it.
         await asyncio.sleep(max(0.0, self._moved_at + MOTION_MEMORY - time.monotonic()))
+        owned = self.pending_actions.of(action.action_id)
+        if not isinstance(action, Relocalize) and (not owned or owned.first_cancelled_at):
+            raise ActionRefusedError("cancelled before it began")
         self._command(words)
         if isinstance(action, Relocalize) and action.x is not None and action.y is not None:
             return openmora.search(
@@ -337,16 +405,32 @@ class OpenMoraMqttAdapter(RemoteAdapter):
                 half_width, particles = options.relocalize_half_width, options.relocalize_particles
                 return f"Relocalize {openmora.area(x, y, half_width, particles)}"
             case Goto(place=place):
-                raise AdapterError(
+                raise ActionRefusedError(
                     f"{self._options.robot} does not know the place {place!r}; it knows "
                     f"{', '.join(sorted(self._nodes)) or 'none by name'}"
                 )
             case _:
-                raise AdapterError(f"{self._options.robot} needs to be given its position: x and y")
+                raise ActionRefusedError(
+                    f"{self._options.robot} needs to be given its position: x and y"
+                )
 
-    async def _withdraw(self, pending: PendingAction) -> None:
-        del pending  # there is only one
-        self._command("StopGiraff")
+    async def _withdraw(self, pending: PendingAction) -> bool:
+        """See RemoteAdapter: confirmed by the manual mode, after the robot has read the cancel."""
+        if pending.first_cancelled_at == pending.cancelled_at:
+            self._acks_before = self._acks
+        self._cancel_navigation()
+        autonomous, since = self._mode
+        since = max(since, pending.first_cancelled_at or math.inf)
+        is_plan = pending.kind != "goto" or bool(pending.place)
+        settled = time.monotonic() - since > (PLAN_STARTS if is_plan else 0.0)
+        return self._acks_before < self._acked <= self._acks and not autonomous and settled
+
+    def _cancel_navigation(self) -> None:
+        now = time.monotonic()
+        if now - self._cancelled_at > openmora.CANCEL_AGAIN:
+            self._cancelled_at = now
+            self._command("StopGiraff")
+            self._say("Debug", "PNAVIGATORREACTIVEPTG_CMD CANCEL")
 
 
 class _Head:

@@ -601,7 +601,8 @@ class RosAdapter(RemoteAdapter):
             drive.failure = drive.failure or "navigation does not answer"
 
     def _of_goal(self, goal: str) -> PendingAction | None:
-        return next((each for each in self.pending_actions.driving if each.goal_id == goal), None)
+        drive = self.pending_actions.drive
+        return drive if drive is not None and drive.goal_id == goal else None
 
     def accepted(self, goal: str) -> None:
         """Take that the robot works on a goal."""

@@ -41,6 +41,7 @@ UNCONNECTED = (
 )
 LONGEST_LINE = 8 << 20
 NODE = Path(__file__).with_name("ros1_node.py")
+CONTAINER = (Path("/.dockerenv"), Path("/run/.containerenv"))  # of Docker and Podman
 
 log = structlog.stdlib.get_logger(__name__)
 
@@ -71,7 +72,8 @@ class NodeBus:
 
     The child is also the guard of the robot's navigation (ros1_node.py). It outlives this process,
     and this connection for as long as something of ours may move the robot. It counts as a guard
-    only on the computer of the ROS master: only there no cut link separates it from the robot.
+    only on the computer of the ROS master, where no cut link separates it from the robot, and not
+    in a container that ends with the agent.
     """
 
     version = 1
@@ -84,7 +86,7 @@ class NodeBus:
 
     def __init__(self, options: Ros1Options) -> None:
         uri = _master_of(options)
-        self.guards = _is_here(urlsplit(uri).hostname or "")
+        self.guards = outlives_agent() and _is_here(urlsplit(uri).hostname or "")
         environment = {**os.environ, "ROS_MASTER_URI": uri, "ROS_PYTHON_LOG_CONFIG_FILE": ""}
         if options.ip:
             environment["ROS_IP"] = options.ip
@@ -131,15 +133,14 @@ class NodeBus:
         self._beating = asyncio.ensure_future(self._beat())
 
     def guard(self, settings: dict[str, Any]) -> None:
-        """Give the child what it guards. From here on it replaces the guards of earlier
-        connections.
-        """
+        """Give the child what it guards."""
         self._say(op="guard", **settings)
-        for child in self._guards_left:
-            child.terminate()
+
+    def _end_earlier_guards(self) -> None:
+        """End the guards of earlier connections, once this one's zeros reach the base."""
         left, self._guards_left = self._guards_left, []
         if left:
-            asyncio.get_running_loop().run_in_executor(None, _reap, left)
+            asyncio.get_running_loop().run_in_executor(None, _end, left)
 
     async def _beat(self) -> None:
         with contextlib.suppress(AdapterError):  # its reader reports the loss
@@ -219,6 +220,8 @@ class NodeBus:
                         topic in self._listeners
                     ):
                         self._listeners[topic] = count
+                        if count:
+                            self._end_earlier_guards()
                     case {"op": "gone"} if self._goals is not None:
                         self._goals.server_gone()
                     case {"op": "lost", "reason": why}:
@@ -432,6 +435,11 @@ def _moves(message: Mapping[str, Any]) -> bool:
     return bool(twist["linear"]["x"] or twist["angular"]["z"])
 
 
+def outlives_agent() -> bool:
+    """Return whether a child process outlives the agent: not in a container that ends with it."""
+    return 1 not in {os.getpid(), os.getppid()} or not any(map(Path.exists, CONTAINER))
+
+
 def _is_here(host: str) -> bool:
     """Return whether an address is one of this computer's."""
     if host == "localhost" or host.startswith("127."):
@@ -456,8 +464,9 @@ def _has_ended(child: subprocess.Popen[bytes]) -> bool:
     return True
 
 
-def _reap(children: list[subprocess.Popen[bytes]]) -> None:
+def _end(children: list[subprocess.Popen[bytes]]) -> None:
     for child in children:
+        child.terminate()
         try:
             child.wait(timeout=END_TIME)
         except subprocess.TimeoutExpired:

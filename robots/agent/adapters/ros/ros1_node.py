@@ -55,6 +55,8 @@ GUARD_PERIOD = 0.02
 CANCEL_AGAIN = 0.5
 AT_REST = 0.3  # seconds of standstill after which the guard sends no more zeros
 STALE = 2.0  # seconds without odometry, after which a standstill cannot be measured
+STARTING = 1.0  # seconds in which a new node learns what an earlier one has left
+REPLACED = 1.0  # seconds that a newer node has published velocities, before this one exits
 SERVER_GONE = 1.0  # seconds without a connection to the action server's status
 NODE_NAME = "telepresence_"
 OURS = "telepresence-"  # with which the ids of our goals begin
@@ -506,7 +508,7 @@ class Guard:
         self.node = node
         self.action = self.cancel_dock = self.docks = ""
         self.linear = self.angular = 0.0
-        self.beaten_at = time.monotonic()
+        self.beaten_at = self.began_at = time.monotonic()
         self.closed = False  # the agent will not continue
         self.starting = False  # goals of an earlier node are being ended
         self.sent: Any = {}  # our goals that have not ended: whether they were listed
@@ -529,6 +531,7 @@ class Guard:
         self.linear, self.angular = settings["linear"], settings["angular"]
         self.cancel_dock = settings["cancel_dock"]
         self.starting, self.docking = True, bool(self.cancel_dock)
+        self.began_at = time.monotonic()
         rospy.Subscriber(settings["odom"], Odometry, self.measured, queue_size=2, tcp_nodelay=True)
         if settings["kind"] == "move_base":
             self.action, self.kind_of_id = settings["action"], GoalID
@@ -604,7 +607,7 @@ class Guard:
             self.node.publish_zero()
             self.rest.clear()
         else:
-            self.starting = False
+            self.starting = self.starting and now - self.began_at < STARTING
             self.rest.set()
 
     def watch_server(self, now: float) -> None:
@@ -651,8 +654,10 @@ class Guard:
         """
         self.closed = True
         self.rest.clear()
-        while not self.rest.wait(MASTER_PERIOD) and not self.is_replaced():
-            pass
+        alone_at = time.monotonic()
+        while not self.rest.wait(MASTER_PERIOD) and time.monotonic() - alone_at < REPLACED:
+            if not self.is_replaced():
+                alone_at = time.monotonic()
 
     def is_replaced(self) -> bool:
         """Return whether a newer node of ours publishes velocities."""

@@ -24,7 +24,7 @@ from robots.agent.adapters.common.velocity_gate import GateParams
 from robots.agent.adapters.ros.base import RosAdapter, RosOptions
 from robots.agent.adapters.ros.bus import Goals, Handler
 from robots.agent.adapters.ros.graph import Graph, TopicPeers
-from robots.agent.adapters.ros.ros1 import GRAPH_TIME, NodeBus
+from robots.agent.adapters.ros.ros1 import GRAPH_TIME, NodeBus, outlives_agent
 from robots.agent.robot_interface import AdapterError
 from robots.api.messages import ActionState
 
@@ -33,7 +33,7 @@ CONFIRMED_WITHIN = 0.8  # s for the node's answer to a cancel, which comes 0.4 s
 # A velocity that is due waits for the next odometry anyway: at 30 Hz, one per odometry.
 GATE = GateParams(repeat=0.03, at_latest=0.012)
 PREFIX = b"telepres"  # the first bytes of the ids of our goals, as in ros2_node.py
-GOAL_TYPES = {"nav2": "nav2_msgs/NavigateToPose"}
+NAVIGATE_TO_POSE = "nav2_msgs/NavigateToPose"
 # action_msgs/GoalStatus
 DONE: dict[int, ActionState] = {4: "FINISHED", 5: "CANCELLED", 6: "FAILED"}
 
@@ -57,8 +57,8 @@ def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
         AdapterError: no such profile or option; one sentence.
     """
     robot = load_profile(profile_name)
-    settings = settings_of(Ros2Options, "ros2", robot, {"navigation": "nav2", **options})
-    if settings.navigation not in {"nav2", "none"}:
+    settings = settings_of(Ros2Options, "ros2", robot, options)
+    if settings.navigation == "move_base":
         raise AdapterError("with ROS 2, navigation must be nav2 or none")
     adapter = RosAdapter(robot, settings, Ros2Bus(settings.resolved()), "ROS 2")
     adapter.gate_params = GATE
@@ -116,13 +116,14 @@ class Ros2Bus(NodeBus):
         # In shared memory the zeros are lost when their sender ends.
         transport = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
         environment = {**transport, **os.environ, "ROS_DOMAIN_ID": str(domain)}
-        self.guards = is_on_robot(options)
+        self.guards = is_on_robot(options) and outlives_agent()
         self._prepare(f"ROS 2 in domain {domain}", python_of(options), environment)
+        navigates = "none" not in {options.navigation, options.localization}
         settings = {
             "driving": options.cmd_vel,
             "odom": options.odom,
-            "action": options.navigate if options.navigation in GOAL_TYPES else "",
-            "kind": GOAL_TYPES.get(options.navigation, ""),
+            "action": options.navigate if navigates else "",
+            "kind": NAVIGATE_TO_POSE,
         }
         self.arguments = (json.dumps(settings),)
         self._ids: dict[str, str] = {}  # of goals that have not ended, by our names

@@ -16,6 +16,7 @@ import av
 import structlog
 
 from robots.agent.robot_interface import AdapterError
+from robots.logs import reason_of
 
 log = structlog.stdlib.get_logger(__name__)
 
@@ -144,7 +145,7 @@ class Capture:
                     if self._state.status == "live"
                     else min(delay * 2, limits.last_retry)
                 )
-                self._set_state("failed", str(error) or type(error).__name__)
+                self._set_state("failed", reason_of(error))
             finally:
                 self._stop_source()
             if self._state.status == "failed":
@@ -166,7 +167,7 @@ class Capture:
         try:
             self._source.stop()
         except FAILURES as error:
-            log.warning("capture_stop_failed", source=self._name, reason=str(error))
+            log.warning("capture_stop_failed", source=self._name, reason=reason_of(error))
 
     def _wait_until_wanted(self) -> bool:
         with self._changed:

@@ -19,6 +19,7 @@ import structlog
 
 from robots.agent.media.rtp import AUDIO_RATE
 from robots.agent.robot_interface import AdapterError, Display, Speaker
+from robots.logs import reason_of
 
 log = structlog.stdlib.get_logger(__name__)
 
@@ -47,7 +48,7 @@ class OutputFeed:
         self._speaker, self._display = speaker, display
         self._waiting: queue.Queue[tuple[str, bytes] | None] = queue.Queue(DEPTH)
         self._whole = False  # the pictures in the queue begin with a key frame and have no hole
-        self._thread = threading.Thread(target=self._run, name="outputs", daemon=True)
+        self._thread: threading.Thread | None = None
         self._players: dict[str, _Player] = {}
         self.dropped = 0
 
@@ -59,12 +60,16 @@ class OutputFeed:
         return tuple(player.failure for player in tuple(self._players.values()) if player.failure)
 
     def start(self) -> None:
-        """Start the thread; loudspeaker and display start with the first thing for them."""
-        self._thread.start()
+        """Start the thread, or start it anew when it died of something that nobody foresaw;
+        loudspeaker and display start with the first thing for them.
+        """
+        if self._thread is None or not self._thread.is_alive():
+            self._thread = threading.Thread(target=self._run, name="outputs", daemon=True)
+            self._thread.start()
 
     def close(self) -> None:
         """End the thread, after what waits; waits at most some seconds."""
-        if self._thread.is_alive():
+        if self._thread is not None and self._thread.is_alive():
             try:
                 self._waiting.put(None, timeout=CLOSE_TIMEOUT)
             except queue.Full:
@@ -166,7 +171,9 @@ class _Player:
             # Decoded also while the device pauses: what comes after builds on it.
             frames = self._decoder.decode(av.Packet(data))
         except FAILURES as error:
-            log.warning("visitor_output_undecodable", codec=self._decoder.name, reason=str(error))
+            log.warning(
+                "visitor_output_undecodable", codec=self._decoder.name, reason=reason_of(error)
+            )
             return
         self.give(frames)
 
@@ -178,7 +185,7 @@ class _Player:
             for frame in frames:
                 self._give(frame)
         except FAILURES as error:
-            self._failed(str(error) or type(error).__name__)
+            self._failed(reason_of(error))
         else:
             self._works()
 
@@ -189,7 +196,7 @@ class _Player:
                 self._device.stop()
             except FAILURES as error:
                 log.warning(
-                    "visitor_output_stop_failed", codec=self._decoder.name, reason=str(error)
+                    "visitor_output_stop_failed", codec=self._decoder.name, reason=reason_of(error)
                 )
 
     def _start(self) -> None:
@@ -207,7 +214,7 @@ class _Player:
         log.warning(
             "visitor_output_failed",
             codec=self._decoder.name,
-            reason=str(reason),
+            reason=reason,
             retry=round(self._pause, 1),
         )
         self.failure = reason

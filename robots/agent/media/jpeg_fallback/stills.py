@@ -20,6 +20,7 @@ from robots.agent.robot_interface import Frame
 from robots.agent.thread_priority import ORDINARY, set_nice
 from robots.api import picture, topics
 from robots.api.messages import PictureRequest
+from robots.logs import reason_of
 
 log = structlog.stdlib.get_logger(__name__)
 
@@ -85,7 +86,7 @@ class JpegFallback:
             try:
                 self._send_one()
             except FAILURES as error:
-                log.warning("jpeg_fallback_failed", reason=str(error))
+                log.warning("jpeg_fallback_failed", reason=reason_of(error))
                 self._failed()
 
     def _wait_until_due(self) -> bool:

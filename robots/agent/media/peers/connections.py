@@ -15,7 +15,7 @@ import structlog
 
 from robots.agent.lab.timed import TimedLine
 from robots.agent.media.codecs.encoder import Picture
-from robots.agent.media.peers.registry import HeldCandidates, PeerRegistry
+from robots.agent.media.peers.registry import HeldCandidates, OfferLimits, PeerRegistry
 from robots.agent.media.peers.viewer import Viewer
 from robots.agent.media.webrtc.sdp import BadOfferError
 from robots.api.codec import encode_frame
@@ -58,7 +58,7 @@ class Connections:
     ) -> None:
         self._make_viewer, self._reply, self._changed = make_viewer, reply, changed
         self._registry = PeerRegistry(places)
-        self._held = HeldCandidates()
+        self._held, self._offers = HeldCandidates(), OfferLimits()
         self._count = itertools.count()
         self._viewers: dict[str, Viewer] = {}
         self._screens: set[str] = set()
@@ -143,10 +143,13 @@ class Connections:
         if self._closing:
             self._reply(peer, Bye(reason="left"))
             return
-        if self._flooded.get(peer, 0.0) > time.monotonic():
+        now = time.monotonic()
+        if self._flooded.get(peer, 0.0) > now or not self._offers.allow(
+            peer, now, drives=self.drives(peer)
+        ):
             self._reply(peer, Bye(reason="flooded"))
             return
-        admission = self._registry.admit(peer, offer.role, time.monotonic())
+        admission = self._registry.admit(peer, offer.role, now)
         if admission.leaves is not None:
             self._end(admission.leaves, "full")
         if not admission.admitted:
@@ -176,7 +179,8 @@ class Connections:
         try:
             answer = await viewer.answer(offer)
         except BadOfferError as error:
-            log.warning("offer_unusable", peer=peer, reason=str(error))
+            if self._viewers.get(peer) is viewer:
+                log.warning("offer_unusable", peer=peer, reason=str(error))
             self._ended(peer, viewer)
             return
         if self._viewers.get(peer) is not viewer:

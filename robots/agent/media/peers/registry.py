@@ -11,11 +11,13 @@ again and again.
 
 from dataclasses import dataclass
 
+from robots.api.bucket import Bucket
 from robots.api.messages import Candidate, Role
 
 STAYS_AFTER_DRIVING = 5.0  # s, in which a lease that has merely come late is there again
 STAYS_UNVOUCHED = 150.0  # s; the server speaks for a peer every minute
 MAX_HELD_PEERS, MAX_HELD_CANDIDATES = 32, 32
+MAX_LIMITED_PEERS = 256
 
 
 @dataclass(frozen=True)
@@ -130,3 +132,21 @@ class HeldCandidates:
     def release(self, peer: str) -> list[Candidate]:
         """Return and forget what was held for `peer`."""
         return self._held.pop(peer, [])
+
+
+class OfferLimits:
+    """How many offers are answered, because each costs sockets and processor time: five of one peer
+    and one more every two seconds; of all peers together twenty and two a second, but for the
+    driver's.
+    """
+
+    def __init__(self) -> None:
+        self._all = Bucket(rate=2.0, burst=20.0)
+        self._of: dict[str, Bucket] = {}
+
+    def allow(self, peer: str, now: float, *, drives: bool) -> bool:
+        """Return whether an offer may be answered, and count it."""
+        own = self._of[peer] = self._of.pop(peer, Bucket(rate=0.5, burst=5.0))
+        if len(self._of) > MAX_LIMITED_PEERS:
+            del self._of[next(iter(self._of))]
+        return own.spend(now) and (drives or self._all.spend(now))

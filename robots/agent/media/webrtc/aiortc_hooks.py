@@ -21,6 +21,7 @@ import aioice.ice
 import aioice.turn
 import aiortc
 import aiortc.codecs
+import structlog
 from aiortc import (
     RTCDtlsTransport,
     RTCIceGatherer,
@@ -46,6 +47,9 @@ from robots.agent.media.rtp import (
     extension_block,
     ntp_time,
 )
+from robots.logs import reason_of
+
+log = structlog.stdlib.get_logger(__name__)
 
 PLAYOUT_DELAY = "http://www.webrtc.org/experiments/rtp-hdrext/playout-delay"
 ABS_SEND_TIME = "http://www.webrtc.org/experiments/rtp-hdrext/abs-send-time"
@@ -137,9 +141,11 @@ class FrameSource(Protocol):
 class PacketSender(RTCRtpSender):
     """Sends what an outbox holds to one viewer, instead of encoding a track."""
 
-    def __init__(self, kind: str, transport: Any, frames: FrameSource) -> None:
+    def __init__(
+        self, kind: str, transport: Any, frames: FrameSource, on_failure: Callable[[], None]
+    ) -> None:
         super().__init__(kind, transport)
-        self._outbox = frames
+        self._outbox, self._on_failure = frames, on_failure
         frames.backlog = self.backlog
         self._stream: RtpStream | None = None
         self._noted = 0.0
@@ -180,8 +186,12 @@ class PacketSender(RTCRtpSender):
                 if now - self._noted >= _NOTE_EVERY:
                     self._noted = now
                     self._note_for_reports(out.timestamp, now)
-        except ConnectionError:
-            pass  # the connection's own state tells
+        except ConnectionError as error:  # the connection's own state tells
+            log.info("sender_ended", kind=self.kind, reason=reason_of(error))
+        except Exception:
+            log.exception("sender_failed", kind=self.kind)
+            self._on_failure()
+            raise
         finally:
             getattr(self, "_RTCRtpSender__rtp_exited").set()
 
@@ -248,16 +258,18 @@ def add_sender(
     codec: str,
     *,
     listens: bool = True,
+    on_failure: Callable[[], None] = lambda: None,
 ) -> PacketSender:
     """Add a transceiver that sends from `frames` with `codec` alone, such as `video/VP8`; call
     before the offer is set.
 
-    `listens`: whether what the page sends on the same line is wanted.
+    `listens`: whether what the page sends on the same line is wanted. `on_failure` is called when
+    sending ends although the connection has not.
     """
     transceiver = connection.addTransceiver(kind, direction="sendrecv" if listens else "sendonly")
     transceiver.setCodecPreferences(_with_retransmission(kind, codec))
     old = transceiver.sender
-    sender = PacketSender(kind, old.transport, frames)
+    sender = PacketSender(kind, old.transport, frames, on_failure)
     # A stream id of its own: browsers hold a picture back to match the sound of the same stream,
     # ours must never wait.
     sender._stream_id = f"{old._stream_id}-{kind}"
@@ -317,6 +329,14 @@ def set_turn_tls_context(connection: RTCPeerConnection, context: ssl.SSLContext)
         ice = transport.iceGatherer._connection
         if ice.turn_ssl:
             ice.turn_ssl = context
+
+
+async def close_sockets(connection: RTCPeerConnection) -> None:
+    """Close the sockets of a connection whose own close() failed: an offer that aiortc gave up
+    half-way leaves parts that cannot be closed, and that stops at the first of them.
+    """
+    for transport in connection._RTCPeerConnection__iceTransports:  # type: ignore[attr-defined]
+        await transport.iceGatherer._connection.close()
 
 
 class _EncodedFrameTap(queue.Queue[Any]):

@@ -23,6 +23,7 @@ from aiortc import RTCIceServer
 from aiortc.rtcicetransport import connection_kwargs
 
 from robots.api.messages import IceServer
+from robots.logs import reason_of
 
 log = structlog.stdlib.get_logger(__name__)
 
@@ -54,7 +55,7 @@ async def answers(server: RTCIceServer, trust: ssl.SSLContext | None = None) -> 
             else:
                 return False
     except FAILURES as error:
-        log.info("relay_silent", address=server.urls[0], reason=error or type(error).__name__)
+        log.info("relay_silent", address=server.urls[0], reason=reason_of(error))
         return False
     return True
 

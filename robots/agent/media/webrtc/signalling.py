@@ -30,6 +30,7 @@ from robots.agent.media.webrtc.packet_gate import PacketGate, ReceivedPacket
 from robots.agent.media.webrtc.relays import Relays
 from robots.api.messages import Candidate, SdpOffer
 from robots.cancellation import cancel
+from robots.logs import reason_of
 
 log = structlog.stdlib.get_logger(__name__)
 
@@ -91,6 +92,9 @@ class PageConnection:
     _tasks: set[asyncio.Task[None]] = field(default_factory=set)
     _began: float = field(default_factory=time.monotonic)
     _last_frame: float = 0.0
+    # held while an offer is answered: aiortc opens sockets until then, which a close() that came
+    # before would leave open
+    _opening: asyncio.Lock = field(default_factory=asyncio.Lock)
     _closed: bool = False
     _sent_away: bool = False
 
@@ -115,15 +119,22 @@ class PageConnection:
         """Answer an offer; return the SDP with all candidates.
 
         Raises:
-            sdp.BadOfferError: the offer cannot be used.
+            sdp.BadOfferError: the offer cannot be used, or the connection was closed meanwhile.
         """
+        async with self._opening:
+            return await self._answer(offer)
+
+    async def _answer(self, offer: SdpOffer) -> str:
         plain, candidates = sdp.without_candidates(offer.sdp)
         lines = sdp.media_lines(plain)
+        servers = await self.relays.usable(offer.ice_servers)
+        if self._closed:
+            raise sdp.BadOfferError("the page has left, or has made another offer")
         self._connection = connection = RTCPeerConnection(
             # By its default aiortc puts lines of one kind on a transport of their own before the
             # offer joins them all, and forgets the second ones.
             RTCConfiguration(
-                iceServers=await self.relays.usable(offer.ice_servers),
+                iceServers=servers,
                 bundlePolicy=RTCBundlePolicy.MAX_BUNDLE,
             )
         )
@@ -175,17 +186,18 @@ class PageConnection:
         channel.send(frame)
 
     async def close(self) -> None:
-        """Close the connection; idempotent."""
+        """Close the connection, after an offer that is being answered; idempotent."""
         if self._closed:
             return
         self._closed = True
         await cancel(*self._tasks)
-        if self._connection is not None:
-            try:
-                await self._connection.close()
-            except UNUSABLE as error:
-                # an offer that aiortc gave up half-way leaves parts that cannot be closed
-                log.warning("connection_close_failed", peer=self.peer, reason=str(error))
+        async with self._opening:
+            if self._connection is not None:
+                try:
+                    await self._connection.close()
+                except UNUSABLE as error:
+                    log.warning("connection_close_failed", peer=self.peer, reason=reason_of(error))
+                    await aiortc_hooks.close_sockets(self._connection)
 
     async def ask_key_frame(self) -> None:
         """Ask the page for a whole picture of the visitor."""
@@ -217,6 +229,7 @@ class PageConnection:
                     outbox,
                     _CODECS[line.kind],
                     listens=self.on_media is not None,
+                    on_failure=functools.partial(self.on_end, "failed"),
                 )
             else:
                 # A page that may give something learns by the direction whether it is wanted.
@@ -254,7 +267,7 @@ class PageConnection:
     def _candidate_added(self, task: "asyncio.Task[None]") -> None:
         self._tasks.discard(task)
         if not task.cancelled() and (error := task.exception()) is not None:
-            log.info("candidate_unusable", peer=self.peer, reason=str(error))
+            log.info("candidate_unusable", peer=self.peer, reason=reason_of(error))
 
     def _on_state(self) -> None:
         assert self._connection is not None

@@ -16,11 +16,11 @@ from typing import Protocol
 
 import numpy as np
 
-from robots.agent.navigation.assistance.braking import BrakeCheck, Hazards
 from robots.agent.navigation.docking import station as shape
 from robots.agent.navigation.planning.follower import FOLLOWER, Follower
 from robots.agent.navigation.planning.steps import NavigationStep, Sense, failed, finished
 from robots.agent.ramp import ZERO
+from robots.agent.safety.collision.braking import BrakeCheck, Hazards
 from robots.api.docked import DOCKED, DockReading, DockState, follow
 from robots.api.floorplan import ChargingDock
 from robots.api.geometry import Pose2D, wrap_angle

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robots.agent.navigation.obstacles.doors import DoorWatch
-from robots.agent.navigation.obstacles.memory import sees
 from robots.agent.navigation.planning.costmap import Bools, Cells, CostMap
+from robots.agent.safety.collision.memory import sees
 from robots.api.floorplan import FloorPlan
 from robots.api.geometry import Pose2D
 from robots.world.sensing import Floats, LaserScan, points_from_frame, points_in_frame

@@ -12,10 +12,10 @@ from typing import Literal
 
 import numpy as np
 
-from robots.agent.navigation.assistance.braking import BrakeCheck, Checked, Hazards
 from robots.agent.navigation.planning.centring import centred_between
 from robots.agent.navigation.planning.path import SPACING, PlannedPath
 from robots.agent.ramp import ZERO
+from robots.agent.safety.collision.braking import BrakeCheck, Checked, Hazards
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Limits, Velocity
 from robots.world.sensing import points_in_frame

@@ -200,7 +200,7 @@ class Planner:
         """
         tight = self.costmap.sample(clearance, line) < self.costmap.circumscribed
         # A robot may begin and end beside something, where it turns as it must; what it would touch
-        # there stops it (navigation/assistance/braking.py).
+        # there stops it (safety/collision/braking.py).
         tight &= (np.hypot(*(line - line[0]).T) > PLANNER.at_an_end) & (
             np.hypot(*(line - line[-1]).T) > PLANNER.at_an_end
         )

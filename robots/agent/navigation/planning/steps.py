@@ -5,8 +5,8 @@ from typing import Literal
 
 import numpy as np
 
-from robots.agent.navigation.assistance.braking import Hazards
 from robots.agent.ramp import ZERO
+from robots.agent.safety.collision.braking import Hazards
 from robots.api.geometry import Pose2D
 from robots.api.messages import Velocity
 from robots.world.sensing import Floats, LaserScan

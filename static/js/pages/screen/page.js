@@ -169,7 +169,7 @@ const HANDLERS = {
       if (told.stop && message.safety.estop) {
         told.stop = null;
       }
-      if (!message.safety.estop) {
+      if (!message.safety.estop && message.safety.inhibited !== "stopped") {
         told.release = told.askedAt = null;
       }
       show();

@@ -2,7 +2,7 @@
  * What a robot's own display shows, from what it was told: decisions only.
  */
 
-import { releaseOf } from "../../protocol/estop_release.js";
+import { isHeld, releaseOf } from "../../protocol/estop_release.js";
 
 /** s without a state after which a robot that somebody drives counts as out of reach */
 export const STALE = 4;
@@ -44,8 +44,8 @@ const ALONE = new Set(["goto", "docking"]);
  * @property {boolean} canHangUp
  * @property {string} knock
  * @property {number} watching
- * @property {"" | "ours" | "other" | "wait" | "unconfirmed" | "unreleased" | "sure" | "runs_on"
- *   } stopped
+ * @property {"" | "ours" | "held" | "other" | "wait" | "unconfirmed" | "unreleased" | "sure"
+ *   | "runs_on"} stopped
  * @property {"" | "offered" | "sure" | "asked"} release
  */
 
@@ -115,14 +115,15 @@ const sceneOf = ({ keyed, screen, state, heardAt, online }, call, now) => {
 };
 
 /**
- * The line about a stop, and what the button is for that releases one that was pressed here.
+ * The line about a stop, and what the button is for that releases one that was pressed here, or
+ * between visits.
  * @param {Told} told
  * @param {number} now
  * @returns {Pick<Display, "stopped" | "release">}
  */
 const stopOf = (told, now) => {
   const stopped = stoppedBy(told, now);
-  if (stopped !== "ours") {
+  if (stopped !== "ours" && stopped !== "held") {
     return { stopped, release: "" };
   }
   const release = releaseOf(told.release ?? null, now);
@@ -135,7 +136,7 @@ const stopOf = (told, now) => {
 };
 
 /** @param {Told} told @param {number} now @returns {Display["stopped"]} */
-const stoppedBy = ({ state, stop }, now) => {
+const stoppedBy = ({ state, stop, screen }, now) => {
   if (stop) {
     return now - stop.since > UNCONFIRMED ? "unconfirmed" : "wait";
   }
@@ -143,7 +144,7 @@ const stoppedBy = ({ state, stop }, now) => {
     return "runs_on";
   }
   if (!state?.safety?.estop) {
-    return "";
+    return screen && isHeld(state, screen.visitor) ? "held" : "";
   }
   return (state.safety.estopSource ?? "").split(":")[0] === "screen" ? "ours" : "other";
 };

@@ -101,7 +101,10 @@ const robotAlert = (state) => {
       faultAlert(state) ??
       (visit.serverBlind
         ? { word: "alert.server", tone: "busy" }
-        : { word: "alert.robot_offline", tone: "danger" })
+        : {
+            word: isUnguarded(state) ? "alert.offline_unguarded" : "alert.robot_offline",
+            tone: "danger",
+          })
     );
   }
   if (isCutOff(state)) {
@@ -124,10 +127,19 @@ const robotAlert = (state) => {
     return { word: "alert.cancel", tone: "busy" };
   }
   const touched = touchedWord(robot?.safety.touched ?? []);
-  return touched || robot?.safety.collision
-    ? { word: touched || "alert.collision", tone: "busy" }
+  if (touched || robot?.safety.collision) {
+    return { word: touched || "alert.collision", tone: "busy" };
+  }
+  return isUnguarded(state) && ["goto", "docking"].includes(robot?.mode)
+    ? { word: "alert.unguarded", tone: "busy" }
     : null;
 };
+
+/**
+ * Whether nothing stops the robot's own navigation when the robot's computer is cut off.
+ * @param {import("../../drive/features.js").State} state
+ */
+const isUnguarded = ({ factsheet }) => factsheet?.navigationControl === "unguarded";
 
 /** @param {any} robot its state @param {string} code of an error @returns {boolean} */
 const reports = (robot, code) =>

@@ -4,6 +4,7 @@
  */
 
 import { releaseFor, setsOut } from "../../autonomy/offer.js";
+import { isHeld } from "../../protocol/estop_release.js";
 import { roleOf } from "../../protocol/session.js";
 import { studyCard } from "../../study/end_cards.js";
 import { betweenVisits, pauseOf, reasonForWaiting } from "./pause.js";
@@ -308,6 +309,7 @@ const lobby = ({ visit, room, robot, ...state }) => {
     standstill ||
     (why === "paused" && robot?.docked ? "unfit" : why) ||
     (room.waiting > 0 ? "waiting" : "");
+  const ready = isHeld(robot, room.driver) ? "lobby.stopped" : leaves ? "lobby.docked" : "lobby";
   return word
     ? {
         word: `lobby.${word}`,
@@ -316,7 +318,7 @@ const lobby = ({ visit, room, robot, ...state }) => {
         other,
       }
     : {
-        word: leaves ? "lobby.docked" : "lobby",
+        word: ready,
         main: { action: "drive", word: "do.drive" },
         other,
       };

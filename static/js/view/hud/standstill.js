@@ -1,6 +1,6 @@
 /**
  * What the robot's last state still tells: why nobody can drive one that is connected, as
- * robots/presence.py says it to lists and the queue, and what it is like now. Pure.
+ * robots/presence/report.py says it to lists and the queue, and what it is like now. Pure.
  */
 
 const STALE_SECONDS = 4; // robots speak at least once a second to a page that is open

@@ -3,6 +3,7 @@
  */
 
 import { roleOf } from "../../protocol/session.js";
+import { isHeld } from "../../protocol/estop_release.js";
 import { betweenVisits } from "./pause.js";
 import { standstillOf } from "./standstill.js";
 
@@ -61,6 +62,9 @@ export const statusFor = ({ visit, room, playing, slow, robot }) => {
       word: standstill.startsWith("estop") ? "status.stopped" : "status.fault",
       tone: "danger",
     };
+  }
+  if (isHeld(robot, room.driver)) {
+    return { word: "status.stopped", tone: "busy" };
   }
   const why = betweenVisits(room.pause);
   return why ? { word: `status.${why}`, tone: "busy" } : { word: "status.ready", tone: "ok" };

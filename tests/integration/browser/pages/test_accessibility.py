@@ -16,7 +16,7 @@ from playwright.sync_api import Page, expect
 from experiments.coding import store
 from experiments.models import Rehearsal
 from experiments.research.analysis_topics import TOPICS
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from sessions import protocol
 from tests.integration.browser.studies.test_replay import made
 from tests.integration.experiments.research.test_analysis_views import computed
@@ -104,7 +104,7 @@ def check(page: Page, *addresses: str) -> None:
 
 def test_a_strangers_pages(opened):
     robot = p.site()
-    Robot.objects.filter(pk=robot.pk).update(report={"battery": {"charge": 0.5}})
+    RobotPresence.objects.filter(pk=robot.pk).update(report={"battery": {"charge": 0.5}})
     p.published(p.of("exploration"))
     addresses = [
         "/",
@@ -162,7 +162,7 @@ def test_every_step_of_a_study(opened):
 def test_a_researchers_pages(opened):
     visit = made()
     p.site()  # the course is drawn on its floor plan
-    Robot.objects.update(factsheet=msgspec.to_builtins(factsheet(series="giraff")))
+    RobotPresence.objects.update(factsheet=msgspec.to_builtins(factsheet(series="giraff")))
     client = Client()
     client.force_login(person("owner", is_superuser=True, is_staff=True))
     study = p.published(p.of("exploration"))

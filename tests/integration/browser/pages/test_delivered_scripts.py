@@ -12,7 +12,7 @@ from django.utils import timezone
 from playwright.sync_api import Page, expect
 
 from experiments.rehearsal import runs
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from surveys.questionnaires import shipped, store
 from tests.integration.browser.pages.test_accessibility import driving, opened
 from tests.integration.browser.studies.test_replay import made
@@ -93,7 +93,7 @@ def test_every_script_that_a_page_names_runs_on_it(opened, browser, settings):
     ran: set[str] = set()
     settings.PRACTICE_ROBOTS = 1  # one can be tried
     visit, robot = made(), p.site()
-    Robot.objects.update(factsheet=msgspec.to_builtins(factsheet(series="giraff")))
+    RobotPresence.objects.update(factsheet=msgspec.to_builtins(factsheet(series="giraff")))
     study = p.published(p.of("exploration"))
     replays.study(slug="operated", definition=wizard_document(study={"slug": "operated"}))
     rehearsal = runs.begin(study, "lab", timezone.now())
@@ -176,7 +176,7 @@ def test_every_script_that_a_page_names_runs_on_it(opened, browser, settings):
 
 def test_the_course_map_of_the_study_builder_is_drawn(opened):
     p.site()
-    Robot.objects.update(factsheet=msgspec.to_builtins(factsheet(series="giraff")))
+    RobotPresence.objects.update(factsheet=msgspec.to_builtins(factsheet(series="giraff")))
     study = p.published(p.of("exploration"))
     replays.study(slug="operated", definition=wizard_document(study={"slug": "operated"}))
     owner = Client()

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 from django.test import Client
 
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from tests.integration.browser.studies.test_replay import made
 from tests.support.browsers.firefox import Firefox, firefox
 from tests.support.people import person
@@ -98,7 +98,7 @@ def test_every_step_of_a_study(browser, live_server):
 def test_a_researchers_pages_and_what_they_draw(browser, live_server):
     visit = made()
     p.site()  # the course is drawn on its floor plan
-    Robot.objects.update(factsheet=msgspec.to_builtins(factsheet(series="giraff")))
+    RobotPresence.objects.update(factsheet=msgspec.to_builtins(factsheet(series="giraff")))
     study = p.published(p.of("exploration"))
     client = Client()
     client.force_login(person("owner", is_superuser=True, is_staff=True))

@@ -11,9 +11,10 @@ from django.utils import timezone
 from playwright.sync_api import expect
 
 from accounts.models import User
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from sessions.models import Session
 from tests.support.people import PASSWORD, person
+from tests.support.robots import create_robot
 
 pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]
 
@@ -41,7 +42,7 @@ def page(browser, live_server):
 @pytest.fixture
 def giraff():
     heard = timezone.now() + datetime.timedelta(hours=1)  # for longer than any page takes to load
-    return Robot.objects.create(
+    return create_robot(
         name="giraff",
         title="Giraff",
         connection="ONLINE",
@@ -67,14 +68,14 @@ def test_a_card_follows_its_robot_without_a_reload(page, giraff):
         live_key="x",
         queued_at=timezone.now(),
     )
-    Robot.objects.update(report={"battery": {"charge": 0.25}})
+    RobotPresence.objects.update(report={"battery": {"charge": 0.25}})
     page.evaluate("window.sameDocument = true")
     later(page)
     expect(card).to_have_attribute("data-state", "busy")
     expect(card).to_contain_text("Join the queue")
     expect(card).to_contain_text("25 %")
     Session.objects.filter(pk=session.pk).update(state="ended")
-    Robot.objects.update(connection="OFFLINE")
+    RobotPresence.objects.update(connection="OFFLINE")
     later(page)
     expect(card).to_contain_text("Offline")
     expect(card.locator("meter")).to_be_hidden()
@@ -91,16 +92,16 @@ def test_a_robot_that_comes_appears(page, giraff):
 
 
 def test_the_invitation_follows_the_robots_without_a_reload(page, giraff):
-    Robot.objects.update(connection="OFFLINE")
+    RobotPresence.objects.update(connection="OFFLINE")
     page.clock.install()
     page.goto("/")
     invitation = page.locator("[data-invitation]").get_by_role("link")
     expect(invitation).to_have_text("See the robots")
-    Robot.objects.update(connection="ONLINE")
+    RobotPresence.objects.update(connection="ONLINE")
     later(page)
     expect(invitation).to_have_text("Sign up and drive")
     expect(invitation).to_have_attribute("href", re.compile("/robots/giraff/|robots%2Fgiraff"))
-    Robot.objects.update(connection="OFFLINE")
+    RobotPresence.objects.update(connection="OFFLINE")
     later(page)
     expect(invitation).to_have_attribute("href", "#robots")
 

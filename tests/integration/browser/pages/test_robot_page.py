@@ -10,7 +10,7 @@ from django.urls import reverse
 from django.utils import timezone
 from playwright.sync_api import expect
 
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from tests.integration.browser.pages.test_accessibility import opened
 from tests.support.people import person
 from tests.support.sessions import replays
@@ -52,7 +52,7 @@ def test_an_owner_connects_a_robot_and_shows_it_without_leaving_its_page(opened)
     expect(settings["between"]).to_have_text("New")
     enrolling = {"robot": "giraff", "token": copied.rpartition(" ")[2]}
     assert page.request.post(reverse("agent_enrol"), data=enrolling).status == 200
-    Robot.objects.update(
+    RobotPresence.objects.update(
         connection="ONLINE",
         last_seen_at=timezone.now() + datetime.timedelta(hours=1),  # for longer than the test
         report={"battery": {"charge": 0.5}},

@@ -14,7 +14,7 @@ from experiments.participation import advance, grants, progress
 from experiments.participation.grants import StudyTerms
 from experiments.participation.layout import track_of
 from robots.access import may_drive, may_observe
-from robots.models import Robot, RobotPermit
+from robots.models import Robot, RobotPermit, RobotPresence
 from sessions.consumers import queries
 from sessions.leases import store, terms
 from sessions.models import Session
@@ -29,7 +29,7 @@ pytestmark = pytest.mark.django_db
 
 def heard_of() -> None:
     """The robots are online, for longer than any test takes."""
-    Robot.objects.update(
+    RobotPresence.objects.update(
         connection="ONLINE", last_seen_at=timezone.now() + datetime.timedelta(hours=1)
     )
 
@@ -63,11 +63,11 @@ def take(robot: Robot, user, **more) -> store.Taken:
 
 def drives(robot: Robot, participant: Participant, outcome: str = "cancelled") -> Drive:
     """The participant gets the robot, and leaves it."""
-    Robot.objects.update(turnaround="ready")
+    RobotPresence.objects.update(turnaround="ready")
     granted = take(robot, participant.user)
     assert isinstance(granted, store.TakeGranted), granted
     store.end(granted.session, outcome, "left", timezone.now())
-    Robot.objects.update(turnaround="ready")
+    RobotPresence.objects.update(turnaround="ready")
     return Drive.objects.get(session=granted.session)
 
 
@@ -252,7 +252,7 @@ def test_an_exclusive_study_keeps_its_robot_from_everybody_else(robot):
     assert take(robot, stranger) == store.TakeRefused("reserved")
     assert isinstance(take(robot, operator), store.TakeGranted)
     store.end(str(Session.objects.get().pk), "cancelled", "left", timezone.now())
-    Robot.objects.update(turnaround="ready")
+    RobotPresence.objects.update(turnaround="ready")
     assert isinstance(take(robot, participant.user), store.TakeGranted)
 
 
@@ -310,9 +310,9 @@ def test_whom_nobody_invited_costs_one_look_and_an_invitation_as_many_as_two(
     Participant.objects.filter(user=invited).exclude(study__slug="first").update(step="experience")
     assert robot.floor_plan is not None, "it is read with the robot, wherever robots are shown"
     with django_assert_num_queries(1):
-        assert not grants.invites(comer, robot)
+        assert not grants.invited_to(comer, [robot])
     with django_assert_num_queries(2):
-        assert grants.invites(invited, robot)
+        assert grants.invited_to(invited, [robot]) == [robot]
 
 
 def test_everybody_else_drives_freely_where_the_study_does_not_mind(robot, study):
@@ -342,7 +342,7 @@ def test_a_draft_is_for_pilots_and_bots(robot, study):
     )
     assert take(robot, visitor.user).terms == terms.FREE
     store.end(str(Session.objects.get().pk), "cancelled", "left", timezone.now())
-    Robot.objects.update(turnaround="ready")
+    RobotPresence.objects.update(turnaround="ready")
     assert take(robot, pilot.user).terms.study["slug"] == "cabin-study"
 
 
@@ -387,7 +387,7 @@ def test_who_drives_for_themselves_and_then_takes_part_begins_anew_from_the_stat
         "begins_anew",
         {},
     )
-    Robot.objects.update(turnaround="ready")
+    RobotPresence.objects.update(turnaround="ready")
     granted = take(robot, user)
     assert granted.session == queued.session
     assert Drive.objects.get().session_id == Session.objects.get(pk=granted.session).pk

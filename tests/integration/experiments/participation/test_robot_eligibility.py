@@ -112,3 +112,19 @@ def test_who_publishes_is_written_down(robot):
     )
     assert row.published_by == robot.owner
     assert is_lent(robot, "cabin-study")
+
+
+def test_whether_a_robot_is_lent_costs_the_same_for_many_publishers(
+    robot, django_assert_max_num_queries
+):
+    study = by(person("first"))
+    for number in range(2, 8):
+        version = Study.objects.get(pk=study.pk)
+        version.pk, version.version, version.published_by = (
+            None,
+            number,
+            person(f"publisher-{number}"),
+        )
+        Study.objects.bulk_create([version])
+    with django_assert_max_num_queries(2):
+        assert not is_lent(robot, study.slug)

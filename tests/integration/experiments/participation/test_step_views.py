@@ -8,7 +8,7 @@ from experiments.bots.participant import heading_of
 from experiments.definition.shipped import shipped
 from experiments.models import ConsentReceipt, Participant, StepVisit, Study
 from experiments.participation import completion, journey, progress
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from sessions.models import Session
 from surveys import questionnaires
 from surveys.models import Response
@@ -530,7 +530,7 @@ def test_nobody_skips_the_drive_while_the_robot_is_there_and_everybody_may_when_
     walker = at_task()
     walker.send(go="without")
     assert walker.participant.step == "task"
-    Robot.objects.update(connection="OFFLINE")
+    RobotPresence.objects.update(connection="OFFLINE")
     page = walker.look()
     assert "can't be reached" in page.text
     walker.send(go="without")

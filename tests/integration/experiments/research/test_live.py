@@ -14,6 +14,7 @@ from sessions.leases import store
 from sessions.models import Session, SessionEvent, SystemLog
 from sessions.protocol import OperatorMessage
 from tests.support.people import person
+from tests.support.robots import create_robot
 from tests.support.sessions import replays
 from tests.support.sessions.memory_bridge import MemoryBridge
 from tests.support.studies.studies import STUDY
@@ -260,7 +261,7 @@ def test_a_held_robot_lets_its_driver_go_on_and_gives_nobody_else_a_turn(client,
 
 
 def test_a_robot_of_another_site_is_not_held(client, drive):
-    Robot.objects.create(name="elsewhere", title="Elsewhere", factsheet={"series": "giraff"})
+    create_robot(name="elsewhere", title="Elsewhere", factsheet={"series": "giraff"})
     client.force_login(member("owner"))
     assert act(client, act="hold", robot="elsewhere", text="no").status_code == 404
     assert act(client, act="dance", robot="giraff", text="no").status_code == 409

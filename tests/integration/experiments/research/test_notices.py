@@ -7,7 +7,7 @@ from django.utils import timezone
 from experiments import signal_handlers
 from experiments.models import StudyMember
 from robots.api import messages as m
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from sessions import signals
 from sessions.manager.return_to_dock import ReturnToDock
 from sessions.manager.robot_liveness import RobotLiveness
@@ -35,18 +35,18 @@ def study():
 
 def pauses(return_to_dock: ReturnToDock, seq: int) -> None:
     """The robot's emergency stop is on while it should go home."""
-    Robot.objects.update(turnaround="returning", turnaround_reason="dock")
+    RobotPresence.objects.update(turnaround="returning", turnaround_reason="dock")
     heard = RobotLiveness()
     heard.take(words.state(seq, safety=m.Safety(estop=True)), NOW.timestamp())
-    list(return_to_dock.tick({"giraff": heard}, NOW))
+    list(return_to_dock.tick({"giraff": heard}, NOW, NOW.timestamp()))
 
 
 def test_owners_and_researchers_are_told_once_a_pause_and_the_reason_is_in_the_log(study):
     return_to_dock = ReturnToDock()
     pauses(return_to_dock, 1)
-    Robot.objects.update(turnaround="paused")
-    list(return_to_dock.tick({}, NOW))
-    list(return_to_dock.tick({}, NOW))
+    RobotPresence.objects.update(turnaround="paused")
+    list(return_to_dock.tick({}, NOW, NOW.timestamp()))
+    list(return_to_dock.tick({}, NOW, NOW.timestamp()))
     assert [(message.bcc, message.to) for message in mail.outbox] == [
         (["olga@example.org", "rita@example.org"], [])
     ]
@@ -63,7 +63,7 @@ def test_studies_that_are_not_open_or_drive_another_robot_are_not_told(study):
     pauses(ReturnToDock(), 1)
     study.status = "published"
     study.save()
-    Robot.objects.update(factsheet={"series": "rhodon", "capabilities": ["dock"]})
+    RobotPresence.objects.update(factsheet={"series": "rhodon", "capabilities": ["dock"]})
     pauses(ReturnToDock(), 2)
     assert mail.outbox == []
 
@@ -72,7 +72,7 @@ def test_a_mail_server_that_is_away_stops_nobody(study, settings, caplog):
     settings.EMAIL_BACKEND = "django.core.mail.backends.smtp.EmailBackend"
     settings.EMAIL_HOST, settings.EMAIL_PORT = "127.0.0.1", 1
     pauses(ReturnToDock(), 1)
-    assert Robot.objects.get().turnaround == "paused"
+    assert Robot.objects.get().presence.turnaround == "paused"
     assert any(record.message.startswith("staff_not_notified") for record in caplog.records)
 
 

@@ -20,7 +20,7 @@ from experiments.tasks.finalization import Settler, settle
 from experiments.tasks.records import FirstFrame, PhotoAnswer, PhotoFailed, PhotoTaken, Record, Seen
 from experiments.tasks.stored_records import stored
 from robots.api import messages as m
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from sessions import system_log
 from sessions.leases import store, terms
 from sessions.leases.absences import note_manager_absence, note_page_closed
@@ -291,7 +291,7 @@ def test_a_technical_failure_is_given_to_another_only_as_often_as_the_frozen_rul
         )
         drive = settled(close(drive, outcome="robot_fault", reason="robot_offline", at=now + 1.0))
         assert drive.participant.stage == stage
-        Robot.objects.update(turnaround="ready")
+        RobotPresence.objects.update(turnaround="ready")
 
 
 def test_a_practice_drive_fills_nothing_and_is_never_taken_for_the_task(robot):
@@ -317,7 +317,7 @@ def test_a_second_visit_frees_and_refills_nothing(robot):
     Participant.objects.update(stage="filled")
     Drive.objects.filter(pk=drive.pk).update(exposed=True, settled_at=timezone.now())
     store.end(str(drive.session_id), "completed", "task", timezone.now())
-    Robot.objects.update(turnaround="ready")
+    RobotPresence.objects.update(turnaround="ready")
     Participant.objects.update(visit=2)
     participant = Participant.objects.get()
     again = store.take(robot, participant.user, "p2", now=timezone.now()).session
@@ -496,7 +496,7 @@ def test_a_drive_that_cannot_be_read_is_told_once_and_keeps_no_other_waiting(rob
     broken = begin(robot)
     Drive.objects.update(assigned={"track": {"dock": "nonsense"}})
     close(broken, outcome="cancelled", reason="left", at=timezone.now().timestamp())
-    Robot.objects.update(turnaround="ready")
+    RobotPresence.objects.update(turnaround="ready")
     good = begin(robot, "ben", broken.participant.study)
     close(good, outcome="cancelled", reason="left", at=timezone.now().timestamp())
     settler = Settler()

@@ -16,7 +16,7 @@ from experiments.tasks.finalization import settle
 from experiments.tasks.records import FirstFrame, PhotoAnswer, PhotoFailed, PhotoTaken, Record, Seen
 from experiments.tasks.runner import PATIENCE, Runner
 from robots.api import messages as m
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from sessions import protocol
 from sessions.consumers import relay
 from sessions.leases import store
@@ -347,7 +347,7 @@ def test_the_runner_settles_what_is_over_beside_what_lives(robot):
     hear(runner, drive, records)
     write(drive, records)
     close(drive, at=records[-1].at + 1.0)
-    Robot.objects.update(turnaround="ready")
+    RobotPresence.objects.update(turnaround="ready")
     other = begin(robot, "ben", drive.participant.study)
     for _ in range(40):
         runner.tick(now=timezone.now())

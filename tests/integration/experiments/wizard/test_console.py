@@ -53,9 +53,9 @@ def bridge():
 def robot(db):
     cabin_with_giraff()
     robot = Robot.objects.get(name="giraff")
-    robot.factsheet["capabilities"] = [*ALL, "say"]
-    robot.connection = "ONLINE"
-    robot.save()
+    robot.presence.factsheet["capabilities"] = [*ALL, "say"]
+    robot.presence.connection = "ONLINE"
+    robot.presence.save()
     return robot
 
 

@@ -8,6 +8,7 @@ from robots.models import FloorPlan, Robot
 from sessions import system_log
 from sessions.models import Lease, Session, SessionEvent
 from tests.support.people import person
+from tests.support.robots import create_robot
 from tests.support.sessions import replays
 
 pytestmark = pytest.mark.django_db
@@ -227,7 +228,7 @@ def test_an_owner_takes_no_record_away(client, driven, action):
 @pytest.mark.parametrize("rights", [[], ["view_robot"]])
 def test_an_owner_acts_on_no_robot_of_others_whatever_is_sent(client, owner, robot, rights):
     owner.user_permissions.set(Permission.objects.filter(codename__in=rights))
-    theirs = Robot.objects.create(
+    theirs = create_robot(
         name="rhodon",
         title="Rhodon",
         owner=person("other"),
@@ -244,7 +245,12 @@ def test_an_owner_acts_on_no_robot_of_others_whatever_is_sent(client, owner, rob
         reverse("admin:robots_robot_changelist"), {"action": "enable", "_selected_action": [off.pk]}
     )
     theirs.refresh_from_db()
-    assert (theirs.enabled, theirs.credential_hash, theirs.renewal_asked_at, theirs.turnaround) == (
+    assert (
+        theirs.enabled,
+        theirs.credentials.credential_hash,
+        theirs.credentials.renewal_asked_at,
+        theirs.presence.turnaround,
+    ) == (
         True,
         "kept",
         None,

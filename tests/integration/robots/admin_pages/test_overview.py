@@ -13,9 +13,10 @@ from experiments.models import Study, StudyMember
 from robots.access import may_drive, robots_visible_to
 from robots.enrol.credentials import make_credentials
 from robots.enrol.tokens import redeem
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from robots.screens import make_screen_key
 from tests.support.people import person
+from tests.support.robots import update_robots
 from tests.support.sessions import replays
 
 pytestmark = pytest.mark.django_db
@@ -67,7 +68,9 @@ def robot(owner):
 
 
 def seen(robot):
-    Robot.objects.filter(pk=robot.pk).update(connection="ONLINE", last_seen_at=timezone.now())
+    RobotPresence.objects.filter(pk=robot.pk).update(
+        connection="ONLINE", last_seen_at=timezone.now()
+    )
 
 
 @pytest.mark.nightly
@@ -150,8 +153,9 @@ def test_a_robot_that_has_its_screen_is_not_asked_whether_it_has_a_display(clien
 def test_the_page_tells_an_owner_what_they_want_to_know_in_this_order(client, robot, owner):
     make_credentials(robot, timezone.now())
     seen(robot)
-    Robot.objects.update(
-        report={"battery": {"charge": 0.5}}, factsheet=robot.factsheet | {"agentVersion": "0.9.1"}
+    RobotPresence.objects.update(
+        report={"battery": {"charge": 0.5}},
+        factsheet=robot.presence.factsheet | {"agentVersion": "0.9.1"},
     )
     replays.session(robot, person("zaphod", display_name="Zaphod"), seconds=90)
     text = overview(client, robot)
@@ -249,7 +253,7 @@ def test_the_state_changes_with_the_first_sign_of_life(client, robot):
 )
 def test_the_top_of_the_page_and_its_settings_say_one_state(client, robot, changes):
     seen(robot)
-    Robot.objects.update(**changes)
+    update_robots(**changes)
     status = client.get(address(robot, "status")).json()
     text = unescape(client.get(address(robot)).content.decode())
     shown = {
@@ -265,7 +269,7 @@ def test_the_top_of_the_page_and_its_settings_say_one_state(client, robot, chang
 def test_the_settings_say_since_when_a_robot_is_not_ready_and_why(client, robot):
     seen(robot)
     at = datetime.datetime(2026, 3, 1, 11, 0, tzinfo=datetime.UTC)
-    Robot.objects.update(
+    update_robots(
         turnaround="paused", turnaround_reason="not_docked", turnaround_at=at, returns_home=True
     )
     between = client.get(address(robot, "status")).json()["fields"]["between"]

@@ -16,7 +16,7 @@ from robots.api import codec, picture, topics
 from robots.api import messages as m
 from robots.api.idle import WATCHER
 from robots.bridge.bridge import REPORTS_FLYING, STOP_SECONDS, Bridge
-from robots.bridge.delivery import LINK, NOTICE
+from robots.bridge.delivery import FAULTS, LINK, NOTICE
 from robots.bridge.failover import Failover
 from tests.support import words
 from tests.support.browsers.pages import until
@@ -223,27 +223,75 @@ async def test_a_bad_message_is_counted_and_the_next_one_is_brought(rig):
         assert bridge.counts["oversized"] == 1
 
 
-async def test_after_a_restart_of_the_broker_everything_that_must_be_retained_is_there_again(rig):
+async def test_listeners_are_served_again_after_a_restart_of_the_broker(rig):
     async with bridge_of(rig) as bridge:
         ear = Ear()
         await listen(bridge, ear)
-        bridge.retain("giraff", "config", m.Config(stamp=1.0, assist="slow"))
         await rig.restart()
         await until(lambda: ear.heard(LINK) == [False, True])
         await rig.until(lambda: rig.is_let_in("giraff"))
         async with robot_of(rig) as robot:
-            await until(
-                lambda: (
-                    [
-                        (suffix, message.assist)
-                        for suffix, message, _ in robot.got
-                        if suffix == "config"
-                    ]
-                    == [("config", "slow")]
-                )
-            )
             await say(robot, "state", words.state(seq=9))
             await until(lambda: ear.heard("state"))
+
+
+class Broken(Ear):
+    """A listener whose every message is an error of ours."""
+
+    def handle_message(self, inbound):
+        super().handle_message(inbound)
+        raise LookupError("an error of ours")
+
+
+async def test_a_listener_that_raises_costs_the_others_nothing(rig):
+    async with bridge_of(rig) as bridge:
+        ears = [Broken(), Ear(), Broken()]
+        await listen(bridge, *ears)
+        bridge.follow("s1", ears[0])
+        bridge.follow("s1", ears[1])
+        async with robot_of(rig) as robot:
+            await say(robot, "state", words.state(seq=1))
+            bridge.publish_notice("s1", "session/turn_warning\n{}")
+            for ear in ears:
+                await until(lambda ear=ear: ear.heard("state"))
+            await until(lambda: ears[1].heard(NOTICE))
+        assert ears[1].heard(LINK) == [], "the connection was lost"
+        await rig.restart()
+        await until(lambda: ears[1].heard(LINK) == [False, True])
+        assert bridge.connected
+        assert bridge.serves(asyncio.get_running_loop())
+        await rig.until(lambda: rig.is_let_in("giraff"))
+        async with robot_of(rig) as robot:
+            await say(robot, "state", words.state(seq=2))
+            await until(lambda: [state.seq for state in ears[1].heard("state")] == [1, 2])
+
+
+@pytest.mark.parametrize("where", ["arrive", "bring_everybody", "bring_faults", "beats_due"])
+async def test_an_error_within_the_bridge_ends_neither_of_its_tasks(rig, monkeypatch, where):
+    async with bridge_of(rig) as bridge, robot_of(rig) as robot:
+        ear, failed = Ear(), []
+        await listen(bridge, ear)
+        right = getattr(bridge._delivery, where)
+
+        def fails_once(*arguments):
+            if not failed:
+                failed.append(where)
+                raise LookupError("an error of ours")
+            return right(*arguments)
+
+        monkeypatch.setattr(bridge._delivery, where, fails_once)
+        if where == "bring_everybody":
+            await rig.restart()
+            await rig.until(lambda: rig.is_let_in("giraff"))
+        else:
+            await say(robot, "state", words.state(seq=1))
+        await until(lambda: failed)
+        await until(lambda: bridge.connected)
+        async with robot_of(rig) as again:
+            await say(again, "state", words.state(seq=2))
+            await until(lambda: ear.heard("state") and ear.heard("state")[-1].seq == 2)
+            ear.inbound_messages.clear()
+            await until(lambda: ear.heard(FAULTS))
 
 
 async def test_commands_are_dropped_while_the_broker_is_away_and_never_replayed(rig):

@@ -18,6 +18,10 @@ from tests.support.sessions.recorder_rig import running_mosquitto
 from tests.support.words import velocity
 
 
+def lease(stamp):
+    return m.Lease(session="s1", epoch=3, peer="p1", who="Ada", renewal=0, stamp=stamp)
+
+
 class Paho:
     """What a writer uses of paho: a queue of bytes that wait."""
 
@@ -92,7 +96,7 @@ async def test_commands_arrive_in_order_and_behind_what_was_said_before_them(qui
         assert await bridge.wait_connected(patient(10))
         assert (bridge._writer is not None) == quick
         for number in range(1, 6):
-            bridge.retain("giraff", "config", m.Config(stamp=float(number)))
+            bridge.publish_lease("giraff", lease(float(number)))
             for seq in range(number * 10, number * 10 + 5):
                 assert bridge.send("giraff", "command/velocity", velocity(seq))
             await asyncio.to_thread(
@@ -105,13 +109,13 @@ async def test_commands_arrive_in_order_and_behind_what_was_said_before_them(qui
         await asyncio.to_thread(ear.wait, "command/velocity", lambda command: command.seq == 149)
         await bridge.close()
     told = [
-        message.seq if suffix == "command/velocity" else f"config {message.stamp:.0f}"
+        message.seq if suffix == "command/velocity" else f"lease {message.stamp:.0f}"
         for suffix, message, _ in ear.heard
     ]
     expected = [
         entry
         for number in range(1, 6)
-        for entry in (f"config {number}", *range(number * 10, number * 10 + 5))
+        for entry in (f"lease {number}", *range(number * 10, number * 10 + 5))
     ]
     assert told == [*expected, *range(100, 150)]
 
@@ -124,7 +128,7 @@ async def test_a_command_of_its_moment_does_not_wait_for_what_the_broker_has_yet
     with running_mosquitto() as broker, Ear(broker.port) as ear:
         bridge = Bridge(broker.url, ("web", "secret"), random.Random(1))
         assert await bridge.wait_connected(patient(10))
-        bridge.retain("giraff", "config", m.Config(stamp=1.0))
+        bridge.publish_lease("giraff", lease(1.0))
         bridge.send("giraff", "command/velocity", velocity(1))
         assert len(bridge._flying) == 2, "what was said before is not with the client yet"
         await asyncio.sleep(0)
@@ -135,4 +139,4 @@ async def test_a_command_of_its_moment_does_not_wait_for_what_the_broker_has_yet
     told = [
         message.seq if suffix == "command/velocity" else suffix for suffix, message, _ in ear.heard
     ]
-    assert told == ["config", 1, 2]
+    assert told == ["lease", 1, 2]

@@ -8,6 +8,7 @@ import tomllib
 from argparse import ArgumentParser
 
 import pytest
+from asgiref.sync import sync_to_async
 
 from robots.agent.config import add_arguments
 from robots.api.topics import ROBOT_NAME
@@ -23,7 +24,8 @@ from robots.enrol.credentials import (
     server_client_id,
     server_credentials,
 )
-from robots.models import Robot
+from robots.models import Robot, RobotCredentials
+from tests.support.robots import create_robot
 
 NOW = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
 
@@ -90,24 +92,24 @@ def test_making_credentials_replaces_the_old_ones_and_revoking_ends_them():
 def test_every_token_has_a_bcrypt_hash_beside_the_other_which_goes_with_it():
     robot = Robot.objects.create(name="giraff", title="Giraff")
     first = credentials.make_credentials(robot, NOW)
-    assert bcrypt_hash_fits(first.token, robot.bcrypt_hash)
+    assert bcrypt_hash_fits(first.token, robot.credentials.bcrypt_hash)
     second = credentials.rotate(robot, first.token, NOW)
-    assert bcrypt_hash_fits(second.token, robot.bcrypt_hash)
-    assert bcrypt_hash_fits(first.token, robot.former_bcrypt_hash)
+    assert bcrypt_hash_fits(second.token, robot.credentials.bcrypt_hash)
+    assert bcrypt_hash_fits(first.token, robot.credentials.former_bcrypt_hash)
     credentials.revoke(robot)
     robot.refresh_from_db()
-    assert robot.bcrypt_hash == robot.former_bcrypt_hash == ""
+    assert robot.credentials.bcrypt_hash == robot.credentials.former_bcrypt_hash == ""
 
 
 @pytest.mark.django_db
 def test_a_token_of_before_there_were_bcrypt_hashes_gets_one_when_an_agent_shows_it():
     robot = Robot.objects.create(name="giraff", title="Giraff")
     token = credentials.make_credentials(robot, NOW).token
-    Robot.objects.update(bcrypt_hash="")
+    RobotCredentials.objects.update(bcrypt_hash="")
     assert credentials.robot_of("giraff", "wrong") is None
-    assert Robot.objects.get().bcrypt_hash == ""
+    assert Robot.objects.get().credentials.bcrypt_hash == ""
     assert credentials.robot_of("giraff", token) == robot
-    assert bcrypt_hash_fits(token, Robot.objects.get().bcrypt_hash)
+    assert bcrypt_hash_fits(token, Robot.objects.get().credentials.bcrypt_hash)
 
 
 def bcrypt_hash_fits(token, made):
@@ -172,7 +174,7 @@ def test_a_client_id_that_lasts_cannot_be_guessed(settings):
 async def test_the_brokers_users_are_servers_and_enabled_robots_with_credentials():
     hashes = {"giraff": hash_token("a"), "disabled": hash_token("b"), "keyless": ""}
     for name, credential_hash in hashes.items():
-        await Robot.objects.acreate(
+        await sync_to_async(create_robot)(
             name=name, title=name, enabled=name != "disabled", credential_hash=credential_hash
         )
     users = await read_users()

@@ -20,6 +20,7 @@ from robots.agent.broker_link import enrolment as agent_side
 from robots.agent.broker_link.broker_discovery import ServerAwayError
 from robots.agent.config import ConfigError, load
 from robots.broker.users import users_now
+from robots.enrol import credentials
 from robots.enrol.credentials import (
     GRACE,
     ask_for_renewal,
@@ -94,7 +95,7 @@ def test_the_old_credentials_hold_beside_the_new_ones_for_a_while(robot):
     new = rotate(robot, old.token, now)
     assert {robot_of("giraff", one.token) for one in (old, new)} == {robot}
     assert set(at_the_broker()) == {"giraff", new.user}
-    assert list(users_of(robot, now + GRACE)) == [new.user]
+    assert list(users_of("giraff", robot.credentials, now + GRACE)) == [new.user]
 
 
 def test_both_users_at_the_broker_are_the_same_robot_and_nobody_else(robot):
@@ -138,7 +139,7 @@ def test_whoever_has_only_the_former_credentials_cannot_make_them_last(robot):
     old = make_credentials(robot, now)
     rotate(robot, old.token, now)
     rotate(robot, old.token, now + GRACE / 2)
-    assert robot.former_until == now + GRACE
+    assert robot.credentials.former_until == now + GRACE
 
 
 def test_revoking_ends_both_at_once(robot):
@@ -353,7 +354,7 @@ def test_an_agent_whose_file_cannot_be_written_asks_for_nothing_that_it_would_lo
     ask_for_renewal(robot, timezone.now())
     monkeypatch.setattr(agent_side.os, "access", lambda *_: False)
     assert agent_side.renew(config) is None
-    assert robot_of("giraff", config.token).renewal_asked_at is not None
+    assert robot_of("giraff", config.token).credentials.renewal_asked_at is not None
 
 
 def test_an_agent_asks_until_it_has_new_credentials_whatever_the_server_says(
@@ -451,7 +452,7 @@ def test_the_command_asks_for_new_credentials_of_those_that_have_some(robot):
     out = io.StringIO()
     call_command("rotate_credentials", stdout=out)
     assert out.getvalue().split() == ["giraff"]
-    assert Robot.objects.get(name="giraff").renewal_asked_at is not None
+    assert Robot.objects.get(name="giraff").credentials.renewal_asked_at is not None
     with pytest.raises(CommandError, match="rhodon"):
         call_command("rotate_credentials", "rhodon")
 
@@ -468,9 +469,30 @@ def test_an_owner_makes_a_token_and_has_credentials_rotated_in_the_administratio
     client.post(
         "/admin/robots/robot/", {"action": "rotate_credentials", "_selected_action": [robot.pk]}
     )
-    assert Robot.objects.get().renewal_asked_at is not None
+    assert Robot.objects.get().credentials.renewal_asked_at is not None
     assert set(AuditEntry.objects.filter(actor=owner.pk).values_list("act", flat=True)) >= {
         "enrolment_made",
         "rotation_asked",
     }
     assert token not in str(list(AuditEntry.objects.values()))
+
+
+def test_of_two_renewals_that_overlap_one_is_refused_and_the_other_holds(
+    client, robot, monkeypatch
+):
+    shown = make_credentials(robot, timezone.now())
+    bearer = {"Authorization": f"Bearer giraff:{shown.token}"}
+    ask_for_renewal(robot, timezone.now())
+    new_user, answers = credentials._new_user, []
+
+    def meanwhile(robot):
+        monkeypatch.setattr(credentials, "_new_user", new_user)
+        answers.append(client.post(RENEW, headers=bearer))
+        return new_user(robot)
+
+    monkeypatch.setattr(credentials, "_new_user", meanwhile)
+    answers.append(client.post(RENEW, headers=bearer))
+    assert [answer.status_code for answer in answers] == [200, 409]
+    taken = answers[0].json()
+    assert robot_of("giraff", taken["token"]) == robot
+    assert set(at_the_broker()) == {"giraff", taken["user"]}

@@ -14,6 +14,7 @@ from sessions import page_channel, protocol
 from sessions.audience import audience as audiences
 from sessions.leases.terms import Terms
 from tests.support.browsers.pages import Display, Page, until
+from tests.support.robots import create_robot
 from tests.support.studies.fixed_terms import provided
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -21,7 +22,7 @@ pytestmark = pytest.mark.django_db(transaction=True)
 
 @pytest.fixture
 def robot(db):
-    return Robot.objects.create(
+    return create_robot(
         name="giraff", title="Giraff", connection="ONLINE", boot="b1", last_seen_at=timezone.now()
     )
 

@@ -23,6 +23,7 @@ from telepresence_site import asgi
 from tests.support import words
 from tests.support.browsers.pages import Page, until
 from tests.support.patience import patient
+from tests.support.robots import create_robot, update_robots
 
 pytestmark = pytest.mark.django_db(transaction=True)
 STOP = m.Stop(action_id="s1", stamp=1.0)
@@ -30,7 +31,7 @@ STOP = m.Stop(action_id="s1", stamp=1.0)
 
 @pytest.fixture
 def robot(db):
-    return Robot.objects.create(
+    return create_robot(
         name="giraff",
         title="Giraff",
         connection="ONLINE",
@@ -460,9 +461,8 @@ async def test_who_closes_the_page_in_the_queue_is_counted_no_more(bridge, robot
         await until_room(driver, lambda room: room.waiting == 0)
 
 
-def goes_home(robot):
-    robot.returns_home, robot.factsheet = True, {"capabilities": ["dock"]}
-    robot.save()
+def goes_home():
+    update_robots(returns_home=True, factsheet={"capabilities": ["dock"]})
 
 
 async def test_who_waits_and_watches_meanwhile_is_not_counted_twice(bridge, robot, ada, bob):
@@ -478,7 +478,7 @@ async def test_who_waits_and_watches_meanwhile_is_not_counted_twice(bridge, robo
 
 @pytest.mark.parametrize("by", ["visitor", "session manager"])
 async def test_every_page_reads_what_a_robot_does_after_a_visit(bridge, robot, ada, bob, by):
-    await sync_to_async(goes_home)(robot)
+    await sync_to_async(goes_home)()
     async with Page("giraff", ada) as driver, Page("giraff", bob) as other:
         granted = await driver.take()
         if by == "visitor":
@@ -625,18 +625,16 @@ async def test_a_late_leave_ends_neither_what_moved_to_another_page_nor_the_visi
 
 
 async def test_a_connection_that_fails_leaves_nothing_behind(bridge, robot, ada, bob, monkeypatch):
-    from sessions.consumers.authorization import Authorization
-
     async with Page("giraff", bob) as other:
         page = Page("giraff", ada)
         await page.open()
         await page.take()
         await until_room(other, lambda authorization: authorization.driver == "Ada L.")
 
-        def fail(*_arguments):
+        def fail(*_arguments, **_frame):
             raise RuntimeError("a fault of ours")
 
-        monkeypatch.setattr(Authorization, "receive", fail)
+        monkeypatch.setattr(drive.RobotConsumer, "receive", fail)
         await page.say("session/leave", protocol.Leave())
         with pytest.raises(RuntimeError, match="a fault of ours"):
             await asyncio.wait_for(page.socket.future, patient(10))

@@ -1,6 +1,6 @@
 """A private drive through the whole ASGI application: who sees it, and that nobody else does."""
 
-import asyncio
+import threading
 
 import pytest
 from asgiref.sync import sync_to_async
@@ -10,10 +10,12 @@ from django.utils import timezone
 from robots.api import messages as m
 from robots.models import Robot, RobotPermit
 from sessions import protocol
-from sessions.consumers import page_session
+from sessions.consumers import page_session, queries
 from sessions.leases.terms import Terms
 from tests.support import words
 from tests.support.browsers.pages import Page, until
+from tests.support.patience import patient
+from tests.support.robots import create_robot
 from tests.support.studies.fixed_terms import provided
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -24,7 +26,7 @@ OF_THE_ROBOT = {"state", "pose", "path", "scan", "heartbeat", "event", "action",
 
 @pytest.fixture
 def robot(db):
-    return Robot.objects.create(
+    return create_robot(
         name="giraff", title="Giraff", connection="ONLINE", boot="b1", last_seen_at=timezone.now()
     )
 
@@ -153,19 +155,22 @@ async def test_a_page_that_opens_before_a_lease_was_heard_of_asks_the_database(
 
 
 async def test_a_database_that_does_not_answer_lets_nobody_watch(bridge, robot, ada, monkeypatch):
-    rosa, called = await sync_to_async(person)("rosa"), asyncio.Event()
+    rosa, called = await sync_to_async(person)("rosa"), threading.Event()
+    right, may_answer = queries.may_watch_private, threading.Event()
 
-    async def never(*_arguments):
+    def never(*arguments):
         called.set()
-        await asyncio.Event().wait()
+        may_answer.wait(patient(20))
+        return right(*arguments)
 
     async with Page("giraff", rosa) as watcher, Page("giraff", ada) as driver:
         await watch(watcher)
         monkeypatch.setattr(page_session, "VERDICT_SECONDS", 0.05)
-        monkeypatch.setattr(page_session, "may_watch_private", never)
+        monkeypatch.setattr(queries, "may_watch_private", never)
         await driver.take()
         assert (await watcher.expect("session/refused")).reason == "private"
         assert called.is_set()
+        may_answer.set()
 
 
 async def test_a_drive_that_is_not_private_is_seen_as_before(bridge, robot, ada, bob, terms):

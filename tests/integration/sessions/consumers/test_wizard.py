@@ -21,6 +21,7 @@ from tests.support import words
 from tests.support.browsers.pages import SECONDS, Page, until
 from tests.support.browsers.wizard_console import Console
 from tests.support.patience import patient
+from tests.support.robots import create_robot
 from tests.support.studies.fixed_terms import provided
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -51,7 +52,7 @@ class Operators:
 
 @pytest.fixture(autouse=True)
 def robot(db):
-    return Robot.objects.create(
+    return create_robot(
         name="giraff", title="Giraff", connection="ONLINE", boot="b1", last_seen_at=timezone.now()
     )
 

@@ -16,6 +16,7 @@ from sessions.manager.membership import Membership
 from sessions.manager.scheduler import Scheduler
 from sessions.models import Session, SessionEvent, StateChunk
 from sessions.shards import rows
+from tests.support.robots import create_robot
 
 pytestmark = pytest.mark.django_db
 NOW = timezone.now()
@@ -27,7 +28,7 @@ def after(seconds: float) -> datetime.datetime:
 
 @pytest.fixture
 def giraff():
-    return Robot.objects.create(
+    return create_robot(
         name="giraff", title="Giraff", connection="ONLINE", last_seen_at=after(1000)
     )
 
@@ -118,7 +119,7 @@ def test_the_scheduler_notes_the_absence_before_it_ends_the_session(giraff, driv
 
 
 def test_a_session_manager_notes_how_long_nobody_led_in_the_sessions_of_that_time(driven, tmp_path):
-    rhodon = Robot.objects.create(
+    rhodon = create_robot(
         name="rhodon", title="Rhodon", connection="ONLINE", last_seen_at=after(1000)
     )
     ben = User.objects.create(username="ben")

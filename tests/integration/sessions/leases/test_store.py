@@ -12,13 +12,14 @@ from django.utils import timezone
 
 from accounts.models import User
 from robots.api import topics
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from sessions.leases import store
 from sessions.leases.expiry import tick
 from sessions.leases.transitions import IDLE, Free, Move, RobotLink, decide_tick
 from sessions.manager.scheduler import Scheduler
 from sessions.models import Lease, Session, SessionEvent
 from sessions.protocol import Ended, Offered
+from tests.support.robots import create_robot, update_robots
 
 pytestmark = pytest.mark.django_db
 NOW = timezone.now()
@@ -35,7 +36,7 @@ def turns_of_fifteen_minutes(settings):
 
 @pytest.fixture
 def giraff():
-    return Robot.objects.create(
+    return create_robot(
         name="giraff", title="Giraff", connection="ONLINE", last_seen_at=after(1000), max_linear=0.3
     )
 
@@ -184,7 +185,7 @@ def test_the_turn_is_limited_in_the_grant_when_others_wait(giraff, ana, ben):
 
 
 def test_an_offline_robot_is_refused_by_its_row(giraff, ana):
-    giraff.connection = "OFFLINE"
+    giraff.presence.connection = "OFFLINE"
     assert store.take(giraff, ana, "peer-1", now=NOW) == store.TakeRefused("offline")
     assert not Session.objects.exists()
 
@@ -232,7 +233,7 @@ def test_a_look_reads_no_more_for_many_driven_robots_than_for_one(ana, ben, monk
 
     def queries(robots: int) -> int:
         for number in range(Robot.objects.count(), robots):
-            made = Robot.objects.create(
+            made = create_robot(
                 name=f"r{number}", title="R", connection="ONLINE", last_seen_at=after(1000)
             )
             assert isinstance(store.take(made, ana, f"peer-{number}", now=NOW), store.TakeGranted)
@@ -308,9 +309,7 @@ def test_a_process_that_died_between_lease_and_session_is_made_good(giraff, ana,
 def test_robots_that_were_taken_together_are_renewed_apart_and_each_in_time(ana, monkeypatch):
     monkeypatch.setattr("sessions.manager.scheduler.random.random", random.Random(1).random)
     robots = [
-        Robot.objects.create(
-            name=f"r{number}", title="R", connection="ONLINE", last_seen_at=after(1000)
-        )
+        create_robot(name=f"r{number}", title="R", connection="ONLINE", last_seen_at=after(1000))
         for number in range(12)
     ]
     for robot in robots:
@@ -429,7 +428,7 @@ LOST = {"safety": {"inhibited": "fault"}, "errors": ["adapter_lost: no answer"]}
 def test_nobody_is_called_to_a_robot_that_nobody_can_drive_and_places_are_kept(
     giraff, ana, ben, report, reason
 ):
-    Robot.objects.update(report=report)
+    RobotPresence.objects.update(report=report)
     giraff.refresh_from_db()
     first = store.take(giraff, ana, "peer-1", now=NOW)
     second = store.take(giraff, ben, "peer-2", now=after(1))
@@ -438,9 +437,9 @@ def test_nobody_is_called_to_a_robot_that_nobody_can_drive_and_places_are_kept(
         (2, f"paused: {reason}"),
     ]
     assert tick(giraff, RobotLink(), after(2)) == ()
-    Robot.objects.update(report={"safety": {"estop": False, "inhibited": "no_lease"}})
+    RobotPresence.objects.update(report={"safety": {"estop": False, "inhibited": "no_lease"}})
     assert [act.session for act in tick(giraff, RobotLink(), after(3))] == [first.session]
-    Robot.objects.update(report=report)  # before the turn was taken
+    RobotPresence.objects.update(report=report)  # before the turn was taken
     tick(giraff, RobotLink(), after(4))
     again = store.take(giraff, ana, "peer-1", session=first.session, now=after(5))
     assert (again.place, again.reason) == (1, f"paused: {reason}")
@@ -448,7 +447,7 @@ def test_nobody_is_called_to_a_robot_that_nobody_can_drive_and_places_are_kept(
 
 def test_who_drives_a_robot_when_it_is_stopped_keeps_it_also_over_a_reload(giraff, ana):
     granted = store.take(giraff, ana, "peer-1", now=NOW)
-    Robot.objects.update(report=STOPPED)
+    RobotPresence.objects.update(report=STOPPED)
     back = store.take(
         giraff, ana, "peer-2", session=granted.session, old_peer="peer-1", now=after(1)
     )
@@ -456,7 +455,7 @@ def test_who_drives_a_robot_when_it_is_stopped_keeps_it_also_over_a_reload(giraf
 
 
 def test_who_operates_a_stopped_robot_may_take_it_to_release_it(giraff, ana, ben):
-    Robot.objects.update(report=STOPPED, owner=ben)
+    update_robots(report=STOPPED, owner=ben)
     giraff.refresh_from_db()
     store.take(giraff, ana, "peer-1", now=NOW)
     assert isinstance(store.take(giraff, ben, "peer-2", now=after(1)), store.TakeGranted)

@@ -20,6 +20,7 @@ from sessions.models import Lease, Session
 from sessions.protocol import Ended
 from tests.support import words
 from tests.support.browsers.pages import Page
+from tests.support.robots import create_robot, update_robots
 from tests.support.sessions.memory_bridge import MemoryBridge
 from tests.support.studies.fixed_terms import provided
 
@@ -54,7 +55,7 @@ def provider():
 def giraff():
     # not NOW: between that and the test lie all tests before it
     heard = timezone.now() + datetime.timedelta(hours=1)
-    return Robot.objects.create(
+    return create_robot(
         name="giraff",
         title="Giraff",
         connection="ONLINE",
@@ -251,8 +252,8 @@ class TestFirstDrive:
 
     @pytest.fixture
     def giraff(self, giraff):
-        giraff.factsheet = {"capabilities": ["assist"]}
-        giraff.save()
+        giraff.presence.factsheet = {"capabilities": ["assist"]}
+        giraff.presence.save()
         return giraff
 
     def test_a_visitor_who_has_never_driven_is_helped_until_they_choose(self, giraff, ana):
@@ -280,7 +281,7 @@ class TestFirstDrive:
     def test_a_robot_that_cannot_or_that_assists_anyway_is_told_nothing(self, giraff, ana, ben):
         Robot.objects.update(assist="steer")
         assert take(giraff, ana).lease.assist is None
-        Robot.objects.update(assist="off", factsheet={"capabilities": []})
+        update_robots(assist="off", factsheet={"capabilities": []})
         Session.objects.all().delete()
         assert take(Robot.objects.get(), ben).lease.assist is None
 

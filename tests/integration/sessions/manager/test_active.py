@@ -94,4 +94,4 @@ async def test_a_database_that_is_away_when_the_broker_is_there_is_waited_for(
     monkeypatch.setattr(Scheduler, "begin", away_at_first)
     async with running_manager(broker.url), ScriptedRobot("giraff", broker.url):
         assert "session_manager_without_database" in caplog.text
-        await wait_for(lambda: Robot.objects.get().connection == "ONLINE", what="presence")
+        await wait_for(lambda: Robot.objects.get().presence.connection == "ONLINE", what="presence")

@@ -1,19 +1,25 @@
 """One look of the scheduler at what robots have said of themselves, in a real database."""
 
 import asyncio
+import datetime
+import time
 
 import pytest
 from aiomqtt import Message, Topic
 from django.db import OperationalError
 
+from accounts.models import User
 from robots.api import codec, topics
-from robots.models import Robot
-from robots.presence import PresenceWriter
+from robots.models import Robot, RobotPresence
+from robots.presence.writer import PresenceWriter
+from sessions.leases import store
+from sessions.manager import broker_connection
 from sessions.manager.broker_connection import BrokerConnection, Work
 from sessions.manager.health import ManagerHealth
 from sessions.manager.ingest import Intake
 from sessions.manager.return_to_dock import ReturnToDock
 from sessions.manager.scheduler import Scheduler
+from sessions.models import Session, SessionEvent
 from sessions.shards import rows
 from sessions.shards.hashing import shard_of
 from sessions.shards.ownership import CONFIRMED_ALONE_SECONDS, Ownership
@@ -21,6 +27,12 @@ from tests.support import words
 
 pytestmark = pytest.mark.django_db
 GIRAFF = shard_of("giraff")
+
+
+class Kept(list):
+    """A recorder that keeps what it is given."""
+
+    put = list.append
 
 
 class Look:
@@ -34,7 +46,7 @@ class Look:
         self.ownership.wanted = frozenset(self.epochs)
         self.ownership.confirm(self.now)
         self.intake = Intake(
-            None,
+            Kept(),
             lambda: self.now,
             wake_signals=lambda: None,
             wake_scheduler=lambda: None,
@@ -79,7 +91,7 @@ def look(giraff):
 
 
 def connection_of_giraff():
-    return Robot.objects.get().connection
+    return Robot.objects.get().presence.connection
 
 
 def test_a_process_that_has_just_gone_on_after_a_stop_writes_nothing_until_it_has_beaten(look):
@@ -108,7 +120,7 @@ def test_presence_that_the_database_refused_is_stored_by_the_next_look(look, mon
     assert connection_of_giraff() != "ONLINE"
     look.tick()
     assert connection_of_giraff() == "ONLINE"
-    assert Robot.objects.get().factsheet
+    assert Robot.objects.get().presence.factsheet
 
 
 def test_the_presence_of_a_robot_that_is_anothers_by_now_is_left_to_its_owner(look):
@@ -117,7 +129,7 @@ def test_the_presence_of_a_robot_that_is_anothers_by_now_is_left_to_its_owner(lo
     look.ownership.become({n: epoch for n, epoch in look.epochs.items() if n != GIRAFF})
     look.tick()
     assert connection_of_giraff() != "ONLINE"
-    Robot.objects.update(connection="ONLINE", boot="b1")  # by its owner meanwhile
+    RobotPresence.objects.update(connection="ONLINE", boot="b1")  # by its owner meanwhile
     look.ownership.become(look.epochs)
     look.hear(words.broken())
     look.tick()
@@ -128,7 +140,7 @@ def test_a_row_is_read_anew_when_shards_changed_hands_while_there_was_no_connect
     look.hear(words.online())
     look.tick()
     look.ownership.become({n: epoch for n, epoch in look.epochs.items() if n != GIRAFF})
-    Robot.objects.update(connection="CONNECTIONBROKEN")  # by its owner meanwhile
+    RobotPresence.objects.update(connection="CONNECTIONBROKEN")  # by its owner meanwhile
     look.ownership.become(look.epochs)
     look.reconnect()
     look.hear(words.online())
@@ -142,7 +154,7 @@ def test_a_row_is_read_anew_although_the_database_was_away_when_shards_changed_h
     look.hear(words.online())
     look.tick()
     look.ownership.become({n: epoch for n, epoch in look.epochs.items() if n != GIRAFF})
-    Robot.objects.update(connection="CONNECTIONBROKEN")  # by its owner meanwhile
+    RobotPresence.objects.update(connection="CONNECTIONBROKEN")  # by its owner meanwhile
     look.ownership.become(look.epochs)
 
     def away(*_, **__):
@@ -155,3 +167,33 @@ def test_a_row_is_read_anew_although_the_database_was_away_when_shards_changed_h
     look.hear(words.online())
     look.tick()
     assert connection_of_giraff() == "ONLINE"
+
+
+@pytest.mark.parametrize("step", [120.0, -120.0, 86_400.0])
+def test_a_step_of_the_servers_clock_ends_no_drive(look, giraff, monkeypatch, step):
+    """As when a virtual machine is resumed, or NTP corrects the clock."""
+    ahead = [0.0]
+    clock = lambda: time.time() + ahead[0]
+    moment = lambda: datetime.datetime.fromtimestamp(clock(), datetime.UTC)
+    monkeypatch.setattr(broker_connection.timezone, "now", moment)
+    look.connection = BrokerConnection(None, look._work, clock)
+    look.intake._clock = clock
+    look.hear(words.online())
+    look.tick()
+    giraff.refresh_from_db()
+    ana, ben = (User.objects.create(username=name) for name in ("ana", "ben"))
+    granted = store.take(giraff, ana, "p1", now=moment())
+    waiting = store.take(giraff, ben, "p2", now=moment())
+    beat = {"session": granted.session, "epoch": granted.epoch, "visitor_silence": 0.1}
+    look.hear(words.state(1, **beat), "state")
+    look.tick()
+    assert Session.objects.get(pk=granted.session).state == "driving"
+    ahead[0] = step
+    for seq in range(2, 5):
+        look.tick()
+        assert Session.objects.get(pk=granted.session).state == "driving"
+        assert Session.objects.get(pk=waiting.session).state == "waiting"
+        look.hear(words.state(seq, **beat), "state")
+        store.seen({granted.session, waiting.session}, moment())
+    kinds = SessionEvent.objects.filter(session=granted.session).values_list("type", flat=True)
+    assert "server_absent" not in kinds

@@ -12,7 +12,7 @@ from django.utils import timezone
 from accounts.models import User
 from robots.api import codec
 from robots.api.messages import NetworkLab
-from robots.models import FloorPlan, Robot
+from robots.models import FloorPlan, Robot, RobotPresence
 from sessions.leases import store, terms
 from sessions.manager.desired_state import LOOK_SECONDS, DesiredState
 from sessions.models import Session
@@ -100,7 +100,7 @@ def test_a_robot_without_a_map_is_told_the_rest(giraff):
 
 
 def visit(robot: Robot, **fixed) -> str:
-    Robot.objects.update(connection="ONLINE", last_seen_at=NOW)
+    RobotPresence.objects.update(connection="ONLINE", last_seen_at=NOW)
     robot.refresh_from_db()
     session = store.take(
         robot, User.objects.create(username=f"user-{User.objects.count()}"), "p1", now=NOW

@@ -202,7 +202,10 @@ def test_what_is_told_of_a_task_waits_for_the_next_look():
 
 def test_driving_a_call_a_way_of_its_own_a_stop_there_and_a_touch_of_the_page_are_signs(session):
     now = [NOW]
-    intake = Intake(Kept(), lambda: now[0], wake_signals=lambda: None, wake_scheduler=lambda: None)
+    clock = lambda: now[0]
+    intake = Intake(
+        Kept(), clock, wake_signals=lambda: None, wake_scheduler=lambda: None, monotonic=clock
+    )
 
     def last_sign():
         return max(

@@ -6,7 +6,7 @@ import pytest
 from django.utils import timezone
 
 from accounts.models import User
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from sessions.manager.desired_state import LOOK_SECONDS, DesiredState
 from sessions.manager.needed_robots import needed_robots
 from sessions.models import Session
@@ -41,7 +41,7 @@ def test_robots_with_a_session_a_queue_or_a_way_home_are_needed_and_no_others(
     session(waited, Session.State.WAITING)
     session(recorded, Session.State.ENDED)
     session(over, Session.State.ENDED, closed_at=now)
-    Robot.objects.filter(pk=away.pk).update(turnaround=Robot.Turnaround.RETURNING)
+    RobotPresence.objects.filter(pk=away.pk).update(turnaround=Robot.Turnaround.RETURNING)
     with django_assert_num_queries(1):
         assert needed_robots() == {"driven", "waited", "recorded", "away"}
     Robot.objects.update(enabled=False)

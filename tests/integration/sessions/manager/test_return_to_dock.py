@@ -12,7 +12,7 @@ from django.utils import timezone
 from accounts.models import User
 from robots.api import codec
 from robots.api import messages as m
-from robots.models import Robot, RobotPermit
+from robots.models import Robot, RobotPermit, RobotPresence
 from sessions.leases import store
 from sessions.leases.expiry import tick
 from sessions.leases.readiness import LATE, ORDERED
@@ -22,6 +22,7 @@ from sessions.manager.robot_liveness import RobotLiveness
 from sessions.models import SystemLog
 from sessions.protocol import Offered
 from tests.support import words
+from tests.support.robots import create_robot, update_robots
 
 pytestmark = pytest.mark.django_db
 NOW = timezone.now()
@@ -38,7 +39,7 @@ def after(seconds: float) -> datetime.datetime:
 
 @pytest.fixture
 def giraff():
-    return Robot.objects.create(
+    return create_robot(
         name="giraff",
         title="Giraff",
         connection="ONLINE",
@@ -71,11 +72,14 @@ class Situation:
         sent = now.timestamp() - trip
         echo = m.Echo(peer="server", n=self.seq, stamp=sent, received=sent + trip / 2)
         self.last_received.heartbeat(
-            m.Heartbeat(n=self.seq, stamp=sent + trip / 2, echoes=(echo,)), now.timestamp()
+            m.Heartbeat(n=self.seq, stamp=sent + trip / 2, echoes=(echo,)),
+            now.timestamp(),
+            now.timestamp(),
         )
 
     def look(self, now):
-        self.outbox.extend(self.return_to_dock.tick({"giraff": self.last_received}, now))
+        heard = {"giraff": self.last_received}
+        self.outbox.extend(self.return_to_dock.tick(heard, now, now.timestamp()))
         said = [codec.decode("command/action", one.payload, "to_robot") for one in self.outbox]
         self.outbox.clear()
         return said
@@ -107,8 +111,50 @@ def test_a_robot_that_was_left_somewhere_is_sent_home_by_the_server(giraff, ana,
     assert (type(tilt), tilt.angle) == (m.Tilt, 0.28)
     situation.says(after(42), docked=True)
     assert situation.look(after(42)) == []
-    assert Robot.objects.get().turnaround == "ready"
+    assert Robot.objects.get().presence.turnaround == "ready"
     assert SystemLog.objects.filter(event="robot_ready").count() == 1
+
+
+STOPPED = m.Safety(inhibited="stopped")
+
+
+def test_a_robot_that_is_stopped_on_its_way_is_ordered_nothing(giraff, ana, situation):
+    a_visit_ends(giraff, ana)
+    situation.says(after(1), docked=False)
+    (dock,) = situation.look(after(1))
+    cancelled = m.ActionStatus(action_id=dock.action_id, status="CANCELLED", stamp=1.0)
+    situation.last_received.answer(cancelled)
+    for second in range(2, 400):
+        situation.says(after(second), docked=False, safety=STOPPED)
+        assert situation.look(after(second)) == []
+    row = Robot.objects.get()
+    assert (row.turnaround, row.turnaround_reason) == ("paused", "stopped")
+    assert SystemLog.objects.get(event="queue_paused").fields == {"reason": "stopped"}
+    situation.says(after(400), docked=False)
+    (again,) = situation.look(after(400))
+    assert isinstance(again, m.Dock)
+
+
+def test_a_robot_that_was_stopped_between_visits_is_given_to_a_new_driver(
+    giraff, ana, ben, situation
+):
+    robot = a_visit_ends(giraff, ana)
+    situation.says(after(1), docked=False, safety=STOPPED)
+    assert situation.look(after(1)) == []
+    assert store.pause_of(robot) == ""
+    assert isinstance(store.take(Robot.objects.get(), ben, "p2", now=after(2)), store.TakeGranted)
+    situation.says(after(3), docked=False, safety=STOPPED, session="s2")
+    assert situation.look(after(3)) == []
+    assert Robot.objects.get().turnaround == "ready"
+
+
+def test_the_queue_of_a_robot_that_was_stopped_between_visits_goes_on(giraff, ana, ben, situation):
+    robot = a_visit_ends(giraff, ana)
+    assert isinstance(store.take(robot, ben, "p2", now=after(1)), store.TakeQueued)
+    situation.says(after(2), docked=False, safety=STOPPED)
+    situation.look(after(2))
+    acts = tick(Robot.objects.get(), RobotLink(), after(3))
+    assert [type(act) for act in acts] == [Offered]
 
 
 def test_nobody_is_given_a_robot_on_its_way_home_and_everybody_is_told_why(
@@ -128,14 +174,14 @@ def test_nobody_is_given_a_robot_on_its_way_home_and_everybody_is_told_why(
 
 
 def test_an_offer_is_taken_back_when_the_robot_is_not_ready_after_all(giraff, ana):
-    Robot.objects.update(turnaround="ready")
+    RobotPresence.objects.update(turnaround="ready")
     giraff.refresh_from_db()
     holder = store.take(giraff, User.objects.create(username="first"), "p0", now=NOW)
     store.take(giraff, ana, "p1", now=NOW)
     Robot.objects.update(returns_home=False)
     store.leave(holder.session, peer="p0", now=after(1))
     assert any(isinstance(act, Offered) for act in tick(giraff, RobotLink(), after(2)))
-    Robot.objects.update(returns_home=True, turnaround="paused", turnaround_reason="estop")
+    update_robots(returns_home=True, turnaround="paused", turnaround_reason="estop")
     assert any(
         isinstance(act, Withdraw) for act in tick(Robot.objects.get(), RobotLink(), after(3))
     )
@@ -157,7 +203,7 @@ def test_an_operator_may_take_a_robot_that_is_stuck_and_what_was_ordered_is_take
 ):
     (cancel,) = situation.look(after(3))
     assert (type(cancel), cancel.target) == (m.Cancel, taken_on_its_way.action_id)
-    assert Robot.objects.get().turnaround == "ready"
+    assert Robot.objects.get().presence.turnaround == "ready"
 
 
 def away(execute, sql, *args):
@@ -180,7 +226,7 @@ def test_what_is_taken_back_is_said_though_the_database_goes_away_meanwhile(
 @pytest.mark.django_db(transaction=True)
 def test_an_order_that_the_database_refused_is_given_at_the_next_look(giraff, ana, situation):
     a_visit_ends(giraff, ana)
-    Robot.objects.update(turnaround_reason="")
+    RobotPresence.objects.update(turnaround_reason="")
     situation.says(after(1), docked=False)
     with connection.execute_wrapper(away), pytest.raises(OperationalError):
         situation.look(after(1))
@@ -204,7 +250,10 @@ def test_a_robot_that_cannot_get_home_pauses_the_queue_and_says_why_and_is_tried
                 )
             )
     robot = Robot.objects.get()
-    assert (robot.turnaround, robot.turnaround_reason) == ("paused", "the door is closed")
+    assert (robot.presence.turnaround, robot.presence.turnaround_reason) == (
+        "paused",
+        "the door is closed",
+    )
     assert SystemLog.objects.get(event="queue_paused").fields["reason"] == "the door is closed"
     situation.says(after(200), docked=False)
     assert [type(action) for action in situation.look(after(200))] == [m.Dock]
@@ -222,10 +271,10 @@ def test_a_session_manager_that_starts_anew_goes_on_with_robots_under_way(giraff
     "change", [{"returns_home": False}, {"factsheet": {"capabilities": ["velocity"]}}]
 )
 def test_a_robot_that_need_not_or_cannot_go_home_is_free_at_once(giraff, ana, ben, change):
-    Robot.objects.update(**change)
+    update_robots(**change)
     giraff.refresh_from_db()
     robot = a_visit_ends(giraff, ana)
-    assert robot.turnaround == "ready"
+    assert robot.presence.turnaround == "ready"
     assert isinstance(store.take(robot, ben, "p2", now=after(1)), store.TakeGranted)
 
 
@@ -237,11 +286,13 @@ def test_the_same_page_that_comes_back_to_a_living_visit_does_not_send_the_robot
         giraff, ana, "p2", session=granted.session, old_peer="p1", takeover=True, now=after(1)
     )
     assert isinstance(again, store.TakeGranted)
-    assert Robot.objects.get().turnaround == "ready"
+    assert Robot.objects.get().presence.turnaround == "ready"
 
 
 def test_a_robot_is_ready_only_after_its_camera_gave_a_picture(giraff, ana, situation):
-    Robot.objects.update(factsheet={**FACTS, "capabilities": ["velocity", "dock", "tilt", "photo"]})
+    RobotPresence.objects.update(
+        factsheet={**FACTS, "capabilities": ["velocity", "dock", "tilt", "photo"]}
+    )
     a_visit_ends(giraff, ana)
     situation.says(after(1), docked=True, session="s1")
     assert situation.look(after(1)) == [], (
@@ -260,7 +311,7 @@ def test_a_robot_is_ready_only_after_its_camera_gave_a_picture(giraff, ana, situ
         m.ActionStatus(action_id=photo.action_id, status="FINISHED", stamp=1.0)
     )
     assert situation.look(after(3)) == []
-    assert Robot.objects.get().turnaround == "ready"
+    assert Robot.objects.get().presence.turnaround == "ready"
 
 
 def test_a_robot_that_answers_too_late_pauses_the_queue_until_its_network_is_better(
@@ -274,7 +325,7 @@ def test_a_robot_that_answers_too_late_pauses_the_queue_until_its_network_is_bet
     assert SystemLog.objects.get(event="queue_paused").fields["reason"] == "network"
     situation.says(after(40), docked=True, trip=0.1)
     situation.look(after(40))
-    assert Robot.objects.get().turnaround == "ready"
+    assert Robot.objects.get().presence.turnaround == "ready"
 
 
 def test_a_robot_that_answers_no_beat_is_not_ready(giraff, ana, situation):

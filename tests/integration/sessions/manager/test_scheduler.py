@@ -1,19 +1,23 @@
 """What the scheduler says to pages, and says again when it may have got lost."""
 
+import contextlib
 import datetime
+import json
 
 import pytest
 from django.db import OperationalError, connection
 from django.utils import timezone
 
 from accounts.models import User
-from robots.models import Robot
+from robots.api import codec, topics
+from robots.models import Robot, RobotPresence
 from sessions import protocol
-from sessions.leases import store
+from sessions.leases import store, terms
 from sessions.leases.transitions import RobotLink
 from sessions.manager.scheduler import Scheduler
 from sessions.models import Session, SessionEvent
-from sessions.protocol import AskedThere, FoundThere, Offered, Queued, TurnWarning
+from sessions.protocol import AskedThere, Ended, FoundThere, Offered, Queued, TurnWarning
+from tests.support.robots import create_robot, update_robots
 
 pytestmark = pytest.mark.django_db
 NOW = timezone.now()
@@ -26,7 +30,7 @@ def after(seconds):
 @pytest.fixture
 def driven():
     """The session of somebody who drives, while somebody else waits."""
-    giraff = Robot.objects.create(
+    giraff = create_robot(
         name="giraff", title="Giraff", connection="ONLINE", last_seen_at=after(1000)
     )
     ana, ben = (User.objects.create(username=name) for name in ("ana", "ben"))
@@ -101,9 +105,9 @@ def test_an_offer_is_said_again_to_a_broker_that_may_have_lost_it(offered):
 def test_whose_offer_was_taken_back_is_told_their_place_again(offered):
     scheduler = Scheduler()
     said(scheduler, 2)
-    Robot.objects.update(turnaround="paused", turnaround_reason="estop", returns_home=True)
+    update_robots(turnaround="paused", turnaround_reason="estop", returns_home=True)
     assert [notice.session for notice in said(scheduler, 3, Queued)] == [offered]
-    Robot.objects.update(turnaround="ready")
+    RobotPresence.objects.update(turnaround="ready")
     assert [notice.session for notice in said(scheduler, 5)] == [offered]
 
 
@@ -155,3 +159,51 @@ def test_who_is_being_granted_a_robot_that_was_idle_does_not_lose_it_for_its_sil
     assert (session.state, session.granted_at) == ("connecting", after(1))
     Scheduler().tick({"giraff": idle}, idle, after(60))
     assert Session.objects.get(pk=driven).outcome_reason == "robot_offline"
+
+
+def test_two_copies_of_a_lease_never_have_one_number(driven, monkeypatch):
+    scheduler, numbers = Scheduler(), []
+
+    def renew():
+        scheduler.begin()
+        scheduler.renew(after(1))
+        copies = [json.loads(one.payload) for one in scheduler.outbox if one.retain]
+        numbers.extend(copy["renewal"] for copy in copies)
+        scheduler.outbox.clear()
+
+    def meanwhile(execute, sql, params, many, context):
+        if sql.startswith('UPDATE "telepresence_sessions_lease"') and "renewal" in sql:
+            watching.pop().close()
+            renew()
+        return execute(sql, params, many, context)
+
+    watching = [contextlib.ExitStack()]
+    watching[0].enter_context(connection.execute_wrapper(meanwhile))
+    _hold, chosen = store.set_assist(driven, "slow", peer="p1")
+    renew()
+    assert len({*numbers, chosen}) == 3
+    assert max(numbers) > chosen > min(numbers)
+
+
+def test_a_session_with_unreadable_terms_ends_and_the_others_go_on(driven, settings):
+    """As after an upgrade, or a hand in the database."""
+    rhodon = create_robot(
+        name="rhodon", title="Rhodon", connection="ONLINE", last_seen_at=after(1000)
+    )
+    other = store.take(rhodon, User.objects.create(username="cem"), "p3", now=NOW).session
+    Session.objects.filter(pk=driven).update(terms={"driver": "x", "study": {"slug": "s"}})
+    scheduler = Scheduler()
+    assert scheduler.renew(after(0.1)), "until then, its robot obeys nothing"
+    leases = {
+        topics.parse(one.topic)[0]: codec.decode("lease", one.payload) for one in scheduler.outbox
+    }
+    assert (leases["giraff"].methods, leases["giraff"].actions) == ((), ())
+    assert leases["rhodon"].session == other
+    ended = said(scheduler, 1, Ended)
+    assert [(one.session, one.outcome, one.reason) for one in ended] == [
+        (driven, "stopped_by_operator", "terms_unreadable")
+    ]
+    row = Session.objects.get(pk=driven)
+    assert terms.of(row).study == {"slug": "s"}
+    assert Session.objects.get(pk=other).state != "ended"
+    assert said(scheduler, 2), "who waited is offered the robot"

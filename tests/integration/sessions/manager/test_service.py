@@ -3,6 +3,7 @@
 import asyncio
 import datetime
 import hashlib
+import itertools
 import threading
 import time
 from collections.abc import Callable
@@ -18,9 +19,10 @@ from accounts.models import User
 from robots.api import codec, messages, topics
 from robots.api.disk_space import DiskSpace
 from robots.cancellation import cancel
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from sessions import protocol, signals
-from sessions.leases import store
+from sessions.leases import readiness, store
+from sessions.manager.return_to_dock import ReturnToDock
 from sessions.models import (
     Lease,
     NetworkSample,
@@ -184,7 +186,8 @@ async def test_presence_follows_the_robot(broker, giraff):
                 "connection", messages.Connection(boot="boot-1", state="OFFLINE", stamp=1.0)
             )
             await wait_for(
-                lambda: Robot.objects.get(name="giraff").connection == "OFFLINE", what="absence"
+                lambda: Robot.objects.get(name="giraff").presence.connection == "OFFLINE",
+                what="absence",
             )
         assert await sync_to_async(
             lambda: list(SystemLog.objects.order_by("at").values_list("event", flat=True))
@@ -226,7 +229,7 @@ async def test_a_robot_that_is_taken_during_the_first_look_keeps_its_lease(
             assert isinstance(taken, store.TakeGranted)
 
     async with ScriptedRobot("giraff", broker.url) as robot:
-        await sync_to_async(Robot.objects.filter(name="giraff").update)(
+        await sync_to_async(RobotPresence.objects.filter(robot__name="giraff").update)(
             connection="ONLINE", last_seen_at=timezone.now()
         )
         signals.ticked.connect(takes, weak=False, dispatch_uid="test")
@@ -304,6 +307,54 @@ async def test_a_disk_that_answers_nobody_holds_up_neither_leases_nor_the_heartb
         await cancel(listening)
 
 
+async def test_a_robot_going_home_gets_heartbeats_and_no_order_after_a_stop(
+    broker, giraff, visitors, monkeypatch
+):
+    """By these beats the robot knows that somebody could still stop it."""
+    monkeypatch.setattr(readiness, "AGAIN", 0.2)
+    looking, may_look = threading.Event(), threading.Event()
+    may_look.set()
+    look = ReturnToDock.tick
+
+    def slow(*arguments):
+        looking.set()
+        may_look.wait(patient(20))
+        return look(*arguments)
+
+    monkeypatch.setattr(ReturnToDock, "tick", slow)
+    home = {"returns_home": True, "turnaround": "returning", "turnaround_reason": "dock"}
+    await set_rules(**home, factsheet={"capabilities": ["dock"]})
+    async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
+        await wait_for(lambda: robot.ordered, what="the order to dock")
+        (dock,) = robot.ordered
+        assert (type(dock), dock.role) == (messages.Dock, "server")
+        robot.beats.clear()
+        may_look.clear()
+        looking.clear()
+        try:
+            await wait_for(looking.is_set, what="a look that takes long")
+            await wait_for(lambda: len(robot.beats) >= 7, what="heartbeats")
+        finally:
+            may_look.set()
+        gaps = [later - before for before, later in itertools.pairwise(robot.beats)]
+        assert sum(gaps) / len(gaps) < patient(0.55)
+        assert max(gaps) < patient(1.0)
+        robot.safety = messages.Safety(inhibited="stopped")
+        await robot.publish(
+            "action", messages.ActionStatus(action_id=dock.action_id, status="CANCELLED", stamp=1.0)
+        )
+        await wait_for(
+            lambda: Robot.objects.filter(turnaround="paused", turnaround_reason="stopped").exists(),
+            what="the pause",
+        )
+        ordered = len(robot.ordered)
+        beats = len(robot.beats)
+        await wait_for(lambda: len(robot.beats) >= beats + 4, what="two more seconds")
+        assert len(robot.ordered) == ordered
+        robot.safety = messages.Safety()
+        await wait_for(lambda: len(robot.ordered) > ordered, what="the next order to dock")
+
+
 # --- nothing is missing ---------------------------------------------------------------------------
 
 
@@ -355,7 +406,11 @@ async def test_what_an_agent_cannot_send_again_is_counted_as_missing(broker, gir
         # however soon it is asked, it is killed before it answers
         robot.loses, robot.answers = (lambda seq: first <= seq < first + 4), False
         await wait_for(lambda: robot.seq > first + 6)
-        robot.boot, robot.seq, robot.buffer = "boot-2", 0, {}  # the agent was killed and is back
+        robot.presence.boot, robot.seq, robot.buffer = (
+            "boot-2",
+            0,
+            {},
+        )  # the agent was killed and is back
         robot.loses, robot.answers = (lambda _seq: False), True
         missing = await wait_for(
             lambda: SessionEvent.objects.filter(session=session, type="states_missing").first(),

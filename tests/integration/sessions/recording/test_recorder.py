@@ -1,19 +1,24 @@
 """The recorder and its database, when things go wrong."""
 
 import hashlib
+import itertools
 import threading
 import time
 from dataclasses import replace
+from unittest import mock
 
 import msgspec
 import pytest
+from aiomqtt import Message, Topic
 from django.db import IntegrityError, OperationalError, connection
+from django.test.utils import CaptureQueriesContext
 from django.utils import timezone
 
 from accounts.models import User
-from robots.api import codec, messages
+from robots.api import codec, messages, topics
 from robots.models import Robot
 from sessions import protocol
+from sessions.manager.ingest import Intake
 from sessions.models import Session, SessionEvent, Snapshot, StateChunk, SystemLog
 from sessions.recording import store as record_store
 from sessions.recording.builder import GIVE_UP_SECONDS, RecordBuilder
@@ -25,7 +30,7 @@ from sessions.recording.items import (
     ReleaseItem,
     StateItem,
 )
-from sessions.recording.recorder import Recorder
+from sessions.recording.recorder import BufferLimits, Recorder
 from sessions.recording.store import RecordStore, new_key
 from sessions.shards.hashing import shard_of
 from sessions.shards.ownership import Ownership
@@ -128,7 +133,9 @@ def test_a_full_buffer_counts_what_it_drops_and_the_record_misses_it(session, mo
     database, asked = Flaky(monkeypatch), []
     database.away.set()
     clock = [NOW]
-    recorder = Recorder(lambda *words: asked.append(words), limit=20, clock=lambda: clock[0])
+    recorder = Recorder(
+        lambda *words: asked.append(words), limits=BufferLimits(items=20), clock=lambda: clock[0]
+    )
     recorder.put(event_item(session, "lease_taken"))
     recorder.put(state_item(session, 1))
     recorder.start()
@@ -568,3 +575,77 @@ def test_the_number_of_the_last_state_tells_of_those_that_never_came(session):
     record.take(event_item(session, "session_closed", seq=3, last_seq=5))
     record.settle(NOW + 3)
     assert asked == [("giraff", "b", 2, 5)]
+
+
+def test_photos_of_one_robot_leave_room_for_the_record_of_others(session, monkeypatch):
+    database = Flaky(monkeypatch)
+    database.away.set()
+    recorder = Recorder(lambda *_: None, clock=lambda: NOW)
+    photo = bytes(512 * 1024)
+    sent = [PhotoItem("rhodon", f"a{number}", photo, NOW) for number in range(300)]
+    kept = [item for item in sent if recorder.put(item)]
+    assert len(kept) * len(photo) <= BufferLimits().each
+    others = [PhotoItem(f"robot-{n % 20}", f"b{n}", photo, NOW) for n in range(1000)]
+    kept += [item for item in others if recorder.put(item)]
+    assert len(kept) * len(photo) <= BufferLimits().total
+    assert recorder.counts["dropped"] == 1300 - len(kept)
+
+
+def test_a_robot_that_reports_emergency_stops_without_end_fills_no_log(session, caplog):
+    record = builder()
+    milliseconds = itertools.count()
+    intake = Intake(
+        mock.Mock(put=record.take),
+        lambda: NOW + next(milliseconds) / 1000,
+        wake_signals=lambda: None,
+        wake_scheduler=lambda: None,
+    )
+    topic = Topic(topics.of("giraff", "event"))
+    for seq in range(2000):
+        event = messages.Event(stamp=NOW, boot="b", seq=seq, type="estop")
+        said = codec.encode(event)
+        intake.receive(Message(topic, said, 1, retain=False, mid=1, properties=None))
+    record.write()
+    assert SystemLog.objects.filter(event="estop").count() == 30
+    assert record.counts["unlogged"] == 1970
+    record.take(EventItem("giraff", event, NOW + 11.0))
+    record.write()
+    assert SystemLog.objects.filter(event="estop").count() == 31, "one more after ten seconds"
+
+
+def test_of_sessions_whose_records_are_closed_nothing_is_kept_in_memory(session):
+    record = builder()
+    rows = [
+        Session.objects.create(
+            robot=session.robot,
+            visitor=session.visitor,
+            state="ended",
+            live_key=f"k{n}",
+            queued_at=timezone.now(),
+        )
+        for n in range(3)
+    ]
+    for seq, row in enumerate([*rows, session], start=1):
+        record.take(event_item(row, "lease_taken", seq))
+        record.take(state_item(row, seq))
+        record.take(CloseItem("giraff", str(row.pk), NOW))
+        record.settle(NOW + 1.0)
+        record.write()
+        record.close_sessions(NOW + GIVE_UP_SECONDS + 1.0)
+    assert not Session.objects.filter(closed_at=None).exists()
+    parts = repr([vars(part) for part in (record, record._store, record._runs)])
+    assert not [row for row in rows if str(row.pk) in parts]
+
+
+def test_rows_of_a_deleted_session_cost_no_check_of_the_whole_database(session):
+    record = builder()
+    for seq in range(1, 200, 10):
+        record.take(state_item(session, seq))
+        record.take(event_item(session, "docked", seq))
+    record.close_all()
+    session.delete()
+    with CaptureQueriesContext(connection) as asked:
+        record.write()
+    assert record.counts["refused"] + record._store.counts["refused"] > 20
+    assert not SessionEvent.objects.exists()
+    assert not [query["sql"] for query in asked if "foreign_key_check" in query["sql"]]

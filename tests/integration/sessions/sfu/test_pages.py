@@ -9,13 +9,14 @@ from robots.models import Robot
 from sessions import protocol
 from sessions.sfu import broadcasts
 from tests.support.browsers.pages import Page, until
+from tests.support.robots import create_robot
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
 
 @pytest.fixture
 def robot(db):
-    return Robot.objects.create(
+    return create_robot(
         name="giraff", title="Giraff", connection="ONLINE", boot="b1", last_seen_at=timezone.now()
     )
 

@@ -14,7 +14,7 @@ from django.utils import timezone
 from accounts.models import User
 from robots.api import codec, messages, topics
 from robots.models import Robot
-from robots.presence import PresenceWriter
+from robots.presence.writer import PresenceWriter
 from sessions.leases import store
 from sessions.leases.transitions import RobotLink
 from sessions.manager.scheduler import ManagerMessage, Scheduler
@@ -29,6 +29,7 @@ from sessions.shards.ownership import Fenced, Ownership
 from tests.support.examples import repetitions
 from tests.support.paths import ROOT
 from tests.support.programs.postgres import running_postgres
+from tests.support.robots import create_robot
 from tests.support.sessions.fence_races import race
 
 NOW = timezone.now()
@@ -41,9 +42,7 @@ def at(seconds: float) -> datetime.datetime:
 
 @pytest.fixture
 def giraff(db):
-    return Robot.objects.create(
-        name="giraff", title="Giraff", connection="ONLINE", last_seen_at=at(1000)
-    )
+    return create_robot(name="giraff", title="Giraff", connection="ONLINE", last_seen_at=at(1000))
 
 
 @pytest.fixture
@@ -283,7 +282,7 @@ def test_the_presence_of_robots_is_written_by_their_owner_and_refused_whole_when
     owner.become({n: epoch for n, epoch in owner.epochs.items() if n != SHARD})
     with owner.fenced():
         writer.write(NOW)
-    assert dict(Robot.objects.values_list("name", "connection")) == {
+    assert dict(Robot.objects.values_list("name", "presence__connection")) == {
         "giraff": "OFFLINE",
         "rhodon": "ONLINE",
     }, "once the owner knows, its own robot is written"

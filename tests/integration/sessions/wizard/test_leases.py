@@ -9,6 +9,7 @@ from sessions.leases import store
 from sessions.leases.terms import Terms
 from sessions.models import Lease, Session
 from sessions.wizard import leases
+from tests.support.robots import create_robot
 from tests.support.studies.fixed_terms import provided
 
 pytestmark = pytest.mark.django_db
@@ -17,7 +18,7 @@ NOW = timezone.now()
 
 @pytest.fixture
 def giraff():
-    return Robot.objects.create(
+    return create_robot(
         name="giraff", title="Giraff", connection="ONLINE", last_seen_at=timezone.now()
     )
 

@@ -8,7 +8,7 @@ import pytest
 from django.utils import timezone
 
 from accounts.models import User
-from robots.models import FloorPlan, Robot
+from robots.models import FloorPlan, Robot, RobotPresence
 from sessions.models import Session
 from sessions.practice import PracticePlace, choose
 from telepresence_site.practice import robots
@@ -251,7 +251,10 @@ def test_the_rows_of_practice_robots_are_made_once_and_closed_when_there_are_few
         ("practice-1", True, True),
         ("practice-2", False, True),
     ]
-    assert Robot.objects.get(name="practice-1").credential_hash == robot.credential_hash
+    assert (
+        Robot.objects.get(name="practice-1").credentials.credential_hash
+        == robot.credentials.credential_hash
+    )
     assert FloorPlan.objects.count() == 1
 
 
@@ -285,7 +288,7 @@ def test_the_site_says_where_to_practise_as_soon_as_a_robot_is_there(client, pra
     assert client.get("/practice/").status_code == 302
     client.force_login(ana)
     assert client.get("/practice/").json() == {"url": None}
-    Robot.objects.update(connection="ONLINE", last_seen_at=timezone.now())
+    RobotPresence.objects.update(connection="ONLINE", last_seen_at=timezone.now())
     assert client.get("/practice/").json() == {"url": "/practice/practice-1/?go=1"}
 
 

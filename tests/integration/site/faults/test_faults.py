@@ -81,7 +81,7 @@ async def test_who_drives_is_told_which_part_fails_and_how_long_the_robot_goes_o
     async with driving(site) as client:
         fail(site, part, number)
         try:
-            fault = await client.names(WORDS[part], patient(4))
+            fault = await client.names(WORDS[part], patient(2))
             assert fault["then"] == "stops"
             assert 0.0 < fault["seconds"] <= 10.0
             await client.until(
@@ -102,7 +102,7 @@ async def test_who_drives_is_told_that_the_robots_computer_is_silent(site, numbe
         fail(site, "giraff", number)
         try:
             if number == STOPPED:
-                assert (await client.names("robot", patient(4)))["then"] == "stopped"
+                assert (await client.names("robot", patient(2)))["then"] == "stopped"
             else:  # its broker says so itself, by the robot's last will
                 await client.until(
                     lambda: client.online is False, patient(4), "the word that the robot is away"
@@ -139,7 +139,7 @@ async def test_a_database_that_nobody_can_write_into_is_named_and_the_drive_goes
             sqlite3.connect(site.var / DATABASE, timeout=patient(20), isolation_level=None)
         ) as other:
             other.execute("BEGIN IMMEDIATE")
-            fault = await client.names("database", patient(6))
+            fault = await client.names("database", patient(2))
             assert fault["then"] == "stops"
             other.execute("ROLLBACK")
         await client.until(lambda: not client.faults, patient(RECOVERS), "the end of the fault")
@@ -170,7 +170,7 @@ async def test_who_waits_at_a_robot_is_told_of_a_database_that_is_away(tmp_path,
                 )
                 await asyncio.to_thread(getattr(postgres, fails))
                 try:
-                    assert (await client.names("database", patient(5)))["then"] == "waits"
+                    assert (await client.names("database", patient(2)))["then"] == "waits"
                 finally:
                     await asyncio.to_thread(getattr(postgres, comes_back))
                 await client.until(

@@ -30,13 +30,14 @@ except CommandError as error:
 FILL = (
     "from accounts.models import User; from robots.models import *; u ="
     " User.objects.create_user('ada', password='seven green kettles');"
-    " Robot.objects.create(name='giraff', title='Girafá', owner=u, report={'a': [1, None]});"
+    " Robot.objects.create(name='giraff', title='Girafá', owner=u);"
+    " RobotPresence.objects.update(report={'a': [1, None]});"
     " FloorPlan.objects.create(name='p', title='P', resolution=0.05, origin_x=0, origin_y=0,"
     " width=1, height=1, image=bytes(range(256)))"
 )
 SHOW = (
     "from accounts.models import User; from robots.models import *; r = Robot.objects.get();"
-    " print(r.pk, r.title, r.report, r.owner.check_password('seven green kettles'),"
+    " print(r.pk, r.title, r.presence.report, r.owner.check_password('seven green kettles'),"
     " bytes(FloorPlan.objects.get().image) == bytes(range(256)))"
 )
 

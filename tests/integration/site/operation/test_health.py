@@ -1,6 +1,8 @@
-"""/readyz tells which part is missing, to anybody, in words that are nobody's secret."""
+"""/healthz and /readyz name the part that is missing, to anybody and without secrets."""
 
+import asyncio
 import datetime
+import threading
 from types import SimpleNamespace
 
 import pytest
@@ -9,11 +11,14 @@ from django.db import OperationalError
 from django.test import AsyncClient
 from django.utils import timezone
 
+from accounts.models import User
 from robots.api import disk_space
 from robots.bridge import bridge as mqtt_bridge
 from sessions.models import ManagerBeat
 from sessions.shards.rows import NAME, beat, occupy
 from telepresence_site.ops.health import BEHIND, manager_state, managers_state
+from tests.support.loop_gap import longest_gap
+from tests.support.patience import patient
 from tests.support.sessions.memory_bridge import MemoryBridge
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -28,9 +33,58 @@ def bridge():
     mqtt_bridge.use(None)
 
 
+def broken_database(*_args, **_kwargs):
+    raise OperationalError("password authentication failed for hunter2")
+
+
 async def ask():
     response = await AsyncClient().get("/readyz")
     return response.status_code, response.json()
+
+
+def test_health_is_only_read(client):
+    assert client.post("/healthz").status_code == client.post("/readyz").status_code == 405
+
+
+async def test_healthz_is_200_without_login(bridge):
+    response = await AsyncClient().get("/healthz")
+    expected = {"database": True, "broker": True, "disk": "ok"}
+    assert (response.status_code, response.json()) == (200, expected)
+
+
+async def test_healthz_names_broker_and_database_that_are_away(bridge, monkeypatch):
+    bridge.connected = False
+    monkeypatch.setattr(User.objects, "exists", broken_database)
+    response = await AsyncClient().get("/healthz")
+    expected = {"database": False, "broker": False, "disk": "ok"}
+    assert (response.status_code, response.json()) == (503, expected)
+
+
+@pytest.mark.parametrize("address", ["/healthz", "/readyz", "/metrics"])
+async def test_a_disk_that_does_not_answer_holds_no_command(bridge, monkeypatch, settings, address):
+    settings.METRICS_TOKEN = "secret"
+    asked, answers = threading.Event(), threading.Event()
+
+    def hangs(_folder):
+        asked.set()
+        answers.wait(patient(20))
+        return SimpleNamespace(free=disk_space.MIB)
+
+    monkeypatch.setattr(disk_space.shutil, "disk_usage", hangs)
+    async with longest_gap() as gap:
+        headers = {"Authorization": "Bearer secret"}
+        answer = asyncio.create_task(AsyncClient().get(address, headers=headers))
+        try:
+            response = await asyncio.wait_for(answer, patient(10))
+        finally:
+            answers.set()
+    assert asked.is_set()
+    assert gap() < patient(0.5)
+    if address == "/metrics":
+        assert b"telepresence_disk_free_bytes" not in response.content
+        assert b"telepresence_broker_connected" in response.content
+    else:
+        assert response.json()["disk"] == "silent"
 
 
 async def test_a_server_with_all_its_parts_is_ready(bridge):
@@ -56,10 +110,7 @@ async def test_without_session_manager_and_broker_it_is_not_and_says_so(bridge):
 
 
 async def test_a_database_that_is_away_is_a_word_and_no_failure(bridge, monkeypatch):
-    def broken(*_args, **_kwargs):
-        raise OperationalError("password authentication failed for hunter2")
-
-    monkeypatch.setattr(ManagerBeat.objects, "filter", broken)
+    monkeypatch.setattr(ManagerBeat.objects, "filter", broken_database)
     status, answer = await ask()
     assert (status, answer["database"], answer["session_manager"]) == (503, "away", "unknown")
     assert "hunter2" not in str(answer)

@@ -1,7 +1,9 @@
 """/metrics: who may read it, what it says, and that it says nothing of persons."""
 
 import pytest
+from django.db import connection
 from django.test import AsyncClient, Client
+from django.test.utils import CaptureQueriesContext
 from django.utils import timezone
 from prometheus_client.parser import text_string_to_metric_families
 
@@ -10,7 +12,9 @@ from robots.models import Robot
 from sessions.models import Lease, ManagerBeat, Session
 from sessions.shards.rows import NAME, name_of
 from tests.support.people import person
+from tests.support.robots import create_robot
 from tests.support.sessions.memory_bridge import MemoryBridge
+from tests.support.sessions.query_plans import session_reads
 
 pytestmark = pytest.mark.django_db(transaction=True)
 TOKEN = "t" * 32
@@ -28,7 +32,7 @@ def bridge():
 @pytest.fixture
 def site(settings):
     settings.METRICS_TOKEN = TOKEN
-    giraff = Robot.objects.create(
+    giraff = create_robot(
         name="giraff",
         title="Giraff",
         connection="ONLINE",
@@ -144,3 +148,12 @@ def test_without_any_setting_nobody_reads_it(settings):
 def test_an_address_counts_only_for_a_connection_of_its_own(settings, address, headers, status):
     settings.METRICS_TOKEN, settings.METRICS_ALLOWED = "", ["10.1.0.0/16"]
     assert Client(REMOTE_ADDR=address).get("/metrics", headers=headers).status_code == status
+
+
+def test_figures_of_robots_cost_the_same_after_many_sessions(site):
+    with CaptureQueriesContext(connection) as asked:
+        assert Client().get("/metrics", headers=BEARER).status_code == 200
+    reads = session_reads(asked, "robot_id")
+    assert reads
+    assert all("state=?" in line or ("SEARCH" in line and "id=?" in line) for line in reads), reads
+    assert not any("factsheet" in query["sql"] for query in asked)

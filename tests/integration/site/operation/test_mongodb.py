@@ -28,7 +28,7 @@ from django.db import connection
 from django.db.models import Count
 from django.utils import timezone
 from accounts.models import User
-from robots.models import FloorPlan, Robot
+from robots.models import FloorPlan, Robot, RobotPresence
 from sessions.leases import store
 from sessions.models import Session, StateChunk
 from sessions.shards import rows
@@ -44,8 +44,10 @@ try:
         image=bytes(range(256)),
     )
     robot = Robot.objects.create(
-        name="giraff", title="Giraff", floor_plan=plan, connection="ONLINE", last_seen_at=now,
-        report={"battery": {"charge": 0.5}},
+        name="giraff", title="Giraff", floor_plan=plan,
+    )
+    RobotPresence.objects.update(
+        connection="ONLINE", last_seen_at=now, report={"battery": {"charge": 0.5}}
     )
     assert bytes(FloorPlan.objects.get().image) == bytes(range(256))
     first = store.take(robot, ada, "peer-a", now=now)

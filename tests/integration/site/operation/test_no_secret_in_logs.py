@@ -26,6 +26,7 @@ from tests.support import words
 from tests.support.browsers.pages import Page
 from tests.support.patience import patient
 from tests.support.people import PASSWORD, person
+from tests.support.robots import create_robot
 from tests.support.sessions.broker_rig import BrokerRig
 from tests.support.sessions.memory_bridge import MemoryBridge
 
@@ -119,7 +120,7 @@ async def test_no_password_token_credential_or_cookie_is_ever_logged(scribe, set
     mqtt_bridge.use(bridge)
     try:
         ada = await sync_to_async(person)("ada", email="ada@example.org")
-        robot = await sync_to_async(Robot.objects.create)(
+        robot = await sync_to_async(create_robot)(
             name="giraff", title="Giraff", connection="ONLINE", last_seen_at=timezone.now()
         )
         key = await sync_to_async(make_credentials)(robot, timezone.now())
@@ -134,7 +135,7 @@ async def test_no_password_token_credential_or_cookie_is_ever_logged(scribe, set
         secrets.append(await knock(tmp_path, "embedded"))
     finally:
         mqtt_bridge.use(None)
-    hashes = [await sync_to_async(lambda: Robot.objects.get().credential_hash)()]
+    hashes = [await sync_to_async(lambda: Robot.objects.get().credentials.credential_hash)()]
     passwords = [
         PASSWORD,
         WRONG,

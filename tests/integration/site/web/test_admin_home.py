@@ -16,6 +16,7 @@ from robots.models import Robot
 from sessions.models import Lease, ManagerBeat, Session
 from tests.support.browsers.html_page import read
 from tests.support.people import person
+from tests.support.robots import create_robot
 from tests.support.sessions import replays
 
 pytestmark = pytest.mark.django_db
@@ -46,7 +47,7 @@ def system(client) -> set[str]:
 
 
 def online(name: str, **more) -> Robot:
-    return Robot.objects.create(
+    return create_robot(
         **{
             "name": name,
             "title": name.title(),
@@ -72,7 +73,7 @@ def test_the_card_of_robots_counts_those_online_in_use_and_in_trouble_and_no_pra
     online("away", report={"errors": ["adapter_lost: no answer from the base"]})
     online("stuck", turnaround=Robot.Turnaround.PAUSED)
     online("faulty", report={"safety": {"inhibited": "fault"}})
-    Robot.objects.create(name="attic", title="Attic", report={"safety": {"estop": True}})
+    create_robot(name="attic", title="Attic", report={"safety": {"estop": True}})
     practice = online("practice-1", practice=True, report={"safety": {"estop": True}})
     replays.session(giraff, person("ada"), granted=timezone.now())
     replays.session(practice, person("bert"), granted=timezone.now())

@@ -9,12 +9,13 @@ from django.urls import path, reverse
 from django.utils import timezone, translation
 from PIL import Image
 
-from robots.models import Robot, RobotPermit
+from robots.models import Robot, RobotPermit, RobotPresence
 from sessions.models import Session
 from telepresence_site.urls import urlpatterns as pages
 from telepresence_site.web.pages import PER_PAGE
 from tests.support.browsers.html_page import Page, faults, read
 from tests.support.people import person
+from tests.support.robots import create_robot, create_robots, unsaved_robot
 
 pytestmark = pytest.mark.django_db
 PUBLIC = [
@@ -63,9 +64,9 @@ def robots():
     now = timezone.now()
     here = {"connection": "ONLINE", "last_seen_at": now, "report": {"battery": {"charge": 0.5}}}
     return {
-        "giraff": Robot.objects.create(name="giraff", title="Giraff", **here),
-        "rhodon": Robot.objects.create(name="rhodon", title="Rhodon", **here),
-        "attic": Robot.objects.create(
+        "giraff": create_robot(name="giraff", title="Giraff", **here),
+        "rhodon": create_robot(name="rhodon", title="Rhodon", **here),
+        "attic": create_robot(
             name="attic", title="Attic", last_seen_at=now - datetime.timedelta(hours=2)
         ),
     }
@@ -226,7 +227,7 @@ def test_the_first_button_leads_to_a_robot_for_everybody_even_if_it_is_in_use(cl
     told = {e.attributes["data-robot"]: e.text for e in page.all("article")}
     assert "For experienced drivers." in told["rhodon"]
     assert "For experienced drivers." not in told["giraff"]
-    Robot.objects.filter(name="giraff").update(connection="OFFLINE")
+    RobotPresence.objects.filter(robot__name="giraff").update(connection="OFFLINE")
     assert shown()["invitation"].url == "#robots"
 
 
@@ -288,8 +289,8 @@ def test_the_list_asks_the_database_no_more_for_many_robots(
 
 
 def many_robots(count: int, **fields) -> None:
-    Robot.objects.bulk_create(
-        Robot(name=f"many-{n:04}", title=f"Many {n:04}", **fields) for n in range(count)
+    create_robots(
+        *(unsaved_robot(name=f"many-{n:04}", title=f"Many {n:04}", **fields) for n in range(count))
     )
 
 
@@ -311,7 +312,9 @@ def test_a_page_of_many_robots_asks_the_database_as_often_as_one_of_few(
 
 def test_many_robots_come_in_pages_with_those_that_are_there_first(client):
     many_robots(60)
-    Robot.objects.filter(name="many-0059").update(connection="ONLINE", last_seen_at=timezone.now())
+    RobotPresence.objects.filter(robot__name="many-0059").update(
+        connection="ONLINE", last_seen_at=timezone.now()
+    )
     first = client.get(reverse("home"))
     assert first.context["cards"][0].name == "many-0059"
     assert "Page 1 of 3" in read(first).text

@@ -18,7 +18,7 @@ from django.utils import timezone
 from experiments.coding import store as coding
 from experiments.models import ConsentReceipt, Rehearsal, Study, StudyMember
 from experiments.participation import links
-from robots.models import FloorPlan, Robot
+from robots.models import FloorPlan, Robot, RobotPresence
 from sessions.models import ApiKey, Lease, ManagerBeat, Snapshot, SystemLog
 from surveys.questionnaires import store
 from surveys.responses import Context, Respondent, begin
@@ -134,9 +134,9 @@ def world():
         slug="operated-study", definition=wizard_document(study={"slug": "operated-study"})
     )
     robot = replays.cabin_robot(owner=who["robot_owner"], access=Robot.Access.INVITATION)
-    Robot.objects.update(
+    RobotPresence.objects.update(
         factsheet={
-            **robot.factsheet,
+            **robot.presence.factsheet,
             "capabilities": ["velocity", "dock"],
             "limits": {"linear": 0.6, "angular": 0.7},
         }

@@ -4,6 +4,7 @@ import pytest
 
 from robots.admin_pages.owner_status import owner_status
 from robots.models import Robot
+from tests.support.robots import unsaved_robot
 
 NOW = datetime.datetime(2026, 3, 1, 12, 0, tzinfo=datetime.UTC)
 AWAY = {"connection": "OFFLINE", "last_seen_at": NOW - datetime.timedelta(hours=3)}
@@ -22,7 +23,7 @@ def told(*, driven: bool = False, **changes):
         "credential_hash": "$7$",
         "report": {"battery": {"charge": 0.824}},
     }
-    return owner_status(Robot(**(fields | changes)), driven=driven, now=NOW)
+    return owner_status(unsaved_robot(**(fields | changes)), driven=driven, now=NOW)
 
 
 @pytest.mark.parametrize(

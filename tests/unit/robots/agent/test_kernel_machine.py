@@ -11,9 +11,9 @@ import math
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from robots.agent.navigation.assistance.assist import Assisted
 from robots.agent.ramp import ZERO
 from robots.agent.safety.clock_sync import SERVER_PEER
+from robots.agent.safety.collision.assist import Assisted
 from robots.agent.safety.contacts import CREEP, SIDES
 from robots.agent.safety.controllers import Controller
 from robots.agent.safety.estop_latch import BUTTON
@@ -83,10 +83,7 @@ class KernelMachine(RuleBasedStateMachine):
         self.unbidden_for = 0  # ticks for which it has moved the robot against zeros
         self.too_fast_for = 0  # ticks for which it has driven faster than the limits
         self.server_beat_at = -math.inf
-        self.has_lagged = self.lags = (
-            False  # the adapter sends a velocity only when the next one is asked for
-        )
-        self.held_back = ZERO
+        self.lags = False  # the adapter holds velocities back until the base shows it is alive
         self.own = False
         self.latched = False
         self.pressed_at = {}  # e-stops by their number
@@ -167,8 +164,8 @@ class KernelMachine(RuleBasedStateMachine):
     @rule(back=st.integers(1, 3), retained=st.booleans())
     def an_old_lease_comes(self, back, retained):
         before = self.kernel.leases.live(self.now)
-        old = self.epoch - back
-        self.bench.lease(session=f"s{old}", epoch=max(0, old), renewal=9, retained=retained)
+        old = max(0, self.epoch - back)
+        self.bench.lease(session=f"s{old}", epoch=old, renewal=9, retained=retained)
         after = self.kernel.leases.live(self.now)
         assert before is None or after is None or after.epoch == before.epoch
         if after is not None and after.epoch != self.epoch:  # the server's counter began anew
@@ -425,7 +422,7 @@ class KernelMachine(RuleBasedStateMachine):
         self.navigation_is_over()
         self.held = self.by_person = False
         self.told, self.told_at, self.taken = ZERO, -math.inf, -1
-        self.held_back, self.unbidden_for = ZERO, 0
+        self.unbidden_for = 0
         self.pressed_at = {}
         self.renewal += 1
         self.bench.lease(
@@ -479,8 +476,7 @@ class KernelMachine(RuleBasedStateMachine):
             self.sees_silence(decision)
             return
         self.counts_unbidden_motion(velocity)
-        velocity = self.sent(velocity)
-        before = self.told
+        before = last_sent = self.told
         if moves(self.base) and before == ZERO:
             before = self.base  # as the architecture has left it
         drives = decision.why in {"driving", "navigating"}
@@ -493,8 +489,7 @@ class KernelMachine(RuleBasedStateMachine):
         ):
             assert abs(new) <= limit + SLACK
             if drives:
-                step = KERNEL.max_step + (KERNEL.longest_wait if self.has_lagged else 0.0)
-                assert abs(new) <= abs(old) + up * step + SLACK
+                assert abs(new) <= abs(old) + up * KERNEL.max_step + SLACK
             else:
                 assert (
                     abs(new) <= max(abs(old), abs(self.base.angular), abs(self.base.linear)) + SLACK
@@ -543,7 +538,8 @@ class KernelMachine(RuleBasedStateMachine):
                     "further towards what was touched"
                 )
         self.told, self.told_at = velocity, self.now
-        self.kernel.applied(velocity)
+        # Where the adapter holds a velocity back, it is sent after the kernel has asked what was.
+        self.kernel.applied(last_sent if self.lags and velocity != ZERO else velocity)
 
     def sees_silence(self, decision):
         running = self.kernel.navigation
@@ -556,14 +552,6 @@ class KernelMachine(RuleBasedStateMachine):
             assert not moves(self.base), "an architecture begins with a moving robot"
             self.goes = self.was_begun = True
         self.unbidden_for = 0
-
-    def sent(self, velocity):
-        """Return what the base is sent: the newest, or what the adapter has held back."""
-        if self.lags:
-            self.has_lagged = True
-            # a zero is not held back
-            velocity, self.held_back = (velocity if velocity == ZERO else self.held_back), velocity
-        return velocity
 
     def counts_speed_of_the_architecture(self):
         caps = self.kernel.caps(self.now)

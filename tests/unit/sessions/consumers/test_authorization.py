@@ -31,13 +31,13 @@ FORGED = {"session": "other", "epoch": 999}
 
 
 def driver(**options):
-    authorization = Authorization(PEER, "Ada", ice_servers=ICE, **options)
+    authorization = Authorization(PEER, "Ada", ice_servers=lambda: ICE, **options)
     authorization.drive(SESSION, 7, PEER)
     return authorization
 
 
 def observer(**options):
-    authorization = Authorization("peer-2", "Bob", ice_servers=ICE, **options)
+    authorization = Authorization("peer-2", "Bob", ice_servers=lambda: ICE, **options)
     authorization.observe()
     return authorization
 
@@ -345,7 +345,7 @@ def test_what_is_no_message_is_refused_with_its_reason(frame, reason):
 def test_verbs_go_to_the_database_and_reports_to_the_record():
     authorization = driver()
     assert say(authorization, "session/take", protocol.Take(takeover=True)) == (
-        Verb(protocol.Take(takeover=True)),
+        Verb("session/take", protocol.Take(takeover=True)),
     )
     event = protocol.PageEvent(stamp=1.0, type="tab_hidden", data={"seconds": 2.0})
     (report,) = say(authorization, "page/event", event)
@@ -764,7 +764,7 @@ def test_twenty_dots_a_second_pass_and_none_of_them_takes_the_room_of_a_stop_or_
 
 
 def test_who_waits_may_write_where_nobody_drives_and_ask_for_nothing_else():
-    waiting = Authorization("peer-3", "Cem", ice_servers=ICE)
+    waiting = Authorization("peer-3", "Cem", ice_servers=lambda: ICE)
     waiting.wait("session-3")
     hello = action(m.Say, text="hello")
     assert say(waiting, "command/action", hello, lease=None) == (Write(hello),)
@@ -775,9 +775,9 @@ def test_who_waits_may_write_where_nobody_drives_and_ask_for_nothing_else():
         if not isinstance(other, m.Say):
             (effect,) = say(waiting, "command/action", other, lease=None, now=100.0)
             assert not isinstance(effect, Publish | Write)
-            waiting = Authorization("peer-3", "Cem", ice_servers=ICE)
+            waiting = Authorization("peer-3", "Cem", ice_servers=lambda: ICE)
             waiting.wait("session-3")
-    guest = Authorization("peer-4", "Dan", ice_servers=ICE)
+    guest = Authorization("peer-4", "Dan", ice_servers=lambda: ICE)
     assert say(guest, "command/action", hello, lease=None) == (
         DenyFrame("command/action", "not_driver"),
     )

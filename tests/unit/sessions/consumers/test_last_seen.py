@@ -22,8 +22,11 @@ def asked(monkeypatch):
         return sessions - {"over"}
 
     monkeypatch.setattr(last_seen.store, "seen", seen)
-    # no connection is looked after, as none is used
-    monkeypatch.setattr(last_seen, "database_sync_to_async", sync_to_async)
+
+    async def query(question, *arguments):  # no connection is looked after, as none is used
+        return await sync_to_async(question)(*arguments)
+
+    monkeypatch.setattr(last_seen, "query", query)
     monkeypatch.setattr(last_seen, "GATHER_SECONDS", 0.05)
     return found
 

@@ -16,7 +16,7 @@ STAMPED = {"session": None, "epoch": 0, "role": "screen", "user": "Giraff"}
 
 @pytest.fixture
 def authorization():
-    return ScreenAuthorization("peer-1", "Giraff", ICE)
+    return ScreenAuthorization("peer-1", "Giraff", lambda: ICE)
 
 
 def say(authorization, suffix, message):

@@ -110,7 +110,7 @@ def test_the_page_asks_for_steps_and_not_for_actions_of_its_own():
     refused = say(wizard(), "command/action", action(m.Goto, place="desk"))
     assert refused == DenyFrame("command/action", "not_allowed")
     step = protocol.BeginStep(step="hello", action_id="a1", stamp=1.0)
-    assert say(wizard(), "wizard/step", step) == Verb(step)
+    assert say(wizard(), "wizard/step", step) == Verb("wizard/step", step)
 
 
 def test_the_wizards_picture_is_asked_for_without_a_name_and_tells_nobody_of_it():

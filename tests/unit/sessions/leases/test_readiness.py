@@ -178,3 +178,13 @@ def test_a_robot_that_answers_too_late_is_waited_for_and_pauses_the_queue_in_the
     assert decide(turnaround, replace(late, sees=False, prompt=True), 200.0)[0] == Readiness(
         "ready"
     )
+
+
+@pytest.mark.parametrize("condition", [AWAY, HOME, replace(HOME, level=False)])
+def test_a_stop_between_visits_pauses_until_it_is_released(condition):
+    running = told(Readiness(), "dock", 0.0, "CANCELLED")
+    stopped, order = decide(running, replace(condition, stopped=True), 1.0)
+    assert (stopped, order) == (Readiness("paused", "stopped"), None)
+    again = decide(stopped, replace(condition, stopped=True), 10_000.0)
+    assert again == (stopped, None)
+    assert decide(stopped, AWAY, 10_001.0)[1] == "dock"

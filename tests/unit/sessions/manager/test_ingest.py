@@ -35,6 +35,7 @@ class Manager:
             wake_signals=lambda: None,
             wake_scheduler=self._wake,
             ownership=self.ownership,
+            monotonic=lambda: self.now,
         )
 
     def _wake(self):
@@ -193,3 +194,21 @@ def test_of_signs_of_pages_the_newest_are_kept(manager, monkeypatch):
         manager.now += 1.0
         manager.page_says(session, protocol.HERE)
     assert manager.intake.signs == {"s1": 1003.0, "s3": 1004.0}
+
+
+def test_while_news_cannot_be_stored_only_the_newest_of_each_robot_is_kept(manager):
+    manager.own("giraff")
+    for number in range(1000):
+        manager.robot_says("factsheet", words.factsheet(agent_version=str(number)))
+        manager.robot_says("connection", words.broken() if number % 2 else ONLINE)
+        manager.intake.repeat_news(manager.intake.presence_news())
+    news = [one.message for one in manager.intake.presence_news()]
+    assert news == [ONLINE, words.factsheet(agent_version="999"), words.broken()]
+
+
+def test_photos_of_robots_that_are_not_ours_take_a_bounded_amount_of_memory(manager):
+    photo = bytes(512 * 1024)
+    for number in range(200):
+        manager.hear(topics.of("rhodon", f"photo/a{number}"), photo)
+    assert manager.own("rhodon")
+    assert 0 < sum(len(item.jpeg) for item in manager.recorded) <= 32 * 1024 * 1024

@@ -86,3 +86,7 @@ def test_a_robot_reads_the_offer_of_janus_as_that_of_a_page():
         ("audio", True, False),
         ("video", True, False),
     ]
+
+
+def test_a_secret_and_a_name_that_read_alike_together_are_another_mountpoint():
+    assert mountpoint_of("site", "a giraff") != mountpoint_of("site a", "giraff")

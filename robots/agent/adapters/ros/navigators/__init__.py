@@ -7,7 +7,7 @@ from robots.agent.adapters.ros.navigators.move_base import MoveBase
 from robots.agent.adapters.ros.navigators.nav2 import Nav2
 
 
-class Navigator(Protocol):
+class ActionServer(Protocol):
     """One action server."""
 
     kind: str  # as the guard knows it
@@ -32,7 +32,7 @@ class Navigator(Protocol):
         """The server has ended."""
 
 
-def navigator_of(name: str, action: str, bus: Bus, goals: Goals) -> Navigator | None:
+def navigator_of(name: str, action: str, bus: Bus, goals: Goals) -> ActionServer | None:
     """Return the navigator that an option names, None for "none"."""
     makers = {"move_base": MoveBase, "nav2": Nav2}
     return makers[name](action, bus, goals) if name in makers else None

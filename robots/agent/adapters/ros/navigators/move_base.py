@@ -46,7 +46,7 @@ class _Sent:
 
 
 class MoveBase:
-    """See navigators.Navigator."""
+    """See navigators.ActionServer."""
 
     kind = "move_base"
 

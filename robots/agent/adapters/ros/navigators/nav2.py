@@ -8,7 +8,7 @@ from robots.agent.adapters.ros.bus import Bus, Goals, Subscription
 
 
 class Nav2:
-    """See navigators.Navigator."""
+    """See navigators.ActionServer."""
 
     kind = "nav2"
     publications: tuple[tuple[str, str], ...] = ()

@@ -188,7 +188,10 @@ def test_what_the_page_promises_of_a_laser_is_so(tmp_path):
 
 def test_what_the_page_promises_of_sonars_and_a_bumper_is_so(tmp_path):
     rosie = tmp_path / "rosie.py"
-    rosie.write_text(block("python"), encoding="utf-8")
+    source = block("python")
+    named = source.replace("options.watchdog)", 'options.watchdog, sensors=("sonars", "bumper"))')
+    assert named != source
+    rosie.write_text(named, encoding="utf-8")
     profile = tmp_path / "rosie.toml"
     profile.write_text(
         "bumper = true\n" + block("toml") + "\n[[sonars]]\nx = 0.25\ny = 0.0\ntheta = 0.0\n",

@@ -1,17 +1,20 @@
 """The media side against pages without a browser: real WebRTC on loopback."""
 
 import asyncio
+import contextlib
 import gc
 import random
+import socket
 import statistics
 import time
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 
 from robots.agent.media import MediaSide
 from robots.agent.media.peers.connections import FLOOD_PAUSE
-from robots.agent.media.rtp import capture_stamp
+from robots.agent.media.rtp import RtpStream, capture_stamp
 from robots.agent.media.webrtc import sender_queue, signalling
 from robots.agent.media.webrtc.packet_gate import MAX_BYTES
 from robots.api.codec import encode_frame
@@ -21,6 +24,7 @@ from robots.api.messages import (
     CommandHeartbeat,
     Echo,
     Heartbeat,
+    IceServer,
     PointCommand,
     Pointer,
     PoseUpdate,
@@ -507,6 +511,22 @@ async def test_a_page_that_goes_quiet_frees_its_place_and_one_that_speaks_keeps_
     assert exchange.byes("speaking") == []
 
 
+async def test_a_page_whose_video_can_no_longer_be_sent_is_told_and_may_connect_again(
+    media, exchange, new_page, monkeypatch, caplog
+) -> None:
+    page = new_page("p1", decode=False)
+    await page.connect()
+    await until(lambda: len(page.pictures) > 5)
+    with monkeypatch.context() as broken:
+        broken.setattr(RtpStream, "packets", lambda *_, **__: 1 / 0)
+        await until(lambda: exchange.byes("p1") == ["failed"], what="a goodbye")
+    assert "sender_failed" in caplog.text
+    assert "ZeroDivisionError" in caplog.text
+    again = new_page("p1", decode=False)
+    await again.connect()
+    await until(lambda: len(again.pictures) > 5, what="pictures again")
+
+
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
 async def test_a_camera_that_breaks_in_a_way_nobody_foresaw_is_started_anew(
     camera, media, new_page, monkeypatch
@@ -573,12 +593,66 @@ async def test_an_offer_that_cannot_be_used_is_refused_and_hurts_nobody(
     await until(lambda: len(watcher.pictures) > seen + 10, what="pictures for the others")
 
 
+def open_sockets() -> int:
+    """Return the sockets of this process."""
+    found = 0
+    for link in Path("/proc/self/fd").iterdir():
+        with contextlib.suppress(FileNotFoundError):
+            found += str(link.readlink()).startswith("socket:")
+    return found
+
+
+@pytest.mark.parametrize("relay", ["none", "silent"])
+@pytest.mark.parametrize("then", ["stays", "leaves"])
+async def test_offers_that_replace_one_another_leave_no_socket(
+    media, exchange, new_page, relay, then
+) -> None:
+    sdp = await new_page("x", decode=False).offer_sdp()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as silent:
+        silent.bind(("127.0.0.1", 0))
+        url = f"stun:127.0.0.1:{silent.getsockname()[1]}"
+        servers = () if relay == "none" else (IceServer(urls=(url,)),)
+        before = open_sockets()
+        peers = [f"p{number}" for number in range(12)]
+        for number, peer in enumerate(peers):
+            for _ in range(3):
+                media.lease_changed(peer)
+                media.signal(peer, SdpOffer(sdp=sdp, role="driver", ice_servers=servers))
+                await asyncio.sleep(number * 0.001)
+            if then == "leaves":
+                media.signal(peer, Bye())
+            else:
+                await until(lambda peer=peer: exchange.answers(peer), what="an answer")
+                media.signal(peer, Bye())
+        await until(lambda: media.statistics() == {})
+        await until(lambda: not media._pages._tasks, what="an end of all that was begun")
+        await until(lambda: open_sockets() <= before, 3.0, "as many sockets as before")
+
+
+async def test_a_page_that_offers_too_often_is_refused_and_disturbs_nobody(
+    media, exchange, new_page
+) -> None:
+    watcher = new_page("p1", decode=False)
+    await watcher.connect()
+    for number in range(40):
+        media.signal("p2", SdpOffer(sdp="rubbish"))
+        media.signal(f"other{number}", SdpOffer(sdp="rubbish"))
+    await until(lambda: exchange.byes("p2").count("flooded") >= 35, what="refusals")
+    await until(lambda: exchange.byes("other39") == ["flooded"], what="a limit of all together")
+    driver = new_page("p3", decode=False)
+    media.lease_changed("p3")
+    await driver.connect("driver")
+    seen = len(watcher.pictures)
+    await until(lambda: len(watcher.pictures) > seen + 10, what="pictures")
+    assert len(driver.pictures) > 0
+
+
 @pytest.mark.nightly
 async def test_every_offer_is_answered_or_refused_however_it_is_mangled(
     media, exchange, new_page, caplog
 ) -> None:
     good = (await new_page("x", decode=False).offer_sdp()).splitlines()
-    generator = random.Random(5)
+    generator, before = random.Random(5), open_sockets()
     for number in range(120):
         lines = list(good)
         for _ in range(generator.randrange(1, 4)):
@@ -595,6 +669,7 @@ async def test_every_offer_is_answered_or_refused_however_it_is_mangled(
                 ]
             )
         peer = f"m{number}"
+        media.lease_changed(peer)  # whose offers are all answered
         media.signal(peer, SdpOffer(sdp="\r\n".join(lines) + "\r\n"))
         await until(
             lambda peer=peer: exchange.answers(peer) or exchange.byes(peer),
@@ -602,7 +677,9 @@ async def test_every_offer_is_answered_or_refused_however_it_is_mangled(
         )
         media.signal(peer, Bye())
     await until(lambda: media.statistics() == {})
+    await until(lambda: open_sockets() <= before, 3.0, "as many sockets as before")
     assert "media_task_failed" not in caplog.text
+    media.lease_changed("p1")
     await new_page("p1").connect()
 
 

@@ -13,7 +13,6 @@ from robots.api.messages import Limits
 
 ROBOT = """
 series = "mine"
-unguarded_navigation = true
 footprint = [[0.2, -0.2], [0.2, 0.2], [-0.2, 0.0]]
 [limits]
 linear = 0.5
@@ -107,7 +106,8 @@ def test_a_profile_that_states_no_watchdog_is_refused_for_no_default_is_a_proper
 ):
     with pytest.raises(AdapterError, match=f"has no watchdog for {adapter}: set in its section"):
         made(tmp_path, "", adapter=adapter)
-    stated = f"[{adapter}]\nwatchdog = 0.7\n"
+    control = "client_ack_interval = 0.5" if "mo" in adapter else 'navigation = "none"'
+    stated = f"[{adapter}]\nwatchdog = 0.7\n{control}\n"
     assert made(tmp_path, stated, adapter=adapter).profile.watchdog == 0.7
 
 
@@ -160,3 +160,26 @@ def test_the_bounds_hold_for_a_profile_and_for_an_adapter_with_a_profile_of_its_
     )
     with pytest.raises(AdapterError, match="a watchdog of 30 s is too long"):
         registry.create("simulator", "giraff")
+
+
+# --- the guard of OpenMORA's navigation -----------------------------------------------------------
+
+
+@pytest.mark.parametrize("adapter", ["moos", "openmora_mqtt"])
+@pytest.mark.parametrize("interval", [None, 0, 2.5])
+def test_openmora_without_a_guard_is_refused_unless_its_profile_allows_it(
+    tmp_path, adapter, interval
+):
+    stated = f"[{adapter}]\nwatchdog = 0.7\n"
+    stated += "" if interval is None else f"client_ack_interval = {interval}\n"
+    with pytest.raises(AdapterError, match=r"max_client_ack_interval = 0\.5 for"):
+        made(tmp_path, stated, adapter=adapter)
+    file = tmp_path / "mine.toml"
+    file.write_text("unguarded_navigation = true\n" + ROBOT + stated)
+    assert registry.create(adapter, str(file)).profile.navigation_control == "unguarded"
+
+
+@pytest.mark.parametrize("adapter", ["moos", "openmora_mqtt"])
+def test_openmora_is_guarded_by_its_acknowledgements(tmp_path, adapter):
+    stated = f"[{adapter}]\nwatchdog = 0.7\nclient_ack_interval = 0.5\n"
+    assert made(tmp_path, stated, adapter=adapter).profile.navigation_control == "guarded"

@@ -1,5 +1,5 @@
 """A robot tried with its wheels off the ground: what its readings say, and when its base stops
-without its agent.
+without its agent. Its navigation is tried in test_navigation_check.py.
 """
 
 import asyncio
@@ -11,6 +11,7 @@ from robots.agent.control.robot_check import (
     CheckParams,
     RobotCheck,
     SpeedSample,
+    noise,
     reported,
     stopped_after,
     verdict,
@@ -18,6 +19,7 @@ from robots.agent.control.robot_check import (
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import UNKNOWN_BATTERY, AdapterError
 from robots.api.geometry import Pose2D
+from robots.api.messages import Velocity
 from tests.support.agents.scripted_robot import PROFILE, ScriptedRobot, still
 from tests.support.virtual_time import VirtualTime
 
@@ -34,7 +36,7 @@ class Base(ScriptedRobot):
         super().__init__(
             profile=dataclasses.replace(PROFILE, capabilities=("velocity",)), times=time.times
         )
-        self.watchdog, self.stuck = watchdog, stuck
+        self.watchdog, self.stuck, self.hum = watchdog, stuck, ZERO
         self.mute = ""  # why it reports nothing more, though it listens
 
     async def states(self):
@@ -45,7 +47,7 @@ class Base(ScriptedRobot):
             moves = not self.stuck and self.times.now() - at < self.watchdog
             yield still(
                 stamp=self.times.unix(),
-                velocity=velocity if moves else ZERO,
+                velocity=velocity if moves else self.hum,
                 odometry=Pose2D(0.0, 0.0, 0.0),
                 battery=UNKNOWN_BATTERY,
             )
@@ -110,6 +112,31 @@ def test_what_is_missing_is_named():
     assert reported([], (), 3.0) == [(False, "Readings: none received.")]
 
 
+def at_rest(*noise):
+    return [still(velocity=Velocity(linear=linear, angular=angular)) for linear, angular in noise]
+
+
+def test_noise_within_the_thresholds_of_the_profile_is_no_complaint():
+    assert noise(at_rest((0.02, -0.05), (-0.01, 0.0)), PROFILE) == ""
+    lifted = dataclasses.replace(PROFILE, standstill_linear=0.04, standstill_angular=0.1)
+    assert noise(at_rest((0.039, 0.09)), lifted) == ""
+
+
+def test_noise_beyond_a_threshold_names_the_setting_that_exceeds_it_by_half():
+    line = noise(at_rest((0.0, 0.0), (0.01, -0.06), (0.0, 0.0)), PROFILE)
+    assert "0.060 rad/s (0.05 counts as rest)" in line
+    assert "Set standstill_angular = 0.09 in its profile" in line
+    assert "standstill_linear" not in line
+    both = noise(at_rest((0.03, 0.1)), PROFILE)
+    assert "Set standstill_linear = 0.045 and standstill_angular = 0.15 in its profile" in both
+
+
+def test_noise_for_which_no_threshold_is_allowed_is_to_be_filtered():
+    line = noise(at_rest((0.07, 0.0)), PROFILE)
+    assert "filter its odometry" in line
+    assert "Set " not in line
+
+
 # --- trials ---------------------------------------------------------------------------------------
 
 
@@ -146,6 +173,17 @@ def test_a_base_that_does_not_move_cannot_be_measured(time):
     is_well, lines = tried(time, Base(time, 0.3, stuck=True))
     assert not is_well
     assert "did not move" in lines[-1]
+
+
+def test_a_base_that_hums_is_measured_and_its_owner_reads_which_threshold_to_set(time):
+    base = Base(time, 0.3)
+    base.hum = Velocity(linear=0.0, angular=0.06)
+    is_well, lines = tried(time, base)
+    assert not is_well
+    assert any("Set standstill_angular = 0.09" in line for line in lines)
+    base.profile = dataclasses.replace(base.profile, standstill_angular=0.09)
+    is_well, lines = tried(time, base)
+    assert is_well, lines
 
 
 def test_a_trial_that_is_broken_off_ends_with_zeros(time):

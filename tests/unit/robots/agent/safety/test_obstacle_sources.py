@@ -11,8 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.agent.control.state_validation import UnsoundReadingError, sound
-from robots.agent.localization.odometry import OdometryTrack
-from robots.agent.navigation.assistance.swept import hull, outside
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import (
     NOWHERE,
@@ -23,6 +21,8 @@ from robots.agent.robot_interface import (
     Sonar,
     SonarEcho,
 )
+from robots.agent.safety.collision.odometry import OdometryTrack
+from robots.agent.safety.collision.swept import hull, outside
 from robots.agent.safety.collision_monitor import MONITOR, CollisionMonitor
 from robots.agent.safety.obstacle_sources import (
     BumperSource,

@@ -157,7 +157,7 @@ async def test_cancelling_stops_the_robot():
         await drive.known()
         await drive.adapter.start(goto())
         await drive.moving()
-        await drive.adapter.cancel("g")
+        assert await drive.adapter.cancel("g") is True
         assert drive.adapter.wanted() is None
         assert (await drive.ended("g")).status == "CANCELLED"
         await drive.standing()
@@ -309,7 +309,9 @@ async def test_where_it_stood_when_the_agent_ended_is_where_the_next_agent_begin
         await drive.until(lambda: first.node.ready)
         await first.start(Relocalize(action_id="r", stamp=0.0, x=5.0, y=1.0, theta=3.1))
         await drive.known()
-    assert PoseMemory(memory).recall("office").distance(Pose2D(5.0, 1.0, 3.1)) < 0.2
+    kept = PoseMemory(memory)
+    await kept.read()
+    assert kept.recall("office").distance(Pose2D(5.0, 1.0, 3.1)) < 0.2
     second = without_site(memory)
     async with driving(second) as drive:
         second.take_floorplan(office())
@@ -317,10 +319,15 @@ async def test_where_it_stood_when_the_agent_ended_is_where_the_next_agent_begin
         assert math.hypot(drive.state.pose.x - 5.0, drive.state.pose.y - 1.0) < 0.2
 
 
-def test_a_memory_that_makes_no_sense_is_none(tmp_path):
+async def test_a_memory_that_makes_no_sense_is_none(tmp_path):
+    async def recalled(path):
+        memory = PoseMemory(path)
+        await memory.read()
+        return memory.recall("office")
+
     path = tmp_path / "pose.json"
-    assert PoseMemory(None).recall("office") is None
-    assert PoseMemory(path).recall("office") is None
+    assert await recalled(None) is None
+    assert await recalled(path) is None
     for text in (
         "nonsense",
         "[]",
@@ -329,7 +336,7 @@ def test_a_memory_that_makes_no_sense_is_none(tmp_path):
         '{"map_id": "flat", "x": 1, "y": 1, "theta": 0}',
     ):
         path.write_text(text)
-        assert PoseMemory(path).recall("office") is None
+        assert await recalled(path) is None
 
 
 async def test_states_go_on_while_nobody_thinks():

@@ -247,7 +247,7 @@ async def test_a_message_package_that_is_not_installed_is_named():
 async def test_an_action_of_a_package_that_is_not_installed_is_named_and_driving_goes_on(
     monkeypatch,
 ):
-    monkeypatch.setitem(ros2.GOAL_TYPES, "nav2", "nav9_msgs/NavigateToPose")
+    monkeypatch.setattr(ros2, "NAVIGATE_TO_POSE", "nav9_msgs/NavigateToPose")
     with Ros2Rig("giraff") as rig:
         async with connected(rig.adapter()) as adapter:
             await adapter.start(Goto(action_id="g", stamp=0.0, x=1.0, y=1.0))

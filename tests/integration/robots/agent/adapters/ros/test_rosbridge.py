@@ -5,14 +5,19 @@ A real one is of the generation that ROSBRIDGE_ROS names, 2 unless told otherwis
 """
 
 import asyncio
+import contextlib
+import json
 import os
 
 import pytest
+from websockets.asyncio.client import connect
 
 from robots.agent.adapters import registry
+from robots.agent.adapters.ros import messages
 from robots.agent.adapters.ros.rosbridge import _decoded
-from robots.agent.robot_interface import AdapterError
-from robots.api.messages import Dock, Velocity
+from robots.agent.robot_interface import ActionRefusedError, AdapterError
+from robots.api.geometry import Pose2D
+from robots.api.messages import Dock, Goto, Velocity
 from tests.support.architectures.adapter_conformance import some, wait_for
 from tests.support.architectures.rca_conformance import RcaConformance, connected, drive, sees_grey
 from tests.support.architectures.rosbridge_robot import RosbridgeRig
@@ -135,3 +140,111 @@ def test_numbers_that_json_lacks_become_null():
 def test_base64_with_nan_in_it_is_parsed_once(monkeypatch):
     monkeypatch.delattr("robots.agent.adapters.ros.rosbridge.json")
     assert _decoded('{"data": "iVBNaNInfinity"}') == {"data": "iVBNaNInfinity"}
+
+
+@contextlib.asynccontextmanager
+async def robot_behind(server, version=2, **options):
+    """Yield an adapter, and what its robot receives, over a server in this process."""
+    await server.start()
+    received = []
+    robot = await connect(server.url, compression=None)
+
+    async def send(**message):
+        await robot.send(json.dumps(message))
+
+    async def publish_odometry():
+        kind = "nav_msgs/Odometry" if version == 1 else "nav_msgs/msg/Odometry"
+        await send(op="advertise", topic="/odom", type=kind)
+        while True:
+            await send(op="publish", topic="/odom", msg=ODOMETRY)
+            await asyncio.sleep(0.03)
+
+    async def receive():
+        async for text in robot:
+            message = json.loads(text)
+            received.append(message)
+
+    kind = "geometry_msgs/Twist" if version == 1 else "geometry_msgs/msg/Twist"
+    await send(op="subscribe", topic="/cmd_vel", type=kind)
+    await send(op="advertise_action", action="/navigate_to_pose", type="NavigateToPose")
+    await send(op="advertise_service", service="/dock", type="std_srvs/srv/Trigger")
+    tasks = [asyncio.ensure_future(each) for each in (publish_odometry(), receive())]
+    named = {"url": server.url, "version": str(version), "scan": "", "battery": "", **options}
+    try:
+        yield registry.create("rosbridge", "rhodon", named), received
+    finally:
+        for task in tasks:
+            task.cancel()
+        await server.stop()
+
+
+ODOMETRY = {
+    "pose": {"pose": messages.pose(Pose2D(0.0, 0.0, 0.0)), "covariance": []},
+    "twist": {"twist": STANDING, "covariance": []},
+}
+THROUGH = {"navigation": "nav2", "navigation_velocity": "/cmd_vel_nav"}
+AHEAD = Velocity(linear=0.2, angular=0.0)
+
+
+def moved(received):
+    return [each for each in received if each.get("msg", {}).get("linear", {}).get("x")]
+
+
+async def test_a_rosbridge_whose_queue_hangs_gets_no_velocity_although_it_answers_pings():
+    server = RosbridgeServer()
+    async with robot_behind(server, navigation="none") as (adapter, received), connected(adapter):
+        await drive(adapter, AHEAD, lambda _: moved(received))
+        server.held.add(server.clients[-1])
+        hung = asyncio.get_running_loop().time()
+        with pytest.raises(AdapterError, match="no longer answers"):
+            await drive(adapter, AHEAD, lambda _: False)
+        assert asyncio.get_running_loop().time() - hung < patient(2.0)
+        late = len(moved(received))
+        server.held.clear()
+        await asyncio.sleep(0.5)
+        assert len(moved(received)) <= late + 1  # one may have been sent as it hung
+
+
+async def test_a_rosbridge_that_a_goal_would_block_is_refused():
+    server = RosbridgeServer(blocking_goals=True)
+    async with robot_behind(server, **THROUGH) as (adapter, _):
+        with pytest.raises(AdapterError, match="set its send_action_goals_in_new_thread to true"):
+            await adapter.connect()
+        await adapter.close()
+
+
+async def test_a_rosbridge_that_a_goal_blocks_is_given_up_where_its_parameter_is_unknown():
+    server = RosbridgeServer(rosapi=False, blocking_goals=True)
+    async with robot_behind(server, **THROUGH) as (adapter, _), connected(adapter):
+        await adapter.start(Goto(action_id="g", stamp=0.0, x=9.0, y=0.0))
+        with pytest.raises(AdapterError, match="is blocked by the goal: set its send_action_goals"):
+            await wait_for(adapter, lambda _: False)
+
+
+async def test_a_rosbridge_that_a_service_call_blocks_is_given_up():
+    server = RosbridgeServer(blocking_services=True)
+    options = {"navigation": "none", "dock": "/dock", "navigation_velocity": "/cmd_vel_nav"}
+    async with robot_behind(server, **options) as (adapter, received), connected(adapter):
+        docking = asyncio.ensure_future(adapter.start(Dock(action_id="d", stamp=0.0)))
+        with pytest.raises(AdapterError, match="is blocked by the service /dock"):
+            await wait_for(adapter, lambda _: False)
+        docking.cancel()
+        assert any(each["op"] == "call_service" for each in received)
+
+
+async def test_a_goal_is_owned_until_its_cancel_is_confirmed():
+    server = RosbridgeServer()
+    async with robot_behind(server, **THROUGH) as (adapter, received), connected(adapter):
+        await adapter.start(Goto(action_id="g", stamp=0.0, x=9.0, y=0.0))
+        await wait_for(
+            adapter, lambda _: any(each["op"] == "send_action_goal" for each in received)
+        )
+        assert not await adapter.cancel("g")
+        with pytest.raises(ActionRefusedError, match="has not confirmed the end"):
+            await adapter.start(Goto(action_id="h", stamp=0.0, x=9.0, y=0.0))
+        await wait_for(
+            adapter, lambda _: any(each["op"] == "cancel_action_goal" for each in received)
+        )
+        # no goal has been active for a second, and the action has no cancel service: it never ran
+        await asyncio.sleep(patient(1.1))
+        assert await adapter.cancel("g")

@@ -104,3 +104,16 @@ def test_a_knock_is_heard_from_the_robots_own_loudspeaker_as_two_notes(quick):
         feed.close()
     assert feed.has_speaker
     assert not OutputFeed(None, None).has_speaker
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_thread_that_dies_of_a_loudspeaker_is_started_anew(monkeypatch) -> None:
+    speaker = Loudspeaker()
+    feed = OutputFeed(speaker, None)
+    feed.start()
+    monkeypatch.setattr(speaker, "play", lambda samples: {}["unforeseen"])
+    assert talk(feed, lambda: not feed._thread.is_alive())
+    monkeypatch.undo()
+    feed.start()
+    assert talk(feed, lambda: speaker.played > 0)
+    feed.close()

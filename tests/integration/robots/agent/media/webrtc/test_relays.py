@@ -3,6 +3,7 @@ coturn.
 """
 
 import asyncio
+import socket
 
 import pytest
 from aiortc import RTCConfiguration, RTCIceServer, RTCPeerConnection
@@ -193,3 +194,12 @@ async def test_the_real_coturn_answers_by_udp_tcp_and_tls_who_has_its_credential
         assert await answers(RTCIceServer(urls=[f"stun:127.0.0.1:{coturn.port}"]))
     for silent in (f"stun:127.0.0.1:{free_port()}", "stun:127.0.0.1", "stuns:127.0.0.1", "nothing"):
         assert not await answers(RTCIceServer(urls=[silent])), silent
+
+
+async def test_the_log_tells_why_a_silent_server_is_not_used(caplog):
+    caplog.set_level("INFO")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as silent:
+        silent.bind(("127.0.0.1", 0))
+        url = f"stun:127.0.0.1:{silent.getsockname()[1]}"
+        assert not await answers(RTCIceServer(urls=[url]))
+    assert f"relay_silent address={url} reason=TimeoutError" in caplog.text

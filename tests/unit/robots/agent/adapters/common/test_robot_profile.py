@@ -6,6 +6,7 @@ import tomllib
 import pytest
 
 from robots.agent.adapters import registry
+from robots.agent.adapters.common.remote_adapter import profile_of
 from robots.agent.adapters.common.robot_profile import SHIPPED, load_profile
 from robots.agent.config import load
 from robots.agent.robot_interface import AdapterError, DepthCamera, Sonar
@@ -47,27 +48,66 @@ def test_the_command_line_of_the_paper_is_enough():
 
 def test_a_profile_of_ones_own_overrules_defaults_and_options_overrule_it(tmp_path):
     file = tmp_path / "mine.toml"
-    file.write_text(MINE + LIMITS + '[moos]\nwatchdog = 0.5\nport = 9001\nhost = "robot"\n')
+    file.write_text(
+        MINE
+        + LIMITS
+        + '[moos]\nwatchdog = 0.5\nclient_ack_interval = 0.5\nport = 9001\nhost = "robot"\n'
+    )
     assert registry.create("moos", str(file)).place == "the MOOSDB at robot:9001"
     assert registry.create("moos", str(file), {"port": "9002"}).place == "the MOOSDB at robot:9002"
 
 
-def test_sensors_for_obstacles_are_the_profiles_and_each_gives_help_by_itself(tmp_path):
+SONAR = "[[sonars]]\nx = 0.2\ny = 0.0\ntheta = 0.0\nwidth = 0.4\n"
+
+
+def profile_file(tmp_path, *, top="", sections="", adapter="ros1", options=""):
     file = tmp_path / "mine.toml"
-    file.write_text(
-        "bumper = true\n"
-        + MINE
-        + LIMITS
-        + "[[sonars]]\nx = 0.2\ny = 0.0\ntheta = 0.0\nwidth = 0.4\n[depth]\n[moos]\nwatchdog ="
-        " 0.5\n"
-    )
-    profile = registry.create("moos", str(file)).profile
+    own = f"[{adapter}]\nwatchdog = 0.5\n{options}"
+    file.write_text(MINE.replace("[limits]", top + "[limits]") + LIMITS + sections + own)
+    return str(file)
+
+
+def test_sensors_for_obstacles_are_the_profiles_and_each_gives_help_by_itself(tmp_path):
+    file = profile_file(tmp_path, top="bumper = true\n", sections=SONAR + "[depth]\n")
+    profile = profile_of(load_profile(file), "Rosie", 0.5, sensors=("sonars", "bumper", "depth"))
     assert (profile.sonars, profile.bumper, profile.depth) == (
         (Sonar(0.2, 0.0, 0.0, width=0.4),),
         True,
         DepthCamera(),
     )
     assert len(sources_of(profile)) == 3
+
+
+@pytest.mark.parametrize("adapter", REAL)
+@pytest.mark.parametrize(
+    ("top", "sections", "sentence"),
+    [
+        ("bumper = true\n", "", "mine.toml: line 3: bumper = true cannot be used with"),
+        ("", SONAR, "mine.toml: line 11: [[sonars]] cannot be used with"),
+        ("", "[depth]\n", "mine.toml: line 11: [depth] cannot be used with"),
+    ],
+)
+def test_a_sensor_that_the_adapter_does_not_deliver_is_refused_with_its_line(
+    tmp_path, adapter, top, sections, sentence
+):
+    file = profile_file(tmp_path, top=top, sections=sections, adapter=adapter)
+    with pytest.raises(AdapterError) as caught:
+        registry.create(adapter, file)
+    assert sentence in str(caught.value)
+    assert "remove" in str(caught.value)
+
+
+def test_a_topic_of_a_bumper_without_directions_needs_no_bumper_in_the_profile(tmp_path):
+    file = profile_file(tmp_path, options='bumper = "bumper"\n')
+    assert not registry.create("ros1", file).profile.bumper
+
+
+def test_standstill_thresholds_are_the_profiles_and_those_of_most_robots_unless_stated(tmp_path):
+    file = profile_file(tmp_path, top="standstill_linear = 0.04\nstandstill_angular = 0.12\n")
+    noisy = registry.create("ros1", file).profile
+    assert (noisy.standstill_linear, noisy.standstill_angular) == (0.04, 0.12)
+    usual = registry.create("ros1", "giraff").profile
+    assert (usual.standstill_linear, usual.standstill_angular) == (0.02, 0.05)
 
 
 def test_a_base_without_localization_gets_ours():
@@ -89,6 +129,18 @@ def test_a_base_without_localization_gets_ours():
         (MINE + LIMITS + "[[sonars]]\nx = 0.2\ny = 0.0\n", "theta"),
         (MINE + LIMITS + "[[sonars]]\nx = 0.2\ny = 0.0\ntheta = 0.0\nwide = 1.0\n", "wide"),
         (MINE + LIMITS + "[depth]\nheight = 1.0\n", "height"),
+        (
+            "standstill_linear = 0.2\n" + MINE + LIMITS,
+            "line 1: standstill_linear must be a number of at most 0.1, not 0.2",
+        ),
+        (
+            "standstill_angular = 0\n" + MINE + LIMITS,
+            "line 1: standstill_angular must be a number above 0, not 0",
+        ),
+        (
+            "standstill_angular = 0.31\n" + MINE + LIMITS,
+            "standstill_angular must be a number of at most 0.3",
+        ),
         (MINE + LIMITS + "[moos]\nwatchdog = 0.5\nwings = 2\n", "no option wings"),
     ],
 )
@@ -143,12 +195,12 @@ def test_a_value_of_the_wrong_kind_is_named_with_its_line_and_what_to_write(
         f"{MINE}{LIMITS}[camera]\nwidth = 64\nheight = 48\nfps = 5\nhfov = 1.5\nx = 0\nz = 1\n"
         "[battery]\nempty = 20\nfull = 30\n"
         "[[sonars]]\nx = 0.2\ny = 0\ntheta = 0\n[[sonars]]\nx = 0.2\ny = 1\ntheta = 1\n"
-        "[moos]\nwatchdog = 0.5\nport = 9000\n"
+        "[moos]\nwatchdog = 0.5\nclient_ack_interval = 0.5\nport = 9000\n"
     )
     text = text.replace("[limits]", "bumper = true\n[limits]") if "bumper" in before else text
     file = tmp_path / "mine.toml"
     file.write_text(text)
-    registry.create("moos", str(file))
+    load_profile(str(file))
     assert before in text
     file.write_text(text.replace(before, after, 1))
     with pytest.raises(AdapterError, match=re.escape(sentence)) as error:

@@ -1,13 +1,16 @@
 """The node of ROS 1 in the system's Python: what it says to the agent, and in which order."""
 
+import queue
 import threading
 from types import SimpleNamespace
 
 import pytest
 
+from robots.agent.adapters.ros import ros1_node
 from robots.agent.adapters.ros.graph import TopicPeers
 from robots.agent.adapters.ros.ros1 import UNCONNECTED, NodeBus, Ros1Options
-from robots.agent.adapters.ros.ros1_node import Node
+from robots.agent.adapters.ros.ros1_node import MAX_QUEUED, Guard, MasterError, Node
+from robots.agent.robot_interface import AdapterError
 
 SOON = 0.2  # s in which a thread that was started says something
 
@@ -148,3 +151,162 @@ def test_for_nobody_and_for_who_was_refused_it_stays_where_it_is(bus, peers):
     for now in (0.0, 10 * UNCONNECTED):
         bus._reach_again("/cmd_vel", peers, now)
     assert bus.reasons == []
+
+
+class FailingMaster:
+    """A master that is lost between two calls of one look."""
+
+    def getSystemState(self):  # noqa: N802 - the master's API
+        return [["/odom", ["/base_driver"]]], [], []
+
+    def getTopicTypes(self):  # noqa: N802 - the master's API
+        return []
+
+    def lookupNode(self, _name):  # noqa: N802 - the master's API
+        raise OSError("connection refused")
+
+
+def test_a_look_round_is_answered_when_the_master_is_lost_meanwhile():
+    said = []
+    node = object.__new__(Node)
+    node.new_master, node.rospy = FailingMaster, SimpleNamespace(get_name=lambda: "/telepresence")
+    node.refused, node.others, node.driving = {}, {}, ""
+    node.unreachable, node.unknown = (OSError,), MasterError
+    node.say = lambda **message: said.append(message)
+    node.look_round(1, "/cmd_vel", {})
+    assert (said[0]["op"], said[0]["number"]) == ("response", 1)
+    assert "nodes" not in said[0]
+
+
+async def test_a_graph_that_gets_no_answer_is_an_error(bus, monkeypatch):
+    monkeypatch.setattr("robots.agent.adapters.ros.ros1.GRAPH_TIME", 0.05)
+    with pytest.raises(AdapterError, match="the ROS master does not answer"):
+        await bus.graph("/cmd_vel", ())
+
+
+def test_an_agent_that_reads_nothing_holds_up_no_thread_of_the_node():
+    node = object.__new__(Node)
+    node.outgoing = queue.Queue(MAX_QUEUED)
+    for number in range(2 * MAX_QUEUED):
+        node.say(op="publish", number=number)
+    assert node.outgoing.full()
+
+
+def test_messages_without_a_subscriber_are_kept_up_to_a_bound():
+    node = object.__new__(Node)
+    node.waiting = {"/move_base/goal": list(range(MAX_QUEUED))}
+    node.publishers = {
+        "/move_base/goal": SimpleNamespace(data_class=object, get_num_connections=lambda: 0)
+    }
+    node.filled = lambda message, _content: message
+    node.guard = SimpleNamespace(published=lambda *_: None)
+    node.do_publish("/move_base/goal", {})
+    assert len(node.waiting["/move_base/goal"]) == MAX_QUEUED
+
+
+# --- the guard ------------------------------------------------------------------------------------
+
+ACTIVE, PREEMPTED = 1, 2
+
+
+class GuardRig:
+    """A guard whose clock, status and odometry the test gives."""
+
+    def __init__(self, monkeypatch):
+        self.now, self.zeros, self.cancelled, self.said = 100.0, 0, [], []
+        monkeypatch.setattr(ros1_node.time, "monotonic", lambda: self.now)
+        node = SimpleNamespace(
+            publish_zero=self._zero, say=lambda **message: self.said.append(message["op"])
+        )
+        self.guard = Guard(node)
+        self.guard.action, self.guard.linear, self.guard.angular = "/move_base", 0.02, 0.05
+        self.guard.kind_of_id = lambda id: id  # noqa: A006 - as GoalID
+        self.guard.publisher = SimpleNamespace(publish=self.cancelled.append)
+
+    def _zero(self):
+        self.zeros += 1
+
+    def sends(self, goal):
+        goal_id = SimpleNamespace(goal_id=SimpleNamespace(id=goal))
+        self.guard.published("/move_base/goal", goal_id)
+
+    def lists(self, **goals):
+        entries = [
+            SimpleNamespace(goal_id=SimpleNamespace(id=goal.replace("_", "-")), status=status)
+            for goal, status in goals.items()
+        ]
+        self.guard.listed(SimpleNamespace(status_list=entries))
+
+    def passes(self, seconds, speed=0.0, *, beats=False):
+        """Time passes at 50 Hz; return how many zeros were sent."""
+        before, twist = self.zeros, SimpleNamespace(x=speed, z=0.0)
+        inner = SimpleNamespace(linear=twist, angular=SimpleNamespace(z=0.0))
+        for _ in range(round(seconds / 0.02)):
+            self.now += 0.02
+            if beats:
+                self.guard.beaten_at = self.now
+            self.guard.measured(SimpleNamespace(twist=SimpleNamespace(twist=inner)))
+            self.guard.look(self.now)
+        return self.zeros - before
+
+
+@pytest.fixture
+def guard(monkeypatch):
+    return GuardRig(monkeypatch)
+
+
+def test_while_the_agents_heart_beats_the_guard_does_nothing(guard):
+    guard.passes(1.0, beats=True)
+    guard.sends("telepresence-1")
+    guard.lists(telepresence_1=ACTIVE)
+    assert guard.passes(5.0, 0.3, beats=True) == 0
+    assert guard.cancelled == []
+
+
+def test_half_a_second_after_the_last_heartbeat_it_cancels_and_brakes_until_the_end(guard):
+    guard.passes(1.0, beats=True)
+    guard.sends("telepresence-1")
+    guard.lists(telepresence_1=ACTIVE)
+    assert guard.passes(0.48, 0.3) == 0
+    assert guard.passes(1.1, 0.3) >= 50
+    assert guard.cancelled == ["telepresence-1"] * 3
+    assert guard.passes(2.0) == 100  # at rest, but the goal has not ended
+    guard.lists(telepresence_1=PREEMPTED)
+    assert guard.passes(1.0) == 0
+    assert guard.passes(0.2, 0.3) == 10  # it moves again
+
+
+def test_a_goal_that_the_server_has_not_listed_yet_is_cancelled_too(guard):
+    guard.passes(1.0, beats=True)
+    guard.sends("telepresence-1")
+    guard.lists()
+    assert guard.passes(1.0) > 0
+    assert guard.cancelled == ["telepresence-1"]
+
+
+def test_a_goal_of_an_earlier_node_is_cancelled_although_the_agent_lives(guard):
+    guard.passes(1.0, beats=True)
+    guard.lists(telepresence_7=ACTIVE, rviz=ACTIVE)
+    guard.passes(1.0, beats=True)
+    assert guard.cancelled == ["telepresence-7"] * 2
+
+
+def test_a_new_node_brakes_what_an_earlier_one_has_left(guard):
+    guard.guard.starting, guard.guard.began_at = True, guard.now
+    guard.lists(telepresence_7=ACTIVE)
+    assert guard.passes(3.0, 0.3, beats=True) == 150
+    guard.lists(telepresence_7=PREEMPTED)
+    guard.passes(0.5, beats=True)
+    assert guard.passes(1.0, 0.3, beats=True) == 0
+
+
+def test_goals_end_with_a_server_whose_connection_is_lost(guard):
+    connections = [1]
+    guard.guard.status = SimpleNamespace(get_num_connections=lambda: connections[0])
+    guard.passes(1.0, beats=True)
+    guard.sends("telepresence-1")
+    guard.lists(telepresence_1=ACTIVE)
+    connections[0] = 0
+    guard.passes(1.1, beats=True)
+    assert guard.said == ["gone"]
+    assert guard.passes(3.0) == 0

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from robots.agent.navigation.assistance.braking import BRAKING, BrakeCheck, Hazards
-from robots.agent.navigation.obstacles.memory import RollingObstacleMap
 from robots.agent.navigation.obstacles.recent import RECENT, RecentSweeps
 from robots.agent.ramp import ZERO
+from robots.agent.safety.collision.braking import BRAKING, BrakeCheck, Hazards
+from robots.agent.safety.collision.memory import RollingObstacleMap
 from robots.api.geometry import Pose2D
 from robots.api.messages import Velocity
 from robots.world.robot_models import GIRAFF

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from robots.agent.navigation.assistance.braking import BrakeCheck, Hazards
 from robots.agent.navigation.planning.centring import centred_between
 from robots.agent.navigation.planning.costmap import CostMap
 from robots.agent.navigation.planning.follower import Follower
 from robots.agent.navigation.planning.path import PlannedPath, resampled
 from robots.agent.navigation.planning.planner import Planner
 from robots.agent.ramp import ZERO
+from robots.agent.safety.collision.braking import BrakeCheck, Hazards
 from robots.api.geometry import MapTransform, Pose2D
 from robots.api.messages import Velocity
 from robots.world.grid import FREE, OCCUPIED, OccupancyGrid

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from robots.agent.navigation.assistance.braking import BrakeCheck, Hazards
 from robots.agent.navigation.planning.follower import Followed, Follower
 from robots.agent.navigation.planning.path import PlannedPath, resampled
 from robots.agent.ramp import ZERO
+from robots.agent.safety.collision.braking import BrakeCheck, Hazards
 from robots.api.geometry import Pose2D
 from robots.world.robot_models import GIRAFF
 

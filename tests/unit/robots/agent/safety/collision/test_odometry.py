@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from robots.agent.localization.odometry import OdometryTrack
+from robots.agent.safety.collision.odometry import OdometryTrack
 from robots.api.geometry import Pose2D
 
 

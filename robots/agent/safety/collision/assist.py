@@ -39,10 +39,10 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from robots.agent.navigation.assistance.slowing import Slowing, SlowingSettings
-from robots.agent.navigation.assistance.steering import Steering, SteeringSettings
-from robots.agent.navigation.assistance.swept import hull, outside
 from robots.agent.ramp import ZERO
+from robots.agent.safety.collision.slowing import Slowing, SlowingSettings
+from robots.agent.safety.collision.steering import Steering, SteeringSettings
+from robots.agent.safety.collision.swept import hull, outside
 from robots.api.geometry import Pose2D
 from robots.api.messages import AssistLevel, Limits, Velocity
 from robots.world.sensing import Floats, points_in_frame

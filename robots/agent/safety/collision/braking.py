@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.agent.navigation.assistance.swept import along
 from robots.agent.ramp import ZERO, approach
+from robots.agent.safety.collision.swept import along
 from robots.api.messages import Limits, Velocity
 from robots.world.sensing import Floats
 

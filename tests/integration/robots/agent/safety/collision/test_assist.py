@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robots.agent.navigation.assistance.assist import AssistSettings, DriverAssistance
-from robots.agent.navigation.assistance.steering import SteeringSettings, bounds, helping_turn
-from robots.agent.navigation.assistance.swept import outside
 from robots.agent.ramp import ZERO
+from robots.agent.safety.collision.assist import AssistSettings, DriverAssistance
+from robots.agent.safety.collision.steering import SteeringSettings, bounds, helping_turn
+from robots.agent.safety.collision.swept import outside
 from robots.agent.simulator.physics.drive import WheelMotion, advance, follow
 from robots.api.geometry import Pose2D
 from robots.api.messages import Velocity

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.agent.navigation.assistance.swept import Hull, arcs, distances
+from robots.agent.safety.collision.swept import Hull, arcs, distances
 from robots.api.messages import Limits, Velocity
 from robots.world.sensing import Floats
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.agent.navigation.assistance.swept import arcs, distances, hull, outside, stops
+from robots.agent.safety.collision.swept import arcs, distances, hull, outside, stops
 from robots.agent.simulator.physics.drive import WheelMotion, advance, follow
 from robots.api.geometry import Pose2D
 from robots.api.messages import Velocity

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from robots.agent.navigation.assistance.swept import Hull, distances, stops
+from robots.agent.safety.collision.swept import Hull, distances, stops
 from robots.api.messages import Limits, Velocity
 from robots.world.sensing import Floats
 

@@ -1,4 +1,4 @@
-"""What a robot last said of itself, kept in its row: pure rules, and a writer that spares the
+"""What a robot last reported, kept in its RobotPresence: pure rules, and a writer that spares the
 database.
 
 A will can arrive seconds after the robot is back (a half-open connection that the broker gave up
@@ -6,69 +6,61 @@ late), so OFFLINE and CONNECTIONBROKEN of another boot than the last ONLINE's ar
 """
 
 import datetime
-import re
 from collections.abc import Collection
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol
 
 import msgspec
 import structlog
 from django.db import DataError, IntegrityError, connection, transaction
 
 from robots.api.messages import Connection, Factsheet, Message, State
-from robots.models import Robot
+from robots.models import RobotPresence
+from robots.presence.report import standstill_of
 
 logger = structlog.stdlib.get_logger(__name__)
 
 WRITE_SECONDS = 2.0
 UNKNOWN_SECONDS = 10.0
 AT_ONCE = frozenset({"connection", "boot", "factsheet"})
-# robots.agent.control.dispatcher: how an agent says that it does not reach the robot that it is the
-# agent of
-AWAY = re.compile(r"adapter_(?:lost|starting): ")
-FAULT_NAME = re.compile(r"^\w+: ")
-
-# Why nobody can drive a robot that is connected: its emergency stop is on, its agent does not
-# reach it, or it has another fault. The words are those of a paused queue, too.
-Standstill = Literal["", "estop", "not_connected", "fault"]
 
 
 def changes(
-    robot: Robot, message: Message, now: datetime.datetime, *, retained: bool = False
+    row: RobotPresence, message: Message, now: datetime.datetime, *, retained: bool = False
 ) -> dict[str, Any]:
-    """Return the fields of a robot's row that a message changes.
+    """Return the fields of a robot's presence that a message changes.
 
     Args:
-        robot: the row as it is known.
+        row: as it is known.
         message: a Connection, Factsheet or State of this robot; others change nothing.
         now: when the message came.
         retained: the broker had it in store, so that it says nothing about now.
     """
     match message:
         case Connection():
-            found = _connection(robot, message)
+            found = _connection(row, message)
         case Factsheet():
             found = {"factsheet": without_nul(msgspec.to_builtins(message))}
         case State():
-            found = _state(robot, message)
+            found = _state(row, message)
         case _:
             return {}
     if found and not retained:
         found["last_seen_at"] = now
-    return {name: value for name, value in found.items() if getattr(robot, name) != value}
+    return {name: value for name, value in found.items() if getattr(row, name) != value}
 
 
-def _connection(robot: Robot, message: Connection) -> dict[str, Any]:
+def _connection(row: RobotPresence, message: Connection) -> dict[str, Any]:
     if message.state == "ONLINE":
         return {"connection": message.state, "boot": message.boot}
-    if robot.boot not in {"", message.boot}:
+    if row.boot not in {"", message.boot}:
         return {}
     return {"connection": message.state, "boot": message.boot}
 
 
-def _state(robot: Robot, message: State) -> dict[str, Any]:
-    known = robot.report or {}
+def _state(row: RobotPresence, message: State) -> dict[str, Any]:
+    known = row.report or {}
     if known.get("boot") == message.boot and known.get("seq", -1) >= message.seq:
         return {}  # sent again on request
     # It says nothing about the connection: the last states of a robot that died may come after its
@@ -88,58 +80,6 @@ def without_nul(value: Any) -> Any:
     return value
 
 
-def trouble_of(report: Any) -> str:
-    """Return why an agent does not reach its robot, as its last state has it; empty when it does,
-    or has not said.
-    """
-    errors = report.get("errors") if isinstance(report, dict) else None
-    told = (
-        (error for error in errors if isinstance(error, str))
-        if isinstance(errors, list | tuple)
-        else ()
-    )
-    return next((AWAY.sub("", error, count=1) for error in told if AWAY.match(error)), "")
-
-
-def standstill_of(report: Any) -> Standstill:
-    """Return why nobody can drive a robot, by its last state; empty when somebody can."""
-    safety = safety_of(report)
-    if safety.get("estop") is True:
-        return "estop"
-    if trouble_of(report):
-        return "not_connected"
-    return "fault" if safety.get("inhibited") == "fault" else ""
-
-
-def safety_of(report: Any) -> dict[str, Any]:
-    """Return what its last state says of a robot's safety, {} when it says nothing."""
-    safety = report.get("safety") if isinstance(report, dict) else None
-    return safety if isinstance(safety, dict) else {}
-
-
-def is_stopped_there(report: Any) -> bool:
-    """Tell whether somebody at the robot pressed its emergency stop: at its screen, or the robot's
-    own button (robots.agent.safety.estop_latch).
-    """
-    source = safety_of(report).get("estopSource")
-    return isinstance(source, str) and source.partition(":")[0] in {"screen", "button"}
-
-
-def fault_of(report: Any) -> str:
-    """Return a robot's fault as its agent says it, empty when it says none."""
-    errors = report.get("errors") if isinstance(report, dict) else None
-    first = errors[0] if isinstance(errors, list | tuple) and errors else ""
-    return FAULT_NAME.sub("", first, count=1) if isinstance(first, str) else ""
-
-
-def has_problem(robot: Robot, now: datetime.datetime) -> bool:
-    """Tell whether a robot is there and cannot be driven until somebody does something: it is at a
-    standstill, or could not get ready for the next visit.
-    """
-    is_stuck = robot.turnaround == Robot.Turnaround.PAUSED
-    return robot.is_online(now) and bool(standstill_of(robot.report) or is_stuck)
-
-
 def _is_news(before: Any, after: Any) -> bool:
     """Tell whether a state is the first of its boot, begins or ends a standstill, or comes from a
     robot that has docked or left.
@@ -149,15 +89,6 @@ def _is_news(before: Any, after: Any) -> bool:
         for one in (before, after)
     ]
     return told[0] != told[1]
-
-
-@dataclass(frozen=True)
-class PresenceChange:
-    """A robot came (`online`) or went; `state` is the word of its Connection."""
-
-    robot: Robot
-    online: bool
-    state: str
 
 
 class Fence(Protocol):
@@ -186,7 +117,8 @@ class _NoFence:
 
 @dataclass
 class _KnownRobot:
-    robot: Robot
+    name: str
+    row: RobotPresence
     waiting: dict[str, Any] = field(default_factory=dict)
     is_urgent: bool = False
     written: float = -1e18
@@ -218,30 +150,27 @@ class PresenceWriter:
         }
         if not asked:
             return
-        for robot in Robot.objects.filter(name__in=asked):
-            self._known[robot.name] = _KnownRobot(robot)
+        for row in RobotPresence.objects.filter(robot__name__in=asked).select_related("robot"):
+            self._known[row.robot.name] = _KnownRobot(row.robot.name, row)
         self._unknown |= dict.fromkeys(asked - self._known.keys(), at)
 
     def take(
         self, name: str, message: Message, now: datetime.datetime, *, retained: bool = False
-    ) -> PresenceChange | None:
-        """Take a message of the robot called `name`; return what became of its presence, None when
-        that is as before.
-        """
+    ) -> RobotPresence | None:
+        """Take a message of the robot called `name`; return its presence when it came or went."""
         self.read([name], now)
         known = self._known.get(name)
         if known is None:
             return None
-        was, report = known.robot.connection, known.robot.report
-        found = changes(known.robot, message, now, retained=retained)
+        was, report = known.row.connection, known.row.report
+        found = changes(known.row, message, now, retained=retained)
         for key, value in found.items():
-            setattr(known.robot, key, value)
+            setattr(known.row, key, value)
         if found:
             known.waiting |= found
-            known.is_urgent |= bool(AT_ONCE & found.keys()) or _is_news(report, known.robot.report)
+            known.is_urgent |= bool(AT_ONCE & found.keys()) or _is_news(report, known.row.report)
             self._unwritten.add(name)
-        state = known.robot.connection
-        return PresenceChange(known.robot, state == "ONLINE", state) if state != was else None
+        return known.row if known.row.connection != was else None
 
     def forget(self, names: Collection[str] | None = None) -> None:
         """Read these robots' rows, or every row, again before anything more is taken: what was last
@@ -274,42 +203,47 @@ class PresenceWriter:
         by_fields: dict[tuple[str, ...], list[_KnownRobot]] = {}
         for known in due:
             by_fields.setdefault(tuple(sorted(known.waiting)), []).append(known)
-        with self._fence.about(*(known.robot.name for known in due)):
+        with self._fence.about(*(known.name for known in due)):
             for names, group in by_fields.items():
                 self._write_group(names, group)
         for known in due:
             known.waiting, known.is_urgent, known.written = {}, False, at
-            self._unwritten.discard(known.robot.name)
+            self._unwritten.discard(known.name)
 
     def _write_group(self, fields: Collection[str], group: Collection[_KnownRobot]) -> None:
-        robots = [known.robot for known in group]
+        rows = [known.row for known in group]
         try:
             with transaction.atomic():
-                written = update_each(robots, fields)
+                written = update_each(rows, fields)
         except (DataError, IntegrityError, ValueError) as error:
-            if len(robots) > 1:
+            if len(rows) > 1:
                 for known in group:
                     self._write_group(fields, [known])
                 return
-            logger.error("presence_refused", robot=robots[0].name, reason=str(error))
+            logger.error("presence_refused", robot=next(iter(group)).name, reason=str(error))
             written = 0
-        if written < len(robots):  # one was deleted, perhaps made anew under the same name
-            self.forget([robot.name for robot in robots])
+        if written < len(rows):  # one was deleted, perhaps made anew under the same name
+            self.forget([known.name for known in group])
 
 
-def update_each(robots: Collection[Robot], fields: Collection[str]) -> int:
-    """Write these fields of each robot; return how many of the rows there are.
+def update_each(rows: Collection[RobotPresence], fields: Collection[str]) -> int:
+    """Write these fields of each row; return how many of the rows there are.
 
     One statement with many parameters, where `bulk_update` makes one whose size and cost grow with
     the rows: at a hundred rows that takes twice the processor of an `update` for each.
     """
     if connection.vendor == "mongodb":
-        rows = ((robot, {name: getattr(robot, name) for name in fields}) for robot in robots)
-        return sum(Robot.objects.filter(pk=robot.pk).update(**values) for robot, values in rows)
-    key, columns = Robot._meta.pk, [Robot._meta.get_field(name) for name in fields]
+        return sum(
+            RobotPresence.objects.filter(pk=row.pk).update(
+                **{name: getattr(row, name) for name in fields}
+            )
+            for row in rows
+        )
+    meta = RobotPresence._meta
+    key, columns = meta.pk, [meta.get_field(name) for name in fields]
     table, *names = (
         connection.ops.quote_name(name)
-        for name in (Robot._meta.db_table, key.column, *(column.column for column in columns))
+        for name in (meta.db_table, key.column, *(column.column for column in columns))
     )
     changed = ", ".join(f"{name} = %s" for name in names[1:])
     with connection.cursor() as cursor:
@@ -317,10 +251,10 @@ def update_each(robots: Collection[Robot], fields: Collection[str]) -> int:
             f"UPDATE {table} SET {changed} WHERE {names[0]} = %s",  # noqa: S608
             [
                 [
-                    column.get_db_prep_save(getattr(robot, column.attname), connection)
+                    column.get_db_prep_save(getattr(row, column.attname), connection)
                     for column in (*columns, key)
                 ]
-                for robot in robots
+                for row in rows
             ],
         )
         return int(cursor.rowcount)

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.agent.navigation.assistance.braking import BRAKING, BrakeCheck, Hazards, stop_course
 from robots.agent.ramp import ZERO
+from robots.agent.safety.collision.braking import BRAKING, BrakeCheck, Hazards, stop_course
 from robots.api.messages import Velocity
 from robots.world.robot_models import GIRAFF, RHODON
 from tests.support.examples import examples

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.agent.navigation.obstacles.memory import (
+from robots.agent.safety.collision.memory import (
     MemorySettings,
     RollingObstacleMap,
     compare,

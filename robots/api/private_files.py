@@ -1,0 +1,40 @@
+"""Files that only their owner may read, written in one step."""
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+OWNER_ALONE = 0o600
+
+
+@contextlib.contextmanager
+def draft_of(path: Path, *, mode: int = OWNER_ALONE, replace: bool = True) -> Iterator[BinaryIO]:
+    """Give a file to write, which is at `path` afterwards: whoever reads there, also after a power
+    failure, finds all of it or what was there before.
+
+    Raises:
+        FileExistsError: something is there and is not to be replaced.
+        OSError: it cannot be written.
+    """
+    descriptor, draft = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        Path(draft).chmod(mode)
+        if replace:
+            Path(draft).replace(path)
+        else:
+            os.link(draft, path)
+    finally:
+        Path(draft).unlink(missing_ok=True)
+
+
+def write_private(path: Path, text: str, *, mode: int = OWNER_ALONE, replace: bool = True) -> None:
+    """Write a text with `draft_of`."""
+    with draft_of(path, mode=mode, replace=replace) as file:
+        file.write(text.encode())

@@ -1,0 +1,68 @@
+"""What a robot's last state means for those who want to drive it. Pure."""
+
+import datetime
+import re
+from typing import Any, Literal
+
+from robots.models import Robot
+
+# robots.agent.control.dispatcher: how an agent says that it does not reach the robot that it is the
+# agent of
+AWAY = re.compile(r"adapter_(?:lost|starting): ")
+FAULT_NAME = re.compile(r"^\w+: ")
+
+# Why nobody can drive a robot that is connected: its emergency stop is on, its agent does not
+# reach it, or it has another fault. The words are those of a paused queue, too.
+Standstill = Literal["", "estop", "not_connected", "fault"]
+
+
+def trouble_of(report: Any) -> str:
+    """Return why an agent does not reach its robot, as its last state has it; empty when it does,
+    or has not said.
+    """
+    errors = report.get("errors") if isinstance(report, dict) else None
+    told = (
+        (error for error in errors if isinstance(error, str))
+        if isinstance(errors, list | tuple)
+        else ()
+    )
+    return next((AWAY.sub("", error, count=1) for error in told if AWAY.match(error)), "")
+
+
+def standstill_of(report: Any) -> Standstill:
+    """Return why nobody can drive a robot, by its last state; empty when somebody can."""
+    safety = safety_of(report)
+    if safety.get("estop") is True:
+        return "estop"
+    if trouble_of(report):
+        return "not_connected"
+    return "fault" if safety.get("inhibited") == "fault" else ""
+
+
+def safety_of(report: Any) -> dict[str, Any]:
+    """Return what its last state says of a robot's safety, {} when it says nothing."""
+    safety = report.get("safety") if isinstance(report, dict) else None
+    return safety if isinstance(safety, dict) else {}
+
+
+def is_stopped_there(report: Any) -> bool:
+    """Tell whether somebody at the robot pressed its emergency stop: at its screen, or the robot's
+    own button (robots.agent.safety.estop_latch).
+    """
+    source = safety_of(report).get("estopSource")
+    return isinstance(source, str) and source.partition(":")[0] in {"screen", "button"}
+
+
+def fault_of(report: Any) -> str:
+    """Return a robot's fault as its agent says it, empty when it says none."""
+    errors = report.get("errors") if isinstance(report, dict) else None
+    first = errors[0] if isinstance(errors, list | tuple) and errors else ""
+    return FAULT_NAME.sub("", first, count=1) if isinstance(first, str) else ""
+
+
+def has_problem(robot: Robot, now: datetime.datetime) -> bool:
+    """Tell whether a robot is there and cannot be driven until somebody does something: it is at a
+    standstill, or could not get ready for the next visit.
+    """
+    is_stuck = robot.presence.turnaround == Robot.Turnaround.PAUSED
+    return robot.is_online(now) and bool(standstill_of(robot.presence.report) or is_stuck)

@@ -1,0 +1,52 @@
+"""Requests that a web process refuses cost one line of its log and no traceback."""
+
+import contextlib
+import socket
+
+import pytest
+
+from tests.support.patience import patient
+from tests.support.sessions.site import LOOPBACK, Site, wait_for
+
+UPGRADE = (
+    "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+    "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
+)
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    site = Site(tmp_path_factory.mktemp("site") / "var")
+    try:
+        site.prepare()
+        site.start_web()
+        wait_for(lambda: site.listening(site.web_port), 30, "the web process")
+        yield site
+    finally:
+        site.stop_all()
+
+
+def status(site, path, *headers):
+    """Return the status of the answer to a request, and what it added to the log."""
+    before = len(site.log("web"))
+    lines = "".join(f"{header}\r\n" for header in headers)
+    with contextlib.closing(
+        socket.create_connection((LOOPBACK, site.web_port), timeout=patient(10))
+    ) as connection:
+        connection.sendall(f"GET {path} HTTP/1.1\r\n{lines}\r\n".encode())
+        answer = connection.recv(4096).decode("latin-1")
+    return int(answer.split()[1]), site.log("web")[before:]
+
+
+def test_a_websocket_to_an_unknown_path_is_not_found(site):
+    headers = (f"Host: {LOOPBACK}:{site.web_port}", f"Origin: {site.url}", UPGRADE.strip())
+    for path in ("/ws/nowhere/", "/", "/ws/robots/giraff/nowhere/", "/ws/check"):
+        code, logged = status(site, path, *headers)
+        assert (code, "Traceback" in logged) == (404, False), (path, logged)
+    assert status(site, "/ws/check/", *headers)[0] == 101
+
+
+@pytest.mark.parametrize("host", ["a, Host: b", "evil.example.org", "a b", ""])
+def test_a_host_that_is_none_of_ours_leaves_no_traceback(site, host):
+    code, logged = status(site, "/", f"Host: {host}")
+    assert (code, "Traceback" in logged) == (400, False), logged

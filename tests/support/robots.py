@@ -1,0 +1,45 @@
+"""Robots of the database with what they last reported and with their keys."""
+
+from typing import Any
+
+from robots.models import Robot, RobotCredentials, RobotPresence
+
+PARTS = (RobotPresence, RobotCredentials)
+
+
+def unsaved_robot(**fields: Any) -> Robot:
+    """Return a robot that is in no database, with the rows that belong to it."""
+    values = _by_table(fields)
+    robot = Robot(**values.pop(Robot))
+    for part, own in values.items():
+        part(robot=robot, **own)
+    return robot
+
+
+def create_robots(*robots: Robot) -> None:
+    """Store robots that `unsaved_robot` made, in a statement a table."""
+    Robot.objects.bulk_create(robots)
+    RobotPresence.objects.bulk_create(robot.presence for robot in robots)
+    RobotCredentials.objects.bulk_create(robot.credentials for robot in robots)
+
+
+def create_robot(**fields: Any) -> Robot:
+    """Store a robot; fields of its presence and its credentials go into rows of their own."""
+    robot = unsaved_robot(**fields)
+    create_robots(robot)
+    return robot
+
+
+def update_robots(**fields: Any) -> None:
+    """Change fields of all robots, whichever table has them."""
+    for model, values in _by_table(fields).items():
+        if values:
+            model.objects.update(**values)
+
+
+def _by_table(fields: dict[str, Any]) -> dict[Any, dict[str, Any]]:
+    found: dict[Any, dict[str, Any]] = {Robot: dict(fields)}
+    for part in PARTS:
+        columns = {field.name for field in part._meta.fields} & fields.keys()
+        found[part] = {name: found[Robot].pop(name) for name in columns}
+    return found

@@ -1,0 +1,107 @@
+"""The simulated robot, driven by its driver and by our own navigation, when the agent, the
+navigation process or the simulator hangs or dies: metres and seconds until it is at rest.
+
+The agent is whole and a process of its own (ordered_agent.py); simulator and navigation are its
+children. `pytest -s` prints the table; the cells marked nightly run in `make nightly`.
+"""
+
+import contextlib
+import os
+import signal
+import sys
+import time
+from itertools import pairwise
+
+import pytest
+
+from robots.world.robot_models import model_of
+from tests.support.agents.agent_process import AgentProcess, wait
+from tests.support.agents.truth import Onlooker
+from tests.support.patience import patient
+
+GIRAFF = model_of("giraff")
+OPTIONS = {"camera": "no", "start": "6.0,1.0,3.1", "seed": "3", "linger": "20"}
+AWAY, WATCHED = 4.0, 3.0  # s
+REST = 1e-3  # m/s and rad/s
+LATE = 0.3  # s after which our navigation's last velocity no longer counts
+ROWS = {"driven": ("drive",), "navigating": ("goto", "1.2", "1.0"), "docking": ("dock",)}
+COLUMNS = (
+    "agent killed",
+    "agent stopped",
+    "simulator hung",
+    "navigation killed",
+    "navigation hung",
+)
+QUICK = {("navigating", "agent killed"), ("docking", "navigation killed")}
+
+
+@contextlib.contextmanager
+def moving(row, directory):
+    agent = AgentProcess("simulator", "giraff", OPTIONS, directory, plan="office")
+    found = agent.wait_for(lambda event: "port" in event)
+    onlooker = Onlooker(int(found["port"].rpartition(":")[2]))
+    try:
+        agent.request(*ROWS[row])
+        wait(lambda: onlooker.truth().linear > 0.2, 20.0)
+        yield agent, onlooker, found["pids"]
+    finally:
+        for pid in found["pids"]:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGCONT)
+        agent.end()
+        onlooker.close()
+
+
+def since(onlooker, event):
+    """Return metres and seconds from an event (Unix time) to rest, and metres afterwards."""
+    rows = [row for row in onlooker.history(30.0) if row.stamp >= event]
+    moves = [abs(row.linear) > REST or abs(row.angular) > REST for row in rows]
+    at_rest = next(
+        index for index, moving in enumerate(moves) if not moving and not any(moves[index:][:20])
+    )
+    steps = [
+        ((after.x - before.x) ** 2 + (after.y - before.y) ** 2) ** 0.5
+        for before, after in pairwise(rows)
+    ]
+    return sum(steps[:at_rest]), rows[at_rest].stamp - event, sum(steps[at_rest:])
+
+
+def within(column):
+    """Seconds from the event until the robot is at rest, on a computer with nothing else to do."""
+    braking = GIRAFF.limits.linear / GIRAFF.limits.linear_braking
+    silence = {"agent": GIRAFF.watchdog, "simulator": AWAY + GIRAFF.watchdog, "navigation": LATE}
+    return silence[column.split()[0]] + braking
+
+
+@pytest.mark.parametrize(
+    ("row", "column"),
+    [
+        pytest.param(row, column, marks=() if (row, column) in QUICK else pytest.mark.nightly)
+        for row in ROWS
+        for column in COLUMNS
+        if row != "driven" or "navigation" not in column
+    ],
+)
+def test_robot_comes_to_rest(row, column, tmp_path):
+    with moving(row, tmp_path) as (agent, onlooker, (simulator, navigation)):
+        who, how = column.split()
+        pid = {"agent": agent.process.pid, "simulator": simulator, "navigation": navigation}[who]
+        event, began = time.time(), time.monotonic()
+        os.kill(pid, signal.SIGKILL if how == "killed" else signal.SIGSTOP)
+        if how != "killed":
+            time.sleep(AWAY)
+            agent.request("idle")
+            with contextlib.suppress(ProcessLookupError):  # the agent has replaced it
+                os.kill(pid, signal.SIGCONT)
+        time.sleep(within(column) + WATCHED)
+        metres, seconds, later = since(onlooker, event)
+        sys.stdout.write(
+            f"\nsimulator, {row}: {column:20} {metres:5.2f} m  at rest after {seconds:5.2f} s, "
+            f"then {later:5.3f} m  {agent.said()}"
+        )
+        assert seconds <= patient(within(column))
+        assert metres <= GIRAFF.limits.linear * within(column)
+        assert later <= 0.03
+        if who == "navigation":
+            ended = agent.wait_for(lambda each: each.get("status") == "FAILED", since=began)
+            assert "navigation" in ended["reason"]

@@ -1,0 +1,155 @@
+"""What stops the robot's own navigation when the agent is lost, velocities that pass through the
+agent, the robot's own lock, and its speed limit.
+"""
+
+import asyncio
+import time
+
+import pytest
+
+from robots.agent.adapters import registry
+from robots.agent.adapters.common.robot_profile import SHIPPED, load_profile
+from robots.agent.adapters.ros import base
+from robots.agent.adapters.ros.base import RosAdapter, RosOptions
+from robots.agent.adapters.ros.docking import TriggerDocking
+from robots.agent.ramp import ZERO
+from robots.agent.robot_interface import ActionRefusedError, AdapterError
+from robots.api.messages import Dock, Goto, Velocity
+from tests.support.architectures.fake_ros_bus import FakeBus
+
+DOCKS = {"dock": "/dock", "undock": "/undock"}
+AHEAD = Velocity(linear=0.2, angular=0.1)
+
+
+def adapter_of(*, guards=False, version=1, **options):
+    robot = load_profile("rhodon")
+    bus = FakeBus(version, guards=guards)
+    adapter = RosAdapter(robot, RosOptions(watchdog=0.6, **options), bus, "ROS")
+    adapter._failure = ""
+    return adapter, bus
+
+
+@pytest.mark.parametrize(
+    ("guards", "options", "control"),
+    [
+        (True, {}, "guarded"),
+        (True, DOCKS | {"cancel_dock": "/cancel_dock"}, "guarded"),
+        (True, {"navigation": "none"}, None),
+        (False, {"navigation": "none"}, None),
+        (False, {"navigation_velocity": "cmd_vel_nav"}, "agent"),
+        (True, {"navigation_velocity": "cmd_vel_nav"}, "agent"),
+    ],
+)
+def test_the_profile_names_what_stops_the_navigation(guards, options, control):
+    assert adapter_of(guards=guards, **options)[0].profile.navigation_control == control
+
+
+@pytest.mark.parametrize(
+    ("guards", "options"), [(False, {}), (True, DOCKS), (False, DOCKS | {"navigation": "none"})]
+)
+def test_navigation_that_nothing_stops_is_refused(guards, options):
+    with pytest.raises(AdapterError, match=r"navigation_velocity .* unguarded_navigation"):
+        adapter_of(guards=guards, **options)
+
+
+def test_an_owner_may_allow_navigation_that_nothing_stops(tmp_path):
+    file = tmp_path / "mine.toml"
+    shipped = (SHIPPED / "rhodon.toml").read_text()
+    file.write_text(f"unguarded_navigation = true\n{shipped}")
+    assert registry.create("rosbridge", str(file)).profile.navigation_control == "unguarded"
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost"])
+def test_a_guard_counts_where_the_master_is_on_this_computer(host):
+    profile = registry.create("ros1", "rhodon", {"master": f"http://{host}:11311"}).profile
+    assert profile.navigation_control == "guarded"
+
+
+async def test_velocities_pass_while_an_action_of_ours_runs(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(base.time, "monotonic", lambda: now[0])
+    adapter, _ = adapter_of(navigation_velocity="cmd_vel_nav")
+    message = {"linear": {"x": 0.2}, "angular": {"z": 0.1}}
+    adapter._navigate(message)
+    assert adapter.wanted() is None
+    adapter.pending_actions.begin(adapter._pending(Goto(action_id="g", stamp=0.0, x=1.0, y=0.0)))
+    assert adapter.wanted() == AHEAD
+    now[0] += 0.31
+    assert adapter.wanted() == ZERO
+    adapter._navigate({"header": {}, "twist": message})
+    assert adapter.wanted() == AHEAD
+    adapter.pending_actions.drive.first_cancelled_at = now[0]
+    assert adapter.wanted() is None
+
+
+async def test_velocities_of_a_guarded_navigation_are_not_wanted():
+    adapter, _ = adapter_of(guards=True)
+    adapter.pending_actions.begin(adapter._pending(Goto(action_id="g", stamp=0.0, x=1.0, y=0.0)))
+    assert adapter.wanted() is None
+
+
+async def test_the_robots_own_lock_is_set_by_topic_and_service():
+    adapter, bus = adapter_of(guards=True, lock="lock", estop_service="/estop")
+    for locked in (True, False):
+        adapter.set_lock(locked=locked)
+        await asyncio.gather(*adapter._tasks)
+    assert bus.published == [("/lock", {"data": True}), ("/lock", {"data": False})]
+    assert bus.calls == [
+        ("/estop", "std_srvs/SetBool", {"data": True}),
+        ("/estop", "std_srvs/SetBool", {"data": False}),
+    ]
+    bus.answer = AdapterError("/estop does not answer")
+    adapter.set_lock(locked=True)
+    await asyncio.gather(*adapter._tasks)
+    assert adapter._lock_problem == "/estop failed: /estop does not answer"
+
+
+async def test_a_trigger_that_locks_is_not_called_to_release():
+    adapter, bus = adapter_of(guards=True, estop_service="/estop", estop_service_type="Trigger")
+    for locked in (True, False):
+        adapter.set_lock(locked=locked)
+        await asyncio.gather(*adapter._tasks)
+    assert bus.calls == [("/estop", "std_srvs/Trigger", {})]
+
+
+async def test_a_speed_limit_is_published_in_metres_a_second():
+    adapter, bus = adapter_of(version=2, guards=True, navigation="nav2", speed_limit="speed_limit")
+    adapter.limit_speed(0.2)
+    (topic, message), *_ = bus.published
+    assert (topic, message["percentage"], message["speed_limit"]) == ("/speed_limit", False, 0.2)
+
+
+def test_an_estop_that_was_never_reported_is_unknown():
+    adapter, _ = adapter_of(guards=True, estop="estop")
+    assert adapter.readings.state(time.time()).estop is None
+    handlers = {topic: (handler, how) for topic, _, handler, how in adapter._listened()}
+    handler, how = handlers["/estop"]
+    assert how == {"either": True}
+    handler({"data": False})
+    assert adapter.readings.state(time.time()).estop is False
+
+
+async def test_a_dock_that_refuses_was_certainly_not_taken():
+    adapter, bus = adapter_of(guards=True, **DOCKS, cancel_dock="/cancel_dock")
+    bus.answer = (False, "no dock in sight")
+    with pytest.raises(ActionRefusedError, match="/dock refused: no dock in sight"):
+        await adapter.start(Dock(action_id="d", stamp=0.0))
+    assert await adapter.cancel("d")
+
+
+async def test_a_dock_that_does_not_answer_is_cancelled_until_its_service_answers():
+    adapter, bus = adapter_of(guards=True, **DOCKS, cancel_dock="/cancel_dock")
+    bus.answer = AdapterError("/dock does not answer")
+    with pytest.raises(AdapterError, match="/dock does not answer"):
+        await adapter.start(Dock(action_id="d", stamp=0.0))
+    assert not await adapter.cancel("d")
+    bus.answer = (True, "")
+    assert await adapter.cancel("d")
+    assert [call[0] for call in bus.calls] == ["/dock", "/cancel_dock", "/cancel_dock"]
+
+
+@pytest.mark.parametrize(("stands", "confirmed"), [(True, True), (False, False)])
+async def test_a_cancel_without_success_counts_at_rest_only(stands, confirmed):
+    bus = FakeBus()
+    bus.answer = (False, "nothing to cancel")
+    assert await TriggerDocking("/cancel_dock", bus, lambda: stands).cancel() is confirmed
