@@ -39,12 +39,12 @@ STANDS_WITHIN = 0.65  # s
 MODULE_STANDS_WITHIN = 1.15  # s
 DRIVES_WITHIN = 20.0  # s
 STARTED_LATE = 0.1  # s: an order was on its way, and the standstill is looked for now and then
-DDS = (
-    '<CycloneDDS><Domain><General><Interfaces><NetworkInterface address="{here}"'
-    ' multicast="false"/></Interfaces></General><Discovery>'
-    "<ParticipantIndex>auto</ParticipantIndex><Peers><Peer"
-    ' address="{there}"/></Peers></Discovery></Domain></CycloneDDS>'
-)
+# Shared memory would lead past the cable.
+ROS_2 = {
+    "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
+    "ROS_STATIC_PEERS": f"{HERE};{THERE}",
+    "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
+}
 RIGS = {
     "moos": lambda _: MoosRig("giraff", listening=HERE),
     "moos, no watchdog": lambda _: MoosRig("giraff", listening=HERE),
@@ -95,7 +95,7 @@ class Agent:
         self.process = None
 
     def start(self):
-        environment = os.environ | {"CYCLONEDDS_URI": DDS.format(here=THERE, there=HERE)}
+        environment = os.environ | ROS_2
         self.process = subprocess.Popen(
             self._command, cwd=ROOT, env=environment, stderr=subprocess.DEVNULL
         )
@@ -186,7 +186,8 @@ def end(ending, rca, agent, network):
 def test_no_old_order_moves_the_robot_it_stands_and_drives_again(
     name, ending, network, tmp_path, monkeypatch
 ):
-    monkeypatch.setenv("CYCLONEDDS_URI", DDS.format(here=HERE, there=THERE))
+    for variable, value in ROS_2.items():
+        monkeypatch.setenv(variable, value)
     with driven(name, network, tmp_path) as (rca, agent):
         commands = rca.world.commands
         assert wait(lambda: rca.world.sim.motion.linear > 0.1, 40.0) < math.inf, "it never drove"
