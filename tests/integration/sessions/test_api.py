@@ -270,8 +270,8 @@ async def test_a_robot_that_was_stopped_is_free_and_not_sent_home(bridge, giraff
     )
     status, answer = await act("dock", bearer)
     assert (status, answer["error"]) == (409, "stopped")
-    row = await Robot.objects.aget()
-    assert (row.presence.turnaround, row.presence.turnaround_reason) == ("paused", "stopped")
+    presence = await RobotPresence.objects.aget()
+    assert (presence.turnaround, presence.turnaround_reason) == ("paused", "stopped")
 
 
 async def test_a_key_acts_thirty_times_a_minute(bridge, giraff, bearer, monkeypatch):

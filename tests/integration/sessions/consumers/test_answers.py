@@ -82,7 +82,7 @@ def held(function):
 async def stop(robot):
     """Press the robot's emergency stop, for its row and its pages."""
     report = msgspec.to_builtins(words.state(safety=ESTOP))
-    await RobotPresence.objects.filter(pk=robot.pk).aupdate(report=report)
+    await RobotPresence.objects.filter(robot=robot).aupdate(report=report)
 
 
 # --- every request is answered --------------------------------------------------------------------

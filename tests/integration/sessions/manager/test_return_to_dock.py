@@ -127,8 +127,8 @@ def test_a_robot_that_is_stopped_on_its_way_is_ordered_nothing(giraff, ana, situ
     for second in range(2, 400):
         situation.says(after(second), docked=False, safety=STOPPED)
         assert situation.look(after(second)) == []
-    row = Robot.objects.get().presence
-    assert (row.turnaround, row.turnaround_reason) == ("paused", "stopped")
+    presence = RobotPresence.objects.get()
+    assert (presence.turnaround, presence.turnaround_reason) == ("paused", "stopped")
     assert SystemLog.objects.get(event="queue_paused").fields == {"reason": "stopped"}
     situation.says(after(400), docked=False)
     (again,) = situation.look(after(400))

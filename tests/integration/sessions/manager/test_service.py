@@ -324,7 +324,7 @@ async def test_a_robot_going_home_gets_heartbeats_and_no_order_after_a_stop(
 
     monkeypatch.setattr(ReturnToDock, "tick", slow)
     home = {"returns_home": True, "turnaround": "returning", "turnaround_reason": "dock"}
-    await set_rules(**home, factsheet={"capabilities": ["dock"]})
+    await sync_to_async(update_robots)(**home, factsheet={"capabilities": ["dock"]})
     async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
         await wait_for(lambda: robot.ordered, what="the order to dock")
         (dock,) = robot.ordered
