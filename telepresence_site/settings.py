@@ -92,12 +92,15 @@ else:
     DATABASES = {
         "default": dj_database_url.parse(
             env.text("DATABASE_URL", f"sqlite:///{VAR_DIR / 'telepresence.sqlite3'}"),
-            conn_max_age=60,
         )
     }
+if DATABASES["default"]["ENGINE"] == "django.db.backends.postgresql":
+    DATABASES["default"]["CONN_HEALTH_CHECKS"] = True
+    DATABASES["default"]["OPTIONS"] = {"pool": postgresql.POOL} | DATABASES["default"].get(
+        "OPTIONS", {}
+    )
 if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
     env.private_sqlite(str(DATABASES["default"]["NAME"]))
-    DATABASES["default"]["CONN_MAX_AGE"] = 0
     DATABASES["default"]["OPTIONS"] = {
         # Several processes write: wait for each other instead of failing, and take the write lock
         # when a transaction begins.

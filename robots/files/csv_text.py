@@ -19,8 +19,14 @@ _QUOTED = re.compile(r'[",;\t\r\n]|^ | $')
 
 def csv_text(rows: Iterable[Iterable[Any]]) -> str:
     """Return rows as CSV (RFC 4180, lines end with LF); None is an empty cell."""
-    lines = (",".join(map(_cell, row)) or '""' for row in rows)
-    return "".join(f"{line}\n" for line in lines)
+    return "".join(f"{_line(row)}\n" for row in rows)
+
+
+def _line(row: Iterable[Any]) -> str:
+    # A spreadsheet that does not split at commas takes the line for the rest of its first cell, so
+    # that a text there is guarded even when it is a number.
+    cells = [_cell(value, is_first=place == 0) for place, value in enumerate(row)]
+    return ",".join(cells) or '""'
 
 
 def unguarded(cell: str) -> str:
@@ -28,10 +34,12 @@ def unguarded(cell: str) -> str:
     return _GUARD.sub(r"\1", cell)
 
 
-def _cell(value: Any) -> str:
+def _cell(value: Any, *, is_first: bool) -> str:
     if value is None or isinstance(value, int | float):
         return "" if value is None else str(value)
     text = str(value)
-    if not _NUMBER.fullmatch(text):
+    if text.isalnum():
+        return text
+    if is_first or not _NUMBER.fullmatch(text):
         text = _FORMULA.sub(r"\1'", text)
     return '"' + text.replace('"', '""') + '"' if _QUOTED.search(text) else text

@@ -83,11 +83,7 @@ def as_csv(table: Table) -> str:
     return csv_text([table.head, *(map(_exact, row) for row in table.rows)])
 
 
-def _exact(cell: TableCell) -> str:
+def _exact(cell: TableCell) -> str | float:
     if cell.value is None:
         return "" if cell.text == NOTHING else cell.text
-    return (
-        str(int(cell.value))
-        if cell.value.is_integer() and "." not in cell.text
-        else repr(cell.value)
-    )
+    return int(cell.value) if cell.value.is_integer() and "." not in cell.text else cell.value

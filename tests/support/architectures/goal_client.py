@@ -4,11 +4,42 @@ profile, options, x and y. Each progress is a line on standard output.
 """
 
 import asyncio
+import contextlib
 import json
+import subprocess
 import sys
+import time
 
 from robots.agent.adapters import registry
+from robots.api.geometry import Pose2D
 from robots.api.messages import Goto
+from tests.support.paths import ROOT
+from tests.support.patience import patient
+
+
+@contextlib.contextmanager
+def going(rig, ahead=3.0):
+    """The process, while the robot of `rig` is on its way to a point `ahead` metres of it."""
+    place = rig.world.truth.compose(Pose2D(ahead, 0.0, 0.0))
+    wish = {
+        "adapter": rig.adapter_name,
+        "profile": rig.profile,
+        "options": rig.options(),
+        "x": place.x,
+        "y": place.y,
+    }
+    command = [sys.executable, "-m", "tests.support.architectures.goal_client", json.dumps(wish)]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE)
+    try:
+        assert process.stdout.readline() == b"RUNNING\n"
+        deadline = time.monotonic() + patient(10.0)
+        while rig.world.sim.motion.linear < 0.2:
+            assert time.monotonic() < deadline, "the robot does not go"
+            time.sleep(0.01)
+        yield process
+    finally:
+        process.kill()
+        process.wait()
 
 
 async def main(wish):

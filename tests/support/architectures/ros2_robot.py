@@ -99,7 +99,7 @@ class Ros2Rig(RcaRig):
                 self.cancels += 1
             elif topic == "canceled":
                 self.world.cancel()
-            elif topic in DOCKING:
+            elif topic in DOCKING and not (topic == "/cancel_dock" and self.world.kind == "goto"):
                 getattr(self.world, DOCKING[topic])()
             else:
                 self.robot.hear(topic, message)

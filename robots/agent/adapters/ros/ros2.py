@@ -11,6 +11,7 @@ import contextlib
 import json
 import os
 import sys
+import time
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,7 +24,7 @@ from robots.agent.adapters.common.velocity_gate import GateParams
 from robots.agent.adapters.ros.base import RosAdapter, RosOptions
 from robots.agent.adapters.ros.bus import Goals, Handler
 from robots.agent.adapters.ros.graph import Graph, TopicPeers
-from robots.agent.adapters.ros.ros1 import NodeBus
+from robots.agent.adapters.ros.ros1 import GRAPH_TIME, NodeBus, outlives_agent
 from robots.agent.robot_interface import AdapterError
 from robots.api.messages import ActionState
 
@@ -31,7 +32,8 @@ HIGHEST_DOMAIN = 232  # of which the UDP ports are below 65536 (DDSI-RTPS 2.3, 9
 CONFIRMED_WITHIN = 0.8  # s for the node's answer to a cancel, which comes 0.4 s after it at most
 # A velocity that is due waits for the next odometry anyway: at 30 Hz, one per odometry.
 GATE = GateParams(repeat=0.03, at_latest=0.012)
-GOAL_TYPES = {"nav2": "nav2_msgs/NavigateToPose"}
+PREFIX = b"telepres"  # the first bytes of the ids of our goals, as in ros2_node.py
+NAVIGATE_TO_POSE = "nav2_msgs/NavigateToPose"
 # action_msgs/GoalStatus
 DONE: dict[int, ActionState] = {4: "FINISHED", 5: "CANCELLED", 6: "FAILED"}
 
@@ -55,8 +57,8 @@ def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
         AdapterError: no such profile or option; one sentence.
     """
     robot = load_profile(profile_name)
-    settings = settings_of(Ros2Options, "ros2", robot, {"navigation": "nav2", **options})
-    if settings.navigation not in {"nav2", "none"}:
+    settings = settings_of(Ros2Options, "ros2", robot, options)
+    if settings.navigation == "move_base":
         raise AdapterError("with ROS 2, navigation must be nav2 or none")
     adapter = RosAdapter(robot, settings, Ros2Bus(settings.resolved()), "ROS 2")
     adapter.gate_params = GATE
@@ -110,16 +112,21 @@ class Ros2Bus(NodeBus):
 
     def __init__(self, options: Ros2Options) -> None:
         domain = domain_of(options)
-        environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
-        self.guards = is_on_robot(options)
+        # What a frozen base has not read waits in its socket, and a zero is behind each velocity.
+        # In shared memory the zeros are lost when their sender ends.
+        transport = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
+        environment = {**transport, **os.environ, "ROS_DOMAIN_ID": str(domain)}
+        self.guards = is_on_robot(options) and outlives_agent()
         self._prepare(f"ROS 2 in domain {domain}", python_of(options), environment)
+        navigates = "none" not in {options.navigation, options.localization}
         settings = {
             "driving": options.cmd_vel,
             "odom": options.odom,
-            "action": options.navigate if options.navigation in GOAL_TYPES else "",
-            "kind": GOAL_TYPES.get(options.navigation, ""),
+            "action": options.navigate if navigates else "",
+            "kind": NAVIGATE_TO_POSE,
         }
         self.arguments = (json.dumps(settings),)
+        self._ids: dict[str, str] = {}  # of goals that have not ended, by our names
 
     async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
         """Start a node, which cancels the goals that an earlier one has left.
@@ -170,6 +177,7 @@ class Ros2Bus(NodeBus):
                 self._goals is not None
             ):
                 end = DONE.get(status, "FAILED")
+                self._ids.pop(goal, None)
                 self._goals.ended(
                     goal, end, why or ("" if end == "FINISHED" else "navigation gave up")
                 )
@@ -210,9 +218,13 @@ class Ros2Bus(NodeBus):
     async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
         """Return what others publish and subscribe to."""
         del heard
-        answer = await self._answer(
-            lambda number: self._say(op="graph", number=number, driving=driving)
-        )
+        try:
+            async with asyncio.timeout(GRAPH_TIME):
+                answer = await self._answer(
+                    lambda number: self._say(op="graph", number=number, driving=driving)
+                )
+        except TimeoutError as error:
+            raise AdapterError(f"{self.place}: its node does not answer") from error
         return {
             topic: TopicPeers(frozenset(kinds), listeners, speakers)
             for topic, (kinds, listeners, speakers) in answer.get("topics", {}).items()
@@ -221,14 +233,18 @@ class Ros2Bus(NodeBus):
     def send_goal(self, action: str, kind: str, goal: dict[str, Any], name: str) -> None:
         """Send a goal under a name of ours."""
         del kind  # the node has known it since it was started
-        self._say(op="goal", action=action, goal=name, content=goal)
+        self._ids[name] = (PREFIX + time.time_ns().to_bytes(8, "big")).hex()
+        self._say(op="goal", action=action, uuid=self._ids[name], goal=name, content=goal)
 
     async def cancel_goal(self, action: str, name: str) -> bool:
-        """Cancel a goal; return whether it has certainly ended, or never was."""
+        """Cancel a goal, also of an earlier connection; return whether it has certainly ended."""
+        if name not in self._ids:
+            return True  # it was never sent
+        uuid = self._ids[name]
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(CONFIRMED_WITHIN):
                 answer = await self._answer(
-                    lambda number: self._say(op="cancel", number=number, action=action, goal=name)
+                    lambda number: self._say(op="cancel", number=number, action=action, uuid=uuid)
                 )
                 return bool(answer["confirmed"])
         return False

@@ -12,9 +12,9 @@ This process is also the robot's guard, and outlives the agent. When the connect
 line arrives for HEARTBEAT while a goal of ours may run, it cancels our goals and publishes zero
 velocities until each goal has a terminal status and the robot is measured at rest. Then it exits.
 
-Our goals are recognized by the first bytes of their ids. An active one that this process has not
-sent was left by an earlier run, or was accepted after we gave it up: it is cancelled. Before
-`ready`, nothing is sent but cancels and zero velocities for such goals.
+The ids of our goals are PREFIX and the time at which they were sent. An active one that is older
+than this process was left by an earlier run and is cancelled. Before `ready`, nothing is sent but
+cancels and zero velocities for such goals.
 
 Threads: the main one reads the agent's lines, the executor's has all goals and callbacks, `watch`
 is the guard, and one writes to the agent, so that an agent that hangs blocks none of the others.
@@ -209,9 +209,8 @@ class OwnedGoals:
             self.found_at = math.inf
         return now - self.found_at > MATCHED_WITHIN
 
-    def start(self, name: str, content: Any) -> None:
-        goal = Goal(PREFIX + os.urandom(16 - len(PREFIX)), name)
-        self.goals[goal.uuid] = goal
+    def start(self, uuid: bytes, name: str, content: Any) -> None:
+        goal = self.goals[uuid] = Goal(uuid, name)
         if self.missing:
             self.finish(goal, ABORTED, self.missing)
             return
@@ -220,16 +219,12 @@ class OwnedGoals:
         filled(goal.request.goal, content)
         self.attend(goal, time.monotonic())
 
-    def withdraw(self, name: str, number: int) -> None:
-        """Cancel a goal and answer the agent whether it has certainly ended."""
-        now = time.monotonic()
-        for goal in list(self.goals.values()):
-            if goal.name == name:
-                goal.unwanted = True
-                goal.questions.append((number, now + CONFIRMED_WITHIN))
-                self.attend(goal, now)
-                return
-        self.node.say(op="response", number=number, confirmed=True)
+    def withdraw(self, uuid: bytes, number: int) -> None:
+        """Cancel a goal, also of an earlier run, and answer whether it has certainly ended."""
+        goal = self.goals.setdefault(uuid, Goal(uuid))
+        goal.unwanted = True
+        goal.questions.append((number, time.monotonic() + CONFIRMED_WITHIN))
+        self.attend(goal, time.monotonic())
 
     def attend_all(self) -> None:
         now = time.monotonic()
@@ -288,9 +283,7 @@ class OwnedGoals:
         for entry in message.status_list:
             uuid = bytes(entry.goal_info.goal_id.uuid)
             goal = self.goals.get(uuid)
-            # A guard that is about to end leaves new goals to its successor.
-            is_ours = uuid.startswith(PREFIX) and not self.node.guarding
-            if goal is None and is_ours and entry.status in ACTIVE:
+            if goal is None and self.is_left(uuid) and entry.status in ACTIVE:
                 goal = self.goals[uuid] = Goal(uuid)
             if goal is None:
                 continue
@@ -298,6 +291,13 @@ class OwnedGoals:
                 self.accept(goal, entry.status)
             elif goal.over_at == math.inf:
                 goal.status, goal.over_at = entry.status, time.monotonic()
+
+    def is_left(self, uuid: bytes) -> bool:
+        """Whether an earlier run has left a goal. A goal that is younger than this process is one
+        of its successor, except before `ready`, when the clock may have been set back.
+        """
+        sent_at = int.from_bytes(uuid[len(PREFIX) :], "big")
+        return uuid.startswith(PREFIX) and (self.node.starting or sent_at < self.node.began)
 
     def cancel(self, goal: Any, now: float) -> None:
         if not self.canceller.service_is_ready():
@@ -310,7 +310,7 @@ class OwnedGoals:
 
     def cancelled(self, goal: Any, code: int) -> None:
         now = time.monotonic()
-        may_arrive = goal.status == 0 and now - goal.began < LOST_AFTER
+        may_arrive = goal.name and goal.status == 0 and now - goal.began < LOST_AFTER
         if code in (UNKNOWN_GOAL, GOAL_TERMINATED) and goal.over_at == math.inf and not may_arrive:
             goal.status, goal.over_at = CANCELED, now
 
@@ -351,12 +351,14 @@ class Subscription:
 
     def adapt(self) -> None:
         """Fit the publishers that are there now."""
-        policies = self.node.policies
-        others = [each.qos_profile for each in self.node.publishers_of(self.topic)]
-        if not self.is_latched or not others:
+        if not self.is_latched:
             return
-        reliable = all(each.reliability == policies.reliable for each in others)
-        durable = all(each.durability == policies.transient_local for each in others)
+        qos = self.node.qos
+        others = [each.qos_profile for each in self.node.publishers_of(self.topic)]
+        if not others:
+            return
+        reliable = all(each.reliability == qos.ReliabilityPolicy.RELIABLE for each in others)
+        durable = all(each.durability == qos.DurabilityPolicy.TRANSIENT_LOCAL for each in others)
         former = self.volatile
         if durable:
             self.volatile = None
@@ -385,8 +387,7 @@ class Ros2Node:
         self.settings = settings  # driving, odom, action, kind
         self.linear, self.angular = 0.02, 0.05  # thresholds of standstill, until `guard`
         self.cancel_dock, self.is_docking, self.docking_cancelled_at = "", False, -math.inf
-        self.policies = Policies(qos)
-        self.check_compatible = qos.qos_check_compatible
+        self.qos = qos
         self.link = Link(connection)
         self.say = self.link.say
         self.problems: Any = {}  # sentences for the robot's owner, by topic
@@ -402,6 +403,7 @@ class Ros2Node:
         self.beat_at = time.monotonic()
         self.ended = threading.Event()
         self.guarding = self.is_attending = False
+        self.starting, self.began = True, time.time_ns()
         self.counted: Any = None  # (topic of velocities, its subscribers) as told last
         self.peers_due = 0.0
         rclpy.init(
@@ -423,11 +425,11 @@ class Ros2Node:
 
     def quality(self, *, latched: bool = False, reliable: bool = True, depth: int = 10) -> Any:
         """Return a quality of service; `latched` keeps the last message for later subscribers."""
-        policies = self.policies
-        return policies.profile(
+        reliability, durability = self.qos.ReliabilityPolicy, self.qos.DurabilityPolicy
+        return self.qos.QoSProfile(
             depth=1 if latched else depth,
-            reliability=policies.reliable if reliable else policies.best_effort,
-            durability=policies.transient_local if latched else policies.volatile,
+            reliability=reliability.RELIABLE if reliable else reliability.BEST_EFFORT,
+            durability=durability.TRANSIENT_LOCAL if latched else durability.VOLATILE,
         )
 
     def run(self) -> None:
@@ -644,11 +646,11 @@ class Ros2Node:
             words: Any = (self.cancel_dock, "std_srvs/Trigger", {}, lambda **_: None)
             threading.Thread(target=self.call, args=words, daemon=True).start()
 
-    def do_goal(self, action: str, goal: str, content: Any) -> None:
-        self.later(self.actions[action].start, goal, content)
+    def do_goal(self, action: str, uuid: str, goal: str, content: Any) -> None:
+        self.later(self.actions[action].start, bytes.fromhex(uuid), goal, content)
 
-    def do_cancel(self, number: int, action: str, goal: str) -> None:
-        self.later(self.actions[action].withdraw, goal, number)
+    def do_cancel(self, number: int, action: str, uuid: str) -> None:
+        self.later(self.actions[action].withdraw, bytes.fromhex(uuid), number)
 
     # --- the guard --------------------------------------------------------------------------------
 
@@ -693,7 +695,6 @@ class Ros2Node:
             if not self.may_move(deadline - LEFTOVERS):
                 return True
             self.brake()
-        self.say(op="lost", reason="a goal of an earlier connection does not end when cancelled")
         return False
 
     def guard(self) -> None:
@@ -778,8 +779,8 @@ class Ros2Node:
         """Report a subscriber whose quality of service keeps it from receiving our messages."""
         own = self.own(self.ros.get_publishers_info_by_topic(topic))
         for each in self.subscribers_of(topic) if own else ():
-            fits, why = self.check_compatible(own[0].qos_profile, each.qos_profile)
-            if fits == self.policies.incompatible:
+            fits, why = self.qos.qos_check_compatible(own[0].qos_profile, each.qos_profile)
+            if fits == self.qos.QoSCompatibility.ERROR:
                 problem = why.replace("ERROR: ", "").strip("; ")
                 self.problem(
                     topic,
@@ -794,18 +795,6 @@ class Ros2Node:
         if self.problems.get(key, "") != sentence:
             self.problems[key] = sentence
             self.say(op="problems", sentences=[each for each in self.problems.values() if each])
-
-
-class Policies:
-    """The names of rclpy's quality of service, of Humble and later."""
-
-    def __init__(self, qos: Any) -> None:
-        self.profile = qos.QoSProfile
-        self.reliable = qos.ReliabilityPolicy.RELIABLE
-        self.best_effort = qos.ReliabilityPolicy.BEST_EFFORT
-        self.transient_local = qos.DurabilityPolicy.TRANSIENT_LOCAL
-        self.volatile = qos.DurabilityPolicy.VOLATILE
-        self.incompatible = qos.QoSCompatibility.ERROR
 
 
 def main() -> int:

@@ -57,7 +57,11 @@ def test_no_spreadsheet_finds_a_formula_in_a_cell(separator, rows):
     ],
 )
 def test_cells_are_quoted_and_guarded_where_they_need_it(cell, written):
-    assert csv_text([[cell, "end"]]) == f"{written},end\n"
+    assert csv_text([["id", cell, "end"]]) == f"id,{written},end\n"
+
+
+def test_a_number_that_begins_a_line_does_not_make_a_formula_of_the_line():
+    assert csv_text([["-1", "2+cmd|' /C calc'!A0"]]) == "'-1,2+cmd|' /C calc'!A0\n"
 
 
 def test_a_row_of_one_empty_cell_is_no_blank_line():

@@ -21,6 +21,7 @@ from robots.agent.robot_interface import AdapterError
 from robots.api.geometry import Pose2D
 from robots.api.messages import Goto, Velocity
 from tests.support.architectures.adapter_conformance import drive, some, stands, wait_for
+from tests.support.architectures.goal_client import going
 from tests.support.architectures.rca_conformance import (
     RcaConformance,
     connected,
@@ -35,7 +36,6 @@ from tests.support.patience import patient
 
 AHEAD = Velocity(linear=0.25, angular=0.0)
 BOOL = "std_msgs/Bool"
-ZERO_WITHIN = 0.65  # s: the heartbeat's 0.5 s, and a round of the guard
 
 
 class TestGiraff(RcaConformance):
@@ -45,22 +45,8 @@ class TestGiraff(RcaConformance):
     async def test_pictures_of_a_topic_are_its_camera(self):
         await sees_grey(self.rig.adapter(image="/camera/compressed"))
 
-    async def test_velocities_leave_at_20_hz_or_with_each_odometry(self, adapter):
-        await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)
-        commands = self.rig.world.commands
-        before, began = len(commands), time.monotonic()
-        odometry = []
-        async for state in adapter.states():
-            odometry.append(state.odometry)
-            adapter.apply(AHEAD)
-            if time.monotonic() - began > 2.0:
-                break
-        rate = (len(commands) - before) / (time.monotonic() - began)
-        measured = len(set(odometry)) / (time.monotonic() - began)
-        assert rate > 0.75 * min(20.0, measured)
 
-
-class GoalRows:
+class TestGoals:
     """What becomes of goals; the planner of the robot's node behaves as each test says."""
 
     @pytest.fixture(scope="class")
@@ -83,27 +69,6 @@ class GoalRows:
     def goto(self, rig):
         return Goto(action_id="g", stamp=0.0, **self.goal(rig))
 
-    @contextlib.contextmanager
-    def client(self, rig):
-        """A process that sends the robot to a goal; the robot is on its way there."""
-        wish = {
-            "adapter": "ros2",
-            "profile": "giraff",
-            "options": rig.options(),
-            **self.goal(rig),
-        }
-        command = [sys.executable, "-m", "tests.support.architectures.goal_client"]
-        process = subprocess.Popen([*command, json.dumps(wish)], cwd=ROOT, stdout=subprocess.PIPE)
-        try:
-            assert process.stdout.readline() == b"RUNNING\n"
-            wait(lambda: rig.world.sim.motion.linear > 0.2, patient(10.0))
-            yield process
-        finally:
-            process.kill()
-            process.wait()
-
-
-class TestGoals(GoalRows):
     async def test_a_rejected_goal_fails_with_the_reason(self, rig):
         rig.planner(accept=False)
         async with connected(rig.adapter()) as adapter:
@@ -165,28 +130,8 @@ class TestGoals(GoalRows):
             last = (await heard(adapter, ended("g")))[-1]
         assert last.reason == "there is no action server on /elsewhere"
 
-    def test_a_killed_agent_leaves_no_goal_and_a_braked_robot(self, rig):
-        with self.client(rig) as process:
-            seen, began = len(rig.world.commands), time.monotonic()
-            process.send_signal(signal.SIGKILL)
-            wait(lambda: rig.world.journey == "failed", patient(ZERO_WITHIN))
-            wait(lambda: len(rig.world.commands) > seen, patient(ZERO_WITHIN))
-            assert rig.world.commands[seen][0] - began < patient(ZERO_WITHIN)
-            wait(lambda: rig.world.sim.motion.linear == 0.0, patient(3.0))
-            assert all(linear == angular == 0.0 for _, linear, angular in rig.world.commands[seen:])
-
-    def test_a_frozen_agent_leaves_no_goal_and_a_braked_robot(self, rig):
-        with self.client(rig) as process:
-            seen, began = len(rig.world.commands), time.monotonic()
-            process.send_signal(signal.SIGSTOP)
-            wait(lambda: len(rig.world.commands) > seen, patient(3.0))
-            assert rig.world.journey == "failed"
-            assert rig.world.commands[seen][0] - began < patient(ZERO_WITHIN)
-            wait(lambda: rig.world.sim.motion.linear == 0.0, patient(3.0))
-            process.send_signal(signal.SIGCONT)
-
     def test_the_guard_repeats_its_cancel_until_the_planner_takes_it(self, rig):
-        with self.client(rig) as process:
+        with going(rig) as process:
             rig.planner(deaf=True)
             process.send_signal(signal.SIGKILL)
             before = rig.cancels
@@ -196,7 +141,7 @@ class TestGoals(GoalRows):
             wait(lambda: rig.world.journey == "failed", patient(2.0))
 
     async def test_a_goal_of_an_earlier_run_is_cancelled_before_the_connection_is_made(self, rig):
-        with self.client(rig) as process:
+        with going(rig) as process:
             process.send_signal(signal.SIGSTOP)  # so that it does not end what its node holds
             for child in children(process.pid):
                 os.kill(child, signal.SIGKILL)  # the guard, too
@@ -302,7 +247,7 @@ async def test_a_message_package_that_is_not_installed_is_named():
 async def test_an_action_of_a_package_that_is_not_installed_is_named_and_driving_goes_on(
     monkeypatch,
 ):
-    monkeypatch.setitem(ros2.GOAL_TYPES, "nav2", "nav9_msgs/NavigateToPose")
+    monkeypatch.setattr(ros2, "NAVIGATE_TO_POSE", "nav9_msgs/NavigateToPose")
     with Ros2Rig("giraff") as rig:
         async with connected(rig.adapter()) as adapter:
             await adapter.start(Goto(action_id="g", stamp=0.0, x=1.0, y=1.0))
