@@ -182,15 +182,9 @@ class Authorization:
 
     def drive(self, session: str, epoch: int, peer: str) -> None:
         """The page was granted the robot."""
-        self.standing, self.session, self.epoch, self.peer, self.watches = (
-            "driver",
-            session,
-            epoch,
-            peer,
-            False,
-        )
-        self.by_sfu = False
-        self.velocity_seq = 0
+        self.standing, self.velocity_seq = "driver", 0
+        self.session, self.epoch, self.peer = session, epoch, peer
+        self.look_away()
 
     def wait(self, session: str) -> None:
         """The page waits for the robot; meanwhile it may watch."""
@@ -296,7 +290,7 @@ class Authorization:
             case VelocityCommand():
                 return self._velocity(message, lease, now)
             case CommandHeartbeat():
-                self._check_holder(lease)
+                self._require(may=self.holds(lease))
                 return Publish(
                     suffix, msgspec.structs.replace(message, peer=self.peer), wanted=False
                 )
@@ -332,16 +326,12 @@ class Authorization:
         if not self._allowance.passes(message, now):
             raise FrameRefused("rate")
 
-    def _check_driver(self, lease: Lease | None) -> None:
-        if not self.drives(lease):
-            raise FrameRefused("observer" if self.watches else "not_driver")
-
-    def _check_holder(self, lease: Lease | None) -> None:
-        if not self.holds(lease):
+    def _require(self, *, may: bool) -> None:
+        if not may:
             raise FrameRefused("observer" if self.watches else "not_driver")
 
     def _velocity(self, command: VelocityCommand, lease: Lease | None, now: float) -> Publish:
-        self._check_driver(lease)
+        self._require(may=self.drives(lease))
         assert self.session is not None
         self.velocity_seq, self.velocity_at = max(self.velocity_seq, command.seq), now
         return Publish(
@@ -364,7 +354,7 @@ class Authorization:
         )
 
     def _point(self, suffix: str, command: PointCommand, lease: Lease | None) -> Publish:
-        self._check_holder(lease)
+        self._require(may=self.holds(lease))
         stamped = msgspec.structs.replace(
             command, role="driver", peer=self.peer, session=self.session, epoch=self.epoch
         )
@@ -400,7 +390,7 @@ class Authorization:
             )
         is_visitor = lease is not None and lease.kind == "wizard" and self.holds(lease)
         if not (is_visitor and isinstance(action, OF_A_VISITOR)):
-            self._check_driver(lease)
+            self._require(may=self.drives(lease))
         return msgspec.structs.replace(
             action,
             session=self.session,

@@ -81,7 +81,7 @@ class WizardAuthorization(Authorization):
                 self._check_method(message, now)
                 return self._velocity(message, lease, now)
             case CommandHeartbeat():
-                self._check_driver(lease)
+                self._require(may=self.drives(lease))
                 beat = msgspec.structs.replace(message, peer=self.peer)
                 return Publish(suffix, beat, wanted=False)
             case Stop() | EStop():
