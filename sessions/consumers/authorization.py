@@ -449,17 +449,18 @@ class Authorization:
         A page whose commands take the data channel is none of the socket's business, nor is one
         that has stopped by itself.
         """
-        if not self.drives(lease) or now - self.velocity_at > REPEAT_SECONDS:
+        if now - self.velocity_at > REPEAT_SECONDS:
             return None
-        return Stop(
-            action_id=action_id,
-            stamp=stamp,
-            session=self.session,
-            epoch=self.epoch,
-            role="driver",
-            user=self.who,
-            seq=self.velocity_seq,
-        )
+        return self.last_stop(action_id, stamp, lease)
+
+    def last_stop(self, action_id: str, stamp: float, lease: Lease | None) -> Stop | None:
+        """Return the stop to send for a page that is gone; None when it does not drive."""
+        if not self.drives(lease):
+            return None
+        stop = Stop(action_id=action_id, stamp=stamp, seq=self.velocity_seq)
+        stamped = self._stamp_stop(stop, lease)
+        assert isinstance(stamped, Stop)
+        return stamped
 
 
 KNOWN = frozenset({*topics.FROM_PAGE, *protocol.TO_SERVER, protocol.SIGNAL})
