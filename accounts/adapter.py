@@ -1,16 +1,19 @@
 """How django-allauth treats this site's accounts."""
 
+import time
 from typing import Any
 
 from allauth.account.adapter import DefaultAccountAdapter
 from allauth.core import context
 from django.conf import settings
+from django.contrib.auth.base_user import AbstractBaseUser
 from django.core.exceptions import ValidationError
 from django.forms import BaseForm
 from django.http import HttpRequest
 
 from accounts.attempts import address_of
 from accounts.models import User
+from accounts.password_guesses import PasswordGuess
 
 LIMITS_MET = frozenset({"too_many_login_attempts", "rate_limited"})
 
@@ -27,6 +30,26 @@ class AccountAdapter(DefaultAccountAdapter):
         which would be everybody.
         """
         return address_of(request)
+
+    def pre_authenticate(self, request: HttpRequest, **credentials: Any) -> None:
+        """Count a guess before the password is checked; see accounts/password_guesses.py.
+
+        Raises:
+            ValidationError: it is one too many.
+        """
+        super().pre_authenticate(request, **credentials)
+        self._guess = PasswordGuess(request, credentials, time.time())
+        wait = self._guess.count()
+        if wait:
+            request.retry_after = wait
+            raise self.validation_error("too_many_login_attempts")
+
+    def authenticate(self, request: HttpRequest, **credentials: Any) -> AbstractBaseUser | None:
+        """Return the user whose password is right; only wrong passwords count as guesses."""
+        user = super().authenticate(request, **credentials)
+        if user:
+            self._guess.take_back()
+        return user
 
     def validation_error(self, code: str, *args: Any) -> ValidationError:
         """Note that a limit was met, which allauth tells in the form alone: the answer's code says

@@ -44,6 +44,13 @@ class Attempts:
             return True
         return False
 
+    def take_back(self, address: str, now: float) -> None:
+        """Make one that was counted at `now` count no longer."""
+        try:
+            cache.decr(self._keys(address, now)[-1])
+        except ValueError:  # thrown out of the cache
+            return
+
     def are_left(self, address: str, now: float) -> bool:
         """Tell whether one more would be allowed."""
         return sum(self._found(address, now)) < self.limit

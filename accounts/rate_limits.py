@@ -16,9 +16,7 @@ Given = ParamSpec("Given")
 View = Callable[Concatenate[HttpRequest, Given], HttpResponseBase]
 TOO_MANY = 429
 FORM_REFUSED = (200, 400)  # a page, and what a script is told
-# The longest windows of ACCOUNT_RATE_LIMITS, for wrong passwords and for all else; which one was
-# met allauth does not tell.
-GUESSES_SECONDS, ATTEMPTS_SECONDS = 300, 60
+ATTEMPTS_SECONDS = 60  # the longest window of ACCOUNT_RATE_LIMITS
 SAFE = frozenset({"GET", "HEAD", "OPTIONS"})
 
 
@@ -79,7 +77,7 @@ class RetryAfterMiddleware:
         if guessed and response.status_code in FORM_REFUSED:
             response.status_code = TOO_MANY
         if response.status_code == TOO_MANY and not response.has_header("Retry-After"):
-            response["Retry-After"] = str(GUESSES_SECONDS if guessed else ATTEMPTS_SECONDS)
+            response["Retry-After"] = str(getattr(request, "retry_after", ATTEMPTS_SECONDS))
         return response
 
 

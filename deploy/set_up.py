@@ -13,6 +13,7 @@ import sys
 import time
 
 OLDEST = (3, 11)
+PIP_LOCK = os.path.join(os.path.dirname(os.path.abspath(__file__)), "pip.lock")
 DOWNLOAD = re.compile(r"(Downloading|Using cached) .*\(([\d.]+) ([kMG]?B)\)")
 MEGABYTES = {"B": 1e-6, "kB": 1e-3, "MB": 1.0, "GB": 1e3}
 
@@ -24,9 +25,12 @@ def fail(sentence):
 
 
 def stamp_of(lock):
-    """Return what an up-to-date environment was made of: this Python and this lock file."""
-    with open(lock, "rb") as file:
-        return "%s %s" % (sys.version.split()[0], hashlib.sha256(file.read()).hexdigest())
+    """Return what an up-to-date environment was made of: this Python, pip and this lock file."""
+    digest = hashlib.sha256()
+    for path in (PIP_LOCK, lock):
+        with open(path, "rb") as file:
+            digest.update(file.read())
+    return "%s %s" % (sys.version.split()[0], digest.hexdigest())
 
 
 def installed(venv):
@@ -61,6 +65,29 @@ def make_environment(venv):
         fail("The virtual environment could not be made in %s: %s" % (venv, last[0]))
     say("virtual environment", started)
     return python
+
+
+def update_pip(python):
+    """Replace the pip that Python came with, and remove its setuptools, which no package needs:
+    both are years old and have known vulnerabilities.
+    """
+    started = time.monotonic()
+    for arguments in (
+        ["install", "--quiet", "--require-hashes", "--no-input", "-r", PIP_LOCK],
+        ["uninstall", "--quiet", "--yes", "setuptools"],
+    ):
+        done = subprocess.run(
+            [python, "-m", "pip", arguments[0], "--disable-pip-version-check"] + arguments[1:],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            check=False,
+        )
+        if done.returncode:
+            lines = done.stdout.strip().splitlines()
+            errors = [line for line in lines if line.startswith("ERROR")] or lines[-1:]
+            fail("pip could not be updated: %s" % (errors[0] if errors else "it gave no reason"))
+    say("pip", started)
 
 
 def install(python, lock):
@@ -122,6 +149,7 @@ def main():
     stamp = stamp_of(lock)
     stamps = installed(venv)
     if stamp not in stamps:
+        update_pip(python)
         install(python, lock)
         # What was installed before may now have other versions: only this lock is there as it says.
         stamps = [stamp]

@@ -116,10 +116,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
             _("Driving access"),
             {"fields": ("access", "for_experienced", "observers_allowed", "turn_minutes")},
         ),
-        (
-            _("Between visits"),
-            {"fields": ("returns_home", "charge_limit", "between")},
-        ),
+        (_("Between visits"), {"fields": ("returns_home", "charge_limit", "between")}),
         (_("Driving"), {"fields": ("assist",)}),
         (_("Robot's screen"), {"fields": ("calls", "screen")}),
         (
@@ -131,17 +128,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         ),
         (
             _("Connection"),
-            {
-                "fields": (
-                    "adapter",
-                    "adapter_here",
-                    "key",
-                    "control",
-                    "seen",
-                    "driver",
-                    "sessions",
-                )
-            },
+            {"fields": ("adapter", "adapter_here", "key", "control", "seen", "driver", "sessions")},
         ),
         (
             _("Reported by the robot"),
@@ -162,7 +149,6 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         return (*self.readonly_fields, *sites, *(("name",) if obj is not None else ()))
 
     def get_fieldsets(self, request: HttpRequest, obj: Robot | None = None) -> Any:
-        """A new robot has nothing to report yet, and is hidden from visitors."""
         if obj is not None:
             return self.fieldsets
         later = {*self.readonly_fields, "shown_to_visitors"}
@@ -187,13 +173,11 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
     # --- who may ----------------------------------------------------------------------------------
 
     def has_change_permission(self, request: HttpRequest, obj: Robot | None = None) -> bool:
-        """Who oversees all robots, and the owner."""
         return bool(super().has_change_permission(request, obj)) or self.is_of(request, obj)
 
     def formfield_for_dbfield(
         self, db_field: "Field[Any, Any]", request: HttpRequest, **options: Any
     ) -> Any:
-        """Offer the adapters that are installed on the server."""
         if db_field.name == "adapter":
             options["widget"] = AdapterInput(attrs={"class": "vTextField"})
         if db_field.name == "translations":  # compared with the row, not with a hidden field
@@ -201,7 +185,6 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         return super().formfield_for_dbfield(db_field, request, **options)
 
     def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:
-        """Keep who may drive, and note who was given or lost it."""
         super().save_formset(request, form, formset, change)
         added, gone = getattr(formset, "new_objects", []), getattr(formset, "deleted_objects", [])
         changed = [permit for permit, _fields in getattr(formset, "changed_objects", [])]
@@ -239,30 +222,25 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         return [PermitInline if self.sees_all(request) else OwnersPermits]
 
     def get_list_filter(self, request: HttpRequest) -> tuple[Any, ...]:
-        """Owners have no use for lists of other owners and places."""
         return self.list_filter if self.sees_all(request) else self.list_filter[:4]
 
     def get_search_fields(self, request: HttpRequest) -> tuple[str, ...]:
-        """Nor for their names."""
         return self.search_fields if self.sees_all(request) else ("title", "name", "description")
 
     # --- columns ----------------------------------------------------------------------------------
 
     @admin.display(description=_("online"), boolean=True, ordering="presence__connection")
     def online_now(self, robot: Robot) -> bool:
-        """Whether it is connected and was heard a moment ago."""
         return robot.is_online(timezone.now())
 
     @admin.display(description=_("control system"))
     def control(self, robot: Robot) -> str:
-        """Whether its agent reaches the robot's own control architecture, and why not."""
         if not robot.is_online(timezone.now()):
             return NOTHING
         return trouble_of(robot.presence.report) or gettext("responding")
 
     @admin.display(description=_("battery"))
     def battery(self, robot: Robot) -> str:
-        """Its charge, and whether it charges."""
         battery = (robot.presence.report or {}).get("battery")
         if battery is None:
             return NOTHING
@@ -284,7 +262,6 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
 
     @admin.display(description=_("access"), ordering="access")
     def who(self, robot: Robot) -> str:
-        """Who may drive, in one word."""
         if not robot.enabled:
             return gettext("disabled")
         if not robot.shown_to_visitors:
@@ -297,7 +274,6 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
 
     @admin.display(description=_("last seen"), ordering="presence__last_seen_at")
     def seen(self, robot: Robot) -> str:
-        """When it was last heard."""
         return (
             NOTHING if robot.presence.last_seen_at is None else _moment(robot.presence.last_seen_at)
         )
@@ -317,7 +293,6 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
 
     @admin.display(description=_("driver"))
     def driver(self, robot: Robot) -> str | SafeString:
-        """Who drives now, with a link to the session."""
         lease = getattr(robot, "lease", None)
         if lease is None or lease.session is None:
             return NOTHING
@@ -329,7 +304,6 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
 
     @admin.display(description="")
     def drive(self, robot: Robot) -> str | SafeString:
-        """The way to its drive page."""
         return link_to("drive", gettext("Drive"), robot.name)
 
     @admin.display(description=_("on this server"))
@@ -346,7 +320,6 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
 
     @admin.display(description=_("credentials"))
     def key(self, robot: Robot) -> str | SafeString:
-        """When its credentials were made, and the way to new ones."""
         if robot._state.adding:
             return gettext("Save the robot first.")
         ways = (
@@ -365,7 +338,6 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         return gettext("%(made)s; new ones requested, not fetched yet") % {"made": made}
 
     def live_fields(self, robot: Robot) -> dict[str, str]:
-        """Return the fields below the top of the page that change with it."""
         return {
             "between": self.between(robot),
             "control": self.control(robot),
@@ -375,7 +347,6 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
 
     @admin.display(description=_("screen"))
     def screen(self, robot: Robot) -> str | SafeString:
-        """Whether its display has an address, and the way to a new one."""
         if robot._state.adding:
             return gettext("Save the robot first.")
         made = robot.credentials.screen_made_at
@@ -396,7 +367,6 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
 
     @admin.display(description=_("sessions"))
     def sessions(self, robot: Robot) -> str | SafeString:
-        """The way to its sessions."""
         return link_to(
             "admin:telepresence_sessions_session_changelist",
             gettext("Show its sessions"),
@@ -405,18 +375,15 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
 
     @admin.display(description=_("factsheet"))
     def told_factsheet(self, robot: Robot) -> str | SafeString:
-        """What it is and can do, as it said it."""
         return _shown(robot.presence.factsheet)
 
     @admin.display(description=_("last state"))
     def told_state(self, robot: Robot) -> str | SafeString:
-        """Its last state, as it said it."""
         return _shown(robot.presence.report)
 
     # --- credentials ------------------------------------------------------------------------------
 
     def get_urls(self) -> list[URLPattern]:
-        """Add the pages that make credentials and screen keys, move doors, and tell the state."""
         page = self.admin_site.admin_view(never_cache(self.credentials_view))
         doors = self.admin_site.admin_view(never_cache(self.doors_view))
         status = self.admin_site.admin_view(never_cache(self.status_view))
@@ -438,7 +405,6 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         ]
 
     def credentials_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Ask whether to make new credentials, and show them once."""
         robot = self.managed(request, pk)
         context: dict[str, Any] = self.admin_site.each_context(request) | {
             "title": gettext("Credentials of %(robot)s") % {"robot": robot},
@@ -496,7 +462,6 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
 
     @admin.action(description=_("Open to visitors now, wherever it is"), permissions=["change"])
     def free(self, request: HttpRequest, robots: "QuerySet[Robot]") -> None:
-        """Let visitors have robots that are on their way home, charging, or stuck."""
         away = RobotPresence.objects.exclude(turnaround=Robot.Turnaround.READY)
         changed = list(theirs_to_change(request, robots).filter(presence__in=away))
         RobotPresence.objects.filter(robot__in=changed).update(
@@ -519,7 +484,6 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
 
     @admin.action(description=_("Enable"), permissions=["change"])
     def enable(self, request: HttpRequest, robots: "QuerySet[Robot]") -> None:
-        """Let the robots connect again."""
         self._set_enabled(request, robots, enabled=True)
 
     def _set_enabled(
@@ -580,7 +544,6 @@ class FloorPlanAdmin(FinishingPage, OfRobots):
     def get_fieldsets(
         self, request: HttpRequest, obj: FloorPlan | None = None
     ) -> list[tuple[Any, dict[str, Any]]]:
-        """A new floor plan is three files; an old one shows what is in them."""
         files = ("map_file", "image_file", "plan_file")
         if obj is None:
             return [
@@ -621,7 +584,6 @@ class FloorPlanAdmin(FinishingPage, OfRobots):
         super().save_model(request, obj, form, change and not form.values)
 
     def get_urls(self) -> list[URLPattern]:
-        """Add the page that finishes a plan."""
         page = self.admin_site.admin_view(never_cache(self.finish_view))
         return [
             path("<uuid:pk>/finish/", page, name="robots_floorplan_finish"),
@@ -630,13 +592,11 @@ class FloorPlanAdmin(FinishingPage, OfRobots):
 
     @admin.display(description=_("plan"))
     def finishing(self, plan: FloorPlan) -> str | SafeString:
-        """The page on which rooms, openings, charging stations and checkpoints are edited."""
         words = gettext("Edit the plan on the map") if plan.plan else gettext("Draw a plan")
         return link_to("admin:robots_floorplan_finish", words, plan.pk)
 
     @admin.display(description=_("preview"))
     def preview(self, plan: FloorPlan) -> str | SafeString:
-        """The image of the map."""
         address = reverse("floor_plan_image", args=[plan.name])
         return format_html(
             '<img src="{}?v={}" alt="{}" width="{}">',
@@ -648,13 +608,11 @@ class FloorPlanAdmin(FinishingPage, OfRobots):
 
     @admin.display(description=_("size"))
     def size(self, plan: FloorPlan) -> str:
-        """Its extent in metres and in pixels."""
         wide, high = plan.width * plan.resolution, plan.height * plan.resolution
         return f"{wide:.1f} × {high:.1f} m ({plan.width} × {plan.height})"
 
     @admin.display(description=_("robots"), ordering="robots_there")
     def robot_count(self, plan: FloorPlan) -> str | SafeString:
-        """How many robots drive there, with a link to them."""
         count = getattr(plan, "robots_there", 0)
         return link_to(
             "admin:robots_robot_changelist", count, query=f"?floor_plan__id__exact={plan.pk}"
@@ -662,7 +620,6 @@ class FloorPlanAdmin(FinishingPage, OfRobots):
 
     @admin.display(description=_("in the plan"))
     def places(self, plan: FloorPlan) -> str:
-        """What the plan names."""
         kinds = {
             "rooms": gettext("rooms"),
             "doors": gettext("doors"),

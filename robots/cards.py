@@ -106,8 +106,9 @@ def _state(robot: Robot, traffic: Traffic, now: datetime.datetime) -> CardState:
 
 def was_stopped(robot: Robot) -> bool:
     """Tell whether somebody stopped a robot between two visits (sessions/leases/readiness.py)."""
-    is_paused = robot.turnaround == Robot.Turnaround.PAUSED
-    return is_paused and robot.turnaround_reason == "stopped"
+    presence = robot.presence
+    is_paused = presence.turnaround == Robot.Turnaround.PAUSED
+    return is_paused and presence.turnaround_reason == "stopped"
 
 
 def _instead(robot: Robot, state: CardState, traffic: Traffic) -> tuple[str, str] | None:

@@ -21,7 +21,6 @@ class AdapterInput(forms.TextInput):
     """
 
     def render(self, name: str, value: Any, attrs: Any = None, renderer: Any = None) -> SafeString:
-        """Return the field and the list that belongs to it."""
         known = f"{name}-known"
         field = super().render(name, value, {**(attrs or {}), "list": known}, renderer)
         options = format_html_join("", '<option value="{}"></option>', ((n,) for n in offered()))
@@ -102,9 +101,7 @@ class FloorPlanForm(forms.ModelForm):
         label=_("Map (YAML)"), required=False, help_text=_("The .yaml file of ROS map_server.")
     )
     image_file = forms.FileField(
-        label=_("Map image"),
-        required=False,
-        help_text=_("The PNG or PGM file of this map."),
+        label=_("Map image"), required=False, help_text=_("The PNG or PGM file of this map.")
     )
     plan_file = forms.FileField(
         label=_("Plan (JSON)"),
@@ -127,19 +124,15 @@ class FloorPlanForm(forms.ModelForm):
                 self.fields[name].required = False
 
     def clean_map_file(self) -> bytes | None:
-        """Return the YAML file's content."""
         return _content(self.cleaned_data["map_file"], MAX_YAML)
 
     def clean_image_file(self) -> bytes | None:
-        """Return the image file's content."""
         return _content(self.cleaned_data["image_file"], MAX_IMAGE)
 
     def clean_plan_file(self) -> bytes | None:
-        """Return the plan's content."""
         return _content(self.cleaned_data["plan_file"], MAX_PLAN)
 
     def clean(self) -> dict[str, Any]:
-        """Read the files when there are any; a new floor plan needs them."""
         cleaned = super().clean() or self.cleaned_data
         files = [cleaned.get(name) for name in ("map_file", "image_file", "plan_file")]
         if self.errors:

@@ -1,6 +1,5 @@
 """Sites from maps: a plan is proposed for a map, kept as a floor plan, and finished on a page."""
 
-import io
 import json
 import tempfile
 from collections.abc import Callable
@@ -58,7 +57,7 @@ def grid_of(row: FloorPlan) -> OccupancyGrid:
     """
     origin = Pose2D(row.origin_x, row.origin_y, row.origin_theta)
     try:
-        image = decode_grey(io.BytesIO(bytes(row.image)), row.name)
+        image = decode_grey(bytes(row.image), row.name)
     except MapError as error:
         raise FloorPlanRefusedError(f"{error}.") from error
     return OccupancyGrid(

@@ -58,11 +58,9 @@ class ReadOnlyAdmin(ShownFilters):
     show_full_result_count = False
 
     def has_add_permission(self, _request: HttpRequest) -> bool:
-        """Nobody adds rows by hand."""
         return False
 
     def has_change_permission(self, _request: HttpRequest, _obj: Model | None = None) -> bool:
-        """Nor changes them."""
         return False
 
     def has_delete_permission(self, _request: HttpRequest, _obj: Model | None = None) -> bool:
@@ -164,11 +162,9 @@ class SessionAdmin(OwnersRows):
         )
 
     def has_record_permission(self, request: HttpRequest) -> bool:
-        """Whether whoever asks may have what was recorded."""
         return self.sees_all(request)
 
     def get_list_display(self, request: HttpRequest) -> tuple[str, ...]:
-        """Owners see no visitors and no devices."""
         told = ("visitor_link", "device_name")
         return (
             self.list_display
@@ -177,7 +173,6 @@ class SessionAdmin(OwnersRows):
         )
 
     def get_list_filter(self, request: HttpRequest) -> tuple[str, ...]:
-        """Nor a list of all robots."""
         return self.list_filter if self.sees_all(request) else ("state", "outcome", "queued_at")
 
     def get_search_fields(self, request: HttpRequest) -> tuple[str, ...]:
@@ -185,7 +180,6 @@ class SessionAdmin(OwnersRows):
         return self.search_fields if self.sees_all(request) else ("robot__name", "robot__title")
 
     def get_fieldsets(self, request: HttpRequest, _obj: Session | None = None) -> Any:
-        """Show owners the robot's part of it."""
         if self.sees_all(request):
             return self.fieldsets
         times = next(part for name, part in self.fieldsets if name == _("Times"))
@@ -228,7 +222,6 @@ class SessionAdmin(OwnersRows):
     def get_search_results(
         self, request: HttpRequest, queryset: QuerySet[Session], search_term: str
     ) -> tuple[QuerySet[Session], bool]:
-        """Find a session also by its id."""
         try:
             return queryset.filter(pk=uuid.UUID(search_term.strip())), False
         except ValueError:
@@ -238,54 +231,44 @@ class SessionAdmin(OwnersRows):
 
     @admin.display(description=_("started"), ordering="queued_at")
     def begun(self, session: Session) -> str:
-        """When the visitor asked for the robot."""
         return f"{timezone.localtime(session.queued_at):%Y-%m-%d %H:%M}"
 
     @admin.display(description=_("visitor"), ordering="visitor__username")
     def visitor_link(self, session: Session) -> str | SafeString:
-        """The visitor, with a link."""
         return link_to("admin:accounts_user_change", session.visitor.shown_name, session.visitor_id)
 
     @admin.display(description=_("robot"), ordering="robot__title")
     def robot_link(self, session: Session) -> str | SafeString:
-        """The robot, with a link to its page; a practice robot has none."""
         if session.robot.practice:
             return str(session.robot)
         return link_to("admin:robots_robot_change", session.robot, session.robot_id)
 
     @admin.display(description=_("minutes driven"))
     def driven(self, session: Session) -> str:
-        """From the first connection to the end."""
         return _minutes_driven(session)
 
     @admin.display(description=_("distance (m)"))
     def distance(self, session: Session) -> str:
-        """By the robot's odometry."""
         return _number(session, "distance", "{:.1f}")
 
     @admin.display(description=_("states"))
     def states(self, session: Session) -> str:
-        """How many states are recorded, once the record is closed."""
         return _number(session, "states", "{}")
 
     @admin.display(description=_("missing states"))
     def missing(self, session: Session) -> str:
-        """How many states are known to be lost."""
         return _number(session, "missing", "{}")
 
     @admin.display(description=_("input"))
     def methods(self, session: Session) -> str:
-        """Input methods, the most used first."""
         return _shares(session.summary.get("methods", {}))
 
     @admin.display(description=_("control channels"))
     def ways(self, session: Session) -> str:
-        """Data channel or broker."""
         return _shares(session.summary.get("ways", {}))
 
     @admin.display(description=_("device"))
     def device_name(self, session: Session) -> str:
-        """Operating system and browser."""
         return (
             " · ".join(
                 session.device[name] for name in ("os", "browser") if session.device.get(name)
@@ -297,18 +280,15 @@ class SessionAdmin(OwnersRows):
 
     @admin.display(description=_("device"))
     def device_told(self, session: Session) -> SafeString:
-        """All that is kept of the device."""
         return _fragment("device", device=session.device)
 
     @admin.display(description=_("network"))
     def network(self, session: Session) -> SafeString:
-        """The visitor's connection in numbers."""
         samples = NetworkSample.objects.filter(session=session).values_list("data", flat=True)
         return _fragment("network", network=summarise_network(samples.iterator(chunk_size=500)))
 
     @admin.display(description=_("photos"))
     def snapshots(self, session: Session) -> SafeString:
-        """What the visitor photographed."""
         rows = Snapshot.objects.filter(session=session).order_by("stamp").defer("jpeg")
         return _fragment(
             "snapshots", snapshots=[(row, _moment(row.stamp)) for row in rows[:SNAPSHOTS_SHOWN]]
@@ -316,7 +296,6 @@ class SessionAdmin(OwnersRows):
 
     @admin.display(description=_("events"))
     def events(self, session: Session) -> SafeString:
-        """What happened, in order."""
         rows = list(
             SessionEvent.objects.filter(session=session).order_by("received_at")[: EVENTS_SHOWN + 1]
         )
@@ -368,7 +347,6 @@ class SessionAdmin(OwnersRows):
     def download_csv(
         self, request: HttpRequest, queryset: QuerySet[Session]
     ) -> StreamingHttpResponse:
-        """One line a state."""
         audit.note("sessions_exported", actor=request.user, detail=f"csv of {queryset.count()}")
         return as_csv(queryset, "states")
 
@@ -376,12 +354,10 @@ class SessionAdmin(OwnersRows):
     def download_json(
         self, request: HttpRequest, queryset: QuerySet[Session]
     ) -> StreamingHttpResponse:
-        """States as the robot sent them."""
         audit.note("sessions_exported", actor=request.user, detail=f"json of {queryset.count()}")
         return as_json(queryset, "states")
 
     def get_urls(self) -> list[URLPattern]:
-        """The pages of the model, its downloads, and its snapshots."""
         guard = self.admin_site.admin_view
         own = [
             path(
@@ -405,7 +381,6 @@ class SessionAdmin(OwnersRows):
     def states_view(
         self, request: HttpRequest, session: uuid.UUID, kind: str
     ) -> StreamingHttpResponse:
-        """Download the states of one session."""
         if not self.has_record_permission(request):
             raise PermissionDenied
         found = get_object_or_404(Session, pk=session)
@@ -425,7 +400,6 @@ class SessionAdmin(OwnersRows):
         )
 
     def stop_view(self, request: HttpRequest, session: uuid.UUID) -> HttpResponse:
-        """Stop one session, from its own page."""
         if request.method != "POST" or not self.has_stop_permission(request):
             raise PermissionDenied
         found = get_object_or_404(self.get_queryset(request), pk=session)
@@ -439,7 +413,6 @@ class SessionAdmin(OwnersRows):
         form_url: str = "",
         extra_context: dict[str, Any] | None = None,
     ) -> HttpResponse:
-        """The page of one session, with a stop button for whoever may stop it."""
         row = self.get_object(request, object_id) if self.sees_all(request) else None
         if row is not None:
             audit.note("session_opened", actor=request.user, person=row.visitor_id, thing=row)
@@ -472,7 +445,6 @@ class LeaseAdmin(WithDriver, OwnersRows):
 
     @admin.display(description=_("session"))
     def driver(self, lease: Lease) -> str | SafeString:
-        """The session that holds the lease."""
         if lease.session is None:
             return gettext("nobody")
         return link_to(
@@ -496,12 +468,10 @@ class SystemLogAdmin(OwnersRows):
     readonly_fields = ("session_link",)
 
     def get_list_filter(self, request: HttpRequest) -> tuple[str, ...]:
-        """Owners need no list of all robots."""
         return self.list_filter if self.sees_all(request) else ("level", "at")
 
     @admin.display(description=_("session"))
     def session_link(self, entry: SystemLog) -> str | SafeString:
-        """The session, with a link."""
         if entry.session is None:
             return NOTHING
         return link_to(
@@ -512,7 +482,6 @@ class SystemLogAdmin(OwnersRows):
 
     @admin.display(description=_("fields"))
     def told(self, entry: SystemLog) -> str:
-        """The fields in one line."""
         return " ".join(f"{name}={value}" for name, value in entry.fields.items())[:200] or NOTHING
 
 
@@ -524,22 +493,18 @@ class ManagerBeatAdmin(ReadOnlyAdmin):
 
     @admin.display(description=_("name"), ordering="name")
     def slot(self, beat: ManagerBeat) -> str:
-        """Which of them, where there are several."""
         return beat.name
 
     @admin.display(description=_("computer and process"), ordering="holder")
     def at(self, beat: ManagerBeat) -> str:
-        """Where it runs."""
         return beat.holder or NOTHING
 
     @admin.display(description=_("last sign of life"), ordering="beat_at")
     def heard(self, beat: ManagerBeat) -> datetime.datetime:
-        """When it was last there."""
         return beat.beat_at
 
     @admin.display(description=_("running"), boolean=True)
     def running(self, beat: ManagerBeat) -> bool:
-        """Whether its last beat is young."""
         return bool(beat.holder) and (timezone.now() - beat.beat_at).total_seconds() < STALE_SECONDS
 
 

@@ -2,8 +2,6 @@
 time is in memory.
 """
 
-import csv
-import io
 import json
 from collections import Counter
 from collections.abc import AsyncIterator
@@ -12,6 +10,7 @@ from typing import Any
 from django.db.models import QuerySet
 from django.http import StreamingHttpResponse
 
+from robots.files.csv_text import csv_text
 from sessions.models import Session, SessionEvent, StateChunk
 
 COLUMNS = (
@@ -47,8 +46,6 @@ COLUMNS = (
     "way",
     "command_age",
 )
-# A spreadsheet takes a cell that begins so for a formula.
-_FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
 def as_csv(sessions: QuerySet[Session], name: str) -> StreamingHttpResponse:
@@ -90,12 +87,12 @@ async def _events(session: Session) -> AsyncIterator[dict[str, Any]]:
 
 
 async def _csv_lines(sessions: QuerySet[Session]) -> AsyncIterator[str]:
-    yield _line(COLUMNS)
+    yield csv_text([COLUMNS])
     async for session in (
         sessions.select_related("robot").order_by("queued_at").aiterator(chunk_size=100)
     ):
         async for chunk in _chunks(session):
-            yield "".join(_line(_row(session, chunk, state)) for state in chunk.states)
+            yield csv_text(_row(session, chunk, state) for state in chunk.states)
 
 
 async def _json_parts(sessions: QuerySet[Session]) -> AsyncIterator[str]:
@@ -189,14 +186,3 @@ def _row(session: Session, chunk: StateChunk, state: dict[str, Any]) -> list[Any
 
 def _most(applied: list[dict[str, Any]], name: str) -> str:
     return Counter(command[name] for command in applied).most_common(1)[0][0] if applied else ""
-
-
-def _line(cells: Any) -> str:
-    line = io.StringIO()
-    csv.writer(line).writerow(
-        [
-            f"'{cell}" if isinstance(cell, str) and cell.startswith(_FORMULA) else cell
-            for cell in cells
-        ]
-    )
-    return line.getvalue()

@@ -64,7 +64,7 @@ def read_answer(
     """
     item = question.item
     values = [
-        value.replace("\r\n", "\n").replace("\x00", "").strip()
+        value.replace("\r\n", "\n").replace("\r", "\n").replace("\x00", "").strip()
         for value in item.values_sent(question.key, fields)
     ]
     values = [value for value in values if value]

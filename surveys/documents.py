@@ -9,6 +9,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from typing import Annotated, Any, TypeVar
 
 import msgspec
@@ -30,6 +31,7 @@ class MarkedText(str):
 gettext_noop = _ = MarkedText  # puts a text into the catalogue
 
 MAX_TEXT = 4000
+MOST_PROBLEMS = 100  # of a document are listed: one of 1 MB can have tens of thousands
 # What msgspec says of a part whose `kind` no class has.
 _UNKNOWN_KIND = re.compile(r"^Invalid value '(?P<kind>.*)' - at `(?P<path>\$.*)\.kind`$")
 
@@ -146,8 +148,8 @@ def checked(
     such a kind is called.
 
     Raises:
-        BadDefinitionError: with every problem found; JSON or types that are wrong end the search at
-            the first.
+        BadDefinitionError: with the first hundred problems; JSON or types that are wrong end the
+            search at the first.
     """
     if len(document) > limit:
         told = Problem(_("The file is larger than %(n)d kB."), {"n": limit // 1024})
@@ -159,7 +161,9 @@ def checked(
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         told = Problem(_("This is not valid JSON: %(error)s."), {"error": error})
         raise BadDefinitionError([told]) from error
-    wrong = list(problems_of(found))
+    wrong = list(islice(problems_of(found), MOST_PROBLEMS + 1))
+    if len(wrong) > MOST_PROBLEMS:
+        wrong[-1] = Problem(_("Only the first %(n)d problems are listed."), {"n": MOST_PROBLEMS})
     if wrong:
         raise BadDefinitionError(wrong)
     return found

@@ -6,9 +6,7 @@ value (a type may need several columns for it), and why there is none. The lines
 generators, for exports that are no pages as well.
 """
 
-import csv
 import datetime
-import io
 from collections.abc import AsyncIterator, Iterator, Sequence
 from itertools import islice
 from typing import Any
@@ -17,6 +15,7 @@ from asgiref.sync import sync_to_async
 from django.db.models import QuerySet
 from django.http import StreamingHttpResponse
 
+from robots.files.csv_text import csv_text
 from surveys.definition import Definition, cells_of, columns_of
 from surveys.models import Answer, Questionnaire, Response
 from surveys.scoring import scores
@@ -51,8 +50,6 @@ LONG = (
     "first_at",
     "answered_at",
 )
-# A spreadsheet takes a cell that begins so for a formula.
-_FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
 def as_long_csv(responses: QuerySet[Response], name: str) -> StreamingHttpResponse:
@@ -85,7 +82,7 @@ async def _beside_the_loop(lines: Iterator[str]) -> AsyncIterator[str]:
 
 def long_lines(responses: QuerySet[Response]) -> Iterator[str]:
     """Yield CSV with a line a question and response."""
-    yield line(LONG)
+    yield csv_text([LONG])
     for response, definition, rows in answered(responses):
         about, places = _about(response), definition.positions(response.seed)
         given = response.response_statuses(definition, {row.item: row.given for row in rows})
@@ -100,7 +97,7 @@ def long_lines(responses: QuerySet[Response]) -> Iterator[str]:
                 "" if said.value is None else question.item.cell(said.value),
                 said.missing or "",
             ]
-            yield line([*about, *cells, *_of_row(row)])
+            yield csv_text([[*about, *cells, *_of_row(row)]])
 
 
 def _of_row(row: Answer | None) -> list[Any]:
@@ -116,7 +113,7 @@ def wide_lines(slug: str) -> Iterator[str]:
     ]
     layout = columns_of(versions)
     named = list(dict.fromkeys(name for definition in versions for name in scores(definition, {})))
-    yield line([*ABOUT, *layout, *named])
+    yield csv_text([[*ABOUT, *layout, *named]])
     for response, definition, rows in answered(Response.objects.filter(questionnaire__slug=slug)):
         given = response.response_statuses(definition, {row.item: row.given for row in rows})
         values = {key: said.value for key, said in given.items()}
@@ -124,13 +121,12 @@ def wide_lines(slug: str) -> Iterator[str]:
         asked = {question.key: question for question in definition.questions()}
         cells = cells_of(asked, values, missing)
         found = scores(definition, values)
-        yield line(
-            [
-                *_about(response),
-                *(cells.get(column, "") for column in layout),
-                *(found.get(name) for name in named),
-            ]
-        )
+        row = [
+            *_about(response),
+            *(cells.get(column, "") for column in layout),
+            *(found.get(name) for name in named),
+        ]
+        yield csv_text([row])
 
 
 def answered(
@@ -175,15 +171,3 @@ def _about(response: Response) -> list[Any]:
 
 def _iso(at: datetime.datetime | None) -> str:
     return "" if at is None else at.isoformat()
-
-
-def line(cells: Sequence[Any]) -> str:
-    """Return cells as a line of CSV; none of them is a formula."""
-    text = io.StringIO()
-    csv.writer(text).writerow(
-        [
-            f"'{cell}" if isinstance(cell, str) and cell.startswith(_FORMULA) else cell
-            for cell in cells
-        ]
-    )
-    return text.getvalue()

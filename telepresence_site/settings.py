@@ -55,6 +55,7 @@ MIDDLEWARE = [
     "django.contrib.messages.middleware.MessageMiddleware",
     "django.middleware.clickjacking.XFrameOptionsMiddleware",
     "accounts.rate_limits.RetryAfterMiddleware",
+    "accounts.password_guesses.DeviceMiddleware",
     "allauth.account.middleware.AccountMiddleware",
     "accounts.passwordless.GuestMiddleware",
 ]
@@ -91,12 +92,15 @@ else:
     DATABASES = {
         "default": dj_database_url.parse(
             env.text("DATABASE_URL", f"sqlite:///{VAR_DIR / 'telepresence.sqlite3'}"),
-            conn_max_age=60,
         )
     }
+if DATABASES["default"]["ENGINE"] == "django.db.backends.postgresql":
+    DATABASES["default"]["CONN_HEALTH_CHECKS"] = True
+    DATABASES["default"]["OPTIONS"] = {"pool": postgresql.POOL} | DATABASES["default"].get(
+        "OPTIONS", {}
+    )
 if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
     env.private_sqlite(str(DATABASES["default"]["NAME"]))
-    DATABASES["default"]["CONN_MAX_AGE"] = 0
     DATABASES["default"]["OPTIONS"] = {
         # Several processes write: wait for each other instead of failing, and take the write lock
         # when a transaction begins.
@@ -162,7 +166,7 @@ ACCOUNT_FORMS = {
 SIGNUP_OPEN = env.flag("SIGNUP_OPEN", default=True)
 ACCOUNT_LOGOUT_REDIRECT_URL = "home"
 ACCOUNT_EMAIL_CONFIRMATION_HMAC = False
-ACCOUNT_RATE_LIMITS = {"login_failed": "10/m/ip,5/5m/key", "signup": "20/m/ip"}
+ACCOUNT_RATE_LIMITS = {"login_failed": "10/m/ip", "signup": "20/m/ip"}
 
 EMAIL_HOST = env.text("EMAIL_HOST")
 EMAIL_PORT = int(env.text("EMAIL_PORT", "587"))

@@ -1,6 +1,7 @@
 """A coding from a file of ELAN or of BORIS, whichever it is."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import msgspec
 from django.utils.translation import gettext as _
@@ -9,6 +10,37 @@ from experiments.coding.boris import from_boris
 from experiments.coding.eaf import from_eaf
 from experiments.coding.scheme import BadCodingError, CodedEvent, events_from
 from experiments.definition.coding import Code
+from robots.files.limited_process import ImportRefusedError, run_limited
+
+
+def import_coding(
+    document: bytes, codes: Sequence[Code], *, limit: int, duration: float, observation: str = ""
+) -> tuple[list[CodedEvent], list[str]]:
+    """Return what `read_coding` does, of a child process.
+
+    Raises:
+        BadCodingError: the file cannot be read, or an event does not fit.
+    """
+    known = msgspec.to_builtins(codes)
+    try:
+        found = run_limited(read_plain, document, known, limit, duration, observation)
+    except ImportRefusedError as error:
+        raise BadCodingError(error.problems) from error
+    return msgspec.convert(found, tuple[list[CodedEvent], list[str]])
+
+
+def read_plain(
+    document: bytes, codes: list[Any], limit: int, duration: float, observation: str
+) -> Any:
+    """Return what `read_coding` does, as plain data.
+
+    Raises:
+        BadCodingError: the file cannot be read, or an event does not fit.
+    """
+    known = msgspec.convert(codes, tuple[Code, ...])
+    return msgspec.to_builtins(
+        read_coding(document, known, limit=limit, duration=duration, observation=observation)
+    )
 
 
 def read_coding(

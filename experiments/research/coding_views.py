@@ -28,7 +28,7 @@ from experiments.access import drive_to_code, for_role, may, may_code
 from experiments.coding import store
 from experiments.coding.boris import to_boris
 from experiments.coding.eaf import to_eaf
-from experiments.coding.reading import read_coding
+from experiments.coding.reading import import_coding
 from experiments.coding.scheme import BadCodingError, scheme_in
 from experiments.coding.study_agreement import agreement_of
 from experiments.dataset.pseudonyms import Pseudonyms
@@ -352,7 +352,7 @@ def upload(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
     file = request.FILES.get("file")
     scheme, now = store.read_scheme(row), timezone.now()
     try:
-        found, left_out = read_coding(
+        found, left_out = import_coding(
             file.read(MAX_FILE + 1) if file is not None else b"",
             scheme.codes,
             duration=_duration(drive),

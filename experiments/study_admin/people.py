@@ -2,8 +2,6 @@
 the studies' administration.
 """
 
-import csv
-import io
 from typing import Any
 from urllib.parse import quote
 
@@ -25,9 +23,9 @@ from experiments.models import PersonalLink, Study, StudyMember
 from experiments.participation import links
 from experiments.research.study_access import study_for
 from experiments.study_admin import opening_hours
+from robots.files.csv_text import csv_text
 
 MOST_LISTED = 500
-RISKY = ("=", "+", "-", "@", "\t", "\r")  # what a spreadsheet would take for a formula
 
 
 class PeoplePages:
@@ -174,29 +172,23 @@ class PeoplePages:
     def _made(self, request: HttpRequest, row: Study, form: LinksForm) -> dict[str, Any]:
         now, told = timezone.now(), form.cleaned_data
         until, count = form.expires_at(now), told["count"]
-        file = io.StringIO()
-        lines = csv.writer(file)
-        lines.writerow(["label", "link", "expires"])
+        expires = until.isoformat(timespec="seconds") if until else ""
+        rows = [("label", "link", "expires")]
         for n in range(1, count + 1):
             label = f"{told['label']} {n}".strip()
             _link, token = links.make(
                 row, label=label, access=told["access"], expires_at=until, now=now
             )
             address = request.build_absolute_uri(reverse("study_link", args=[token]))
-            lines.writerow(
-                [
-                    f"'{label}" if label.startswith(RISKY) else label,
-                    address,
-                    until.isoformat(timespec="seconds") if until else "",
-                ]
-            )
+            rows.append((label, address, expires))
+        file = csv_text(rows)
         publishing.log(row, request.user, f"{count} personal links made.")
         audit.note("links_made", actor=request.user, study=row.slug, detail=str(count))
         return {
             "count": count,
             "file": f"{row.slug}-{row.version}-links.csv",
-            "text": file.getvalue(),
-            "href": f"data:text/csv;charset=utf-8,{quote(file.getvalue())}",
+            "text": file,
+            "href": f"data:text/csv;charset=utf-8,{quote(file)}",
         }
 
     @staticmethod

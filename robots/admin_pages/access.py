@@ -56,7 +56,6 @@ class OfRobots(ShownFilters):
         )
 
     def has_module_permission(self, request: HttpRequest) -> bool:
-        """Show the part of the site to owners too."""
         return bool(super().has_module_permission(request)) or self.is_of(request, None)
 
     def has_view_permission(self, request: HttpRequest, obj: Model | None = None) -> bool:
@@ -114,7 +113,6 @@ class PermitForm(ModelForm):
         fields = ("kind",)
 
     def clean(self) -> dict[str, Any]:
-        """Find the person of a new permit."""
         cleaned = super().clean() or self.cleaned_data
         if self.instance._state.adding:
             found = User.objects.filter(username=cleaned.get("person", ""), is_active=True).first()
@@ -151,5 +149,4 @@ class OwnersPermits(_ByRobot, admin.TabularInline):
 
     @admin.display(description=_("user"))
     def who(self, permit: RobotPermit) -> str:
-        """What others see of the person."""
         return permit.user.shown_name if permit.user_id else ""

@@ -19,15 +19,9 @@ class NowFilter(admin.SimpleListFilter):
     parameter_name = "now"
 
     def lookups(self, _request: HttpRequest, _model_admin: Any) -> list[tuple[str, Any]]:
-        """Return what there is to choose."""
-        return [
-            ("online", _("online")),
-            ("in_use", _("in use")),
-            ("problem", _("with a problem")),
-        ]
+        return [("online", _("online")), ("in_use", _("in use")), ("problem", _("with a problem"))]
 
     def queryset(self, _request: HttpRequest, queryset: Any) -> Any:
-        """Return those robots; a few hundred at most, which are judged one by one."""
         now, chosen = timezone.now(), self.value()
         if chosen == "in_use":
             return queryset.filter(lease__session__isnull=False)

@@ -53,7 +53,6 @@ class OverviewPage(WithDriver):
         return super().change_view(request, object_id, form_url, extra_context)
 
     def status_view(self, request: HttpRequest, pk: Any) -> JsonResponse:
-        """Answer with how a robot is now, for its page."""
         robot: Robot = get_object_or_404(self.get_queryset(request), pk=pk)
         more = {
             "agent": _agent_version(robot),

@@ -107,13 +107,18 @@ A velocity moves the robot only if it passes all of these checks, in this order:
 
 An accepted velocity is limited to the lowest of the robot's, the lease's and the assistance's
 speeds. From half of the age limit, speeds fall linearly to zero at the limit. Speeds change no
-faster than the limits' accelerations and brakings.
+no faster than the limits' accelerations and brakings. `applied` has the velocity that the base was
+really sent.
 
 If no other velocity is accepted for `deadman` seconds, the robot brakes. So as not to conflict with
 a planner, send zeros from the last motion until the robot is measured to be at a standstill (at
-most 0.02 m/s and 0.05 rad/s for 0.3 s), then nothing. A zero while the robot drives by itself has
-no effect (`navigating`). If the agent itself pauses for longer than `deadman` or `watchdog`, begin
-again from zero.
+most 0.02 m/s and 0.05 rad/s for 0.3 s, unless its profile states other speeds), then nothing. While
+the driver waits for that, `safety.inhibited` is `settling`. A zero while the robot drives by itself
+has no effect (`navigating`). If the agent itself pauses for longer than `watchdog`, begin again
+from zero.
+
+A robot that is measured moving while nothing may move it is sent zeros again, for as long as it
+moves, with or without a lease. Within 0.5 s, `errors` contains `runs_on: …`.
 
 `deadman` is at most 1 s, `watchdog` at most 2 s and not below `deadman`. Refuse to start otherwise.
 
@@ -127,7 +132,8 @@ again from zero.
 - `estop` latches across a restart of the agent: write it to the disk before you confirm it. An
   `estop` from the role `observer` counts as a `stop`.
 - `clear_estop` comes from the broker with role `staff`, `owner` or `screen` and a user
-  (`not_from_server`). `screen` clears only what `screen` has latched (`not_yours`). The robot's own
+  (`not_from_server`). `screen` clears only what `screen` has latched (`not_yours`), and a stop that
+  holds the robot without a lease. The robot's own
   button latches, too: only the owner can clear it (`owner_only`), after it is released
   (`button_pressed`).
 
@@ -146,10 +152,13 @@ Until then `safety.inhibited` is `stopped`, and velocities other than zero, `til
 that moves the robot are refused (`stopped`). Released means one of these:
 
 - a zero velocity of this driver that passes points 1 to 6 above;
-- a lease of another session or epoch than the one under which it became required; without a live
-  lease, 1 s;
+- a lease of another session or epoch than the one under which it became required. A lease that
+  lapses and is renewed releases nothing;
 - 1 s without a velocity other than zero, while the driver's heartbeats arrive on the transport of
   the driver's last velocity, at most 0.5 s apart. A silent network releases nothing.
+
+Without a lease, only a `stop` of somebody else than the driver whose session has just ended keeps
+the robot stopped: until a new lease, or a `clear_estop`.
 
 A gap in the driver's own network is not in this list: the robot brakes after `deadman`, and the
 next velocity that passes all checks moves it again. Velocities sent during the gap are too old by
@@ -175,8 +184,13 @@ then.
   the offer, and the peer identifies the driver.
 - An action that moves the robot begins and ends when the robot is measured to be at a standstill.
   It is cancelled by a velocity other than zero, a stop, a lost base, a contact unless it docks, the
-  end of the lease, and 2 s after the driver's last heartbeat. The last two do not cancel actions
-  from `server`.
+  end of the lease, and 2 s after the driver's last heartbeat. The end of the lease does not cancel
+  actions from `server`; they are cancelled 2 s after the server's last heartbeat. Motion that
+  exceeds a limit by 10 % for 0.5 s ends an action, too (`too_fast`).
+- An action is yours until the robot control architecture confirms its end. Repeat the cancel every
+  0.5 s until then, also after a connection was lost, and begin no other action
+  (`navigation_does_not_end`). Until then `errors` contains `cancel: …`, and the status is not
+  CANCELLED.
 
 ### Reports
 

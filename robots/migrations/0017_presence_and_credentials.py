@@ -1,6 +1,7 @@
 """What other processes write of a robot gets rows of its own."""
 
-import django.db.models.deletion
+from functools import partial
+
 from django.db import migrations, models
 
 
@@ -34,128 +35,71 @@ def join(apps, _editor):
             robots.filter(pk=row.pop("robot")).update(**row)
 
 
-class Migration(migrations.Migration):
-    dependencies = [
-        ("robots", "0016_experienced_help_text"),
-    ]
+unset = {"editable": False, "null": True}
+text = partial(models.CharField, blank=True, editable=False)
+moment = partial(models.DateTimeField, **unset)
+TURNAROUND = [
+    ("ready", "ready"),
+    ("returning", "returning home"),
+    ("charging", "charging"),
+    ("paused", "paused"),
+]
 
+
+def of_robot(name):
+    is_key = {"editable": False, "primary_key": True, "serialize": False}
+    return "robot", models.OneToOneField(
+        "robots.robot", models.CASCADE, related_name=name, **is_key
+    )
+
+
+class Migration(migrations.Migration):
+    dependencies = [("robots", "0016_experienced_help_text")]
     operations = [
         migrations.CreateModel(
             name="RobotCredentials",
             fields=[
-                (
-                    "robot",
-                    models.OneToOneField(
-                        editable=False,
-                        on_delete=django.db.models.deletion.CASCADE,
-                        primary_key=True,
-                        related_name="credentials",
-                        serialize=False,
-                        to="robots.robot",
-                    ),
-                ),
-                ("screen_hash", models.CharField(blank=True, editable=False, max_length=200)),
-                (
-                    "screen_made_at",
-                    models.DateTimeField(
-                        editable=False, null=True, verbose_name="screen key created"
-                    ),
-                ),
-                ("credential_hash", models.CharField(blank=True, editable=False, max_length=200)),
-                ("bcrypt_hash", models.CharField(blank=True, editable=False, max_length=100)),
-                (
-                    "credential_made_at",
-                    models.DateTimeField(
-                        editable=False, null=True, verbose_name="credentials created"
-                    ),
-                ),
-                ("credential_user", models.CharField(blank=True, editable=False, max_length=80)),
-                ("former_user", models.CharField(blank=True, editable=False, max_length=80)),
-                ("former_hash", models.CharField(blank=True, editable=False, max_length=200)),
-                (
-                    "former_bcrypt_hash",
-                    models.CharField(blank=True, editable=False, max_length=100),
-                ),
-                ("former_until", models.DateTimeField(editable=False, null=True)),
-                (
-                    "renewal_asked_at",
-                    models.DateTimeField(
-                        editable=False, null=True, verbose_name="credential renewal requested"
-                    ),
-                ),
+                of_robot("credentials"),
+                ("screen_hash", text(max_length=200)),
+                ("screen_made_at", moment("screen key created")),
+                ("credential_hash", text(max_length=200)),
+                ("bcrypt_hash", text(max_length=100)),
+                ("credential_made_at", moment("credentials created")),
+                ("credential_user", text(max_length=80)),
+                ("former_user", text(max_length=80)),
+                ("former_hash", text(max_length=200)),
+                ("former_bcrypt_hash", text(max_length=100)),
+                ("former_until", moment()),
+                ("renewal_asked_at", moment("credential renewal requested")),
             ],
-            options={
-                "verbose_name": "robot credentials",
-                "verbose_name_plural": "robot credentials",
-            },
+            options=dict.fromkeys(("verbose_name", "verbose_name_plural"), "robot credentials"),
         ),
         migrations.CreateModel(
             name="RobotPresence",
             fields=[
-                (
-                    "robot",
-                    models.OneToOneField(
-                        editable=False,
-                        on_delete=django.db.models.deletion.CASCADE,
-                        primary_key=True,
-                        related_name="presence",
-                        serialize=False,
-                        to="robots.robot",
-                    ),
-                ),
+                of_robot("presence"),
                 (
                     "connection",
-                    models.CharField(
-                        default="OFFLINE", editable=False, max_length=20, verbose_name="connection"
-                    ),
+                    models.CharField("connection", max_length=20, default="OFFLINE", editable=False),
                 ),
-                ("boot", models.CharField(blank=True, editable=False, max_length=64)),
-                (
-                    "last_seen_at",
-                    models.DateTimeField(editable=False, null=True, verbose_name="last seen"),
-                ),
-                (
-                    "factsheet",
-                    models.JSONField(
-                        blank=True, editable=False, null=True, verbose_name="factsheet"
-                    ),
-                ),
-                (
-                    "report",
-                    models.JSONField(
-                        blank=True, editable=False, null=True, verbose_name="last state"
-                    ),
-                ),
+                ("boot", text(max_length=64)),
+                ("last_seen_at", moment("last seen")),
+                ("factsheet", models.JSONField("factsheet", blank=True, **unset)),
+                ("report", models.JSONField("last state", blank=True, **unset)),
                 (
                     "turnaround",
                     models.CharField(
-                        choices=[
-                            ("ready", "ready"),
-                            ("returning", "returning home"),
-                            ("charging", "charging"),
-                            ("paused", "paused"),
-                        ],
+                        "between visits",
+                        max_length=10,
+                        choices=TURNAROUND,
                         default="ready",
                         editable=False,
-                        max_length=10,
-                        verbose_name="between visits",
                     ),
                 ),
-                (
-                    "turnaround_reason",
-                    models.CharField(
-                        blank=True, editable=False, max_length=300, verbose_name="reason"
-                    ),
-                ),
-                (
-                    "turnaround_at",
-                    models.DateTimeField(editable=False, null=True, verbose_name="since"),
-                ),
+                ("turnaround_reason", text("reason", max_length=300)),
+                ("turnaround_at", moment("since")),
             ],
-            options={
-                "verbose_name": "robot presence",
-                "verbose_name_plural": "robot presence",
-            },
+            options=dict.fromkeys(("verbose_name", "verbose_name_plural"), "robot presence"),
         ),
         migrations.RunPython(split, join),
     ]

@@ -7,7 +7,7 @@ late), so OFFLINE and CONNECTIONBROKEN of another boot than the last ONLINE's ar
 
 import datetime
 from collections.abc import Collection
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -105,16 +105,6 @@ class Fence(Protocol):
         """Refuse the writes in this block when one of these robots is somebody else's by now."""
 
 
-class _NoFence:
-    version = 0
-
-    def records(self, robot: str) -> bool:
-        return True
-
-    def about(self, *robots: str) -> AbstractContextManager[None]:
-        return nullcontext()
-
-
 @dataclass
 class _KnownRobot:
     name: str
@@ -132,9 +122,9 @@ class PresenceWriter:
     writes.
     """
 
-    def __init__(self, write_seconds: float = WRITE_SECONDS, fence: Fence | None = None) -> None:
+    def __init__(self, fence: Fence, write_seconds: float = WRITE_SECONDS) -> None:
         self._write_seconds = write_seconds
-        self._fence = fence or _NoFence()
+        self._fence = fence
         self._version = self._fence.version
         self._known: dict[str, _KnownRobot] = {}
         self._unknown: dict[str, float] = {}

@@ -10,11 +10,15 @@ occupancy in percent, and everything above is unknown. In a PNG, what is not opa
 (nav2_map_server, map_io.cpp). A map is turned into the first form when it is read.
 """
 
+import io
+import math
 import re
+import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -28,12 +32,33 @@ HEADER_BYTES = 4096
 MODES = ("trinary", "scale", "raw")
 WITH_ALPHA = ("rgba", "rgba64be", "ya8", "ya16be", "pal8")  # FFmpeg's names of what a PNG can have
 PNG = b"\x89PNG\r\n\x1a\n"
+# What makes the picture. Other chunks, such as colour profiles and texts, may unpack to any size.
+PNG_CHUNKS = frozenset({b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND"})
+CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # by colour type
+INFLATED_AT_ONCE = 1024 * 1024
+YES, NO = frozenset({"1", "true", "yes", "on"}), frozenset({"", "0", "false", "no", "off"})
 _BETWEEN = rb"(?:\s|#[^\n]*\n)+"
 _PGM = re.compile(rb"P[25]" + _BETWEEN + rb"(\d{1,9})" + _BETWEEN + rb"(\d{1,9})\s")
 
 
 class MapError(ValueError):
     """A map that cannot be read; the message names the file and what is wrong with it."""
+
+
+class _PlainYaml(yaml.BaseLoader):
+    """YAML whose scalars are all text, without aliases: a line of them can stand for gigabytes, and
+    a number of YAML 1.1 take minutes to compute.
+    """
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        """Return the next node.
+
+        Raises:
+            yaml.YAMLError: it is an alias.
+        """
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.YAMLError("aliases (*name) are not accepted")
+        return super().compose_node(parent, index)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +98,7 @@ def load_grid(path: Path) -> OccupancyGrid:
         MapError: the file or its image is missing, malformed or out of bounds.
     """
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = yaml.load(path.read_text(encoding="utf-8"), _PlainYaml)  # noqa: S506 -- text only
     except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError) as error:
         raise MapError(f"{path}: {error}") from error
     if not isinstance(content, dict):
@@ -87,25 +112,45 @@ def load_grid(path: Path) -> OccupancyGrid:
 def _grid(content: dict[str, Any], path: Path) -> OccupancyGrid:
     mode = str(content.get("mode", "trinary"))
     if mode not in MODES:
-        message = f"mode {mode!r} is none of {', '.join(MODES)}"
+        message = f"mode {mode[:40]!r} is none of {', '.join(MODES)}"
         raise ValueError(message)
     file = path.parent / str(content["image"])
     if file.is_absolute() and not file.exists():  # map_saver writes where the image once was
         file = path.parent / file.name
-    image, opaque = _decoded(str(file), str(file))
-    x, y, theta = (float(value) for value in content["origin"])
+    image, opaque = _decoded(_bytes_of(file), str(file))
+    resolution = _number(content["resolution"], "resolution")
+    x, y, theta = (_number(value, "origin") for value in content["origin"])
     grid = OccupancyGrid(
         image=image,
-        transform=MapTransform(float(content["resolution"]), Pose2D(x, y, theta), image.shape[0]),
-        negate=bool(content.get("negate", 0)) and mode != "raw",
-        occupied_thresh=float(content.get("occupied_thresh", 0.65)),
-        free_thresh=float(content.get("free_thresh", 0.196)),
+        transform=MapTransform(resolution, Pose2D(x, y, theta), image.shape[0]),
+        negate=_flag(content.get("negate", "0")) and mode != "raw",
+        occupied_thresh=_number(content.get("occupied_thresh", "0.65"), "occupied_thresh"),
+        free_thresh=_number(content.get("free_thresh", "0.196"), "free_thresh"),
     )
     if mode == "raw":
         percent = np.round(255.0 * (1.0 - np.minimum(image, 100) / 100.0)).astype(np.uint8)
         opaque = (image <= 100) & (opaque if opaque is not None else True)
         grid = replace(grid, image=percent)
     return grid if opaque is None else _with_unknown(grid, ~opaque)
+
+
+def _number(text: Any, name: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        message = f"{name} {text[:40]!r} is not a finite number"
+        raise ValueError(message)
+    return number
+
+
+def _flag(text: Any) -> bool:
+    word = str(text).lower()
+    if word not in YES | NO:
+        message = f"negate {word[:40]!r} is neither 0 nor 1"
+        raise ValueError(message)
+    return word in YES
 
 
 def _with_unknown(grid: OccupancyGrid, unknown: npt.NDArray[np.bool_]) -> OccupancyGrid:
@@ -121,30 +166,37 @@ def read_grey(path: Path) -> npt.NDArray[np.uint8]:
     Raises:
         MapError: it is not there, no image, or larger than `MAXIMUM_SIDE`.
     """
-    return decode_grey(str(path), str(path))
+    return decode_grey(_bytes_of(path), str(path))
 
 
-def decode_grey(source: str | BinaryIO, name: str) -> npt.NDArray[np.uint8]:
-    """Return a PNG or PGM, a path or an open file, as (h, w) uint8; `name` is what errors call it.
+def decode_grey(data: bytes, name: str) -> npt.NDArray[np.uint8]:
+    """Return a PNG or PGM as (h, w) uint8; `name` is what errors call it.
 
     Raises:
-        MapError: it is not there, no image, or larger than `MAXIMUM_SIDE`.
+        MapError: it is no image, or larger than `MAXIMUM_SIDE`.
     """
-    return _decoded(source, name)[0]
+    return _decoded(data, name)[0]
 
 
-def _decoded(
-    source: str | BinaryIO, name: str
-) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.bool_] | None]:
+def _bytes_of(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise MapError(f"{path}: cannot be read as an image ({error})") from error
+
+
+def _decoded(data: bytes, name: str) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.bool_] | None]:
     """Return the grey values (h, w), and which of them are opaque, None when all are."""
     import av  # noqa: PLC0415 -- a sixth of the time that a simulator takes to load
 
+    # opening it would already unpack a picture of any size
+    _check_size(*_told_size(data[:HEADER_BYTES], name), name)
+    is_png = data.startswith(PNG)
     try:
-        # opening it would already unpack a picture of any size
-        _check_size(*_told_size(_beginning(source), name), name)
-        with av.open(source, "r") as container:
+        plain = io.BytesIO(_plain_png(data) if is_png else data)
+        with av.open(plain, "r", format="png_pipe" if is_png else "pgm_pipe") as container:
             frame = next(container.decode(video=0))
-    except (OSError, av.FFmpegError, StopIteration, IndexError) as error:
+    except (OSError, ValueError, zlib.error, av.FFmpegError, StopIteration, IndexError) as error:
         raise MapError(f"{name}: cannot be read as an image ({error})") from error
     _check_size(frame.width, frame.height, name)
     grey = np.ascontiguousarray(frame.to_ndarray(format="gray"), dtype=np.uint8)
@@ -153,13 +205,44 @@ def _decoded(
     return grey, frame.to_ndarray(format="rgba")[..., 3] == 255
 
 
-def _beginning(source: str | BinaryIO) -> bytes:
-    if isinstance(source, str):
-        with Path(source).open("rb") as file:
-            return file.read(HEADER_BYTES)
-    start = source.read(HEADER_BYTES)
-    source.seek(0)
-    return start
+def _plain_png(data: bytes) -> bytes:
+    """Return a PNG with nothing but its picture.
+
+    Raises:
+        ValueError: it is cut off, or its picture is longer than its size allows.
+        zlib.error: the picture cannot be unpacked.
+    """
+    width, height, depth, colour = (
+        int.from_bytes(data[16:20]),
+        int.from_bytes(data[20:24]),
+        *data[24:26],
+    )
+    # with the filter bytes of all rows and the padding of the seven interlaced pictures
+    left = height * (width * depth * CHANNELS.get(colour, 4) // 8 + 5) + 64
+    inflate, kept = zlib.decompressobj(), [PNG]
+    for kind, chunk in _chunks(data):
+        if kind not in PNG_CHUNKS:
+            continue
+        kept.append(chunk)
+        packed = chunk[8:-4] if kind == b"IDAT" else b""
+        while packed and left >= 0:
+            left -= len(inflate.decompress(packed, INFLATED_AT_ONCE))
+            packed = inflate.unconsumed_tail
+    if left < 0:
+        raise ValueError("its data are longer than the picture")
+    return b"".join(kept)
+
+
+def _chunks(data: bytes) -> Iterator[tuple[bytes, bytes]]:
+    """Yield the kind and all bytes of each chunk (ISO/IEC 15948, 5.3) up to the end."""
+    start, kind = len(PNG), b""
+    while kind != b"IEND":
+        kind = data[start + 4 : start + 8]
+        end = start + 12 + int.from_bytes(data[start : start + 4])
+        if end > len(data) or len(kind) < 4:
+            raise ValueError("it is cut off")
+        yield kind, data[start:end]
+        start = end
 
 
 def _told_size(start: bytes, name: str) -> tuple[int, int]:

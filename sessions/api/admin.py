@@ -37,11 +37,9 @@ class ApiKeyAdmin(OfRobots):
     # --- who may ----------------------------------------------------------------------------------
 
     def has_add_permission(self, request: HttpRequest) -> bool:
-        """Whoever has a robot makes keys for it."""
         return bool(super().has_add_permission(request)) or self.is_of(request, None)
 
     def has_change_permission(self, _request: HttpRequest, _obj: Model | None = None) -> bool:
-        """A key stays what it is."""
         return False
 
     def has_delete_permission(self, request: HttpRequest, obj: Model | None = None) -> bool:
@@ -49,17 +47,14 @@ class ApiKeyAdmin(OfRobots):
         return bool(super().has_delete_permission(request, obj)) or self.is_of(request, obj)
 
     def get_list_filter(self, request: HttpRequest) -> tuple[str, ...]:
-        """Owners get no list of all robots."""
         return self.list_filter if self.sees_all(request) else ()
 
     # --- making -----------------------------------------------------------------------------------
 
     def get_fields(self, _request: HttpRequest, obj: ApiKey | None = None) -> tuple[str, ...]:
-        """A key that is to be made has no past."""
         return ("robot", "label") if obj is None else ("robot", "label", "made_at", "used")
 
     def formfield_for_foreignkey(self, db_field: Any, request: HttpRequest, **kwargs: Any) -> Any:
-        """Offer owners their own robots and no other."""
         if db_field.name == "robot" and not super().has_add_permission(request):
             kwargs["queryset"] = Robot.objects.filter(owner=request.user)
         return super().formfield_for_foreignkey(db_field, request, **kwargs)
@@ -67,7 +62,6 @@ class ApiKeyAdmin(OfRobots):
     def get_form(
         self, request: HttpRequest, obj: ApiKey | None = None, change: bool = False, **kwargs: Any
     ) -> Any:
-        """Say what a label is for."""
         return super().get_form(
             request,
             obj,
@@ -85,7 +79,6 @@ class ApiKeyAdmin(OfRobots):
     def response_add(
         self, request: HttpRequest, obj: ApiKey, post_url_continue: str | None = None
     ) -> HttpResponse:
-        """Show the key, once."""
         context = self.admin_site.each_context(request) | {
             "title": gettext("API key for %(robot)s") % {"robot": obj.robot},
             "opts": self.opts,
@@ -98,14 +91,12 @@ class ApiKeyAdmin(OfRobots):
     # --- taking away ------------------------------------------------------------------------------
 
     def delete_model(self, request: HttpRequest, obj: ApiKey) -> None:
-        """Take a key away."""
         audit.note(
             "api_key_revoked", actor=request.user, robot=obj.robot, thing=obj, detail=obj.label
         )
         super().delete_model(request, obj)
 
     def delete_queryset(self, request: HttpRequest, queryset: "QuerySet[ApiKey]") -> None:
-        """Take several away."""
         for key in queryset.select_related("robot"):
             self.delete_model(request, key)
 

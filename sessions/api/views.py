@@ -24,7 +24,6 @@ from django.views.decorators.csrf import csrf_exempt
 from django.views.decorators.http import require_POST, require_safe
 
 from accounts.attempts import Attempts, address_of
-from accounts.rate_limits import limited
 from robots.access import robots_visible_to
 from robots.api.messages import EStop, Stop
 from robots.bridge import bridge as mqtt_bridge
@@ -77,12 +76,18 @@ def _key_or_problem(request: HttpRequest) -> ApiKey | JsonResponse | None:
 # --- reading --------------------------------------------------------------------------------------
 
 
+def _reader(request: HttpRequest) -> ApiKey | JsonResponse | None:
+    address, now = address_of(request), time.time()
+    if not READ.count(address, now):
+        return _too_many("too_many_attempts", READ.wait(address, now))
+    return _key_or_problem(request)
+
+
 @never_cache
 @require_safe
-@limited(READ, reading=True, json=True)
 def robots(request: HttpRequest) -> JsonResponse:
     """List the robots that whoever asks may know of, by name."""
-    key = _key_or_problem(request)
+    key = _reader(request)
     if isinstance(key, JsonResponse):
         return key
     now = timezone.now()
@@ -96,10 +101,9 @@ def robots(request: HttpRequest) -> JsonResponse:
 
 @never_cache
 @require_safe
-@limited(READ, reading=True, json=True)
 def robot(request: HttpRequest, robot: str) -> JsonResponse:
     """Tell how one robot is."""
-    key = _key_or_problem(request)
+    key = _reader(request)
     if isinstance(key, JsonResponse):
         return key
     now = timezone.now()

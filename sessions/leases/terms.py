@@ -8,7 +8,7 @@ enforces it whichever way a command comes, and told to the page.
 """
 
 import datetime
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 import structlog
@@ -83,15 +83,16 @@ class NotGranted(Exception):
     """
 
 
-class Provider(Protocol):
-    """What an app above this one answers. All are called with the ORM at hand, and may be called
-    again with the same result.
+class Provider:
+    """What an app above this one answers; here, what most sessions get. All are called with the ORM
+    at hand, and may be called again with the same result.
     """
 
     def why_not(self, user: "User", robot: "Robot", now: datetime.datetime) -> str:
         """Return why this visitor may not ask for the robot now, as one word that the page has a
         sentence for; empty when they may.
         """
+        return ""
 
     def not_ready(self, user: "User", robot: "Robot", now: datetime.datetime) -> str:
         """Return why the robot is not yet as a session of this visitor needs it, as one word; empty
@@ -99,6 +100,7 @@ class Provider(Protocol):
 
         Such a session waits, first in the queue, until it is.
         """
+        return ""
 
     def granted(self, session: "Session", now: datetime.datetime) -> Terms | None:
         """Return the terms of a session that gets the robot for the first time; None when it is
@@ -107,21 +109,25 @@ class Provider(Protocol):
         Raises:
             NotGranted: the session must not begin; it is ended.
         """
+        return None
 
     def claims(self, user: "User", robot: "Robot") -> bool:
         """Tell whether a session that this visitor begins with the robot now would go on terms of
         the provider's.
         """
+        return False
 
     def may_watch(self, user: "User", session: str) -> bool:
         """Tell whether somebody who neither drives nor operates the robot may watch a private
         session of the provider's.
         """
+        return False
 
     def shown(self, session: str) -> dict[str, Any]:
         """Return the `data` of the newest `task` news of a session, for a page that comes back;
         empty when there is none.
         """
+        return {}
 
 
 _providers: list[Provider] = []

@@ -83,11 +83,7 @@ class ActiveManager:
         self._forgetting: set[asyncio.Task[None]] = set()
         self._prepared: tuple[int, ...] = ()
         self._loop = loop = asyncio.get_running_loop()
-        self.recorder = Recorder(
-            self._ask_from_its_thread,
-            clock=clock,
-            ownership=ownership,
-        )
+        self.recorder = Recorder(self._ask_from_its_thread, clock=clock, ownership=ownership)
         due, received = asyncio.Event(), asyncio.Event()
         self._work = Work(
             recorder=self.recorder,
@@ -101,7 +97,7 @@ class ActiveManager:
             ),
             scheduler=Scheduler(ownership),
             return_to_dock=ReturnToDock(ownership),
-            presence=PresenceWriter(fence=ownership),
+            presence=PresenceWriter(ownership),
             thread=DatabaseThread("scheduler", health, ownership.fenced),
             health=health,
             disk=DiskWatch(DiskSpace(settings.VAR_DIR, settings.DISK_LOW_MB)),

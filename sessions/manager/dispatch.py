@@ -19,9 +19,7 @@ logger = structlog.stdlib.get_logger(__name__)
 
 
 def send_all(
-    items: Iterable[Fresh],
-    offsets: Mapping[str, float | None],
-    ownership: Ownership = EVERYTHING,
+    items: Iterable[Fresh], offsets: Mapping[str, float | None], ownership: Ownership = EVERYTHING
 ) -> None:
     """Send the signals of what came of our robots; `offsets` has each robot's clock minus ours, in
     seconds.

@@ -26,7 +26,7 @@ from surveys.document_forms.problem_text import sentences
 from surveys.documents import BadDefinitionError
 from surveys.forms import format_reference
 from surveys.importing import report as reports
-from surveys.importing.reading import MAX_FILE, MAX_SLUG, read, slug_for
+from surveys.importing.reading import MAX_FILE, MAX_SLUG, import_survey
 from surveys.importing.report import ImportReport
 from surveys.importing.survey_format import Wishes
 from surveys.models import Questionnaire
@@ -82,18 +82,24 @@ def choose(request: HttpRequest) -> HttpResponse:
         return _page(request, {"form": form})
     wishes = Wishes(form.cleaned_data["language"], form.cleaned_data["form"].strip())
     try:
-        draft = read(form.cleaned_data["file"].read(MAX_FILE + 1), wishes)
-        slug = slug_for(next(iter(draft.title.values()), ""))
-        definition = draft.definition(slug, 1)
+        found = import_survey(form.cleaned_data["file"].read(MAX_FILE + 1), wishes)
     except BadDefinitionError as error:
-        for problem in sentences(error.problems):
-            form.add_error("file", problem)
-        return _page(request, {"form": form})
+        return _refused(request, form, sentences(error.problems))
+    if found.definition is None:
+        return _refused(request, form, found.problems)
     parcel = signing.dumps(
-        [msgspec.to_builtins(definition), reports.stored(draft.report)], salt=SALT, compress=True
+        [msgspec.to_builtins(found.definition), reports.stored(found.report)],
+        salt=SALT,
+        compress=True,
     )
-    save_form = SaveForm(initial={"name": slug, "parcel": parcel})
-    return _page(request, _shown(save_form, definition, draft.report))
+    save_form = SaveForm(initial={"name": found.slug, "parcel": parcel})
+    return _page(request, _shown(save_form, found.definition, found.report))
+
+
+def _refused(request: HttpRequest, form: FileForm, problems: list[str]) -> HttpResponse:
+    for problem in problems:
+        form.add_error("file", problem)
+    return _page(request, {"form": form})
 
 
 @require_POST

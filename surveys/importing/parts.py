@@ -1,7 +1,8 @@
 """Parts of questions that the formats have in common: options, scales, and texts for "other"."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from django.utils.translation import gettext as _
@@ -57,14 +58,17 @@ def word(name: str, draft: Draft, note: Note) -> Text:
 def option_values(codes: Sequence[str], note: Note) -> dict[str, str]:
     """Return a value that fits here for each code of the file, in their order."""
     values: dict[str, str] = {}
+    taken: set[str] = set()
+    numbers: Counter[str] = Counter()
     for code in codes:
         bare = code.strip().lower()
         bare = f"minus_{bare[1:]}" if bare.startswith("-") else bare
         base = re.sub(r"[^a-z0-9_-]+", "_", bare).strip("_-")[:36] or "option"
-        value, number = base, 1
-        while value in values.values():
-            number += 1
-            value = f"{base}_{number}"
+        value = base
+        while value in taken:
+            numbers[base] += 1
+            value = f"{base}_{numbers[base] + 1}"
+        taken.add(value)
         values[code] = value
     renamed = [
         f"{code} → {value}" for code, value in values.items() if value != code.strip().lower()
@@ -77,7 +81,7 @@ def option_values(codes: Sequence[str], note: Note) -> dict[str, str]:
     return values
 
 
-def options(labels: Mapping[str, Text], note: Note, alone: Sequence[str] = ()) -> list[Item]:
+def options(labels: Mapping[str, Text], note: Note, alone: Collection[str] = ()) -> list[Item]:
     """Return the options of a question, of labels by code. Those without a label are left out."""
     values = option_values(list(labels), note)
     unnamed = [code for code, label in labels.items() if not label]

@@ -26,6 +26,8 @@ PIPED = {
     "redcap": re.compile(r"\[[a-z][a-z0-9_:-]*\](?:\[[a-z0-9_:-]+\])*"),
 }
 
+_COMMENT = re.compile(r"<!--.*?(?:-->|\Z)", re.DOTALL)
+
 
 @dataclass(frozen=True)
 class PlainText:
@@ -85,12 +87,20 @@ def plain(html: str, *, keeps_lines: bool = False) -> PlainText:
         return PlainText(_tidy(text))
     reader = _TextParser(keeps_lines=keeps_lines)
     try:
-        reader.feed(html)
+        reader.feed(_closed(html))
         reader.close()
     except AssertionError:
         # html.parser raises it for marked sections that it does not know, "<![x[".
         return PlainText(_tidy(re.sub(r"<[^>]*>", " ", html)))
     return PlainText(_tidy("".join(reader.parts)), tuple(sorted(reader.lost)))
+
+
+def _closed(html: str) -> str:
+    """Return markup without comments, and with every "<" after the last ">" as a character:
+    html.parser searches to the end of the text for the end of each that is not closed.
+    """
+    marked, end, rest = _COMMENT.sub(" ", html).rpartition(">")
+    return f"{marked}{end}{rest.replace('<', '&lt;')}"
 
 
 def _tidy(text: str) -> str:

@@ -2,16 +2,62 @@
 
 import re
 import unicodedata
+from typing import Any
 
+import msgspec
 from django.utils.translation import gettext as _
 
+from robots.files.limited_process import ImportRefusedError, run_limited
+from surveys.definition import Definition
+from surveys.document_forms.problem_text import sentences
 from surveys.documents import BadDefinitionError
 from surveys.importing.draft import Draft
 from surveys.importing.formats import FORMATS
+from surveys.importing.report import ImportReport
 from surveys.importing.survey_format import Wishes
 
 MAX_FILE = 5 * 1024 * 1024
 MAX_SLUG = 40
+
+
+class ImportedSurvey(msgspec.Struct, frozen=True):
+    """What became of a file: a questionnaire, its name by its title, and a report. Where nothing of
+    the file makes a questionnaire, the definition is None and `problems` say why.
+    """
+
+    slug: str
+    report: ImportReport
+    definition: Definition | None = None
+    problems: list[str] = []
+
+
+def import_survey(document: bytes, wishes: Wishes | None = None, slug: str = "") -> ImportedSurvey:
+    """Return what a child process reads from a file; `slug` replaces the name by its title.
+
+    Raises:
+        BadDefinitionError: it is too large, of no known format, or cannot be read.
+    """
+    asked = wishes or Wishes()
+    try:
+        found = run_limited(read_plain, document, asked.language, asked.form, slug)
+    except ImportRefusedError as error:
+        raise BadDefinitionError(error.problems) from error
+    return msgspec.convert(found, ImportedSurvey)
+
+
+def read_plain(document: bytes, language: str, form: str, slug: str) -> Any:
+    """Return an ImportedSurvey as plain data.
+
+    Raises:
+        BadDefinitionError: the file is too large, of no known format, or cannot be read.
+    """
+    draft = read(document, Wishes(language, form))
+    name = slug or slug_for(next(iter(draft.title.values()), ""))
+    try:
+        found = ImportedSurvey(name, draft.report, draft.definition(name, 1))
+    except BadDefinitionError as error:
+        found = ImportedSurvey(name, draft.report, problems=sentences(error.problems))
+    return msgspec.to_builtins(found)
 
 
 def read(document: bytes, wishes: Wishes | None = None) -> Draft:

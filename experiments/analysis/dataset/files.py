@@ -4,8 +4,6 @@ folder or sent as they are made.
 Numbers are written with as many digits as they have, so that reading gives the same ones.
 """
 
-import csv
-import io
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -39,12 +37,11 @@ from experiments.analysis.dataset.records import (
 from experiments.analysis.dataset.wide import wide_tables
 from experiments.definition.schema import to_json as study_json
 from robots.api import floorplan
+from robots.files.csv_text import csv_text
 from surveys.definition import to_json
 
 File = tuple[str, Iterable[str]]  # where in the folder, and its text in parts
 LINES_AT_ONCE = 500
-# A spreadsheet takes a cell that begins so for a formula.
-_FORMULA = ("=", "+", "-", "@", "\t", "\r", "'")
 
 
 def contents(dataset: Dataset) -> Iterator[File]:
@@ -118,16 +115,10 @@ def table(name: str, rows: Iterable[Sequence[Any]], layout: tuple[Column, ...] =
 
 def lines(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> Iterator[str]:
     """Yield rows as CSV, some at a time; none of their cells is a formula."""
-    yield _csv([head])
+    yield csv_text([head])
     rest = iter(rows)
     while some := list(islice(rest, LINES_AT_ONCE)):
-        yield _csv([_plain(cell) for cell in row] for row in some)
-
-
-def _csv(rows: Iterable[Sequence[Any]]) -> str:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(rows)
-    return text.getvalue()
+        yield csv_text(some)
 
 
 def cells(
@@ -157,25 +148,6 @@ def answer_rows(response: ResponseRecord) -> Iterator[list[Any]]:
             response.missing.get(item, ""),
             as_cell(response.seconds.get(item, math.nan)),
         ]
-
-
-def _plain(cell: Any) -> Any:
-    """Words that look like a formula get an apostrophe before them; so do those that have one, to
-    tell them apart.
-    """
-    return (
-        f"'{cell}"
-        if isinstance(cell, str) and cell.startswith(_FORMULA) and not _is_number(cell)
-        else cell
-    )
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
 
 
 # --- numbers --------------------------------------------------------------------------------------

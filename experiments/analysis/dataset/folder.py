@@ -45,6 +45,7 @@ from experiments.analysis.dataset.records import (
 from experiments.definition.publication import PublicationDetails, from_json_ld
 from experiments.definition.schema import StudyDefinition
 from robots.api import floorplan
+from robots.files.csv_text import unguarded
 from surveys.definition import Definition
 
 __all__ = ["DatasetError", "put", "read", "read_numbers", "write"]
@@ -142,7 +143,7 @@ def read_numbers(folder: Path, name: str, session: str, layout: tuple[Column, ..
 def _rows(folder: Path, name: str) -> Iterator[dict[str, str]]:
     path = folder / table_path(name)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_bytes().decode()
     except (OSError, UnicodeDecodeError) as error:
         raise DatasetError(f"{path.name} cannot be read: {error}") from error
     reader = csv.DictReader(io.StringIO(text, newline=""), strict=True)
@@ -157,7 +158,7 @@ def _rows(folder: Path, name: str) -> Iterator[dict[str, str]]:
                 raise DatasetError(
                     f"{path.name}, line {reader.line_num}: too few or too many cells"
                 )
-            yield {key: cell.removeprefix("'") for key, cell in row.items()}
+            yield {key: unguarded(cell) for key, cell in row.items()}
     except csv.Error as error:
         raise DatasetError(f"{path.name}, line {reader.line_num}: {error}") from error
 

@@ -2,14 +2,13 @@
 from. As CSV; for papers, see experiments/analysis/documents/.
 """
 
-import csv
-import io
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from robots.files.csv_text import csv_text
+
 NOTHING = "–"
-_FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
 @dataclass(frozen=True)
@@ -81,23 +80,10 @@ def probability(value: float) -> TableCell:
 
 def as_csv(table: Table) -> str:
     """Return a table as CSV with all digits of its numbers; none of its cells is a formula."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([_safe(name) for name in table.head])
-    writer.writerows([_exact(cell) for cell in row] for row in table.rows)
-    return text.getvalue()
+    return csv_text([table.head, *(map(_exact, row) for row in table.rows)])
 
 
-def _exact(cell: TableCell) -> str:
+def _exact(cell: TableCell) -> str | float:
     if cell.value is None:
-        return "" if cell.text == NOTHING else _safe(cell.text)
-    return (
-        str(int(cell.value))
-        if cell.value.is_integer() and "." not in cell.text
-        else repr(cell.value)
-    )
-
-
-def _safe(text: str) -> str:
-    """A spreadsheet takes a cell that begins so for a formula."""
-    return f"'{text}" if text.startswith(_FORMULA) else text
+        return "" if cell.text == NOTHING else cell.text
+    return int(cell.value) if cell.value.is_integer() and "." not in cell.text else cell.value

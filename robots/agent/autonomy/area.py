@@ -5,7 +5,6 @@ the server's `floorplan` message.
 import base64
 import binascii
 import hashlib
-import io
 import json
 from dataclasses import dataclass
 
@@ -40,9 +39,8 @@ def area_of(update: FloorPlanUpdate) -> Area:
         AreaError: image or plan cannot be used.
     """
     try:
-        image = decode_grey(
-            io.BytesIO(base64.b64decode(update.image, validate=True)), f"the map {update.map_id!r}"
-        )
+        data = base64.b64decode(update.image, validate=True)
+        image = decode_grey(data, f"the map {update.map_id!r}")
     except (MapError, binascii.Error) as error:
         raise AreaError(str(error)) from error
     transform = MapTransform(update.resolution, Pose2D(*update.origin), image.shape[0])

@@ -114,7 +114,6 @@ class Endpoint:
 
 
 def _fault_in(url: str) -> str:
-    """Return why a text is no address of a broker, "" when it is one."""
     try:
         parts = urlsplit(url)
     except ValueError as error:

@@ -88,7 +88,7 @@ class ControlLoop:
         )
         # until it has ended as it was asked to; threading.excepthook logs why it did not
         self.failed = True
-        self.ticks = 0
+        self.ticks = 0  # from which the agent notices a thread that hangs
         self._adapter, self._link, self._store, self._boot = (
             AdapterLink(adapter, rng=rng),
             link,
@@ -229,6 +229,7 @@ class ControlLoop:
         try:
             dispatcher.brake()
             while not dispatcher.is_at_rest and self._times.now() < until:
+                self.ticks += 1
                 dispatcher.tick()
                 await asyncio.sleep(PERIOD)
             dispatcher.reports.state()

@@ -1,12 +1,13 @@
 """Determines what stops the robot's own navigation when the agent is lost: part of
 `run_robot NAME --check`.
 
-The robot gets a goal a little ahead. As soon as it drives there, the connection is cut without a
+The robot gets a goal a little ahead. While it drives there, the connection is cut without a
 goodbye, as by a crash of the agent, and no zero is sent. Some seconds later the agent connects
 again, and the odometry tells whether the robot was at rest by then and how far it had driven. A
 guard, or a base that obeys only the agent, stops it within the distance that it needs for its
 reaction and for braking; nothing else stops it before its goal. The goal is far enough away to tell
-the two apart.
+the two apart. The distance decides, because connecting cancels the goal, so that the first reading
+may already be one of a robot at rest.
 """
 
 import asyncio
@@ -38,13 +39,16 @@ ENDED = frozenset({"FINISHED", "FAILED", "CANCELLED"})
 class NavigationCheckParams:
     """How the robot's own navigation is tried."""
 
-    distance: float = 0.5  # m to the goal, at least
-    apart: float = 3.0  # times the stopping distance that the goal is away, at least
+    beyond: float = 0.5  # m from the stopping distance to the goal
     tolerance: float = 0.25  # m from its goal at which a planner may have arrived
     setting_out: float = 20.0  # s from the goal to the first motion
     withheld: float = 1.0  # s in which the planner's velocities are not passed on
     fastest: float = 0.2  # m/s and rad/s at which they are
     moving: float = 0.03  # m/s from which the robot drives to its goal
+    cut_speed: float = 0.1  # m/s at which the connection is cut, or after `cut_after` of driving
+    cut_after: float = 1.0  # s
+    trend: float = 0.5  # s over which the acceleration before the cut is measured
+    least_acceleration: float = 0.1  # m/s² that a robot may have after the cut in any case
     reaction: float = 0.65  # s from the cut to a guard's first zero
     cut: float = 3.0  # s for which the connection stays cut, at least
     margin: float = 0.05  # m that odometry and the pace of readings may add
@@ -69,14 +73,16 @@ class CutResult:
         return not self.moves and self.metres <= self.allowed
 
 
-def stopping_distance(profile: Profile, params: NavigationCheckParams, speed: float = 0.0) -> float:
-    """Return the metres that a robot may drive after the cut if its navigation is stopped: it
-    accelerates from `speed` (m/s) for the whole reaction time, then brakes.
+def stopping_distance(
+    profile: Profile, params: NavigationCheckParams, speed: float, acceleration: float
+) -> float:
+    """Return the metres that a robot may drive after the cut if its navigation is stopped: from
+    `speed` (m/s) it accelerates (m/s²) for the whole reaction time, then it brakes.
     """
     limits, through_agent = profile.limits, profile.navigation_control == "agent"
     reaction = profile.watchdog if through_agent else params.reaction
     fastest = min(limits.linear, params.fastest) if through_agent else limits.linear
-    reached = min(fastest, speed + limits.linear_acceleration * reaction)
+    reached = max(speed, min(fastest, speed + acceleration * reaction))
     return reached * reaction + reached**2 / (2.0 * limits.linear_braking) + params.margin
 
 
@@ -102,8 +108,8 @@ def verdict(result: CutResult, stated: NavigationControl | None) -> tuple[bool, 
     advice = {
         "agent": " Nothing but the agent may publish velocities to the base: check the topics of"
         " the planner and of the base.",
-        "guarded": " Its adapter states a guard: run it beside the robot control architecture, and"
-        " check that nothing but the architecture moves the base.",
+        "guarded": " Its adapter states a guard, but that did not act within 0.65 s: run it beside"
+        " the robot control architecture, and let it react within 0.5 s.",
         "unguarded": " The profile allows that, and visitors' pages show a warning. To change it,"
         " let its velocities pass through the agent, or use an adapter with a guard.",
         None: " Let its velocities pass through the agent, or use an adapter with a guard.",
@@ -151,14 +157,15 @@ class NavigationCheck:
         if why := untestable(adapter, self._robot.newest):
             self._say(f"Navigation: not tested, {why}.")
             return False
-        distance = max(
-            self._params.distance, self._params.apart * stopping_distance(profile, self._params)
+        params = self._params
+        distance = params.beyond + stopping_distance(
+            profile, params, params.cut_speed, profile.limits.linear_acceleration
         )
         try:
             before = await self._set_out(distance)
             if before is None:
                 return False
-            result = await self._cut(before, distance - self._params.tolerance)
+            result = await self._cut(before, distance - params.tolerance)
             is_well, line = verdict(result, profile.navigation_control)
             self._say(line)
             return is_well
@@ -184,7 +191,7 @@ class NavigationCheck:
             if why := self._why_not(is_passed_on=is_passed_on):
                 self._say(why)
                 return None
-            if self._robot.readings and self._drives(self._robot.readings[-1].state):
+            if self._is_under_way():
                 return self._robot.readings[-1]
         self._say(f"Navigation: the robot did not set out within {self._params.setting_out:g} s.")
         return None
@@ -214,9 +221,28 @@ class NavigationCheck:
             theta=pose.theta,
         )
 
-    def _drives(self, state: RcaState) -> bool:
-        moving = max(self._params.moving, self._robot.adapter.profile.standstill_linear)
-        return abs(state.velocity.linear) > moving
+    def _is_under_way(self) -> bool:
+        """Tell whether the robot is fast enough for the cut, or has driven for long enough."""
+        params, readings = self._params, self._robot.readings
+        moving = max(params.moving, self._robot.adapter.profile.standstill_linear)
+        driving = [reading for reading in readings if _speed(reading) > moving]
+        if not driving or driving[-1] is not readings[-1]:
+            return False
+        driven_for = driving[-1].at - driving[0].at
+        return _speed(driving[-1]) >= params.cut_speed or driven_for >= params.cut_after
+
+    def _acceleration(self) -> float:
+        """Return how fast the robot may accelerate after the cut, in m/s²: at most by its limit,
+        and not much more than it did before.
+        """
+        params, newest = self._params, self._robot.readings[-1]
+        earlier = [each for each in self._robot.readings if newest.at - each.at >= params.trend]
+        before = earlier[-1] if earlier else self._robot.readings[0]
+        measured = (_speed(newest) - _speed(before)) / max(newest.at - before.at, params.trend)
+        return min(
+            self._robot.adapter.profile.limits.linear_acceleration,
+            max(2.0 * measured, params.least_acceleration),
+        )
 
     def _pass_on(self) -> bool:
         """Pass on the planner's velocity, slowly, once it has been withheld for a moment; return
@@ -242,7 +268,7 @@ class NavigationCheck:
         """
         robot, params = self._robot, self._params
         profile = robot.adapter.profile
-        speed = abs(before.state.velocity.linear)
+        allowed = stopping_distance(profile, params, _speed(before), self._acceleration())
         self._say("Cutting the connection…")
         cut_at = now()
         try:
@@ -255,7 +281,7 @@ class NavigationCheck:
             _place(before.state).distance(_place(after.state)),
             after.at - cut_at,
             not robot.is_at_rest(after.state),
-            min(stopping_distance(profile, params, speed), arrived),
+            min(allowed, arrived),
         )
 
     async def _end(self) -> None:
@@ -267,6 +293,10 @@ class NavigationCheck:
             "Navigation: the robot has not confirmed that its goal was cancelled. Stop it by hand"
             " before you lower it."
         )
+
+
+def _speed(reading: Observed) -> float:
+    return abs(reading.state.velocity.linear)
 
 
 def _place(state: RcaState) -> Pose2D:

@@ -169,7 +169,6 @@ def _check_encodable(reading: RcaState) -> None:
 
 
 def _battery(battery: Battery) -> Battery:
-    """Return a battery in which what is no number is unknown."""
     unknown = {
         name: None
         for name in ("charge", "voltage")
@@ -192,7 +191,6 @@ def _points(seen: ObstaclePoints | None) -> ObstaclePoints | None:
 
 
 def _scan(scan: Scan | None) -> Scan | None:
-    """Return a scan with what is no range left out."""
     if scan is None:
         return None
     found = np.array(scan.ranges, dtype=np.float64)  # None becomes NaN

@@ -68,9 +68,6 @@ def _device(
     make: Callable[[words.DeviceSetting], Device],
     otherwise: Callable[[], Device | None],
 ) -> Device | None:
-    """Return the named device; the architecture's when none is named, and none at
-    all for `none`.
-    """
     if not said:
         return otherwise()
     try:

@@ -169,7 +169,6 @@ class _Run:
                 raise
 
     def _read_once(self) -> bool:
-        """Read to the end; tell whether there was anything."""
         words, some = self.reader.words, False
         limit = self.reader.limits.network
         with av.open(

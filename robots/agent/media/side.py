@@ -345,7 +345,6 @@ class MediaSide:
     def _listener_to(
         self, peer: str, source: str, role: Role
     ) -> Callable[[Kind, bytes, int], None] | None:
-        """Return who takes what a page sends, None when nobody does."""
         if role == "driver":
             return functools.partial(self._visitor.take, peer, source)
         gives = isinstance(self._camera, PageCamera) or isinstance(self._microphone, PageMicrophone)
@@ -354,7 +353,6 @@ class MediaSide:
         )
 
     def _take_from_page(self, source: str, kind: Kind, data: bytes, ticks: int) -> None:
-        """Take what the page of the robot's screen gives; of two such pages the newer."""
         if source != self._pages.newest_screen:
             return
         if kind == "video" and isinstance(self._camera, PageCamera):
@@ -382,7 +380,6 @@ class MediaSide:
         self._pages.lead(self._line)
 
     def _send_slow(self, payload: bytes, peers: frozenset[str]) -> None:
-        """Send a picture through the server to those who wait for it; in the pictures' thread."""
         assert self._on_picture is not None
         if self._line is None:
             self._on_picture(payload, None)

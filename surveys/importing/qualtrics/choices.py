@@ -33,7 +33,7 @@ def choice(asked: QualtricsConversion) -> list[Item]:
     codes = _codes(asked, labels)
     choices = by_id(asked.payload.get("Choices"))
     several = asked.selector in MULTIPLE
-    alone = [codes[one] for one in labels if several and is_set(choices[one], "ExclusiveAnswer")]
+    alone = {codes[one] for one in labels if several and is_set(choices[one], "ExclusiveAnswer")}
     key = asked.draft.key(asked.name, asked.note)
     item: Item = {
         "kind": "multiple" if several else "single",

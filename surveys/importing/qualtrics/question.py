@@ -111,8 +111,8 @@ def _display(choice: Any) -> str:
 
 def _ordered(choices: Mapping[str, Any], order: Any) -> list[str]:
     named = [str(one) for one in order] if isinstance(order, list) else []
-    known = [one for one in dict.fromkeys(named) if one in choices]
-    return known + [one for one in choices if one not in known]
+    known = dict.fromkeys(one for one in named if one in choices)
+    return list(known | dict.fromkeys(choices))
 
 
 def whole(value: Any, default: int) -> int:

@@ -8,8 +8,7 @@ from django.core.management.base import BaseCommand, CommandError
 from django.utils import timezone
 
 from surveys.documents import BadDefinitionError
-from surveys.importing.draft import Draft
-from surveys.importing.reading import MAX_FILE, read, slug_for
+from surveys.importing.reading import MAX_FILE, ImportedSurvey, import_survey
 from surveys.importing.report import ImportReport
 from surveys.importing.survey_format import Wishes
 from surveys.questionnaires import store_next
@@ -39,9 +38,10 @@ class Command(BaseCommand):
         try:
             with path.open("rb") as file:
                 document = file.read(MAX_FILE + 1)
-            draft = read(document, Wishes(options["language"], options["form"]))
-            self._tell(draft.report)
-            self._finish(draft, options)
+            wishes = Wishes(options["language"], options["form"])
+            found = import_survey(document, wishes, options["name"])
+            self._tell(found.report)
+            self._finish(found, save=options["save"])
         except BadDefinitionError as error:
             told = "\n".join(f"  {problem}" for problem in error.problems)
             raise CommandError(f"{path} cannot be imported:\n{told}") from error
@@ -60,12 +60,12 @@ class Command(BaseCommand):
             " · ".join(f"{label}: {count}" for _outcome, label, count in report.counts())
         )
 
-    def _finish(self, draft: Draft, options: dict[str, Any]) -> None:
-        slug = options["name"] or slug_for(next(iter(draft.title.values()), ""))
-        definition = draft.definition(slug, 1)
-        if not options["save"]:
-            self.stdout.write(f"Not stored. Add --save to store it as {slug}.")
+    def _finish(self, found: ImportedSurvey, *, save: bool) -> None:
+        if found.definition is None:
+            raise BadDefinitionError(found.problems)
+        if not save:
+            self.stdout.write(f"Not stored. Add --save to store it as {found.slug}.")
             return
-        row, is_new = store_next(definition, draft.report, timezone.now())
+        row, is_new = store_next(found.definition, found.report, timezone.now())
         name = f"version {row.version} of {row.slug}"
         self.stdout.write(f"Stored as {name}." if is_new else f"Already stored as {name}.")

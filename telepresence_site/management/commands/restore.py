@@ -6,8 +6,8 @@ from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError
 
-from telepresence_site.ops.backup.archive import BackupError
-from telepresence_site.ops.backup.whole import restore
+from telepresence_site.ops.backup.archive import GB, BackupError
+from telepresence_site.ops.backup.whole import LARGEST, restore
 
 
 class Command(BaseCommand):
@@ -24,9 +24,20 @@ class Command(BaseCommand):
             help="only read it to the end and verify every checksum",
         )
 
+        parser.add_argument(
+            "--largest-gb",
+            type=float,
+            default=LARGEST / GB,
+            help="refuse a backup that unpacks to more than so many GB (default: %(default)g)",
+        )
+
     def handle(self, *_args: Any, **options: Any) -> None:
         try:
-            manifest, words = restore(options["file"], check_only=options["check"])
+            manifest, words = restore(
+                options["file"],
+                check_only=options["check"],
+                largest=int(options["largest_gb"] * GB),
+            )
         except BackupError as error:
             raise CommandError(str(error)) from error
         done = "is sound" if options["check"] else "is restored"

@@ -14,7 +14,9 @@ import tarfile
 import zlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePosixPath
-from typing import Any, BinaryIO
+from typing import Annotated, Any, BinaryIO
+
+import msgspec
 
 from robots.api.private_files import draft_of
 
@@ -22,10 +24,35 @@ MANIFEST = "manifest.json"
 FORMAT = 1
 MAX_MANIFEST = 64 * 1024 * 1024
 CHUNK = 1024 * 1024
+HEADER = 512  # bytes in the archive for each file beside its content
+GB = 1024**3
 
 
 class BackupError(Exception):
     """A backup cannot be made, or not be restored; the message is one sentence."""
+
+    @property
+    def problems(self) -> list[str]:
+        """The message, for robots.files.limited_process."""
+        return [str(self)]
+
+
+class FileFacts(msgspec.Struct):
+    """What the manifest says of a file."""
+
+    size: Annotated[int, msgspec.Meta(ge=0)]
+    sha256: str
+
+
+class Manifest(msgspec.Struct):
+    """The end of an archive."""
+
+    format: int
+    made_at: str
+    engine: str
+    migrations: list[str]
+    key: str
+    files: dict[str, FileFacts]
 
 
 class _Hashing(io.RawIOBase):
@@ -86,30 +113,46 @@ def _write(
         archive.addfile(info, io.BytesIO(content))
 
 
-def unpack(source: Path, directory: Path) -> dict[str, Any]:
+def unpack(source: str, directory: str, largest: int) -> dict[str, Any]:
     """Unpack an archive into an empty directory, check every file, and return the manifest.
 
+    Args:
+        source: the archive.
+        directory: where to.
+        largest: bytes to which the archive may unpack.
+
     Raises:
-        BackupError: it cannot be read, or is not what was written.
+        BackupError: it cannot be read, is not what was written, or is larger.
     """
     found: dict[str, dict[str, Any]] = {}
-    manifest: dict[str, Any] | None = None
+    manifest: bytes | None = None
     try:
         with tarfile.open(source, mode="r|gz") as archive:
-            for info, content in _regular(archive):
+            for info, content in _regular(archive, largest):
                 if manifest is not None:
                     raise BackupError(f"{source} is damaged: it continues after its manifest.")
                 if info.name == MANIFEST:
-                    manifest = json.loads(content.read(MAX_MANIFEST))
+                    manifest = content.read(MAX_MANIFEST)
                 else:
-                    found[info.name] = _unpack_one(content, directory / _safe(info.name))
+                    found[info.name] = _unpack_one(content, Path(directory) / _safe(info.name))
     except (OSError, EOFError, zlib.error, tarfile.TarError, ValueError) as error:
         raise BackupError(f"{source} cannot be read: {error}.") from error
+    if manifest is None:
+        raise BackupError(
+            f"{source} has no manifest: it was cut off, or is not a backup of this software."
+        )
     return _checked(source, manifest, found)
 
 
-def _regular(archive: tarfile.TarFile) -> Iterator[tuple[tarfile.TarInfo, BinaryIO]]:
+def _regular(archive: tarfile.TarFile, largest: int) -> Iterator[tuple[tarfile.TarInfo, BinaryIO]]:
+    left = largest
     for info in archive:
+        left -= info.size + HEADER
+        if left < 0:
+            raise BackupError(
+                f"The backup unpacks to more than {largest / GB:.3g} GB. If it is yours, allow more"
+                " with --largest-gb, and make room in VAR_DIR."
+            )
         content = archive.extractfile(info) if info.isreg() else None
         if content is None:
             raise BackupError(f"The backup contains {info.name!r}, which is not a file.")
@@ -134,17 +177,15 @@ def _unpack_one(content: BinaryIO, path: Path) -> dict[str, Any]:
     return {"size": size, "sha256": digest.hexdigest()}
 
 
-def _checked(
-    source: Path, manifest: dict[str, Any] | None, found: dict[str, dict[str, Any]]
-) -> dict[str, Any]:
-    if manifest is None:
-        raise BackupError(
-            f"{source} has no manifest: it was cut off, or is not a backup of this software."
-        )
-    if manifest.get("format") != FORMAT:
-        raise BackupError(
-            f"{source} has format {manifest.get('format')!r}; this version reads {FORMAT}."
-        )
+def _checked(source: str, content: bytes, found: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    try:
+        manifest: Any = msgspec.json.decode(content)
+        made_by = manifest.get("format") if isinstance(manifest, dict) else None
+        if made_by not in {None, FORMAT}:
+            raise BackupError(f"{source} has format {made_by!r:.40}; this version reads {FORMAT}.")
+        msgspec.convert(manifest, Manifest)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError, TypeError) as error:
+        raise BackupError(f"The manifest of {source} cannot be read: {error}.") from error
     wrong = sorted(
         name
         for name in manifest["files"].keys() | found.keys()
@@ -155,4 +196,4 @@ def _checked(
             f"{source} is damaged: {', '.join(wrong[:5])} {'is' if len(wrong) == 1 else 'are'} not"
             " what was written."
         )
-    return manifest
+    return dict(manifest)

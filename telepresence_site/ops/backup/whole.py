@@ -14,12 +14,16 @@ from django.db import connection
 from django.db.migrations.loader import MigrationLoader
 from django.utils.crypto import salted_hmac
 
+from robots.files.limited_process import ChildLimits, ImportRefusedError, run_limited
 from telepresence_site.ops.backup import archive, databases
 from telepresence_site.ops.backup.archive import BackupError
 
 # Not the broker's store (robots and servers publish again what it must hold), logs, collected
 # files, sandboxes, mail.
 FOLDERS = ("secrets", "credentials", "media", "sites")
+LARGEST = 20 * archive.GB  # bytes, unless the operator allows more
+RESERVE = archive.GB  # bytes of the disk that a restore leaves free
+UNPACKING = ChildLimits(memory=2 * archive.GB, processor=4 * 3600, elapsed=8 * 3600.0)
 # Every command makes one where there is none, so that it is there before anything can be restored.
 REPLACED = Path("secrets/secret_key")
 
@@ -43,11 +47,14 @@ def back_up(target: Path, now: datetime) -> dict[str, Any]:
         return archive.write(target, [(name, dump), *_files()], facts)
 
 
-def restore(source: Path, *, check_only: bool = False) -> tuple[dict[str, Any], list[str]]:
+def restore(
+    source: Path, *, check_only: bool = False, largest: int = LARGEST
+) -> tuple[dict[str, Any], list[str]]:
     """Fill an empty site from a backup; return the manifest and what the operator should know, in
     sentences.
 
     With `check_only` nothing is changed: the backup is read to its end and every checksum compared.
+    It may unpack to `largest` bytes, and to what the disk has room for.
 
     Raises:
         BackupError: the backup is damaged or not for this site, or the site is not empty; nothing
@@ -57,7 +64,7 @@ def restore(source: Path, *, check_only: bool = False) -> tuple[dict[str, Any], 
         _must_be_empty()
     with tempfile.TemporaryDirectory(dir=settings.VAR_DIR, prefix="restore-") as directory:
         staged = Path(directory)
-        manifest = archive.unpack(source, staged)
+        manifest = _unpacked(source, staged, largest)
         words = _fits(manifest)
         if not check_only:
             databases.load(staged / databases.member())
@@ -65,6 +72,17 @@ def restore(source: Path, *, check_only: bool = False) -> tuple[dict[str, Any], 
                 if name.partition("/")[0] in FOLDERS:
                     _put(staged / name, settings.VAR_DIR / name)
     return manifest, words
+
+
+def _unpacked(source: Path, directory: Path, largest: int) -> dict[str, Any]:
+    room = max(shutil.disk_usage(directory).free - RESERVE, 0)
+    try:
+        manifest: dict[str, Any] = run_limited(
+            archive.unpack, str(source), str(directory), min(largest, room), limits=UNPACKING
+        )
+    except ImportRefusedError as error:
+        raise BackupError(str(error)) from error
+    return manifest
 
 
 def _files() -> Iterator[tuple[str, Path]]:

@@ -76,8 +76,9 @@ def test_a_public_servers_cookies_travel_over_https_alone_and_are_hidden_from_sc
     public_server,
 ):
     assert public_server["answer"] == 302
-    assert {"sessionid", "csrftoken"} <= set(public_server["cookies"])
-    for name in ("sessionid", "csrftoken"):
+    names = {"sessionid", "csrftoken", "device"}
+    assert names <= set(public_server["cookies"])
+    for name in sorted(names):
         cookie = public_server["cookies"][name]
         assert (cookie["secure"], cookie["httponly"], cookie["samesite"]) == (
             True,

@@ -1,6 +1,7 @@
 """Robots, credentials and floor plans in the administration."""
 
 import datetime
+import functools
 import json
 import re
 import tomllib
@@ -17,6 +18,8 @@ from django.utils import timezone
 
 from robots.admin import RobotAdmin
 from robots.enrol.credentials import robot_of
+from robots.files import limited_process
+from robots.files.limited_process import ChildLimits
 from robots.floorplans import MAX_PLAN, store_floor_plan
 from robots.forms import RobotForm
 from robots.models import FloorPlan, Robot, RobotPermit, RobotPresence
@@ -409,11 +412,25 @@ def test_a_map_without_a_plan_takes_its_name_from_the_form(client, researcher):
         ({"plan_file": b'{"version": 1}'}, "plan.json"),
         ({"plan_file": b" " * (MAX_PLAN + 1)}, "larger than"),
         ({"map_file": b""}, "empty"),
+        ({"map_file": b"a: &a [x, x]\nmode: [*a, *a]\n"}, "aliases"),
+        ({"map_file": b"resolution: " + b"9" * 60_000}, "not a finite number"),
+        ({"map_file": b"resolution: " + b":".join([b"59"] * 300)}, "not a finite number"),
+        ({"map_file": b"resolution: " + b"[" * 60_000}, "map.yaml"),
+        ({"plan_file": b"[" * 200_000}, "plan.json"),
     ],
 )
 def test_files_that_cannot_be_used_are_refused_with_a_sentence(client, researcher, replaced, word):
     text = client.post("/admin/robots/floorplan/add/", files(**replaced)).content.decode()
     assert word in text
+    assert not FloorPlan.objects.exists()
+
+
+def test_a_map_that_takes_too_long_is_refused_with_a_sentence(client, researcher, monkeypatch):
+    monkeypatch.setattr(
+        limited_process, "ChildLimits", functools.partial(ChildLimits, elapsed=0.01)
+    )
+    text = client.post("/admin/robots/floorplan/add/", files()).content.decode()
+    assert "The file needs too much memory or time" in text
     assert not FloorPlan.objects.exists()
 
 

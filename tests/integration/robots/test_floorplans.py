@@ -10,9 +10,10 @@ import pytest
 
 from robots.api import floorplan
 from robots.api.codec import decode, encode
-from robots.floorplans import FloorPlanRefusedError, read_upload, store_floor_plan
+from robots.floorplans import store_floor_plan
 from robots.models import FloorPlan
 from robots.world.grid import encode_png
+from robots.world.site_files import FloorPlanRefusedError, read_upload
 from robots.world.sites import SHIPPED
 
 pytestmark = pytest.mark.django_db

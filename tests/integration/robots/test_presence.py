@@ -21,6 +21,7 @@ from robots.models import Robot, RobotPresence
 from robots.presence import writer as writing
 from robots.presence.report import trouble_of
 from robots.presence.writer import PresenceWriter, changes
+from sessions.shards.ownership import EVERYTHING
 from tests.support.robots import create_robots, unsaved_robot
 
 NOW = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
@@ -121,7 +122,7 @@ def test_what_concerns_only_pages_changes_nothing():
 @pytest.mark.django_db
 def test_a_robot_comes_and_goes_and_the_row_tells():
     Robot.objects.create(name="giraff", title="Giraff")
-    writer = Heard()
+    writer = Heard(EVERYTHING)
     writer.take("giraff", connection("ONLINE"), NOW)
     assert Robot.objects.get().is_online(after(5))
     writer.take("giraff", connection("CONNECTIONBROKEN"), after(2))
@@ -132,7 +133,7 @@ def test_a_robot_comes_and_goes_and_the_row_tells():
 @pytest.mark.django_db
 def test_the_factsheet_is_kept_as_it_stands_on_the_wire():
     Robot.objects.create(name="giraff", title="Giraff")
-    Heard().take("giraff", FACTSHEET, NOW)
+    Heard(EVERYTHING).take("giraff", FACTSHEET, NOW)
     kept = RobotPresence.objects.get().factsheet
     assert kept["agentVersion"] == "1"
     assert kept["limits"]["linearBraking"] == 0.8
@@ -141,7 +142,7 @@ def test_the_factsheet_is_kept_as_it_stands_on_the_wire():
 @pytest.mark.django_db
 def test_four_states_a_second_are_written_once_in_two():
     Robot.objects.create(name="giraff", title="Giraff")
-    writer = Heard()
+    writer = Heard(EVERYTHING)
     writer.take("giraff", connection("ONLINE"), NOW)
     with CaptureQueriesContext(database) as queries:
         for number in range(40):
@@ -155,7 +156,7 @@ def test_four_states_a_second_are_written_once_in_two():
 @pytest.mark.django_db
 def test_the_last_state_before_a_silence_is_written_too():
     Robot.objects.create(name="giraff", title="Giraff")
-    writer = Heard()
+    writer = Heard(EVERYTHING)
     writer.take("giraff", connection("ONLINE"), NOW)
     writer.take("giraff", state(1), after(0.1))
     writer.take("giraff", state(2), after(0.2))
@@ -168,7 +169,7 @@ def test_the_last_state_before_a_silence_is_written_too():
 @pytest.mark.django_db
 def test_a_robot_that_is_silent_for_half_a_minute_is_online_and_after_that_it_is_not():
     Robot.objects.create(name="giraff", title="Giraff")
-    Heard().take("giraff", connection("ONLINE"), NOW)
+    Heard(EVERYTHING).take("giraff", connection("ONLINE"), NOW)
     assert Robot.objects.get().is_online(after(40))
     assert not Robot.objects.get().is_online(after(46))
 
@@ -176,7 +177,7 @@ def test_a_robot_that_is_silent_for_half_a_minute_is_online_and_after_that_it_is
 @pytest.mark.django_db
 def test_what_the_database_did_not_take_is_news_again_once_it_is_forgotten():
     Robot.objects.create(name="giraff", title="Giraff")
-    writer = Heard()
+    writer = Heard(EVERYTHING)
     writer.take("giraff", connection("ONLINE"), NOW)
     RobotPresence.objects.update(connection="OFFLINE")  # as if it had been rolled back
     writer.forget({"giraff"})
@@ -187,7 +188,7 @@ def test_what_the_database_did_not_take_is_news_again_once_it_is_forgotten():
 @pytest.mark.django_db
 def test_that_a_robot_is_not_reached_any_more_is_written_at_once_with_the_reason():
     Robot.objects.create(name="giraff", title="Giraff")
-    writer = Heard()
+    writer = Heard(EVERYTHING)
     writer.take("giraff", connection("ONLINE"), NOW)
     writer.take("giraff", state(1), after(0.1))
     assert trouble_of(RobotPresence.objects.get().report) == ""
@@ -214,7 +215,7 @@ def test_a_report_that_makes_no_sense_tells_of_no_trouble(report):
 @pytest.mark.django_db
 def test_presence_leaves_what_people_edit_alone():
     robot = Robot.objects.create(name="giraff", title="Giraff")
-    writer = Heard()
+    writer = Heard(EVERYTHING)
     writer.take("giraff", connection("ONLINE"), NOW)
     Robot.objects.filter(pk=robot.pk).update(title="Renamed", enabled=False)
     writer.take("giraff", connection("OFFLINE"), after(5))
@@ -226,7 +227,7 @@ def test_presence_leaves_what_people_edit_alone():
 def test_an_unknown_robot_is_ignored_without_asking_the_database_each_time(
     django_assert_num_queries,
 ):
-    writer = Heard()
+    writer = Heard(EVERYTHING)
     with django_assert_num_queries(1):
         for number in range(10):
             writer.take("nobody", state(number), after(number / 4))
@@ -235,7 +236,7 @@ def test_an_unknown_robot_is_ignored_without_asking_the_database_each_time(
 @pytest.mark.django_db
 def test_a_robot_deleted_and_made_anew_is_found_again():
     Robot.objects.create(name="giraff", title="Giraff")
-    writer = Heard()
+    writer = Heard(EVERYTHING)
     writer.take("giraff", connection("ONLINE"), NOW)
     Robot.objects.all().delete()
     writer.take("giraff", connection("OFFLINE"), after(1))
@@ -247,7 +248,7 @@ def test_a_robot_deleted_and_made_anew_is_found_again():
 @pytest.mark.django_db
 def test_many_robots_are_read_and_written_together(django_assert_num_queries):
     create_robots(*(unsaved_robot(name=f"r{n}", title=f"R{n}") for n in range(50)))
-    writer = PresenceWriter()
+    writer = PresenceWriter(EVERYTHING)
     names = [f"r{n}" for n in range(50)] + ["nobody"]
     with django_assert_num_queries(4):  # read, savepoint, write, its release
         writer.read(names, NOW)
@@ -273,7 +274,7 @@ def test_a_row_that_the_database_refuses_costs_no_other_robot_its_presence(monke
         return together(rows, fields)
 
     monkeypatch.setattr(writing, "update_each", strict)
-    writer = PresenceWriter()
+    writer = PresenceWriter(EVERYTHING)
     for name in ("giraff", "rhodon"):
         writer.take(name, connection("ONLINE"), NOW)
     writer.write(NOW)

@@ -67,7 +67,7 @@ def state(seq: int, **changes) -> dict:
     )
     made = messages.State(
         stamp=1000.0 + seq * 0.25,
-        boot="-boot",
+        boot="-boot;=1+1",
         seq=seq,
         pose=messages.Pose(x=1.5, y=-2.0, theta=0.1),
         velocity=messages.Velocity(linear=0.3, angular=0.0),
@@ -103,7 +103,7 @@ def session(giraff):
     for first in (0, 4):
         StateChunk.objects.create(
             session=row,
-            boot="-boot",
+            boot="-boot;=1+1",
             first_seq=first,
             last_seq=first + 3,
             count=4,
@@ -254,7 +254,7 @@ def test_the_csv_has_a_line_a_state_and_no_formulas(client, assistant, session):
         "mqtt",
         "1",
     )
-    assert first["boot"] == "'-boot"
+    assert first["boot"] == "'-boot;'=1+1"
     assert "attachment" in answer["Content-Disposition"]
 
 

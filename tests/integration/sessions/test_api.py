@@ -260,7 +260,7 @@ async def test_a_body_that_is_none_is_refused(bridge, giraff, bearer, body):
 
 
 async def test_a_robot_that_was_stopped_is_free_and_not_sent_home(bridge, giraff, bearer):
-    await Robot.objects.aupdate(turnaround="paused", turnaround_reason="stopped")
+    await RobotPresence.objects.aupdate(turnaround="paused", turnaround_reason="stopped")
     told = await AsyncClient().get("/api/v1/robots/giraff/", headers=bearer)
     robot = told.json()["robot"]
     assert (robot["state"], robot["turnaround"], robot["reason"]) == (
@@ -270,8 +270,8 @@ async def test_a_robot_that_was_stopped_is_free_and_not_sent_home(bridge, giraff
     )
     status, answer = await act("dock", bearer)
     assert (status, answer["error"]) == (409, "stopped")
-    row = await Robot.objects.aget()
-    assert (row.turnaround, row.turnaround_reason) == ("paused", "stopped")
+    presence = await RobotPresence.objects.aget()
+    assert (presence.turnaround, presence.turnaround_reason) == ("paused", "stopped")
 
 
 async def test_a_key_acts_thirty_times_a_minute(bridge, giraff, bearer, monkeypatch):
@@ -305,6 +305,7 @@ def test_who_reads_the_robots_too_often_is_told_to_wait(giraff):
     refused = reader.get("/api/v1/robots/giraff/")
     assert refused.status_code == 429
     assert int(refused["Retry-After"]) > 0
+    assert refused.json()["error"] == "too_many_attempts"
 
 
 async def test_a_cache_that_does_not_answer_holds_no_command(giraff, bridge, bearer, monkeypatch):

@@ -238,6 +238,23 @@ def test_the_long_table_has_a_line_a_question_and_no_formula(client, researcher,
     assert [line["missing"] for line in lines] == ["", "", "", "", "not_asked", "skipped"]
 
 
+@pytest.mark.parametrize("layout", ["long", "wide"])
+def test_an_answer_is_no_formula_for_a_spreadsheet_that_splits_it(
+    client, researcher, answered, layout
+):
+    definition = answered.questionnaire.as_definition()
+    save_page(
+        answered,
+        definition,
+        0,
+        fields={"t": ["fine\r=HYPERLINK(A1);=2\t-x"]},
+        offered=["t"],
+        saving=Saving(now=NOW, language="en"),
+    )
+    file = body(client.get(page_of("answers", answered.questionnaire, layout)))
+    assert "fine\n'=HYPERLINK(A1);'=2\t'-x" in file
+
+
 def test_the_wide_table_has_a_line_a_response_of_any_version(client, researcher, answered):
     second = store(defined([item("single", "a"), item("number", "n")], version=2), NOW)
     begin(

@@ -1,6 +1,8 @@
 """Questionnaires from other systems: the administration's two pages, the command, versions."""
 
+import functools
 import re
+import time
 from io import StringIO
 from pathlib import Path
 
@@ -11,6 +13,8 @@ from django.core.management import CommandError, call_command
 from django.urls import reverse
 
 from accounts.models import AuditEntry
+from robots.files import limited_process
+from robots.files.limited_process import ChildLimits
 from surveys.models import Questionnaire
 from surveys.questionnaires import freeze
 from tests.support.browsers.html_page import faults, read
@@ -235,3 +239,36 @@ def test_the_command_names_a_file_that_is_not_there_and_a_name_that_is_none(tmp_
         run(tmp_path / "nothing.qsf")
     with pytest.raises(CommandError, match="slug"):
         run(survey, "--name", "Not a name")
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["<!--" * 400_000, "&" * 900_000 + "<a " * 90_000, '<a x="' * 100_000 + ">"],
+    ids=["comments", "tags", "quotes"],
+)
+def test_a_text_of_unclosed_markup_takes_seconds_and_not_minutes(client, researcher, text):
+    hostile = qsf(payload("Q1", "MC", "SAVR", Choices=displays("A", "B"), text=text))
+    before = time.monotonic()
+    assert "What differs" in read(choose(client, hostile)).text
+    assert time.monotonic() - before < 20.0  # the import may use 10 s
+
+
+def test_a_question_of_many_choices_is_read_in_seconds(client, researcher):
+    hostile = qsf(payload("Q1", "MC", "SAVR", Choices=displays(*map(str, range(60_000)))))
+    assert "larger than 512 kB" in read(choose(client, hostile)).text
+
+
+def test_a_file_that_takes_too_long_is_refused_with_a_sentence(client, researcher, monkeypatch):
+    monkeypatch.setattr(
+        limited_process, "ChildLimits", functools.partial(ChildLimits, elapsed=0.01)
+    )
+    assert "The file needs too much memory or time" in read(choose(client, FRUIT)).text
+
+
+def test_the_command_says_so_as_well(tmp_path, monkeypatch):
+    (tmp_path / "fruit.qsf").write_bytes(FRUIT)
+    monkeypatch.setattr(
+        limited_process, "ChildLimits", functools.partial(ChildLimits, elapsed=0.01)
+    )
+    with pytest.raises(CommandError, match="too much memory or time"):
+        call_command("import_questionnaire", tmp_path / "fruit.qsf")

@@ -16,6 +16,7 @@ import time
 
 from aiomqtt import Client, MqttError
 
+from robots.cancellation import cancel
 from tests.support.architectures import openmora_rules
 from tests.support.architectures.rca_world import RcaRig
 from tests.support.patience import patient
@@ -68,9 +69,8 @@ class OpenMoraRig(RcaRig):
         self._listening = asyncio.ensure_future(self._listen())
 
     async def down(self):
-        self._listening.cancel()
-        with contextlib.suppress(MqttError, asyncio.CancelledError):
-            await self._listening
+        with contextlib.suppress(MqttError):
+            await cancel(self._listening)  # `publish` forgets a cancellation until Python 3.12
         with contextlib.suppress(MqttError):
             await self._client.__aexit__(None, None, None)
         self.world.cancel()

@@ -100,21 +100,23 @@ class Ros1Processes:
         planner.wait_for(lambda event: "ready" in event, within=60.0)
         return planner
 
-    def agent(self, options, prefix=()):
+    def agent(self, options, prefix=(), module="navigating_agent"):
         """Start an agent and wait until it is connected."""
         log = self.directory / f"agent{next(self._numbers)}.log"
         wish = {
             "adapter": "ros1",
             "profile": "rhodon",
+            "directory": str(self.directory / log.stem),
             "options": {"master": self.master.uri, "ip": self.master.host, **options},
         }
         command = [
             *prefix,
             sys.executable,
             "-m",
-            "tests.support.agents.navigating_agent",
+            f"tests.support.agents.{module}",
             json.dumps(wish),
         ]
+        (self.directory / log.stem).mkdir()
         with log.open("w") as out:
             agent = self._keep(Process(command, log, stdin=subprocess.PIPE, stdout=out))
         agent.wait_for(lambda event: "connected" in event, within=60.0)

@@ -67,9 +67,9 @@ class RosRobot:
             self.cancel()
 
     def cancel(self):
-        if self.world.journey == "running":
+        """End the goal, also one that the planner has not received yet (RECALLED)."""
+        if self.world.cancel():
             self.cancelled = self.goal
-        self.world.cancel()
 
     def relocalize(self, message):
         """As amcl: a pose in another frame is ignored (amcl_node.cpp, handleInitialPoseMessage;
@@ -180,9 +180,11 @@ class RosRobot:
         }
 
     def goal_status(self):
-        """actionlib's status of the newest goal."""
-        failed = 2 if self.cancelled == self.goal else 4
-        return {"running": 1, "done": 3, "failed": failed}.get(self.world.journey, 9)
+        """actionlib's status of the newest goal, None before the planner has received it."""
+        is_cancelled = self.cancelled == self.goal
+        if self.world.journey == "":
+            return 8 if is_cancelled else None
+        return {"running": 1, "done": 3, "failed": 2 if is_cancelled else 4}[self.world.journey]
 
     def move_base_says(self, count):
         """Its status five times a second, also without a goal (actionlib/action_server.py)."""
@@ -191,7 +193,7 @@ class RosRobot:
             "status": self.goal_status(),
             "text": "",
         }
-        entries = [entry] if self.goal is not None else []
+        entries = [entry] if self.goal is not None and entry["status"] is not None else []
         said = (
             [("/move_base/status", {"header": self.header(""), "status_list": entries})]
             if count % 10 == 0

@@ -146,9 +146,9 @@ class RosbridgeRig(RcaRig):
 
     async def _answer(self, call):
         if call["service"] == CANCEL:
-            running = self.world.journey == "running" and self.world.kind == "goto"
-            if running:
+            if self.robot.goal is not None:
                 self.robot.cancel()
+            running = self.world.journey == "running" and self.world.kind == "goto"
             values = {"return_code": 0, "goals_canceling": [{}] if running else []}
             answer = {"op": "service_response", "service": CANCEL, "id": call["id"]}
             await self._send(answer | {"values": values, "result": True})
@@ -177,7 +177,7 @@ class RosbridgeRig(RcaRig):
 
     def _nav_statuses(self):
         """Nav2 publishes it on each change; action_msgs/GoalStatus."""
-        if self.robot.goal is None:
+        if self.robot.goal is None or self.world.journey == "":
             return []
         failed = 5 if self.robot.cancelled == self.robot.goal else 6
         status = {"running": 2, "done": 4, "failed": failed}.get(self.world.journey, 6)
@@ -196,7 +196,7 @@ class RosbridgeRig(RcaRig):
                 }
             )
             self._nav_goal = None
-        elif count % 10 == 0:
+        elif count % 10 == 0 and self.world.journey == "running":
             await self._send(
                 {"op": "action_feedback", "values": {"distance_remaining": 1.0}, **about}
             )

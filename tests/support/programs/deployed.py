@@ -40,10 +40,12 @@ class Process:
 
 
 def in_words(command: str | list[str]) -> tuple[str, ...]:
-    """Return a command's words; of a line for a shell those of what it runs with Python."""
+    """Return a command's words; of a line for a shell those of the program that it starts."""
     words = shlex.split(command) if isinstance(command, str) else [str(word) for word in command]
     if words[:1] in (["sh"], ["bash"]) and "-c" in words:
-        found = re.search(r"\b(python manage\.py [\w =/.-]+)|exec (turnserver .+)", words[-1])
+        found = re.search(
+            r"\b(python manage\.py [\w =/.-]+)|exec ((?:turnserver|redis-server) .+)", words[-1]
+        )
         assert found, words
         return tuple((found[1] or found[2]).split())
     return tuple(words)

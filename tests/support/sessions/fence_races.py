@@ -185,6 +185,8 @@ def race_and_stop(rounds: int) -> dict[str, object]:
     races = race(rounds)
     there = Shard.objects.get(number=SHARD)
     connection.close()
+    if connection.vendor == "postgresql":
+        connection.close_pool()  # its threads are not those of a child
     pid = stop_within_a_transaction()
     began = time.monotonic()
     rows.take_over([SHARD], [there.owner], "successor")

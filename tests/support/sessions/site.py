@@ -37,6 +37,7 @@ T = TypeVar("T")
 LOOPBACK = "127.0.0.1"
 DEMO_TOKEN = "tests-only"
 DATABASE = "telepresence.sqlite3"
+PRESENCE = "FROM robots_robotpresence JOIN robots_robot ON robots_robot.id = robot_id"
 NO_BROKER = "mqtt://127.0.0.1:1"  # in the credentials that each site begins with
 # What the tables are made from: our migrations, and those of what is installed.
 MIGRATIONS = [
@@ -375,13 +376,13 @@ class Site:
             "connection = 'ONLINE' AND report LIKE '{%' AND report NOT LIKE '%adapter_lost: %'"
             " AND julianday('now') - julianday(last_seen_at) < 10.0 / 86400.0"
         )
-        return bool(self.rows(f"SELECT 1 FROM robots_robot WHERE name = ? AND {reached}", name))
+        return bool(self.rows(f"SELECT 1 {PRESENCE} WHERE name = ? AND {reached}", name))
 
     def robot_is_docked(self, name: str) -> bool:
         """Whether the robot says that it is docked."""
         return bool(
             self.rows(
-                "SELECT 1 FROM robots_robot WHERE name = ? AND json_extract(report, '$.docked')",
+                f"SELECT 1 {PRESENCE} WHERE name = ? AND json_extract(report, '$.docked')",
                 name,
             )
         )

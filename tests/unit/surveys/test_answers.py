@@ -34,6 +34,7 @@ def said(
         ("number", {"minimum": -3}, ["-3"], -3.0),
         ("number", {"maximum": "this_year", "whole": True}, ["2026"], 2026),
         ("text", {}, ["  hello\r\nyou "], "hello\nyou"),
+        ("text", {}, ["fine\r=1+1"], "fine\n=1+1"),
         ("text", {}, ["~preferred_not"], "~preferred_not"),
         ("text", {}, ["a\x00b"], "ab"),
         ("date", {}, ["2024-02-29"], "2024-02-29"),

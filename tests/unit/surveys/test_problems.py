@@ -290,3 +290,11 @@ def test_sus_reverses_its_even_statements_itself():
     whole = json.loads((ROOT / "surveys/definitions/sus.json").read_text())
     whole["pages"][0]["items"][1]["reverse"] = True
     assert "sus2: reverse: The SUS reverses its statements itself." in refused(whole)
+
+
+def test_a_document_of_many_problems_lists_the_first_hundred():
+    wrong = document([item("text", "t")])
+    wrong["title"] |= {f"k{number}": "x" for number in range(5_000)}
+    told = refused(wrong).splitlines()
+    assert len(told) == 101
+    assert told[-1] == "Only the first 100 problems are listed."

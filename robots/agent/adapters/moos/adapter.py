@@ -175,6 +175,8 @@ class MoosAdapter(RemoteAdapter):
     # --- what it receives -------------------------------------------------------------------------
 
     def _take(self, mail: Mail) -> None:
+        if mail.key == "ROBOT_CONTROL_MODE":
+            self._controller = mail.source
         match mail.key, mail.value:
             case "BATTERY_V_FLOAT", float(volts):
                 self._voltage = volts
@@ -201,10 +203,8 @@ class MoosAdapter(RemoteAdapter):
                 self._navigated(mail.key.rpartition("_")[2])
             case "PLAN_FINISHED", str(text):
                 self._plan_finished(text.split()[1:3])
-            case "ROBOT_CONTROL_MODE", float(mode):
-                self._controller = mail.source
-                if mode == openmora.MANUAL:
-                    self._manual_at = time.monotonic()
+            case "ROBOT_CONTROL_MODE", openmora.MANUAL:
+                self._manual_at = time.monotonic()
             case (("MOTION_CMD_V" | "MOTION_CMD_W"), float(speed)):
                 self._moved_by(mail.source, speed)
 
@@ -249,7 +249,7 @@ class MoosAdapter(RemoteAdapter):
         """Take a velocity of the RobotControlManager, which is ours, or of a navigator: one that
         moves the base without an action of ours started late, or never stopped.
         """
-        if source == self._controller:
+        if source == self._controller or not self._controller:
             return
         if self.pending_actions.drive is not None:
             self.pending_actions.drive.seen_running = True
@@ -266,19 +266,16 @@ class MoosAdapter(RemoteAdapter):
 
     def _watch_journey(self, now: float) -> None:
         pending = self.pending_actions.drive
-        if pending is None or pending.kind != "goto" or pending.failure:
+        if pending is None or pending.failure:
             return
         if pending.first_cancelled_at is not None and pending.action_id != self._arrived:
             return  # the confirmation ends it
-        if pending.over_at < now and self._is_there(pending):
+        is_goto = pending.kind == "goto"
+        if is_goto and pending.over_at < now and self._is_there(pending):
             self._finish(pending, now)
-        elif now - pending.over_at > LANDING:
+        elif is_goto and now - pending.over_at > LANDING:
             pending.failure = "the robot stopped before it arrived"
-        elif (
-            pending.over_at > now
-            and not pending.seen_running
-            and now - pending.began > openmora.SETTING_OUT
-        ):
+        elif not pending.seen_running and now - pending.began > openmora.SETTING_OUT:
             pending.failure = "the robot does not start moving"
 
     def _finish(self, pending: PendingAction, now: float) -> None:

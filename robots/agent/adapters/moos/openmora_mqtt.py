@@ -56,7 +56,7 @@ KEEPALIVE = 5
 # seconds after a Motion in which the robot would cancel any new journey with it
 MOTION_MEMORY = 0.6
 MOTION_ENDS = 2.0  # seconds after the last Motion, after which the robot is in manual mode
-PLAN_STARTS = 1.5  # seconds in which a plan starts, and sets the autonomous mode
+PLAN_STARTS = 1.0  # seconds in which a plan starts, and sets the autonomous mode
 STAYS = 0.1  # metres that the pose of a robot at rest may vary
 # seconds after which a robot that does not leave its place has ended its journey, if it is where it
 # should be
@@ -301,7 +301,9 @@ class OpenMoraMqttAdapter(RemoteAdapter):
         if pending.first_cancelled_at is not None:
             return  # the confirmation ends it
         pending.seen_running |= status.autonomous
-        if pending.kind == "dock":
+        if not pending.seen_running and now - pending.began > openmora.SETTING_OUT:
+            pending.failure = "the robot does not start moving"
+        elif pending.kind == "dock":
             is_at_rest = pending.seen_running and not status.autonomous
             if is_at_rest and not self.readings.charger_contact and now - self._mode[1] > LANDING:
                 self.pending_actions.end_drive("FAILED", "the robot stopped before it was docked")
@@ -317,8 +319,6 @@ class OpenMoraMqttAdapter(RemoteAdapter):
                 pending.over_at = now
         elif pending.seen_running and not status.autonomous:
             self.pending_actions.end_drive("FAILED", "the robot stopped before it arrived")
-        elif not pending.seen_running and now - pending.began > openmora.SETTING_OUT:
-            pending.failure = "the robot does not start moving"
         elif stays > GIVEN_UP:
             pending.failure = "the robot did not arrive in time"
 

@@ -56,6 +56,7 @@ CANCEL_AGAIN = 0.5
 AT_REST = 0.3  # seconds of standstill after which the guard sends no more zeros
 STALE = 2.0  # seconds without odometry, after which a standstill cannot be measured
 STARTING = 1.0  # seconds in which a new node learns what an earlier one has left
+MOVES_WITHIN = 1.0  # seconds from a velocity or a goal until the robot is measured to move
 REPLACED = 1.0  # seconds that a newer node has published velocities, before this one exits
 SERVER_GONE = 1.0  # seconds without a connection to the action server's status
 NODE_NAME = "telepresence_"
@@ -361,7 +362,9 @@ class Node:
             return
         publisher = self.publishers[topic]
         publisher.publish(self.filled(publisher.data_class(), content))
-        self.guard.starting = self.guard.starting and not moving
+        if moving:
+            self.guard.starting = False
+            self.guard.act()
         self.driven = (topic, time.monotonic()) if moving else None
 
     def do_subscribe(self, topic: str, kind: str, period: float) -> None:
@@ -502,11 +505,12 @@ class Guard:
     Two facts decide: `alone`, whether the agent's heartbeat has stopped, and `busy`, what of ours
     has not ended: goals in the status of the action server that have our prefix, goals that were
     sent and are not listed yet, and a docking. A goal of an earlier node is cancelled in any case.
+    A robot that moves for none of these, by a joystick for example, is left alone.
     """
 
     def __init__(self, node: Any) -> None:
         self.node = node
-        self.action = self.cancel_dock = self.docks = ""
+        self.action = self.cancel_dock = ""
         self.linear = self.angular = 0.0
         self.beaten_at = self.began_at = time.monotonic()
         self.closed = False  # the agent will not continue
@@ -516,7 +520,8 @@ class Guard:
         self.cancelled_at = 0.0
         self.docking = False
         self.dock_call: Any = None
-        self.moved_at = self.measured_at = time.monotonic()
+        self.moved_at = self.measured_at = self.acted_at = time.monotonic()
+        self.brakes = False  # the robot moves, or is about to, for the agent or for a goal of ours
         self.server_seen_at: Any = None
         self.status: Any = None
         self.publisher: Any = None
@@ -556,6 +561,7 @@ class Guard:
         if self.action and topic == self.action + "/goal":
             self.sent[message.goal_id.id] = False
             self.starting = False
+            self.act()
 
     def lost(self, topic: str) -> None:
         """Take it that a message was not published: a goal then never runs."""
@@ -567,6 +573,11 @@ class Guard:
         if self.cancel_dock and service != self.cancel_dock:
             self.docking = True
             self.starting = False
+            self.act()
+
+    def act(self) -> None:
+        """Take that the robot moves, or is about to, on our behalf: it has to come to rest."""
+        self.acted_at, self.brakes = time.monotonic(), True
 
     def measured(self, odometry: Any) -> None:
         twist, now = odometry.twist.twist, time.monotonic()
@@ -585,6 +596,7 @@ class Guard:
                 self.sent[goal] = True
             elif goal.startswith(OURS):
                 self.found[goal] = True
+                self.act()
         for goals in (self.sent, self.found):
             for goal in [each for each, seen in list(goals.items()) if seen and each not in listed]:
                 goals.pop(goal, None)  # the server was restarted
@@ -603,11 +615,18 @@ class Guard:
         if (acts and self.busy) or self.found:
             self.cancel(now, docking=acts and self.docking)
         at_rest = now - self.moved_at > AT_REST or now - self.measured_at > STALE
-        if acts and (self.busy or not at_rest):
+        if at_rest and now - self.acted_at > MOVES_WITHIN and not (self.found or self.sent):
+            self.brakes = False
+        if (
+            (self.alone and self.busy)
+            or (self.starting and self.found)
+            or (acts and self.brakes and not at_rest)
+        ):
             self.node.publish_zero()
             self.rest.clear()
         else:
-            self.starting = self.starting and now - self.began_at < STARTING
+            is_new = now - self.began_at < STARTING
+            self.starting = self.starting and (is_new or self.docking)
             self.rest.set()
 
     def watch_server(self, now: float) -> None:

@@ -13,6 +13,7 @@ import re
 import secrets
 import time
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from typing import Annotated, Any
 from urllib.parse import urlsplit
 
@@ -20,6 +21,7 @@ import msgspec
 import structlog
 from msgspec import Meta
 
+from robots.agent.adapters.common import remote_adapter
 from robots.agent.adapters.common.robot_profile import load_profile, settings_of
 from robots.agent.adapters.common.send_slots import SendSlots
 from robots.agent.adapters.common.sockets import make_prompt
@@ -80,7 +82,10 @@ def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
         raise AdapterError("rosbridge supports actions of ROS 2 only; set navigation=move_base")
     navigate = settings.resolved().navigate if uses_nav2 else ""
     bus = RosbridgeBus(settings.url, settings.version, navigate)
-    return RosAdapter(robot, settings, bus, f"ROS {settings.version} (rosbridge)")
+    adapter = RosAdapter(robot, settings, bus, f"ROS {settings.version} (rosbridge)")
+    # rosbridge answers for a base that hangs: at most one velocity waits for such a base
+    adapter.gate_params = replace(remote_adapter.GATE, orders=1)
+    return adapter
 
 
 class RosbridgeBus:

@@ -21,8 +21,6 @@ SNAPSHOT_LOOK = 0.25  # s between two looks whether it still starts
 
 
 class _Layer:
-    """One quality: its encoder, who watches it, and when it needs a key frame."""
-
     def __init__(self, encoder: PictureEncoder) -> None:
         self.encoder = encoder
         self.viewers = 0

@@ -253,7 +253,6 @@ def _audio_frame(samples: npt.NDArray[np.int16]) -> av.AudioFrame:
 
 
 def _mono(frame: av.AudioFrame) -> Any:
-    """Return the samples of a frame as (n,) of 16-bit full scale, the channels mixed."""
     samples = frame.to_ndarray().astype(np.float64)
     if frame.format.name.startswith("flt"):
         samples = samples * 32767.0

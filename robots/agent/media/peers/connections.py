@@ -97,7 +97,7 @@ class Connections:
         return frozenset(
             peer
             for peer, viewer in list(self._viewers.items())
-            if viewer.is_connected and peer not in self._screens | self._wizards
+            if viewer.page.is_connected and peer not in self._screens | self._wizards
         )
 
     def viewers(self, others: frozenset[str] = frozenset()) -> int:
@@ -109,7 +109,7 @@ class Connections:
     def screens(self) -> int:
         """How many of the robot's own displays are connected."""
         return sum(
-            viewer.is_connected
+            viewer.page.is_connected
             for peer, viewer in list(self._viewers.items())
             if peer in self._screens
         )
@@ -133,7 +133,7 @@ class Connections:
             if viewer is None or not viewer.takes_candidates:
                 self._held.hold(peer, message)
             else:
-                viewer.add_candidate(message)
+                viewer.page.add_candidate(message)
         elif peer in self._viewers:
             self._end(peer, None)
 
@@ -162,7 +162,7 @@ class Connections:
             peer, offer.role, source, lambda reason: self._ended(peer, viewer, reason)
         )
         if old is not None:
-            viewer.gate = old.gate
+            viewer.page.gate = old.page.gate  # or connecting again would be a way to say more
             self._keep(old.close())
         self._viewers[peer] = viewer
         if is_screen:
@@ -186,7 +186,7 @@ class Connections:
         if self._viewers.get(peer) is not viewer:
             return  # replaced, or gone, while candidates were gathered
         for candidate in self._held.release(peer):
-            viewer.add_candidate(candidate)
+            viewer.page.add_candidate(candidate)
         log.info(
             "offer_answered", peer=peer, role=offer.role, seconds=round(time.monotonic() - began, 3)
         )
@@ -204,7 +204,7 @@ class Connections:
         `now` is monotonic.
         """
         for peer, viewer in list(self._viewers.items()):
-            if viewer.is_lost(now):
+            if viewer.page.is_lost(now):
                 self._end(peer, "failed")
         for peer, reason in self._registry.unwelcome(now).items():
             if peer in self._viewers:
@@ -310,12 +310,12 @@ class Connections:
         """Ask the driver's page for a whole picture of its visitor."""
         for peer, viewer in self._viewers.items():
             if self.drives(peer):
-                self._keep(viewer.ask_key_frame())
+                self._keep(viewer.page.ask_key_frame())
 
     def ask_screens(self) -> None:
         """Ask the robot's own displays for a whole picture."""
         for peer in self._screens:
-            self._keep(self._viewers[peer].ask_key_frame())
+            self._keep(self._viewers[peer].page.ask_key_frame())
 
     def _pages(self) -> Iterator[Viewer]:
         return (viewer for peer, viewer in self._viewers.items() if peer not in self._screens)

@@ -13,12 +13,12 @@ from robots.agent.media.peers.bitrate import BitrateAdapter
 from robots.agent.media.rtp import ClockTeller, Kind
 from robots.agent.media.webrtc.aiortc_hooks import Detour
 from robots.agent.media.webrtc.frame_queue import FrameQueue, SoundQueue
-from robots.agent.media.webrtc.packet_gate import PacketGate, ReceivedPacket
+from robots.agent.media.webrtc.packet_gate import ReceivedPacket
 from robots.agent.media.webrtc.relays import Relays
 from robots.agent.media.webrtc.signalling import PageConnection
 from robots.agent.timing import Cadence
 from robots.api.codec import encode_frame
-from robots.api.messages import Candidate, CommandHeartbeat, SdpOffer
+from robots.api.messages import CommandHeartbeat, SdpOffer
 
 NARROW = 2  # the first rung of a network that has no room to spare
 # s between two of them there; five and fifteen a second would be as much as the picture
@@ -61,6 +61,8 @@ class Viewer:
         on_end: called with the reason when the connection failed, was closed by the page, or the
             page floods.
         on_media, relays: see `PageConnection`.
+
+    `page` is the connection itself.
     """
 
     def __init__(
@@ -92,7 +94,7 @@ class Viewer:
         origin = random.randrange(1 << 32)
         self._sparse = {suffix: Cadence(period) for suffix, period in SPARSE.items()}
         self._sounds = SoundQueue(origin) if microphone is not None else None
-        self._page = PageConnection(
+        self.page = PageConnection(
             peer,
             self._pictures,
             self._sounds,
@@ -108,28 +110,6 @@ class Viewer:
         self._watching = False
         self.takes_candidates = False
 
-    @property
-    def gate(self) -> PacketGate:
-        """How much the page may say: a newer connection of the same page goes on with it, or
-        connecting again would be a way to say more.
-        """
-        return self._page.gate
-
-    @gate.setter
-    def gate(self, gate: PacketGate) -> None:
-        self._page.gate = gate
-
-    @property
-    def is_connected(self) -> bool:
-        """Tell whether media and data flow."""
-        return self._page.is_connected
-
-    def is_lost(self, now: float) -> bool:
-        """Tell whether the connection came to nothing or its page has gone quiet; `now` is
-        monotonic.
-        """
-        return self._page.is_lost(now)
-
     async def answer(self, offer: SdpOffer) -> str:
         """Answer the offer; return the SDP.
 
@@ -137,13 +117,9 @@ class Viewer:
             BadOfferError: it cannot be used.
         """
         self._watch()
-        sdp = await self._page.answer(offer)
+        sdp = await self.page.answer(offer)
         self.takes_candidates = True
         return sdp
-
-    def add_candidate(self, candidate: Candidate) -> None:
-        """Add a trickled candidate; only after `answer`."""
-        self._page.add_candidate(candidate)
 
     def send_by(self, detour: Detour | None) -> None:
         """Have picture and sound take a detour from now on, or the straight way."""
@@ -183,11 +159,7 @@ class Viewer:
             and not cadence.due(time.monotonic())
         ):
             return
-        self._page.send(frame)
-
-    async def ask_key_frame(self) -> None:
-        """Ask the page for a whole picture of its visitor."""
-        await self._page.ask_key_frame()
+        self.page.send(frame)
 
     def statistics(self) -> dict[str, int | None]:
         """Return pictures sent, restarts on a key frame, the rung of the ladder, and frames refused
@@ -198,15 +170,15 @@ class Viewer:
             "pictures": pictures.sent if pictures else 0,
             "restarts": pictures.queue.restarts if pictures else 0,
             "rung": self._layer,
-            "oversized": self._page.gate.counts["oversized"],
-            "too_fast": self._page.gate.counts["too_fast"],
-            "telemetry_dropped": self._page.dropped_telemetry,
+            "oversized": self.page.gate.counts["oversized"],
+            "too_fast": self.page.gate.counts["too_fast"],
+            "telemetry_dropped": self.page.dropped_telemetry,
         }
 
     async def close(self) -> None:
         """Close the connection and let go of camera and microphone; idempotent."""
         self._unwatch()
-        await self._page.close()
+        await self.page.close()
 
     def _watch(self) -> None:
         if not self._watching:
@@ -281,4 +253,4 @@ class Viewer:
     def _tell_clock(self, picture: Picture) -> None:
         clock = self._clock.tell(picture.rtp, picture.stamp, time.monotonic())
         if clock is not None:
-            self._page.send(encode_frame("media", clock))
+            self.page.send(encode_frame("media", clock))

@@ -229,7 +229,6 @@ class PacketSender(RTCRtpSender):
             pair.protocol.transport.sendto(protected, pair.remote_addr)
 
     def _note_for_reports(self, timestamp: int, now: float) -> None:
-        """Keep what aiortc's sender reports say."""
         assert self._stream is not None
         setattr(self, "_RTCRtpSender__ntp_timestamp", ntp_time(now))
         setattr(self, "_RTCRtpSender__rtp_timestamp", timestamp)
@@ -403,7 +402,6 @@ class _WithLoopback:
 
 
 def _has(owner: Any, name: str) -> bool:
-    """Tell whether a class has a method, or its instances an attribute from their beginning."""
     return name in dir(owner) or name in owner.__init__.__code__.co_names
 
 

@@ -199,7 +199,6 @@ async def _wait_for_one(tasks: list["asyncio.Task[bool]"], seconds: float | None
 def _split(
     servers: tuple[IceServer, ...],
 ) -> tuple[list[RTCIceServer], list[list[RTCIceServer]]]:
-    """Return (address servers, relays by region), one address each."""
     tellers: list[RTCIceServer] = []
     regions: list[list[RTCIceServer]] = []
     for server in servers:

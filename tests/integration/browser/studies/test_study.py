@@ -15,7 +15,7 @@ from playwright.sync_api import Page, expect
 from experiments.definition.shipped import shipped
 from tests.support.browsers.first_time_user import Finger, FirstTimeUser, Keys
 from tests.support.browsers.visitor import turn_leaf
-from tests.support.sessions.site import Site, running_site, wait_for
+from tests.support.sessions.site import PRESENCE, Site, running_site, wait_for
 
 pytestmark = pytest.mark.browser
 SIZES = {
@@ -45,9 +45,7 @@ def site(tmp_path_factory):
 def giraff(site):
     robot = site.start_robot("giraff", "--start", "dock", "--seed", "3")
     wait_for(
-        lambda: site.rows(
-            "SELECT 1 FROM robots_robot WHERE name = 'giraff' AND factsheet IS NOT NULL"
-        ),
+        lambda: site.rows(f"SELECT 1 {PRESENCE} WHERE name = 'giraff' AND factsheet IS NOT NULL"),
         20,
         "the factsheet",
     )

@@ -1,6 +1,7 @@
 """Coding of replays: what is stored of whom, who sees what, files, agreement, withdrawal."""
 
 import datetime
+import functools
 import json
 import uuid
 
@@ -14,6 +15,8 @@ from experiments.models import Coding, CodingEdit, CodingSchemeVersion, Particip
 from experiments.participation.own_data import gather
 from experiments.participation.withdrawal import receipt
 from experiments.participation.withdrawal.deletion import withdraw
+from robots.files import limited_process
+from robots.files.limited_process import ChildLimits
 from tests.support.people import person
 from tests.support.sessions import replays
 
@@ -257,6 +260,18 @@ def test_a_file_that_cannot_be_imported_says_why_and_changes_nothing(client, dri
     address = reverse("coding_import", args=[drive.session_id])
     assert told in client.post(address, {"file": file(content)}, follow=True).text
     assert events(client, drive) == [("help", 20.0, None, "")]
+
+
+def test_a_file_that_takes_too_long_changes_nothing(client, drive, monkeypatch):
+    as_coder(client, "carl")
+    monkeypatch.setattr(
+        limited_process, "ChildLimits", functools.partial(ChildLimits, elapsed=0.01)
+    )
+    page = client.post(
+        reverse("coding_import", args=[drive.session_id]), {"file": file(b"{}")}, follow=True
+    )
+    assert "The file needs too much memory or time" in page.text
+    assert events(client, drive) == []
 
 
 def test_a_new_scheme_is_a_new_version_and_finished_codings_stay(client, drive):

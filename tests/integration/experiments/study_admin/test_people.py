@@ -124,7 +124,7 @@ def test_links_are_in_the_file_once_and_lead_in(client, study, owner):
 
 
 def test_a_label_is_no_formula_of_a_spreadsheet(client, study, owner):
-    assert made(client, study, label="=1+1", count="1")[0]["label"] == "'=1+1 1"
+    assert made(client, study, label="=1+1;=2", count="1")[0]["label"] == "'=1+1;'=2 1"
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,11 @@ from django.urls import reverse
 
 from accounts.models import AuditEntry
 from robots.api import floorplan
-from robots.floorplans import read_upload
 from robots.models import FloorPlan, Robot
 from robots.site_drafts import grid_of, propose, store_site
 from robots.world.grid import encode_png
 from robots.world.inspection import inspect_site
+from robots.world.site_files import read_upload
 from robots.world.sites import load_site
 from tests.support.agents.mapped_building import building, mapped
 from tests.support.browsers.html_page import Page

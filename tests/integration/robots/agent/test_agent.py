@@ -63,11 +63,11 @@ class RunningAgent:
     def __init__(self, config, *robots):
         self.robots = list(robots) or [ScriptedRobot()]
         # each time all was loaded: how often the robot had been connected
-        self.made, self.built = [], []
+        self.made, self.built, self.media = [], [], []
         self.agent = Agent(
             config,
             make_adapter=self._adapter,
-            make_media=lambda *_: ListeningMedia(),
+            make_media=self._media,
             rng=random.Random(1),
         )
         self._thread = threading.Thread(
@@ -77,6 +77,10 @@ class RunningAgent:
     def _adapter(self, _config):
         self.made.append(self.robots.pop(0) if len(self.robots) > 1 else self.robots[0])
         return self.made[-1]
+
+    def _media(self, *_):
+        self.media.append(ListeningMedia())
+        return self.media[-1]
 
     def __enter__(self):
         self._thread.start()
@@ -121,6 +125,15 @@ def test_an_agent_whose_control_thread_dies_comes_back_with_a_new_boot(
         assert second.boot > first
         ear.say("command/action", m.Stop(action_id="s2", stamp=0.0))
         ear.wait("state", lambda s: s.safety.stop_id == "s2")
+
+
+@pytest.mark.broker
+def test_an_agent_whose_media_loop_ends_comes_back_with_a_new_boot(broker, ear, tmp_path):
+    with RunningAgent(config(broker, tmp_path), ScriptedRobot(), ScriptedRobot()) as running:
+        first = ear.wait("state", lambda s: s.pose.x == 1.0).boot
+        running.media[0].ended = True
+        assert ear.wait("state", lambda s: s.boot != first and s.pose.x == 1.0).boot > first
+        assert running.made[0].closed
 
 
 @pytest.mark.broker

@@ -12,6 +12,7 @@ import time
 
 import pytest
 
+from robots.agent.control.loop import CLOSE_TIME
 from robots.agent.watchdog import EXIT_HUNG, HANG_S, Systemd
 from robots.api import messages as m
 from tests.support.architectures.installed_adapters import install
@@ -88,6 +89,19 @@ def test_a_process_whose_control_thread_hangs_logs_where_and_ends(ear, tmp_path)
     assert "in apply" in said, "the line where it hangs is named"
     ear.wait("connection", lambda c: c.state != "ONLINE")
     (tmp_path / "hang").unlink()
+
+
+@pytest.mark.nightly
+@pytest.mark.broker
+def test_a_process_whose_control_thread_hangs_ends_when_it_is_told_to(ear, tmp_path):
+    with (tmp_path / "log").open("w+") as log, AgentProcess(tmp_path, ear.broker, log) as agent:
+        ear.wait("state", lambda s: s.pose.x == 1.0)
+        (tmp_path / "hang").touch()
+        ear.say("command/action", m.Stop(action_id="s1", stamp=0.0))
+        agent.terminate()
+        assert agent.wait(patient(CLOSE_TIME)) == EXIT_HUNG
+        log.seek(0)
+        assert "where=closing" in log.read()
 
 
 @pytest.mark.broker

@@ -14,7 +14,7 @@ from django.utils import timezone
 
 from robots import ice
 from robots.api import messages as m
-from robots.models import Robot
+from robots.models import Robot, RobotPresence
 from robots.screens import make_screen_key
 from sessions import page_channel, protocol
 from sessions.consumers import queries, waiting_chat
@@ -28,6 +28,7 @@ from tests.support import words
 from tests.support.browsers.pages import Display, Page, until
 from tests.support.browsers.wizard_console import Console
 from tests.support.patience import patient
+from tests.support.robots import create_robot
 from tests.support.studies.fixed_terms import provided
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -47,7 +48,7 @@ def bob(db):
 
 @pytest.fixture(autouse=True)
 def robot(db, ada):
-    return Robot.objects.create(
+    return create_robot(
         name="giraff",
         title="Giraff",
         owner=ada,
@@ -81,7 +82,7 @@ def held(function):
 async def stop(robot):
     """Press the robot's emergency stop, for its row and its pages."""
     report = msgspec.to_builtins(words.state(safety=ESTOP))
-    await Robot.objects.filter(pk=robot.pk).aupdate(report=report)
+    await RobotPresence.objects.filter(robot=robot).aupdate(report=report)
 
 
 # --- every request is answered --------------------------------------------------------------------

@@ -127,8 +127,8 @@ def test_a_robot_that_is_stopped_on_its_way_is_ordered_nothing(giraff, ana, situ
     for second in range(2, 400):
         situation.says(after(second), docked=False, safety=STOPPED)
         assert situation.look(after(second)) == []
-    row = Robot.objects.get()
-    assert (row.turnaround, row.turnaround_reason) == ("paused", "stopped")
+    presence = RobotPresence.objects.get()
+    assert (presence.turnaround, presence.turnaround_reason) == ("paused", "stopped")
     assert SystemLog.objects.get(event="queue_paused").fields == {"reason": "stopped"}
     situation.says(after(400), docked=False)
     (again,) = situation.look(after(400))
@@ -145,7 +145,7 @@ def test_a_robot_that_was_stopped_between_visits_is_given_to_a_new_driver(
     assert isinstance(store.take(Robot.objects.get(), ben, "p2", now=after(2)), store.TakeGranted)
     situation.says(after(3), docked=False, safety=STOPPED, session="s2")
     assert situation.look(after(3)) == []
-    assert Robot.objects.get().turnaround == "ready"
+    assert Robot.objects.get().presence.turnaround == "ready"
 
 
 def test_the_queue_of_a_robot_that_was_stopped_between_visits_goes_on(giraff, ana, ben, situation):

@@ -34,6 +34,7 @@ from sessions.models import (
 )
 from tests.support.host_jitter import watched
 from tests.support.patience import patient
+from tests.support.robots import update_robots
 from tests.support.sessions.recorder_rig import (
     HOST,
     ManagerProcess,
@@ -112,7 +113,7 @@ def leave(session: str, visitor: User) -> bool:
 
 @sync_to_async
 def set_rules(**fields) -> None:
-    Robot.objects.filter(name="giraff").update(**fields)
+    update_robots(**fields)
 
 
 # --- a drive --------------------------------------------------------------------------------------
@@ -323,7 +324,7 @@ async def test_a_robot_going_home_gets_heartbeats_and_no_order_after_a_stop(
 
     monkeypatch.setattr(ReturnToDock, "tick", slow)
     home = {"returns_home": True, "turnaround": "returning", "turnaround_reason": "dock"}
-    await set_rules(**home, factsheet={"capabilities": ["dock"]})
+    await sync_to_async(update_robots)(**home, factsheet={"capabilities": ["dock"]})
     async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
         await wait_for(lambda: robot.ordered, what="the order to dock")
         (dock,) = robot.ordered
@@ -344,7 +345,9 @@ async def test_a_robot_going_home_gets_heartbeats_and_no_order_after_a_stop(
             "action", messages.ActionStatus(action_id=dock.action_id, status="CANCELLED", stamp=1.0)
         )
         await wait_for(
-            lambda: Robot.objects.filter(turnaround="paused", turnaround_reason="stopped").exists(),
+            lambda: RobotPresence.objects.filter(
+                turnaround="paused", turnaround_reason="stopped"
+            ).exists(),
             what="the pause",
         )
         ordered = len(robot.ordered)

@@ -64,8 +64,8 @@ def test_a_missing_venv_module_is_named_with_its_package(set_up, monkeypatch, ca
 
 
 @pytest.mark.nightly
-def test_a_package_that_cannot_be_installed_ends_in_one_sentence_and_is_not_marked_as_installed(
-    tmp_path,
+def test_packages_that_cannot_be_installed_end_in_one_sentence_and_are_not_marked(
+    set_up, monkeypatch, capsys, tmp_path
 ):
     (tmp_path / "broken.lock").write_text(
         "no-such-package-anywhere==1.0 \\\n    --hash=sha256:" + "0" * 64 + "\n"
@@ -79,8 +79,12 @@ def test_a_package_that_cannot_be_installed_ends_in_one_sentence_and_is_not_mark
         cwd=tmp_path,
         PIP_NO_INDEX="1",
     )
-    assert "could not be installed" in one_sentence(done)
+    assert "pip could not be updated" in one_sentence(done)
     assert not (tmp_path / "venv" / "installed").exists()
+    monkeypatch.setenv("PIP_NO_INDEX", "1")
+    with pytest.raises(SystemExit):
+        set_up.install(str(tmp_path / "venv/bin/python"), str(tmp_path / "broken.lock"))
+    assert "could not be installed" in capsys.readouterr().err
 
 
 def test_an_environment_that_is_up_to_date_is_left_alone_and_any_other_is_installed(
@@ -94,6 +98,7 @@ def test_an_environment_that_is_up_to_date_is_left_alone_and_any_other_is_instal
     installs = []
     monkeypatch.setattr(set_up, "make_environment", lambda folder: "python")
     monkeypatch.setattr(set_up, "install", lambda _, lock: installs.append(lock))
+    monkeypatch.setattr(set_up, "update_pip", lambda _: None)
 
     def asked(lock: str, commit: str) -> list[str]:
         for name in ("requirements.lock", "requirements-dev.lock"):
@@ -114,3 +119,15 @@ def test_an_environment_that_is_up_to_date_is_left_alone_and_any_other_is_instal
         ("requirements.lock", "one", True),
     ):
         assert asked(lock, commit) == ([lock] if is_installed else []), (lock, commit)
+
+
+@pytest.mark.nightly
+def test_an_environment_has_the_locked_pip_and_no_setuptools(set_up, tmp_path):
+    """What a package index has is not tested: pip installs from the one that this computer uses."""
+    python = set_up.make_environment(str(tmp_path / "venv"))
+    set_up.update_pip(python)
+    listed = subprocess.run(
+        [python, "-m", "pip", "list", "--format=freeze"], capture_output=True, text=True, check=True
+    )
+    locked = Path(set_up.PIP_LOCK).read_text().split()[0]
+    assert listed.stdout.split() == [locked]

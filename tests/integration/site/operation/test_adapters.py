@@ -19,7 +19,7 @@ from experiments.bots.steering import STAND, SpeedSetting
 from tests.support.architectures.ros2_robot import DISCOVERY
 from tests.support.browsers.visitor import Visitor, chromium
 from tests.support.patience import patient
-from tests.support.sessions.site import LOOPBACK, running_site, wait_for
+from tests.support.sessions.site import LOOPBACK, PRESENCE, running_site, wait_for
 from tests.support.sessions.site_robots import ARCHITECTURES, robot_behind
 
 pytestmark = [pytest.mark.broker, pytest.mark.long, pytest.mark.nightly]
@@ -256,7 +256,7 @@ def marker(page) -> tuple[float, float]:
 
 def is_free(site, robot) -> bool:
     """Whether the robot lets itself be driven, as the site has heard."""
-    ((report,),) = site.rows("SELECT report FROM robots_robot WHERE name = ?", robot.series)
+    ((report,),) = site.rows(f"SELECT report {PRESENCE} WHERE name = ?", robot.series)
     return json.loads(report)["safety"].get("inhibited") is None
 
 

@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 from django.conf import settings as site
+from django.core.management import CommandError, call_command
 
+from robots.files.limited_process import ChildLimits
 from telepresence_site.ops.backup import archive
 from telepresence_site.ops.backup.archive import BackupError
 from tests.support.django_shell import DjangoShell
@@ -20,6 +22,8 @@ FILES = {
     "credentials/giraff.toml": "token",
     "media/a/b.bin": "x" * 100_000,
 }
+MB = 1024**2
+FACTS = {"made_at": "now", "engine": "sqlite", "migrations": [], "key": ""}
 COMMAND = """
 from django.core.management import CommandError, call_command
 try:
@@ -129,13 +133,13 @@ def backup(tmp_path):
     archive.write(
         tmp_path / "backup.tar.gz",
         [("x/a", tmp_path / "a"), ("x/b", tmp_path / "b")],
-        {"made_at": "now"},
+        FACTS,
     )
     return tmp_path / "backup.tar.gz"
 
 
-def opened(source, tmp_path):
-    return archive.unpack(source, tmp_path / "out")
+def opened(source, tmp_path, largest=archive.GB):
+    return archive.unpack(str(source), str(tmp_path / "out"), largest)
 
 
 def test_an_archive_is_read_as_it_was_written(backup, tmp_path):
@@ -161,13 +165,13 @@ def test_a_changed_byte_is_found(backup, tmp_path, place):
         opened(backup, tmp_path)
 
 
-def forged(path, members, manifest=True):
+def forged(path, members, manifest=True, document=None):
     with tarfile.open(path, "w:gz") as made:
         for info, content in members:
             info.size = len(content)
             made.addfile(info, io.BytesIO(content))
         if manifest:
-            content = json.dumps({"format": 1, "files": {}}).encode()
+            content = document or json.dumps({"format": 1, **FACTS, "files": {}}).encode()
             info = tarfile.TarInfo("manifest.json")
             info.size = len(content)
             made.addfile(info, io.BytesIO(content))
@@ -205,6 +209,59 @@ def test_without_a_manifest_it_is_none_of_ours(tmp_path):
         opened(
             forged(tmp_path / "f", [(tarfile.TarInfo("media/x"), b"x")], manifest=False), tmp_path
         )
+
+
+@pytest.mark.parametrize(
+    ("document", "words"),
+    [
+        (b"[]", "Expected `object`, got `array`"),
+        (b"[" * 100_000, "recursion"),
+        (b"{", "truncated"),
+        (b"\xff", "manifest of"),
+        (b'{"format": 2}', "has format 2; this version reads 1"),
+        (b'{"format": 1}', "missing required field `made_at`"),
+        (json.dumps({"format": 1, **FACTS, "files": []}).encode(), "at `\\$.files`"),
+        (json.dumps({"format": 1, **FACTS, "files": {"a": 1}}).encode(), "at `\\$.files"),
+    ],
+    ids=["list", "nested", "truncated", "bytes", "newer", "lacking", "files", "file"],
+)
+def test_restore_of_a_broken_manifest_says_what_is_wrong(tmp_path, document, words):
+    file = forged(tmp_path / "backup.tar.gz", [], document=document)
+    with pytest.raises(CommandError, match=words) as refused:
+        call_command("restore", "--check", str(file))
+    assert "backup.tar.gz" in str(refused.value)
+
+
+def test_restore_of_more_than_is_allowed_stops_before_it_is_unpacked(tmp_path, settings):
+    settings.VAR_DIR = tmp_path / "var"
+    settings.VAR_DIR.mkdir()
+    file = forged(tmp_path / "bomb", [(tarfile.TarInfo("media/x"), bytes(50_000_000))])
+    assert file.stat().st_size < 100_000
+    with pytest.raises(CommandError, match=r"more than 0\.01 GB.*--largest-gb"):
+        call_command("restore", "--check", "--largest-gb", "0.01", str(file))
+    with pytest.raises(CommandError, match="media/x is not what was written"):
+        call_command("restore", "--check", str(file))
+
+
+def test_restore_leaves_room_on_the_disk(tmp_path, monkeypatch):
+    monkeypatch.setattr("telepresence_site.ops.backup.whole.RESERVE", 10**18)
+    file = forged(tmp_path / "backup", [(tarfile.TarInfo("media/x"), b"x")])
+    with pytest.raises(CommandError, match="more than 0 GB"):
+        call_command("restore", "--check", str(file))
+
+
+def test_a_header_that_takes_much_memory_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        "telepresence_site.ops.backup.whole.UNPACKING", ChildLimits(memory=300 * MB)
+    )
+    header = tarfile.TarInfo("x")
+    header.type, header.size = tarfile.XHDTYPE, 400 * MB
+    with gzip.open(tmp_path / "bomb", "wb", compresslevel=1) as file:
+        file.write(header.tobuf())
+        for _ in range(400):
+            file.write(bytes(MB))
+    with pytest.raises(CommandError, match="too much memory"):
+        call_command("restore", "--check", str(tmp_path / "bomb"))
 
 
 def test_a_failed_backup_leaves_nothing_behind(tmp_path):

@@ -6,6 +6,7 @@ import ipaddress
 import os
 import re
 import shutil
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -16,8 +17,10 @@ from django.conf import settings as site
 from robots.broker.mosquitto import Tls, configuration
 from telepresence_site.serving import APPLICATION, DAPHNE
 from telepresence_site.web.asgi_limits import MAX_BODY
+from tests.support.agents.simulators import eventually
 from tests.support.programs.deployed import compose, kustomization
 from tests.support.programs.server import certificate, program
+from tests.support.sessions.site import free_port
 
 ROOT = Path(site.BASE_DIR)
 DEPLOY = ROOT / "deploy"
@@ -44,8 +47,8 @@ def example():
 def told_in_compose():
     environment = compose("compose.yaml")["web-1"].around["environment"]
     return {
-        name: value.replace("${SITE_HOST:?}", "robots.example.org").replace(
-            "${POSTGRES_PASSWORD:?}", "x"
+        name: re.sub(
+            r"\$\{\w+_PASSWORD:\?\}", "x", value.replace("${SITE_HOST:?}", "robots.example.org")
         )
         for name, value in environment.items()
     }
@@ -124,6 +127,47 @@ def test_caddy_takes_its_file(place, tmp_path):
     )
     assert code == 0, said
     assert "Valid configuration" in said
+
+
+def test_caddy_closes_a_connection_whose_request_never_ends(tmp_path):
+    port = free_port()
+    text = (DEPLOY / "proxy/Caddyfile").read_text()
+    assert "read_header 10s" in text
+    quick = text.replace("read_header 10s", "read_header 1s").replace(
+        "\tservers", "\tadmin off\n\tservers"
+    )
+    (tmp_path / "Caddyfile").write_text(quick)
+    with subprocess.Popen(
+        [
+            program("caddy"),
+            "run",
+            "--adapter",
+            "caddyfile",
+            "--config",
+            str(tmp_path / "Caddyfile"),
+        ],
+        env={
+            "PATH": os.environ["PATH"],
+            "HOME": str(tmp_path),
+            "SITE_HOST": f"http://127.0.0.1:{port}",
+        },
+        stderr=subprocess.DEVNULL,
+    ) as caddy:
+        try:
+            assert eventually(lambda: is_closed(port))
+        finally:
+            caddy.terminate()
+
+
+def is_closed(port: int) -> bool:
+    """Send half a request; return whether the other end then closes the connection."""
+    try:
+        with socket.create_connection(("127.0.0.1", port), 1.0) as client:
+            client.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n")
+            client.settimeout(8.0)
+            return client.recv(100) == b""
+    except (ConnectionRefusedError, TimeoutError):
+        return False
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@ interrupted.
 """
 
 import asyncio
+import dataclasses
 import signal
 import subprocess
 import sys
@@ -10,8 +11,13 @@ import time
 
 import pytest
 
+from robots.agent.adapters import registry
 from robots.agent.config import ConfigError
+from robots.agent.control.navigation_check import NavigationCheck
+from robots.agent.control.observed_robot import ObservedRobot
 from robots.agent.control.robot_check import RobotCheck, check_robot
+from robots.api.messages import Pose
+from tests.support.architectures.ros1_processes import Ros1Processes
 from tests.support.architectures.ros1_robot import Ros1Rig
 from tests.support.paths import ROOT
 from tests.support.patience import patient
@@ -90,14 +96,67 @@ def test_a_robot_of_ros_1_is_tried_through_its_own_adapter():
 
         async def tried():
             adapter = rig.adapter()
-            return adapter.profile.navigation_control, await RobotCheck(
-                adapter, lines.append, video=adapter.video()
-            ).run()
+            return await RobotCheck(adapter, lines.append, video=adapter.video()).run()
 
-        stated, is_well = asyncio.run(tried())
-        assert is_well is (stated is not None), lines
+        assert asyncio.run(tried()), lines
         assert any("it keeps the watchdog of 0.6 s" in line for line in lines)
-        found = "guarded" if stated == "guarded" else "unguarded"
-        assert any(f"Navigation is {found}: " in line for line in lines), lines
-        moved = [linear for _, linear, _ in rig.world.commands]
-        assert moved[-1] == 0.0
+        assert "Navigation is guarded: " in lines[-1]
+        assert rig.world.commands[-1][1] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("options", "topic", "is_well", "words"),
+    [
+        pytest.param(
+            {}, "/cmd_vel", True, "Navigation is guarded: ", marks=pytest.mark.nightly, id="guarded"
+        ),
+        pytest.param(
+            {"navigation_velocity": "/cmd_vel_nav"},
+            "/cmd_vel_nav",
+            True,
+            "Navigation passes through the agent: ",
+            id="through the agent",
+        ),
+        pytest.param(
+            {"navigation_velocity": "/cmd_vel_nav"},
+            "/cmd_vel",
+            False,
+            "Navigation does not pass through the agent: ",
+            id="past the agent",
+        ),
+    ],
+)
+def test_navigation_of_real_nodes_is_told_apart(tmp_path, options, topic, is_well, words):
+    with Ros1Processes(tmp_path) as nodes:
+        nodes.plan("obeys", topic)
+        where = {"master": nodes.master.uri, "ip": nodes.master.host}
+        adapter, lines = registry.create("ros1", "rhodon", where | options), []
+        adapter.states = localized(adapter.states)
+
+        async def tried():
+            robot = ObservedRobot(adapter)
+            try:
+                await robot.connect()
+                await robot.first_reading()
+                return await NavigationCheck(robot, lines.append).run()
+            finally:
+                await robot.leave()
+
+        assert asyncio.run(tried()) is is_well, lines
+        sys.stdout.write(f"\n{lines[-1]}\n")
+        assert words in lines[-1]
+        moving = [
+            row for row in nodes.base.events(time.monotonic() - 0.3) if row.get("v", 0) > 0.03
+        ]
+        assert not moving, "the robot is at rest after the check"
+
+
+def localized(states):
+    """Readings with a position, which the nodes of the test do not publish."""
+
+    async def readings():
+        async for state in states():
+            place = Pose(x=state.odometry.x, y=state.odometry.y, theta=state.odometry.theta)
+            yield dataclasses.replace(state, pose=place)
+
+    return readings

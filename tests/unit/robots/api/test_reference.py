@@ -3,7 +3,7 @@ from functools import cache
 
 import pytest
 
-from robots.agent.control import dispatcher, reports
+from robots.agent.control import dispatcher, owned_actions, reports
 from robots.agent.ramp import LONGEST_DEADMAN, LONGEST_WATCHDOG
 from robots.agent.safety import freshness, hold, permissions
 from robots.agent.safety.kernel import KERNEL, STANDSTILL
@@ -80,7 +80,9 @@ def test_what_needs_no_lease_stands_among_the_rules_of_an_agent():
             f" {freshness.FUTURE_TOLERANCE_CEILING:g} s"
         ),
         f"by more than {freshness.FRAME_FUTURE_TOLERANCE:g} s (`frame_future`)",
-        f"without a live lease, {hold.QUIET_RELEASES:g} s",
+        f"{hold.QUIET_RELEASES:g} s without a velocity other than zero",
+        f"exceeds a limit by {100 * (KERNEL.overspeed - 1):.0f} % for {KERNEL.overspeed_for:g} s",
+        f"every {owned_actions.CANCEL_PERIOD:g} s until then",
         f"at most {hold.HEARTBEAT_GAP:g} s apart",
         f"more than {permissions.ACTION_AGE:g} s old",
         f"at most {1 / reports.POSE_PERIOD:.0f} times a second",

@@ -5,6 +5,7 @@ import struct
 import zlib
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
 from PIL import Image
@@ -113,7 +114,7 @@ def test_a_picture_that_says_it_is_too_large_is_never_unpacked(
 ) -> None:
     monkeypatch.setattr("av.open", lambda *_: pytest.fail("it was opened"))
     with pytest.raises(MapError, match="at most 8192"):
-        decode_grey(io.BytesIO(image), "the map")
+        decode_grey(image, "the map")
 
 
 @pytest.mark.parametrize(
@@ -132,7 +133,7 @@ def test_a_picture_that_does_not_say_how_large_it_is_is_never_unpacked(
 ) -> None:
     monkeypatch.setattr("av.open", lambda *_: pytest.fail("it was opened"))
     with pytest.raises(MapError, match="the map: cannot be read"):
-        decode_grey(io.BytesIO(image), "the map")
+        decode_grey(image, "the map")
 
 
 def test_a_file_of_brackets_is_an_error_like_any_other(tmp_path: Path) -> None:
@@ -177,3 +178,65 @@ def test_what_is_transparent_is_unknown(tmp_path: Path, mode: str, negate: str) 
     known = (grid.free() | grid.occupied())[0].tolist()
     assert known[:2] == [True, mode != "raw"]  # 254 percent is unknown
     assert known[2:] == [False, False]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a: &a [x, x]\nmode: [*a, *a]\n", "aliases"),
+        ("resolution: " + "9" * 60_000, "resolution '9999"),
+        ("resolution: " + ":".join(["59"] * 300), "resolution '59:59"),
+        ("mode: " + "x" * 60_000, "mode 'xxx"),
+        ("negate: maybe", "negate 'maybe'"),
+    ],
+)
+def test_a_yaml_file_that_unpacks_to_more_is_refused_in_a_short_sentence(
+    tmp_path: Path, text: str, words: str
+) -> None:
+    path = write(tmp_path, IMAGE)
+    path.write_text(f"{path.read_text()}\n{text}")
+    with pytest.raises(MapError, match=words) as refused:
+        load_grid(path)
+    assert len(str(refused.value)) < 500
+
+
+@pytest.mark.parametrize("kind", [b"zTXt", b"iCCP", b"iTXt", b"eXIf"])
+def test_chunks_beside_the_picture_are_never_unpacked(
+    kind: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bomb = chunk(kind, b"name\0\0" + zlib.compress(bytes(10_000_000)))
+    image = encode_png(IMAGE)
+    bombed = image[:33] + bomb + image[33:]  # behind IHDR
+    opened: list[int] = []
+    av_open = av.open
+
+    def spy(file: io.BytesIO, *args: str, **options: str) -> object:
+        opened.append(len(file.getvalue()))
+        return av_open(file, *args, **options)
+
+    monkeypatch.setattr("av.open", spy)
+    assert np.array_equal(decode_grey(bombed, "the map"), IMAGE)
+    assert opened[0] <= len(image)
+
+
+def test_picture_data_longer_than_the_picture_are_refused() -> None:
+    with pytest.raises(MapError, match="longer than the picture"):
+        decode_grey(png_of(3, 2, bytes(10_000_000)), "the map")
+
+
+@pytest.mark.parametrize("mode", ["1", "L", "LA", "P", "RGB", "RGBA", "I;16"])
+@pytest.mark.parametrize("side", [1, 3, 9, 33])
+def test_pngs_of_every_kind_are_no_longer_than_their_picture(mode: str, side: int) -> None:
+    file = io.BytesIO()
+    Image.new(mode, (side, side + 1)).save(file, "png")
+    assert decode_grey(file.getvalue(), "the map").shape == (side + 1, side)
+
+
+def test_an_interlaced_png_is_read() -> None:
+    rows = [(0, 8, 0, 8), (0, 8, 4, 8), (4, 8, 0, 4), (0, 4, 2, 4), (2, 4, 0, 2), (0, 2, 1, 2)]
+    picture = np.arange(35, dtype=np.uint8).reshape(5, 7) * 7
+    passes = [picture[top::down, left::right] for top, down, left, right in [*rows, (1, 2, 0, 1)]]
+    data = b"".join(b"\0" + row.tobytes() for one in passes if one.size for row in one)
+    header = struct.pack(">IIBBBBB", 7, 5, 8, 0, 0, 0, 1)
+    parts = chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(data)) + chunk(b"IEND", b"")
+    assert np.array_equal(decode_grey(PNG + parts, "the map"), picture)

@@ -438,11 +438,11 @@ async def test_telemetry_that_a_page_cannot_take_is_dropped_not_queued(media, ne
     page = new_page("p1", decode=False)
     await page.connect()
     viewer = media._pages._viewers["p1"]
-    channel = viewer._page.channels[0]
+    channel = viewer.page.channels[0]
     channel._addBufferedAmount(10_000_000)
     for n in range(5):
         media.telemetry("heartbeat", Heartbeat(n=n, stamp=1.0))
-    await until(lambda: viewer._page.dropped_telemetry >= 5)
+    await until(lambda: viewer.page.dropped_telemetry >= 5)
     assert all(suffix == "media" for suffix, _ in page.messages)
 
 
@@ -696,6 +696,14 @@ async def test_a_robot_without_camera_still_has_a_data_channel(exchange) -> None
     assert side.camera is None
     await page.close()
     await asyncio.to_thread(side.close)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+async def test_a_media_loop_that_fails_has_ended(media, monkeypatch) -> None:
+    assert not media.ended
+    monkeypatch.setattr(media._pages, "end_lost", lambda now: 1 / 0)
+    await until(lambda: media.ended, what="its end")
+    media.signal("p2", Bye())
 
 
 async def test_closing_says_goodbye_and_stops_everything(

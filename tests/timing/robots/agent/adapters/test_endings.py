@@ -3,8 +3,9 @@ it stands, when it drives again.
 
 The agent and its driver are a process in a network of its own, joined to the robot's architecture
 by a cable. `pytest -m soak -s` prints the table. What stops a base whose agent is dead is its own
-watchdog, half a second here: that of ROS's diff_drive_controller (`cmd_vel_timeout`), that of
-OpenMORA's MQTTMosquitto (CMQTTMosquitto::Iterate), and for MOOS what connect-a-robot.md asks for.
+watchdog, half a second here: that of ROS's diff_drive_controller (`cmd_vel_timeout`), and for MOOS
+what connect-a-robot.md asks for. OpenMORA's MQTTMosquitto (CMQTTMosquitto::Iterate) needs up to a
+second, and stops at once when its broker reports the agent's death.
 OpenMORA's own program of the Giraff has none (CRobotGiraffApp::Iterate repeats the last velocity);
 the row without a watchdog is that one: it runs on for as long as nobody can tell it anything, and
 stands as soon as somebody can.
@@ -34,6 +35,8 @@ from tests.support.programs.namespace import HERE, THERE, namespace
 pytestmark = pytest.mark.soak
 AWAY = 4.0  # s
 STANDS_WITHIN = 0.65  # s
+# OpenMORA's MQTT module looks for its time-out as late as a second after the last message
+MODULE_STANDS_WITHIN = 1.15  # s
 DRIVES_WITHIN = 20.0  # s
 STARTED_LATE = 0.1  # s: an order was on its way, and the standstill is looked for now and then
 # Shared memory would lead past the cable.
@@ -222,7 +225,8 @@ def test_no_old_order_moves_the_robot_it_stands_and_drives_again(
         assert again < math.inf
         assert caught_at_most_one(old, commands)
         if "no watchdog" not in name and "restarted" not in ending:
-            assert stood <= STANDS_WITHIN + STARTED_LATE
+            within = MODULE_STANDS_WITHIN if name == "openmora_mqtt" else STANDS_WITHIN
+            assert stood <= within + STARTED_LATE
         if "no watchdog" in name and "agent killed" in ending:
             assert next(each for each in commands if each[0] > undone)[1:] == (
                 0.0,

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import shutil
 
 import numpy as np
@@ -98,7 +99,7 @@ def test_the_code_book_names_the_option_of_a_column_with_its_place(tmp_path):
 
 
 def test_what_a_spreadsheet_takes_for_a_formula_is_defused_and_comes_back_as_it_was(tmp_path):
-    said = '=HYPERLINK("x")\nsecond "line", with comma'
+    said = '=HYPERLINK("x")\nsecond "line", with comma\r=1+1;-cmd\t@x'
     dataset = Dataset(
         shipped()["exploration"],
         participants=(ParticipantRecord("a", left="'quoted"),),
@@ -119,9 +120,8 @@ def test_what_a_spreadsheet_takes_for_a_formula_is_defused_and_comes_back_as_it_
         ),
     )
     write(dataset, tmp_path)
-    assert "\n=" not in (tmp_path / "data" / "description-sessions_data.csv").read_text().replace(
-        '"', ""
-    )
+    written = (tmp_path / "data" / "description-sessions_data.csv").read_bytes().decode()
+    assert not re.search(r"[;\t\r\n]\"*[=@-]", written)
     again = read(tmp_path)
     assert again.sessions[0].reason == said
     assert again.sessions[0].doors_closed == ("lab-door", "lounge-door")

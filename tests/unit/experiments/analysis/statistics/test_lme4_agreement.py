@@ -59,6 +59,19 @@ def test_there_are_twenty_one_data_sets():
     assert {one["package"] for one in MODELS.values()} == {"lme4", "nlme", "MASS", "datasets"}
 
 
+def test_the_licence_and_source_of_every_data_set_are_named():
+    rows = [
+        [cell.strip() for cell in line.strip("|\n").split("|")]
+        for line in (FOLDER / "LICENSES.md").read_text().splitlines()
+        if line.startswith("| ") and "---" not in line
+    ]
+    licences = {row[0]: row[2] for row in rows if len(row) == 4}
+    packages = {row[0]: row[1] for row in rows if len(row) == 3 and row[0] != "Data set"}
+    assert packages == {name: one["package"] for name, one in MODELS.items()}
+    assert packages.keys() == {path.stem for path in (FOLDER / "data").iterdir()}
+    assert all("GPL" in licences[package] for package in packages.values())
+
+
 @pytest.mark.parametrize("name", sorted(MODELS))
 def test_estimates_and_standard_errors_are_those_of_lme4(name):
     expected = [one for one in table(FOLDER / "fits.csv") if one["name"] == name]

@@ -106,7 +106,9 @@ def test_a_profile_that_states_no_watchdog_is_refused_for_no_default_is_a_proper
 ):
     with pytest.raises(AdapterError, match=f"has no watchdog for {adapter}: set in its section"):
         made(tmp_path, "", adapter=adapter)
-    control = "client_ack_interval = 0.5" if "mo" in adapter else 'navigation = "none"'
+    controls = {"moos": "client_ack_interval = 0.5", "ros2": "on_robot = true"}
+    controls["openmora_mqtt"] = controls["moos"]
+    control = controls.get(adapter, 'navigation = "none"')
     stated = f"[{adapter}]\nwatchdog = 0.7\n{control}\n"
     assert made(tmp_path, stated, adapter=adapter).profile.watchdog == 0.7
 

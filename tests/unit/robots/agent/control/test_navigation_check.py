@@ -53,7 +53,7 @@ def test_a_robot_was_stopped_when_it_rests_within_its_stopping_distance(metres, 
     ("stated", "is_well", "words"),
     [
         ("agent", False, "Nothing but the agent may publish velocities"),
-        ("guarded", False, "states a guard: run it beside"),
+        ("guarded", False, "states a guard, but that did not act within 0.65 s"),
         ("unguarded", True, "The profile allows that"),
         (None, False, "Let its velocities pass through the agent"),
     ],
@@ -66,13 +66,15 @@ def test_a_robot_that_drives_on_is_well_only_where_its_profile_allows_it(stated,
     assert words in line
 
 
-def test_the_goal_is_beyond_any_distance_within_which_a_guard_stops_the_robot(time):
+def test_a_stopping_distance_is_that_of_reaction_and_braking(time):
     params = NavigationCheckParams()
     guarded = NavigatingBase(time.times, "guarded").profile
-    # 0.4 m/s² for 0.65 s, then braking with 0.8 m/s²
-    assert stopping_distance(guarded, params) == pytest.approx(0.169 + 0.0423 + 0.05, abs=1e-3)
+    # from 0.1 m/s with 0.4 m/s² for 0.65 s, then braking with 0.8 m/s²
+    assert stopping_distance(guarded, params, 0.1, 0.4) == pytest.approx(
+        0.36 * 0.65 + 0.36**2 / 1.6 + 0.05
+    )
     through = dataclasses.replace(guarded, navigation_control="agent", watchdog=2.0)
-    assert stopping_distance(through, params) == pytest.approx(0.4 + 0.025 + 0.05)
+    assert stopping_distance(through, params, 0.1, 0.4) == pytest.approx(0.4 + 0.025 + 0.05)
 
 
 # --- trials ---------------------------------------------------------------------------------------
@@ -98,7 +100,7 @@ def test_navigation_that_something_stops_passes_with_metres_and_seconds(time, ki
     assert math.atan2(goal.y - LOCALIZED.y, goal.x - LOCALIZED.x) == pytest.approx(LOCALIZED.theta)
 
 
-@pytest.mark.parametrize("speed", [0.1, 0.3, 0.5])
+@pytest.mark.parametrize("speed", [0.05, 0.1, 0.3, 0.5])
 @pytest.mark.parametrize(
     ("stated", "is_well"), [("guarded", False), (None, False), ("unguarded", True)]
 )
@@ -109,6 +111,12 @@ def test_navigation_that_nothing_stops_is_found_out_at_any_speed(time, stated, i
     assert "Navigation is unguarded: 3." in lines[-1]
     assert base.left == 0.0, "the goal does not outlive the check"
     assert base.cancelled
+
+
+@pytest.mark.parametrize("speed", [0.05, 0.1, 0.3, 0.5])
+def test_a_guard_is_recognized_at_any_speed(time, speed):
+    is_well, lines = tried(time, NavigatingBase(time.times, "guarded", speed=speed))
+    assert is_well, lines
 
 
 def test_a_guard_that_is_late_does_not_count_as_one(time):
@@ -168,7 +176,7 @@ def test_a_goal_whose_end_the_robot_does_not_confirm_is_reported(time):
 
 
 def test_a_check_that_is_interrupted_during_the_cut_still_cancels_the_goal(time):
-    base = NavigatingBase(time.times, "unguarded", speed=0.05)
+    base = NavigatingBase(time.times, "unguarded", speed=0.06)
     work, lines = begun(time, base)
     time.wait(lambda: not base.connected and base.goals, within=10.0)
     work.cancel()

@@ -11,15 +11,22 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from robots.agent.adapters import registry
-from robots.agent.adapters.moos import wire
+from robots.agent.adapters.moos import openmora, wire
 from robots.agent.adapters.moos.client import MoosClient
 from robots.agent.adapters.moos.wire import Mail
 from robots.agent.robot_interface import AdapterError
-from robots.api.messages import Goto
+from robots.api.geometry import Pose2D
+from robots.api.messages import Dock, Goto
 from tests.support.architectures.adapter_conformance import some, wait_for
 from tests.support.architectures.moos_robot import NODES, VIA, MoosRig
 from tests.support.architectures.moosdb import MoosDb
-from tests.support.architectures.rca_conformance import RcaConformance, ended, heard
+from tests.support.architectures.rca_conformance import (
+    RcaConformance,
+    cancelled,
+    ended,
+    heard,
+    stays,
+)
 
 REAL = os.environ.get("MOOSDB", "")
 
@@ -59,6 +66,28 @@ class TestGiraff(RcaConformance):
         await adapter.start(Goto(action_id="g", stamp=0.0, place="Sofa"))
         last = (await heard(adapter, ended("g")))[-1]
         assert (last.status, last.reason) == ("FAILED", "the robot stopped before it arrived")
+
+    async def test_what_openmora_starts_by_itself_is_cancelled(self, adapter):
+        await wait_for(adapter, lambda _: adapter._controller)
+        self.rig.resume(self.rig.world.truth.compose(Pose2D(2.0, 0.0, 0.0)))
+        await wait_for(adapter, lambda s: self.rig.world.journey == "running")
+        await wait_for(adapter, lambda s: self.rig.world.journey != "running")
+        await self.has_stopped()
+
+    async def test_a_plan_that_starts_after_its_cancel_is_cancelled_until_it_ends(self, adapter):
+        self.rig.world.accept_after = 1.5
+        await adapter.start(Goto(action_id="g", stamp=0.0, place="Sofa"))
+        assert await cancelled(adapter, "g") > 2
+        await self.has_stopped()
+        await stays(self.rig, 2.0)
+
+    async def test_a_docking_that_never_begins_is_cancelled(self, near_dock, monkeypatch):
+        monkeypatch.setattr(openmora, "SETTING_OUT", 1.0)
+        self.rig.world.accept_after = 60.0
+        before = self.rig.world.cancels
+        await near_dock.start(Dock(action_id="d", stamp=0.0))
+        await wait_for(near_dock, lambda _: self.rig.world.cancels > before + 1)
+        assert near_dock.pending_actions.of("d").failure == "the robot does not start moving"
 
     async def test_bumpers_count_once_a_touch(self, adapter):
         before = (await some(adapter.states(), 1))[0].contacts

@@ -11,11 +11,19 @@ from robots.agent.adapters import registry
 from robots.agent.adapters.common import remote_adapter
 from robots.agent.adapters.common.robot_profile import load_profile
 from robots.agent.adapters.moos import openmora, openmora_mqtt
-from robots.agent.robot_interface import AdapterError
-from robots.api.messages import Goto, Relocalize, Velocity
+from robots.agent.robot_interface import ActionRefusedError, AdapterError
+from robots.api.geometry import Pose2D
+from robots.api.messages import Dock, Goto, Relocalize, Velocity
 from tests.support.architectures.adapter_conformance import some, wait_for
 from tests.support.architectures.openmora_robot import OpenMoraRig
-from tests.support.architectures.rca_conformance import RcaConformance, drive, ended, heard, lost
+from tests.support.architectures.rca_conformance import (
+    RcaConformance,
+    cancelled,
+    drive,
+    ended,
+    heard,
+    lost,
+)
 from tests.support.patience import patient
 from tests.support.sessions.broker_rig import HOST, BrokerRig
 
@@ -58,6 +66,37 @@ class TestGiraff(RcaConformance):
         goal = self.rig.world.truth.x + 0.6, self.rig.world.truth.y
         await adapter.start(Goto(action_id="g", stamp=0.0, x=goal[0], y=goal[1]))
         assert (await heard(adapter, ended("g")))[-1].status == "FINISHED"
+
+    async def test_a_goal_that_is_cancelled_before_it_was_sent_is_never_sent(self, adapter):
+        await drive(adapter, Velocity(linear=0.2, angular=0.0), lambda s: s.velocity.linear > 0.1)
+        adapter.apply(Velocity(linear=0.0, angular=0.0))
+        goal, before = self.rig.world.truth.compose(Pose2D(2.0, 0.0, 0.0)), len(self.rig.said)
+        goal = Goto(action_id="g", stamp=0.0, x=goal.x, y=goal.y)
+        starting = asyncio.ensure_future(adapter.start(goal))
+        await asyncio.sleep(0)  # it waits for the robot to forget the last Motion
+        await adapter.cancel("g")
+        with pytest.raises(ActionRefusedError, match="cancelled before it began"):
+            await starting
+        await cancelled(adapter, "g")
+        await self.has_stopped()
+        assert not any(text.startswith("GoToPoint") for _, text in self.rig.said[before:])
+
+    async def test_a_docking_that_never_begins_is_cancelled(self, near_dock, monkeypatch):
+        monkeypatch.setattr(openmora, "SETTING_OUT", 1.0)
+        self.rig.world.accept_after = 60.0
+        before = self.rig.world.cancels
+        await near_dock.start(Dock(action_id="d", stamp=0.0))
+        last = (await heard(near_dock, ended("d")))[-1]
+        assert (last.status, last.reason) == ("FAILED", "the robot does not start moving")
+        assert self.rig.world.cancels > before
+
+    async def test_what_the_robot_starts_by_itself_is_cancelled(self, adapter):
+        await wait_for(adapter, lambda _: not adapter._mode[0])
+        await asyncio.sleep(openmora_mqtt.MOTION_ENDS)  # connecting has sent a Motion
+        self.rig.resume(self.rig.world.truth.compose(Pose2D(2.0, 0.0, 0.0)))
+        await wait_for(adapter, lambda s: self.rig.world.journey == "running")
+        await wait_for(adapter, lambda s: self.rig.world.journey != "running")
+        await self.has_stopped()
 
     async def test_a_velocity_that_the_broker_kept_waiting_is_never_sent(self, adapter):
         """Late commands are obeyed by this robot: what waited in the agent must not leave it."""

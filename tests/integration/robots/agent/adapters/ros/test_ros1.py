@@ -17,6 +17,7 @@ from tests.support.architectures.adapter_conformance import drive, some, wait_fo
 from tests.support.architectures.rca_conformance import (
     RcaConformance,
     again,
+    connected,
     lost,
     sees_grey,
     standing,
@@ -166,3 +167,13 @@ async def test_a_python_without_rospy_is_told_what_to_install(tmp_path):
 def test_actions_of_ros_2_are_refused():
     with pytest.raises(AdapterError, match="move_base"):
         registry.create("ros1", "rhodon", {"navigation": "nav2"})
+
+
+@pytest.mark.nightly
+async def test_a_rospy_that_needs_6_s_to_start_is_waited_for(tmp_path):
+    wrapper = tmp_path / "python"
+    wrapper.write_text('#!/bin/sh\nsleep 6\nexec /usr/bin/python3 "$@"\n')
+    wrapper.chmod(0o755)
+    with Ros1Rig("rhodon") as rig:
+        async with connected(rig.adapter(python=str(wrapper))) as adapter:
+            assert await some(adapter.states(), 2)

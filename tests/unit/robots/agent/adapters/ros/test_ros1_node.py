@@ -273,7 +273,21 @@ def test_half_a_second_after_the_last_heartbeat_it_cancels_and_brakes_until_the_
     assert guard.passes(2.0) == 100  # at rest, but the goal has not ended
     guard.lists(telepresence_1=PREEMPTED)
     assert guard.passes(1.0) == 0
-    assert guard.passes(0.2, 0.3) == 10  # it moves again
+
+
+def test_a_robot_that_a_joystick_moves_is_left_alone(guard):
+    guard.guard.starting, guard.guard.began_at = True, guard.now
+    assert guard.passes(3.0, 0.3, beats=True) == 0
+    assert guard.passes(3.0, 0.3) == 0
+
+
+def test_a_robot_that_the_agent_drove_is_braked_until_it_is_at_rest(guard):
+    guard.passes(3.0, beats=True)
+    guard.guard.act()
+    guard.passes(0.5, 0.3, beats=True)
+    assert guard.passes(1.0, 0.3) >= 24
+    assert guard.passes(1.0) <= 16
+    assert guard.passes(1.0, 0.3) == 0
 
 
 def test_a_goal_that_the_server_has_not_listed_yet_is_cancelled_too(guard):

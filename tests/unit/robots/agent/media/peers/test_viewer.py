@@ -77,7 +77,7 @@ def test_a_pause_before_a_lower_rung_ends_on_that_rung_and_shows_no_more_of_the_
 
 def test_on_a_narrow_network_scans_and_poses_come_seldom_and_nothing_else_does(viewer):
     heard = []
-    viewer._page = SimpleNamespace(send=heard.append)
+    viewer.page = SimpleNamespace(send=heard.append)
     viewer._layer = 3
     for _ in range(5):
         for suffix in ("scan", "pose", "state", "event"):
