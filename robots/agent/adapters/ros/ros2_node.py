@@ -244,7 +244,7 @@ class OwnedGoals:
             answer.add_done_callback(lambda done: self.answered(goal, done.result().accepted))
         elif goal.request is not None and now - goal.began > SERVER_WITHIN:
             self.finish(goal, ABORTED, f"there is no action server on {self.name}")
-        elif now - goal.over_at > RESULT_WITHIN:
+        elif now - goal.over_at > (RESULT_WITHIN if goal.name else 0.0):
             self.finish(goal, goal.status, "")
         elif goal.request is None and now - self.seen_at > GONE_AFTER:
             self.finish(goal, ABORTED, f"the action server on {self.name} is gone")
@@ -319,8 +319,8 @@ class OwnedGoals:
     def finish(self, goal: Any, status: int, reason: str) -> None:
         if self.goals.pop(goal.uuid, None) is None:
             return
-        for number, _ in goal.questions:
-            self.node.say(op="response", number=number, confirmed=True)
+        while goal.questions:
+            self.node.say(op="response", number=goal.questions.pop()[0], confirmed=True)
         if goal.name:
             self.node.say(op="ended", goal=goal.name, status=status, reason=reason)
 

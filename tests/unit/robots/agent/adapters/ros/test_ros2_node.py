@@ -151,7 +151,7 @@ def test_a_goal_of_an_earlier_connection_is_cancelled_by_its_id_until_confirmed(
     goals.withdraw(id_at(999), 7)
     assert cancelled_ids(goals) == [id_at(999)]
     goals.canceller.requests[0].answer(SimpleNamespace(return_code=UNKNOWN_GOAL))
-    clock.time += 0.3
+    clock.time += 0.05
     goals.attend_all()
     assert goals.node.sent == [{"op": "response", "number": 7, "confirmed": True}]
 
