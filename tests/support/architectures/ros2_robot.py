@@ -33,7 +33,7 @@ class Ros2Rig(RcaRig):
             "services": list(DOCKING),
             **wish,
         }
-        self.goals = self.cancels = 0
+        self.goals = 0
         self._journey = ""
         self._node = self._listening = None
 
@@ -79,6 +79,7 @@ class Ros2Rig(RcaRig):
 
     async def after_reset(self):
         self.robot.restarted()
+        self.tell("planner", {"has_ended": True})
 
     def planner(self, **behaviour):
         """Change how the planner behaves: see ros2_robot_node.py."""
@@ -93,13 +94,16 @@ class Ros2Rig(RcaRig):
             topic, message = json.loads(line)
             if topic == "goal":
                 self.goals += 1
+                delay, self.world.accept_after = self.world.accept_after, 0.0  # it has passed
                 self.robot.go(message, str(self.goals))
-                self._journey = "running"
+                self.world.accept_after, self._journey = delay, "running"
             elif topic == "cancel":
-                self.cancels += 1
-            elif topic == "canceled":
-                self.world.cancel()
-            elif topic in DOCKING and not (topic == "/cancel_dock" and self.world.kind == "goto"):
+                self.tell("answer", self.world.cancel())
+            elif topic == "asked":
+                self.tell("answer", self.world.accept_after)
+            elif topic == "/cancel_dock" and self._journey == "running":
+                pass  # that is not a docking
+            elif topic in DOCKING:
                 getattr(self.world, DOCKING[topic])()
             else:
                 self.robot.hear(topic, message)

@@ -3,12 +3,14 @@
 Lines of JSON on standard input are published; what it receives is written to standard output.
 
 Its NavigateToPose server drives the simulated robot; the line "planner" changes how it behaves:
-`accept` false rejects, `delay` seconds pass before it answers a goal, and `deaf` refuses cancels.
+`accept` false rejects. How long it takes to accept a goal, and whether it obeys a cancel, it asks
+the rig.
 """
 
 import json
 import os
 import pathlib
+import queue
 import sys
 import threading
 import time
@@ -47,8 +49,9 @@ class Planner:
     """A NavigateToPose server whose journeys the rig carries out."""
 
     def __init__(self, node, name):
-        self.accept, self.delay, self.deaf = True, 0.0, False
-        self.journey = ""
+        self.accept = True
+        self.answers = queue.Queue()  # of the rig
+        self.journey, self.is_cancelled, self.has_ended = "", False, False
         self.server = ActionServer(
             node,
             NavigateToPose,
@@ -59,20 +62,28 @@ class Planner:
             callback_group=ReentrantCallbackGroup(),
         )
 
+    def ask(self, question):
+        say(question, {})
+        return self.answers.get(timeout=5.0)
+
     def asked(self, _goal):
-        time.sleep(self.delay)
+        self.has_ended = False
+        until = time.monotonic() + self.ask("asked")
+        while time.monotonic() < until:
+            time.sleep(0.01)
+            if self.has_ended:  # the next test has begun
+                return GoalResponse.REJECT
         return GoalResponse.ACCEPT if self.accept else GoalResponse.REJECT
 
     def asked_to_cancel(self, _goal):
-        say("cancel", {})
-        return CancelResponse.REJECT if self.deaf else CancelResponse.ACCEPT
+        self.is_cancelled = self.ask("cancel")
+        return CancelResponse.ACCEPT if self.is_cancelled else CancelResponse.REJECT
 
     def execute(self, goal):
-        self.journey = "running"
+        self.journey, self.is_cancelled = "running", False
         say("goal", ros2_node.plain(goal.request.pose))
-        while self.journey == "running":
+        while self.journey == "running" or self.is_cancelled:
             if goal.is_cancel_requested:
-                say("canceled", {})
                 goal.canceled()
                 return NavigateToPose.Result()
             time.sleep(0.01)
@@ -121,6 +132,8 @@ class Robot:
             self.planner.journey = message
         elif topic == "planner":
             vars(self.planner).update(message)
+        elif topic == "answer":
+            self.planner.answers.put(message)
         else:
             publisher, made = self.publishers[topic]
             publisher.publish(ros2_node.filled(made(), message))

@@ -29,7 +29,7 @@ from robots.agent.robot_interface import AdapterError
 from robots.api.messages import ActionState
 
 HIGHEST_DOMAIN = 232  # of which the UDP ports are below 65536 (DDSI-RTPS 2.3, 9.6.1.1)
-CONFIRMED_WITHIN = 0.8  # s for the node's answer to a cancel, which comes 0.4 s after it at most
+CONFIRMED_WITHIN = 0.8  # s for the node's answer to a cancel, which comes 0.2 s after it at most
 # A velocity that is due waits for the next odometry anyway: at 30 Hz, one per odometry.
 GATE = GateParams(repeat=0.03, at_latest=0.012)
 PREFIX = b"telepres"  # the first bytes of the ids of our goals, as in ros2_node.py

@@ -43,7 +43,7 @@ SILENCE = 0.3  # s without another velocity, after which a moving robot is stopp
 OLDEST = 0.25  # s after which a velocity that waited for this process is dropped
 PREFIX = b"telepres"  # the first bytes of the ids of our goals
 CANCEL_AGAIN = 0.5  # s between two cancels of a goal
-CONFIRMED_WITHIN = 0.4  # s that the agent waits for the end of a goal that it cancels
+CONFIRMED_WITHIN = 0.2  # s that the agent waits for the end of a goal that it cancels
 RESULT_WITHIN = 0.2  # s between a terminal status and the result, which has the reason
 SERVER_WITHIN = 4.0  # s that a new goal waits for its action server
 MATCHED_WITHIN = 0.3  # s between the discovery of the server and its discovery of us
@@ -210,13 +210,15 @@ class OwnedGoals:
         return now - self.found_at > MATCHED_WITHIN
 
     def start(self, uuid: bytes, name: str, content: Any) -> None:
-        goal = self.goals[uuid] = Goal(uuid, name)
+        if self.node.guarding:
+            return  # the agent is lost
         if self.missing:
-            self.finish(goal, ABORTED, self.missing)
+            self.node.say(op="ended", goal=name, status=ABORTED, reason=self.missing)
             return
-        goal.request = self.kind.Impl.SendGoalService.Request()
-        goal.request.goal_id.uuid = list(goal.uuid)
-        filled(goal.request.goal, content)
+        request = self.kind.Impl.SendGoalService.Request()
+        request.goal_id.uuid = list(uuid)
+        filled(request.goal, content)
+        goal = self.goals[uuid] = Goal(uuid, name, request)
         self.attend(goal, time.monotonic())
 
     def withdraw(self, uuid: bytes, number: int) -> None:
@@ -242,7 +244,7 @@ class OwnedGoals:
             answer.add_done_callback(lambda done: self.answered(goal, done.result().accepted))
         elif goal.request is not None and now - goal.began > SERVER_WITHIN:
             self.finish(goal, ABORTED, f"there is no action server on {self.name}")
-        elif now - goal.over_at > RESULT_WITHIN:
+        elif now - goal.over_at > (RESULT_WITHIN if goal.name else 0.0):
             self.finish(goal, goal.status, "")
         elif goal.request is None and now - self.seen_at > GONE_AFTER:
             self.finish(goal, ABORTED, f"the action server on {self.name} is gone")
@@ -317,8 +319,8 @@ class OwnedGoals:
     def finish(self, goal: Any, status: int, reason: str) -> None:
         if self.goals.pop(goal.uuid, None) is None:
             return
-        for number, _ in goal.questions:
-            self.node.say(op="response", number=number, confirmed=True)
+        while goal.questions:
+            self.node.say(op="response", number=goal.questions.pop()[0], confirmed=True)
         if goal.name:
             self.node.say(op="ended", goal=goal.name, status=status, reason=reason)
 
@@ -505,23 +507,21 @@ class Ros2Node:
             self.later(self.ros.destroy_publisher, publisher)
 
     def do_publish(self, topic: str, content: Any) -> None:
-        """Publish as soon as there is a subscriber: what is published before is lost."""
         if topic in self.publishers:
             message = filled(self.kinds[topic](), content)
-            self.waiting.append((topic, message, time.monotonic() + HEARING))
-            self.publish_waiting()
+            self.later(self.publish_soon, (topic, message, time.monotonic() + HEARING))
 
-    def publish_waiting(self) -> None:
-        waiting, self.waiting = self.waiting, []
-        for each in waiting:
-            topic, message, deadline = each
+    def publish_soon(self, *new: Any) -> None:
+        """Publish as soon as there is a subscriber: what is published before is lost."""
+        waiting, self.waiting = [*self.waiting, *new], []
+        for topic, message, deadline in waiting:
             publisher = self.publishers.get(topic)
             if publisher is None:
                 continue
             if publisher.get_subscription_count() or time.monotonic() > deadline:
                 publisher.publish(message)
             else:
-                self.waiting.append(each)
+                self.waiting.append((topic, message, deadline))
 
     def do_drive(self, topic: str, content: Any, *, moving: bool, at: float) -> None:
         # A velocity that is late has waited here: this process has hung.
@@ -570,20 +570,20 @@ class Ros2Node:
             return True
 
     def do_graph(self, number: int, driving: str) -> None:
-        threading.Thread(target=self.look_round, args=(number, driving), daemon=True).start()
+        threading.Thread(target=self.describe_graph, args=(number, driving), daemon=True).start()
 
-    def look_round(self, number: int, driving: str) -> None:
+    def describe_graph(self, number: int, driving: str) -> None:
         """Answer which types, and how many publishers and subscribers, others have by topic.
 
         A topic that drives has the types of its subscribers: a planner may publish another there.
         """
         found: Any = {}
         for topic, _ in self.ros.get_topic_names_and_types():
-            speakers, listeners = self.publishers_of(topic), self.subscribers_of(topic)
-            typed = listeners if topic == driving and listeners else speakers + listeners
+            publishers, subscribers = self.publishers_of(topic), self.subscribers_of(topic)
+            typed = subscribers if topic == driving and subscribers else publishers + subscribers
             if typed:
                 kinds = sorted({each.topic_type.replace("/msg/", "/") for each in typed})
-                found[topic] = [kinds, len(listeners), len(speakers)]
+                found[topic] = [kinds, len(subscribers), len(publishers)]
         self.say(op="response", number=number, topics=found)
 
     def publishers_of(self, topic: str) -> Any:
@@ -602,12 +602,8 @@ class Ros2Node:
     def do_call(self, number: int, service: str, kind: str, arguments: Any) -> None:
         if service != self.cancel_dock:
             self.is_docking = bool(self.cancel_dock)
-        words = (
-            service,
-            kind,
-            arguments,
-            functools.partial(self.say, op="response", number=number),
-        )
+        answer = functools.partial(self.say, op="response", number=number)
+        words: Any = (service, kind, arguments, answer)
         threading.Thread(target=self.call, args=words, daemon=True).start()
 
     def call(self, service: str, kind: str, arguments: Any, answer: Any) -> None:
@@ -668,18 +664,25 @@ class Ros2Node:
         return [goal for action in self.actions.values() for goal in list(action.goals.values())]
 
     def watch(self) -> None:
-        if self.cancel_leftovers():
-            self.say(op="ready")
-            while not self.ended.wait(PERIOD):
-                now = time.monotonic()
-                self.look_after(now)
-                if now - self.beat_at > HEARTBEAT and self.goals:
-                    reason = (
-                        f"the agent did not answer for {HEARTBEAT} s while its goal was running"
-                    )
-                    self.say(op="lost", reason=reason)
-                    break
+        try:
+            self.say(op="lost", reason=self.serve())
+        except Exception as error:  # whatever it is, the robot has to be stopped
+            traceback.print_exc()
+            self.say(op="lost", reason=f"the node of ROS 2 failed: {error!r}")
         self.guard()
+
+    def serve(self) -> str:
+        """Watch over the connection; return why it has ended."""
+        if not self.cancel_leftovers():
+            return "a goal of an earlier connection does not end when cancelled"
+        self.starting = False
+        self.say(op="ready")
+        while not self.ended.wait(PERIOD):
+            now = time.monotonic()
+            self.look_after(now)
+            if now - self.beat_at > HEARTBEAT and (self.goals or self.is_docking):
+                return f"the agent did not respond for {HEARTBEAT} s while an action ran"
+        return "the connection was closed"
 
     def cancel_leftovers(self) -> bool:
         """Cancel the goals of an earlier run; return whether they have ended."""
@@ -701,6 +704,9 @@ class Ros2Node:
         """Cancel all goals and brake until the robot is measured at rest; then exit."""
         self.guarding = True
         began, was_driven = time.monotonic(), self.driven is not None
+        settled = threading.Event()
+        self.later(settled.set)  # behind a goal that the agent has just sent
+        settled.wait(MEASURED_WITHIN)
         for goal in self.goals:
             goal.unwanted = True
         if self.goals or self.is_docking or was_driven:
@@ -765,8 +771,7 @@ class Ros2Node:
         self.is_attending = False
         for action in self.actions.values():
             action.attend_all()
-        if self.waiting:
-            self.publish_waiting()
+        self.publish_soon()
         now = time.monotonic()
         if now >= self.peers_due:
             self.peers_due = now + PEERS_PERIOD

@@ -5,6 +5,7 @@ qualities of service, and goals of Nav2's type.
 import asyncio
 import contextlib
 import json
+import math
 import os
 import signal
 import subprocess
@@ -42,6 +43,16 @@ class TestGiraff(RcaConformance):
     def make_rig(self, directory):
         return Ros2Rig("giraff")
 
+    async def test_a_goal_that_is_never_accepted_fails_and_is_cancelled(self, adapter):
+        """As everywhere, but for the count: rcl_action answers a cancel of a goal that it does not
+        know by itself (action_server.cpp, execute_cancel_request_received).
+        """
+        self.rig.world.accept_after = math.inf
+        place = self.rig.world.truth.compose(Pose2D(2.0, 0.0, 0.0))
+        await adapter.start(Goto(action_id="g", stamp=0.0, x=place.x, y=place.y))
+        last = (await heard(adapter, ended("g"), 20.0))[-1]
+        assert (last.status, last.reason) == ("FAILED", "navigation does not answer")
+
     async def test_pictures_of_a_topic_are_its_camera(self):
         await sees_grey(self.rig.adapter(image="/camera/compressed"))
 
@@ -57,7 +68,7 @@ class TestGoals:
     @pytest.fixture
     def rig(self, shared):
         shared.reset()
-        shared.planner(accept=True, delay=0.0, deaf=False)
+        shared.planner(accept=True)
         yield shared
         shared.revive()
         assert not shared.errors
@@ -89,10 +100,10 @@ class TestGoals:
         async with connected(rig.adapter()) as adapter:
             await adapter.start(self.goto(rig))
             await wait_for(adapter, lambda _: rig.world.sim.motion.linear > 0.2)
-            rig.planner(deaf=True)
+            rig.world.ignored_cancels = math.inf
             assert await adapter.cancel("g") is False
             assert rig.world.journey == "running"
-            rig.planner(deaf=False)
+            rig.world.ignored_cancels = 0
             async with asyncio.timeout(patient(3.0)):
                 while not await adapter.cancel("g"):
                     assert rig.world.journey == "running"
@@ -101,7 +112,7 @@ class TestGoals:
 
     async def test_a_goal_that_is_accepted_late_is_cancelled_at_once(self, rig, monkeypatch):
         monkeypatch.setattr(base, "ACCEPTANCE", 1.0)
-        rig.planner(delay=2.5)
+        rig.world.accept_after = 2.5
         async with connected(rig.adapter()) as adapter:
             before = rig.goals
             await adapter.start(self.goto(rig))
@@ -116,13 +127,13 @@ class TestGoals:
         async with connected(rig.adapter()) as adapter:
             await adapter.start(self.goto(rig))
             await wait_for(adapter, lambda _: rig.world.sim.motion.linear > 0.2)
-            rig.planner(deaf=True)
+            rig.world.ignored_cancels = math.inf
             before = rig.goals
             await adapter.cancel("g")
             with pytest.raises(AdapterError):
                 await adapter.start(Goto(action_id="h", stamp=0.0, **self.goal(rig)))
             assert rig.goals == before
-            rig.planner(deaf=False)
+            rig.world.ignored_cancels = 0
 
     async def test_without_an_action_server_a_goal_fails_and_names_it(self, rig):
         async with connected(rig.adapter(navigate="/elsewhere")) as adapter:
@@ -132,12 +143,12 @@ class TestGoals:
 
     def test_the_guard_repeats_its_cancel_until_the_planner_takes_it(self, rig):
         with going(rig) as process:
-            rig.planner(deaf=True)
+            rig.world.ignored_cancels = math.inf
             process.send_signal(signal.SIGKILL)
-            before = rig.cancels
-            wait(lambda: rig.cancels > before + 2, patient(4.0))
+            before = rig.world.cancels
+            wait(lambda: rig.world.cancels > before + 2, patient(4.0))
             assert rig.world.journey == "running"
-            rig.planner(deaf=False)
+            rig.world.ignored_cancels = 0
             wait(lambda: rig.world.journey == "failed", patient(2.0))
 
     async def test_a_goal_of_an_earlier_run_is_cancelled_before_the_connection_is_made(self, rig):

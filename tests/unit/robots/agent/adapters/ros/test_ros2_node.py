@@ -1,0 +1,186 @@
+"""What ROS 2's node does with its goals when the server is late, gone or restarted, without rclpy;
+tests/integration has it with real nodes.
+"""
+
+import array
+import base64
+import math
+from types import ModuleType, SimpleNamespace
+
+import pytest
+
+from robots.agent.adapters.ros import ros2_node
+from robots.agent.adapters.ros.ros2_node import ABORTED, CANCELED, PREFIX, UNKNOWN_GOAL, OwnedGoals
+
+EXECUTING = 2
+
+
+class Record(SimpleNamespace):
+    """A message with any fields."""
+
+    def __getattr__(self, name):
+        setattr(self, name, Record())
+        return getattr(self, name)
+
+    def get_fields_and_field_types(self):
+        return {}
+
+
+class Client:
+    """A client of a service whose server answers when the test does."""
+
+    def __init__(self):
+        self.ready, self.requests = True, []
+
+    def service_is_ready(self):
+        return self.ready
+
+    def call_async(self, request):
+        answers = []
+        self.requests.append(
+            SimpleNamespace(request=request, answer=lambda result: answers[0](Done(result)))
+        )
+        return SimpleNamespace(add_done_callback=answers.append)
+
+
+class Done:
+    def __init__(self, result):
+        self.result = lambda: result
+
+
+class Node:
+    """What OwnedGoals needs of Ros2Node."""
+
+    def __init__(self):
+        self.sent, self.guarding, self.starting, self.began = [], False, False, 1000
+        self.ros = SimpleNamespace(
+            create_client=lambda *_: Client(), create_subscription=lambda *_: None
+        )
+
+    def say(self, **message):
+        self.sent.append(message)
+
+    def quality(self, **_):
+        return None
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    now = SimpleNamespace(time=100.0)
+    monkeypatch.setattr(ros2_node.time, "monotonic", lambda: now.time)
+    return now
+
+
+@pytest.fixture
+def goals(monkeypatch, clock):
+    for name in ("action_msgs", "action_msgs.msg", "action_msgs.srv"):
+        monkeypatch.setitem(ros2_node.sys.modules, name, ModuleType(name))
+    ros2_node.sys.modules["action_msgs.msg"].GoalStatusArray = Record
+    ros2_node.sys.modules["action_msgs.srv"].CancelGoal = SimpleNamespace(Request=Record)
+    service = SimpleNamespace(Request=Record)
+    kind = SimpleNamespace(Impl=SimpleNamespace(SendGoalService=service, GetResultService=service))
+    monkeypatch.setattr(ros2_node, "type_of", lambda *_: kind)
+    goals = OwnedGoals(Node(), "/navigate_to_pose", "nav2_msgs/NavigateToPose")
+    goals.attend_all()
+    clock.time += 1.0
+    return goals
+
+
+def id_at(sent_at):
+    return PREFIX + sent_at.to_bytes(8, "big")
+
+
+def listed(*goals):
+    entries = [
+        SimpleNamespace(
+            goal_info=SimpleNamespace(goal_id=SimpleNamespace(uuid=uuid)), status=status
+        )
+        for uuid, status in goals
+    ]
+    return SimpleNamespace(status_list=entries)
+
+
+def cancelled_ids(goals):
+    return [bytes(each.request.goal_info.goal_id.uuid) for each in goals.canceller.requests]
+
+
+def test_an_older_goal_of_ours_is_cancelled_and_no_younger_or_other_one(goals, clock):
+    left, successor, other = id_at(999), id_at(1001), bytes(16)
+    goals.take_status(listed((left, EXECUTING), (successor, EXECUTING), (other, EXECUTING)))
+    goals.attend_all()
+    assert cancelled_ids(goals) == [left]
+    clock.time += 0.5
+    goals.attend_all()
+    assert cancelled_ids(goals) == [left, left]
+
+
+def test_before_it_is_ready_every_goal_of_ours_is_one_of_an_earlier_run(goals):
+    goals.node.starting = True
+    goals.take_status(listed((id_at(5000), EXECUTING)))
+    assert cancelled_ids(goals) == [id_at(5000)]
+
+
+def test_a_goal_that_is_accepted_after_it_was_given_up_is_cancelled(goals, clock):
+    goals.start(id_at(2000), "g", {})
+    for client in (goals.sender, goals.canceller):
+        client.ready = False
+    clock.time += 3.0
+    goals.attend_all()
+    assert goals.node.sent[-1]["reason"] == "the action server on /navigate_to_pose is gone"
+    goals.canceller.ready = True
+    goals.sender.requests[0].answer(SimpleNamespace(accepted=True))
+    assert cancelled_ids(goals) == [id_at(2000)]
+
+
+def test_an_unknown_goal_may_still_arrive_until_the_request_counts_as_lost(goals, clock):
+    goals.start(id_at(2000), "g", {})
+    goals.withdraw(id_at(2000), 7)
+    goals.canceller.requests[0].answer(SimpleNamespace(return_code=UNKNOWN_GOAL))
+    clock.time += 0.5
+    goals.attend_all()
+    assert goals.node.sent == [{"op": "response", "number": 7, "confirmed": False}]
+    clock.time += 10.0
+    goals.attend_all()
+    goals.canceller.requests[-1].answer(SimpleNamespace(return_code=UNKNOWN_GOAL))
+    clock.time += 0.3
+    goals.attend_all()
+    assert goals.node.sent[-1] == {"op": "ended", "goal": "g", "status": CANCELED, "reason": ""}
+
+
+def test_a_goal_of_an_earlier_connection_is_cancelled_by_its_id_until_confirmed(goals, clock):
+    goals.withdraw(id_at(999), 7)
+    assert cancelled_ids(goals) == [id_at(999)]
+    goals.canceller.requests[0].answer(SimpleNamespace(return_code=UNKNOWN_GOAL))
+    clock.time += 0.05
+    goals.attend_all()
+    assert goals.node.sent == [{"op": "response", "number": 7, "confirmed": True}]
+
+
+def test_a_goal_that_was_cancelled_before_it_was_sent_is_never_sent(goals, clock):
+    goals.sender.ready = goals.canceller.ready = False
+    goals.attend_all()
+    goals.start(id_at(2000), "g", {})
+    goals.withdraw(id_at(2000), 7)
+    goals.sender.ready = goals.canceller.ready = True
+    clock.time += 1.0
+    goals.attend_all()
+    assert goals.sender.requests == []
+    assert goals.node.sent[0] == {"op": "response", "number": 7, "confirmed": True}
+
+
+def test_a_guard_sends_no_goal_any_more(goals):
+    goals.node.guarding = True
+    goals.start(id_at(2000), "g", {})
+    assert goals.sender.requests == []
+
+
+def test_a_rejected_goal_has_failed(goals):
+    goals.start(id_at(2000), "g", {})
+    goals.sender.requests[0].answer(SimpleNamespace(accepted=False))
+    assert goals.node.sent[-1]["status"] == ABORTED
+
+
+def test_messages_become_json():
+    assert ros2_node.plain(array.array("f", [1.5, math.nan, math.inf])) == [1.5, None, None]
+    assert ros2_node.plain(array.array("B", b"jpeg")) == base64.b64encode(b"jpeg").decode()
+    assert ros2_node.plain((True, "text", -math.inf)) == [True, "text", None]
