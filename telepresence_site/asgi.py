@@ -14,7 +14,7 @@ os.environ.setdefault("DJANGO_SETTINGS_MODULE", "telepresence_site.settings")
 http = get_asgi_application()
 
 from robots.interpreter import set_up_for_latency
-from sessions.consumers.backpressure import Backpressure
+from sessions.backpressure import Backpressure
 from sessions.urls import (
     websocket_urlpatterns,
 )

@@ -184,7 +184,7 @@ MESSAGES: Mapping[type, Fields] = {
         **dict.fromkeys(("series", "rca"), in_columns),
         **dict.fromkeys(("capabilities", "limits", "camera", "tilt", "laser"), in_columns),
         **dict.fromkeys(("name", "agentVersion", "boot", "footprint", "mapId"), withheld),
-        **dict.fromkeys(("watchdog", "viewers"), withheld),
+        **dict.fromkeys(("watchdog", "viewers", "navigationControl"), withheld),
     },
     m.LabReport: {
         "lab": in_columns,

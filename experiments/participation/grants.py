@@ -163,15 +163,15 @@ def standing_of(user: User, robot: Robot) -> Standing | None:
     """Return in which study somebody is to drive a robot now: where they were seen last; None when
     in none.
     """
-    return _standings(user, [robot]).get(robot.pk)
+    return _participation_by_robot(user, [robot]).get(robot.pk)
 
 
 def claimed(user: User, robots: Sequence[Robot]) -> list[Robot]:
     """Return those robots that somebody is to drive for a study now."""
-    return [standing.robot for standing in _standings(user, robots).values()]
+    return [standing.robot for standing in _participation_by_robot(user, robots).values()]
 
 
-def _standings(user: User, robots: Sequence[Robot]) -> dict[Any, Standing]:
+def _participation_by_robot(user: User, robots: Sequence[Robot]) -> dict[Any, Standing]:
     found: dict[Any, Standing] = {}
     for participant in (
         progress.of_user(user).filter(status=Participant.Status.ACTIVE).order_by("-seen_at")
@@ -208,7 +208,7 @@ def invited_to(user: User, robots: Sequence[Robot]) -> list[Robot]:
         return []
     return [
         standing.robot
-        for standing in _standings(user, robots).values()
+        for standing in _participation_by_robot(user, robots).values()
         if standing.participant.access == "invitation"
         and is_lent(standing.robot, standing.definition.slug)
     ]

@@ -113,6 +113,8 @@ class Bridge:
         self._failover = Failover(parse_nodes(url), rng)
         self._credentials = credentials
         self._delivery = Delivery()
+        self.follow = self._delivery.follow  # the notices of a session
+        self.unfollow = self._delivery.unfollow
         self._client: aiomqtt.Client | None = None
         self._writer: QuickWriter | None = None
         self._flying: set[asyncio.Task[Any]] = set()
@@ -308,14 +310,6 @@ class Bridge:
 
     def _filters(self, robot: str) -> list[tuple[str, int]]:
         return [(filter_, self._failover.qos(qos)) for filter_, qos in _filters(robot)]
-
-    def follow(self, session: str, listener: Listener) -> None:
-        """Have the notices of a session brought to a listener."""
-        self._delivery.follow(session, listener)
-
-    def unfollow(self, session: str, listener: Listener) -> None:
-        """Stop bringing them."""
-        self._delivery.unfollow(session, listener)
 
     # --- speaking ---------------------------------------------------------------------------------
 

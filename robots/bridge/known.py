@@ -108,12 +108,8 @@ class KnownRobot:
         if lease is not None and not certain and self._is_late(lease, now):
             return False
         if lease is not None:
-            self.epoch, self.renewal, self.stamp, self.renewed_at = (
-                lease.epoch,
-                lease.renewal,
-                lease.stamp,
-                now,
-            )
+            self.epoch, self.renewal = lease.epoch, lease.renewal
+            self.stamp, self.renewed_at = lease.stamp, now
         self.lease = lease
         return True
 

@@ -37,12 +37,8 @@ class ServerWatch:
 
     def heard(self, status: ManagerStatus, now: float) -> None:
         """Note the session manager's heartbeat, which proves the broker as well."""
-        self._status, self._last_received_at, self._asked_at, self._has_answered = (
-            status,
-            now,
-            None,
-            False,
-        )
+        self._status, self._last_received_at = status, now
+        self._asked_at, self._has_answered = None, False
 
     def wants_probe(self, now: float) -> bool:
         """Tell whether the broker is to be asked now; the caller does so, and calls `answered`."""

@@ -182,15 +182,9 @@ class Authorization:
 
     def drive(self, session: str, epoch: int, peer: str) -> None:
         """The page was granted the robot."""
-        self.standing, self.session, self.epoch, self.peer, self.watches = (
-            "driver",
-            session,
-            epoch,
-            peer,
-            False,
-        )
-        self.by_sfu = False
-        self.velocity_seq = 0
+        self.standing, self.velocity_seq = "driver", 0
+        self.session, self.epoch, self.peer = session, epoch, peer
+        self.look_away()
 
     def wait(self, session: str) -> None:
         """The page waits for the robot; meanwhile it may watch."""
@@ -296,7 +290,7 @@ class Authorization:
             case VelocityCommand():
                 return self._velocity(message, lease, now)
             case CommandHeartbeat():
-                self._check_holder(lease)
+                self._require(may=self.holds(lease))
                 return Publish(
                     suffix, msgspec.structs.replace(message, peer=self.peer), wanted=False
                 )
@@ -332,16 +326,12 @@ class Authorization:
         if not self._allowance.passes(message, now):
             raise FrameRefused("rate")
 
-    def _check_driver(self, lease: Lease | None) -> None:
-        if not self.drives(lease):
-            raise FrameRefused("observer" if self.watches else "not_driver")
-
-    def _check_holder(self, lease: Lease | None) -> None:
-        if not self.holds(lease):
+    def _require(self, *, may: bool) -> None:
+        if not may:
             raise FrameRefused("observer" if self.watches else "not_driver")
 
     def _velocity(self, command: VelocityCommand, lease: Lease | None, now: float) -> Publish:
-        self._check_driver(lease)
+        self._require(may=self.drives(lease))
         assert self.session is not None
         self.velocity_seq, self.velocity_at = max(self.velocity_seq, command.seq), now
         return Publish(
@@ -364,7 +354,7 @@ class Authorization:
         )
 
     def _point(self, suffix: str, command: PointCommand, lease: Lease | None) -> Publish:
-        self._check_holder(lease)
+        self._require(may=self.holds(lease))
         stamped = msgspec.structs.replace(
             command, role="driver", peer=self.peer, session=self.session, epoch=self.epoch
         )
@@ -400,7 +390,7 @@ class Authorization:
             )
         is_visitor = lease is not None and lease.kind == "wizard" and self.holds(lease)
         if not (is_visitor and isinstance(action, OF_A_VISITOR)):
-            self._check_driver(lease)
+            self._require(may=self.drives(lease))
         return msgspec.structs.replace(
             action,
             session=self.session,
@@ -459,17 +449,18 @@ class Authorization:
         A page whose commands take the data channel is none of the socket's business, nor is one
         that has stopped by itself.
         """
-        if not self.drives(lease) or now - self.velocity_at > REPEAT_SECONDS:
+        if now - self.velocity_at > REPEAT_SECONDS:
             return None
-        return Stop(
-            action_id=action_id,
-            stamp=stamp,
-            session=self.session,
-            epoch=self.epoch,
-            role="driver",
-            user=self.who,
-            seq=self.velocity_seq,
-        )
+        return self.last_stop(action_id, stamp, lease)
+
+    def last_stop(self, action_id: str, stamp: float, lease: Lease | None) -> Stop | None:
+        """Return the stop to send for a page that is gone; None when it does not drive."""
+        if not self.drives(lease):
+            return None
+        stop = Stop(action_id=action_id, stamp=stamp, seq=self.velocity_seq)
+        stamped = self._stamp_stop(stop, lease)
+        assert isinstance(stamped, Stop)
+        return stamped
 
 
 KNOWN = frozenset({*topics.FROM_PAGE, *protocol.TO_SERVER, protocol.SIGNAL})

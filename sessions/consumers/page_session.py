@@ -245,11 +245,16 @@ class PageSession:
             self.hang_up()
             self.authorization.leave()
             return
-        left = await query(store.leave, session, peer=self.authorization.peer, now=timezone.now())
-        outcome, reason = await query(queries.outcome_of, session)
-        self._over(protocol.Ended(session=session, outcome=outcome or "moved", reason=reason))
+        left, ended = await self._end(session, self.authorization.peer)
+        self._over(ended)
         if left:
-            self._send_ended(session, outcome, reason, drove=drove)
+            self._send_ended(session, ended.outcome, ended.reason, drove=drove)
+
+    async def _end(self, session: str, peer: str) -> tuple[bool, protocol.Ended]:
+        """End a session of this peer's; tell whether it lived until then, and how it ended."""
+        left = await query(store.leave, session, peer=peer, now=timezone.now())
+        outcome, reason = await query(queries.outcome_of, session)
+        return left, protocol.Ended(session=session, outcome=outcome or "moved", reason=reason)
 
     async def _leave_late(self, session: str, peer: str) -> None:
         """End what the visitor left while the page could not say so; what has moved to another
@@ -258,13 +263,11 @@ class PageSession:
         if not await query(queries.is_of, session, self.user):
             self.sender.post("denied", protocol.Denied(suffix="session/leave", reason="not_yours"))
             return
-        left = await query(store.leave, session, peer=peer, now=timezone.now())
-        outcome, reason = await query(queries.outcome_of, session)
-        self.sender.notify(
-            protocol.Ended(session=session, outcome=outcome or "moved", reason=reason)
-        )
+        left, ended = await self._end(session, peer)
+        self.sender.notify(ended)
         if left:
-            self._send_ended(session, outcome, reason, drove=reason != store.LEFT_QUEUE)
+            drove = ended.reason != store.LEFT_QUEUE
+            self._send_ended(session, ended.outcome, ended.reason, drove=drove)
 
     def _send_ended(self, session: str, outcome: str, reason: str, *, drove: bool) -> None:
         if drove:
@@ -511,9 +514,7 @@ class PageSession:
         if self.authorization.by_sfu:
             self.stop_watching()
         elif self.authorization.watches or self.authorization.standing == "driver":
-            self.bridge.send(
-                self.robot.name, f"{protocol.SIGNAL}/{self.authorization.peer}", Bye(reason="left")
-            )
+            self._signal(Bye(reason="left"))
 
     def stop_watching(self) -> None:
         """End the page's pictures when it watches; whoever drives may do so without the server, and
@@ -524,17 +525,16 @@ class PageSession:
         if self.authorization.by_sfu:
             self._leave_sfu()
         else:
-            self.bridge.send(
-                self.robot.name, f"{protocol.SIGNAL}/{self.authorization.peer}", Bye(reason="left")
-            )
+            self._signal(Bye(reason="left"))
         self.authorization.look_away()
 
     def vouch(self) -> None:
         """Tell the robot that this page may go on watching."""
         if self.authorization.watches and not self.authorization.by_sfu:
-            self.bridge.send(
-                self.robot.name, f"{protocol.SIGNAL}/{self.authorization.peer}", Stay()
-            )
+            self._signal(Stay())
+
+    def _signal(self, signal: Bye | Stay) -> None:
+        self.bridge.send(self.robot.name, f"{protocol.SIGNAL}/{self.authorization.peer}", signal)
 
     def _ice_servers(self) -> Any:
         return ice_servers(str(self.user.pk), time.time())

@@ -17,9 +17,9 @@ from robots.api.messages import Action, Bye, Lease, Message, Stay
 from robots.bridge import bridge
 from robots.bridge.delivery import ReceivedMessage
 from sessions import protocol
+from sessions.backpressure import IS_FULL, never_full
 from sessions.consumers import relay
 from sessions.consumers.authorization import Close, DenyFrame, Effect, Halt, Publish, Verb
-from sessions.consumers.backpressure import IS_FULL, never_full
 from sessions.consumers.base import DirectConsumer
 from sessions.consumers.sender import Sender
 

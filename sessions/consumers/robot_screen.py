@@ -46,7 +46,7 @@ class ScreenConsumer(RobotPageConsumer):
         self.title, self.titles = robot.title or robot.name, robot.titles
         self._join(needs=False)  # a display is always there: it asks no idle robot to speak more
         self.authorization = ScreenAuthorization(
-            secrets.token_urlsafe(12), self.title, IceCredentials(self.name)
+            secrets.token_urlsafe(12), self.title, ice_servers=IceCredentials(self.name)
         )
         self.shown: protocol.Screen | None = None
         self.asked = protocol.AudienceState()

@@ -6,7 +6,6 @@ the visitor writes, points at what the visitor shares, and stops the robot. It n
 says all of it as the screen.
 """
 
-from collections.abc import Callable
 from typing import Any
 
 import msgspec
@@ -18,7 +17,6 @@ from robots.api.messages import (
     ClearEStop,
     ConfirmWords,
     EStop,
-    IceServer,
     Lease,
     PointCommand,
     Say,
@@ -30,17 +28,8 @@ from sessions.consumers.authorization import Authorization, Effect, FrameRefused
 
 class ScreenAuthorization(Authorization):
     """The place of a robot's screen in its room.
-
-    Args:
-        peer: the id that the server made for this connection.
-        title: what the robot is called, in whose name the screen speaks.
-        ice_servers: as of Authorization.
+    In its place `who` is what the robot is called, in whose name the screen speaks.
     """
-
-    def __init__(
-        self, peer: str, title: str, ice_servers: Callable[[], tuple[IceServer, ...]] = tuple
-    ) -> None:
-        super().__init__(peer, title, None, ice_servers)
 
     def _effect(self, suffix: str, message: Any, lease: Lease | None, now: float) -> Effect:
         self._check_rate(message, now)

@@ -30,7 +30,7 @@ class Sender:
         send: gives a frame to the server.
         close: ends the connection with a code.
         is_full: tells whether the server still holds frames that the network has not taken
-            (sessions/consumers/backpressure.py).
+            (sessions/backpressure.py).
     """
 
     def __init__(

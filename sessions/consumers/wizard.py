@@ -12,6 +12,7 @@ import time
 import uuid
 from typing import Any
 
+import msgspec
 import structlog
 from django.db import DatabaseError, InterfaceError
 from django.utils import timezone
@@ -149,13 +150,13 @@ class WizardConsumer(RobotPageConsumer):
                 timezone.now(),
                 takeover=ask.takeover,
             )
-            if not isinstance(taken, leases.Operation):
+            if not isinstance(taken, Lease):
                 self.sender.post("wizard/lost", protocol.Lost(reason=taken))
                 return
-            authorization.operate(ask.session, taken.epoch, by_hand=operated.script.by_hand)
+            authorization.operate(ask.session, taken.wizard_epoch, by_hand=operated.script.by_hand)
             # before the page hears of it, so that the robot knows the operator when commands come
-            self.bridge.publish_lease(self.name, taken.lease)
-            granted = protocol.Operating(session=ask.session, epoch=taken.epoch)
+            self.bridge.publish_lease(self.name, taken)
+            granted = protocol.Operating(session=ask.session, epoch=taken.wizard_epoch)
             self.sender.post("wizard/granted", granted)
             await self._note(ask.session, leases.TOOK, blind=operated.is_blind)
         self.changed.set()
@@ -318,7 +319,7 @@ class WizardConsumer(RobotPageConsumer):
                 self.bridge.follow(session, self)
         if self.progress is not None:
             done = tuple(dict.fromkeys(self.progress.done))
-            shown = protocol.SessionToOperate(**{**_fields(shown), "done": done})
+            shown = msgspec.structs.replace(shown, done=done)
         if shown != self.shown:
             self.shown = shown
             self.sender.post("wizard/session", shown)
@@ -333,10 +334,6 @@ class WizardConsumer(RobotPageConsumer):
     def _unfollow(self) -> None:
         if self.at is not None:
             self.bridge.unfollow(self.at[0], self)
-
-
-def _fields(message: Message) -> dict[str, Any]:
-    return {name: getattr(message, name) for name in message.__struct_fields__}
 
 
 def _robot_for(user: Any, name: str) -> Robot | None:

@@ -81,7 +81,7 @@ class WizardAuthorization(Authorization):
                 self._check_method(message, now)
                 return self._velocity(message, lease, now)
             case CommandHeartbeat():
-                self._check_driver(lease)
+                self._require(may=self.drives(lease))
                 beat = msgspec.structs.replace(message, peer=self.peer)
                 return Publish(suffix, beat, wanted=False)
             case Stop() | EStop():
@@ -103,15 +103,6 @@ class WizardAuthorization(Authorization):
         is_script = command.method == SCRIPT
         if moves and not (now < self.script_until if is_script else self.by_hand):
             raise FrameRefused("not_allowed")
-
-    def last_stop(self, action_id: str, stamp: float, lease: Lease | None) -> Stop | None:
-        """Return the stop to send when the page is gone; None when it does not drive."""
-        if not self.drives(lease):
-            return None
-        stop = Stop(action_id=action_id, stamp=stamp, seq=self.velocity_seq)
-        stamped = self._stamp_stop(stop, lease)
-        assert isinstance(stamped, Stop)
-        return stamped
 
     def stamped(self, action: Any, lease: Lease | None) -> Any:
         """Return an action of the script as the robot takes it.

@@ -5,16 +5,12 @@ tells by its assistance and its network: of a state and a pose only what `RobotV
 itself have.
 """
 
-import msgspec
-
 from robots.api.codec import encode_frame
-from robots.api.messages import Heartbeat, PoseUpdate, State
+from robots.api.messages import PoseUpdate, State
 from robots.bridge.delivery import ReceivedMessage
 from sessions import protocol as pages
-from sessions.consumers.relay import Outgoing, outgoing
+from sessions.consumers.relay import Outgoing, relayed
 from sessions.wizard import protocol
-
-PASSED_ON = frozenset({"action", "receipt"})  # how far an action is, and whether a line was heard
 
 
 def for_wizard(inbound: ReceivedMessage, peer: str) -> Outgoing | None:
@@ -22,20 +18,15 @@ def for_wizard(inbound: ReceivedMessage, peer: str) -> Outgoing | None:
     is none of its business.
     """
     match inbound:
-        case ReceivedMessage(suffix="heartbeat", message=Heartbeat() as beat):
-            own = tuple(echo for echo in beat.echoes if echo.peer == peer)
-            return Outgoing(
-                encode_frame("heartbeat", msgspec.structs.replace(beat, echoes=own)), droppable=True
-            )
         case ReceivedMessage(suffix="state", message=State() as state):
             return Outgoing(encode_frame("wizard/state", view_of(state)), droppable=True)
         case ReceivedMessage(suffix="pose", message=PoseUpdate() as update):
             pose = PoseUpdate(stamp=update.stamp, pose=update.pose, velocity=update.velocity)
             return Outgoing(encode_frame("pose", pose), droppable=True)
-        case ReceivedMessage(suffix=suffix, frame=str() as frame) if suffix in PASSED_ON:
+        case ReceivedMessage(suffix="receipt", frame=str() as frame):
             return Outgoing(frame)
-        case ReceivedMessage(suffix=suffix) if suffix == f"{pages.SIGNAL}/{peer}/reply":
-            return outgoing("signal/reply", inbound.message)
+    if inbound.suffix in {"heartbeat", "action", f"{pages.SIGNAL}/{peer}/reply"}:
+        return relayed(inbound, peer)
     return None
 
 

@@ -7,7 +7,6 @@ are void.
 """
 
 import datetime
-from dataclasses import dataclass
 from typing import Any, Literal
 
 from django.db.models import F
@@ -23,18 +22,6 @@ Refusal = Literal["occupied", "ended", "refused"]
 ATTEMPTS = 20
 STEP, LINE, BY_HAND, REACHED = "wizard_step", "wizard_line", "wizard_by_hand", "wizard_reached"
 TOOK, LEFT, LOST = "wizard_took", "wizard_left", "wizard_lost"
-
-
-@dataclass(frozen=True)
-class Operation:
-    """A session that a page operates: the lease that says so."""
-
-    lease: m.Lease
-
-    @property
-    def epoch(self) -> int:
-        """The epoch of the page's commands."""
-        return self.lease.wizard_epoch
 
 
 def session_at(robot: Robot) -> Session | None:
@@ -57,8 +44,9 @@ def operator_of(session: Session) -> str:
 
 def take(
     session: str, user: User, peer: str, now: datetime.datetime, *, takeover: bool = False
-) -> Operation | Refusal:
-    """Let a page drive in a session, from whoever may operate it (sessions/wizard/operators.py).
+) -> m.Lease | Refusal:
+    """Let a page drive in a session, from whoever may operate it (sessions/wizard/operators.py):
+    return the lease that says so.
 
     Another user who operates it is sent away by a `takeover` alone; of one user the newest page
     operates.
@@ -72,7 +60,7 @@ def take(
         if lease.wizard_peer and lease.wizard_id != user.pk and not takeover:
             return "occupied"
         if _change(lease, peer, user):
-            return Operation(_message(session, now))
+            return _message(session, now)
     return "ended"
 
 

@@ -3,7 +3,7 @@ import { test } from "node:test";
 
 import { Hand } from "../../../static/js/pages/wizard/hand.js";
 import { begin, turned, velocityOf } from "../../../static/js/pages/wizard/moves.js";
-import { readPacket } from "../../../static/js/pages/wizard/packets.js";
+import { noticeOfDenied, readPacket } from "../../../static/js/pages/wizard/packets.js";
 import { Rejection } from "../../../static/js/protocol/robot_api.js";
 
 const LIMITS = { linear: 0.5, reverse: 0.25, angular: 1 };
@@ -53,6 +53,15 @@ test("what is held is a velocity, and letting go is none", () => {
   assert.equal(changes, 3);
   assert.equal(Hand.directionOf("KeyW"), "forward");
   assert.equal(Hand.directionOf("Digit1"), null);
+});
+
+test("an operator reads that a request failed, and nothing of a velocity too many", () => {
+  const { suffix, message } = readPacket(
+    'denied\n{"suffix": "wizard/take", "reason": "unavailable"}',
+  );
+  assert.equal(suffix, "denied");
+  assert.equal(noticeOfDenied(message), "unavailable");
+  assert.equal(noticeOfDenied({ suffix: "command/velocity", reason: "rate" }), null);
 });
 
 test("a packet of the server has its defaults, and one of nobody is refused", () => {

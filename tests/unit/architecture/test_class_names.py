@@ -23,6 +23,7 @@ GIVEN = {"Command", "Meta"}
 SHARED = {
     "FloorPlan": "the plan of a site as a document, and the row that stores it",
     "Lease": "the message that grants a robot, and the row that it is sent from",
+    "RobotPresence": "what a page reads of a robot's connection, and the row that stores it",
     "State": "the message of a robot, and the state of the session in its row",
 }
 

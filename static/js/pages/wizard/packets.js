@@ -70,6 +70,14 @@ const READERS = {
 };
 
 /**
+ * What the operator is told of a request that was denied; null for what needs no notice, such as
+ * one velocity too many.
+ * @param {{suffix: string, reason: string}} denied
+ */
+export const noticeOfDenied = ({ suffix, reason }) =>
+  suffix.startsWith("wizard/") && reason === "unavailable" ? "unavailable" : null;
+
+/**
  * @param {unknown} packet
  * @returns {{suffix: string, message: any}}
  * @throws {import("../../protocol/robot_api.js").Rejection}

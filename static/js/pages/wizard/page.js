@@ -11,6 +11,7 @@ import { readWords } from "../../lib/words.js";
 import { ShownFrame } from "../../view/video/capture_stamp.js";
 import { Viewport } from "../../view/video/viewport.js";
 import { createConnection } from "./connection.js";
+import { noticeOfDenied } from "./packets.js";
 import { Hand } from "./hand.js";
 import { begin, turned, velocityOf } from "./moves.js";
 import { drawScript, markSteps } from "./script_view.js";
@@ -157,6 +158,7 @@ const HANDLERS = {
     }
   },
   robot: ({ online }) => (told.online = online),
+  denied: (denied) => (told.notice = noticeOfDenied(denied) ?? told.notice),
 };
 
 /** @param {string} actionId @param {number} latency s */

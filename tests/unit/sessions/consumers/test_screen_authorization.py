@@ -16,7 +16,7 @@ STAMPED = {"session": None, "epoch": 0, "role": "screen", "user": "Giraff"}
 
 @pytest.fixture
 def authorization():
-    return ScreenAuthorization("peer-1", "Giraff", lambda: ICE)
+    return ScreenAuthorization("peer-1", "Giraff", ice_servers=lambda: ICE)
 
 
 def say(authorization, suffix, message):

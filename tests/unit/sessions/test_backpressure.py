@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from sessions.consumers.backpressure import IS_FULL, Backpressure
+from sessions.backpressure import IS_FULL, Backpressure
 
 
 class Server:
