@@ -87,7 +87,7 @@ class Planner:
         with self.lock:
             if not self.is_cancelled:  # it has been accepted late, and cancelled at once
                 say("goal", ros2_node.plain(goal.request.pose))
-        while self.journey == "running" or self.is_cancelled:
+        while self.journey == "running":
             if goal.is_cancel_requested:
                 goal.canceled()
                 return NavigateToPose.Result()
