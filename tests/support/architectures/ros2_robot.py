@@ -98,7 +98,9 @@ class Ros2Rig(RcaRig):
                 self.robot.go(message, str(self.goals))
                 self.world.accept_after, self._journey = delay, "running"
             elif topic == "cancel":
-                self.tell("answer", self.world.cancel())
+                obeyed = self.world.cancel()
+                self._journey = "" if obeyed else self._journey  # the planner ends it itself
+                self.tell("answer", obeyed)
             elif topic == "asked":
                 self.tell("answer", self.world.accept_after)
             elif topic == "/cancel_dock" and self._journey == "running":

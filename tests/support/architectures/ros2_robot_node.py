@@ -51,6 +51,7 @@ class Planner:
     def __init__(self, node, name):
         self.accept = True
         self.answers = queue.Queue()  # of the rig
+        self.lock = threading.RLock()
         self.journey, self.is_cancelled, self.has_ended = "", False, False
         self.server = ActionServer(
             node,
@@ -63,11 +64,12 @@ class Planner:
         )
 
     def ask(self, question):
-        say(question, {})
-        return self.answers.get(timeout=5.0)
+        with self.lock:
+            say(question, {})
+            return self.answers.get(timeout=5.0)
 
     def asked(self, _goal):
-        self.has_ended = False
+        self.has_ended = self.is_cancelled = False
         until = time.monotonic() + self.ask("asked")
         while time.monotonic() < until:
             time.sleep(0.01)
@@ -76,13 +78,16 @@ class Planner:
         return GoalResponse.ACCEPT if self.accept else GoalResponse.REJECT
 
     def asked_to_cancel(self, _goal):
-        self.is_cancelled = self.ask("cancel")
+        with self.lock:
+            self.is_cancelled = self.ask("cancel")
         return CancelResponse.ACCEPT if self.is_cancelled else CancelResponse.REJECT
 
     def execute(self, goal):
-        self.journey, self.is_cancelled = "running", False
-        say("goal", ros2_node.plain(goal.request.pose))
-        while self.journey == "running" or self.is_cancelled:
+        self.journey = "running"
+        with self.lock:
+            if not self.is_cancelled:  # it has been accepted late, and cancelled at once
+                say("goal", ros2_node.plain(goal.request.pose))
+        while self.journey == "running":
             if goal.is_cancel_requested:
                 goal.canceled()
                 return NavigateToPose.Result()

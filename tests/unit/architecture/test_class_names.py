@@ -19,7 +19,7 @@ PACKAGES = (
 )
 # Django and msgspec look for these under these names.
 GIVEN = {"Command", "Meta"}
-# A message and the row that stores it, or a message of ours and the one of ROS, are one thing.
+# A message and the row that stores it are one thing.
 SHARED = {
     "FloorPlan": "the plan of a site as a document, and the row that stores it",
     "Lease": "the message that grants a robot, and the row that it is sent from",
