@@ -310,7 +310,8 @@ def _turn(
         if holder.turn_ends_at is not None:
             yield TurnUnlimited(holder.id)
         return
-    ends_at = max(turn_end(holder, rules, now), link.since + rules.warning)
+    notice = min(rules.warning, rules.of(holder).turn)
+    ends_at = max(turn_end(holder, rules, now), link.since + notice)
     if now >= ends_at:
         yield Ended(session=holder.id, outcome="timed_out", reason="turn_over")
         return
