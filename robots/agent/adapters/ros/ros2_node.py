@@ -51,6 +51,7 @@ LOST_AFTER = 10.0  # s after which a goal that the server does not know never re
 GONE_AFTER = 2.0  # s without an action server, after which its goals have ended
 DISCOVERY = 0.6  # s for the action server and its status to be discovered at the start
 LEFTOVERS = 3.0  # s for goals of an earlier run to end, before the connection is given up
+STARTED_WITHIN = 30  # s after which a start that hangs in the middleware ends this process
 STILL_FOR = 0.3  # s below the thresholds of standstill
 MEASURED_WITHIN = 1.0  # s after which odometry is missing
 FORGOTTEN_AFTER = 60.0  # s without any sign of the robot, after which its guard ends
@@ -808,6 +809,8 @@ def main() -> int:
     connection.settimeout(None)
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     connection.sendall(sys.stdin.readline().encode())
+    if hasattr(signal, "alarm"):
+        signal.alarm(STARTED_WITHIN)
     try:
         node = Ros2Node(connection, json.loads(sys.argv[2]))
     except ImportError as error:
@@ -820,6 +823,8 @@ def main() -> int:
         return refuse(connection, str(error))
     except RuntimeError as error:  # rclpy's RCLError
         return refuse(connection, f"ROS 2 cannot be started with {sys.executable}: {error}")
+    if hasattr(signal, "alarm"):
+        signal.alarm(0)
     node.run()
     return 0
 
