@@ -77,7 +77,7 @@ def test_every_safety_rule_names_a_test_that_exists():
         (rule[0], test)
         for rule in RULES
         for test in named(rule[3]) or ["none"]
-        if test not in sources and not any(f"def {test}(" in source for source in sources.values())
+        if test not in files and not any(f"def {test}(" in source for source in sources)
     ]
     assert missing == []
 
