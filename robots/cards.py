@@ -118,7 +118,9 @@ def _instead(robot: Robot, state: CardState, traffic: Traffic) -> tuple[str, str
     if state == "stopped":
         return _stopped(robot)
     if state == "available" and was_stopped(robot):
-        return _("Stopped"), _("Someone stopped it between visits. You release it by taking it.")
+        return _("Stopped"), _(
+            "Someone stopped it after the last visit. It is released when you start to drive."
+        )
     return _away(robot) if state == "busy" and not traffic.driven else None
 
 

@@ -29,6 +29,8 @@ MAIL_SECONDS = 5.0  # that a mail server may keep the session manager waiting
 
 def publish_pause(*, robot: Robot, reason: str, at: datetime.datetime, **_more: Any) -> None:
     """Tell the researchers of every open study that uses a robot that its queue is paused."""
+    if reason == "stopped":  # it waits where it is, and takes visitors
+        return
     subject = _("%(study)s: the queue for %(robot)s is paused")
     text = _(
         "%(robot)s has admitted no visitors since %(at)s because it couldn't get ready for the "

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from django.utils.translation import gettext as _
 
-from robots.cards import RobotCard, Traffic, card
+from robots.cards import RobotCard, Traffic, card, was_stopped
 from robots.models import Robot
 from robots.presence.report import fault_of, is_stopped_there, standstill_of, trouble_of
 from robots.readiness_text import in_words
@@ -70,6 +70,12 @@ def _present(robot: Robot, shown: RobotCard, *, driven: bool) -> tuple[Tone, str
         return "busy", shown.label, sentence
     if shown.state == "busy":
         return _between(robot, shown)
+    if was_stopped(robot):
+        sentence = _(
+            "Someone stopped it after the last visit. It stays there until somebody releases it or "
+            "drives it."
+        )
+        return "attention", shown.label, sentence
     if not robot.shown_to_visitors:
         sentence = _("Ready, but hidden from visitors. Select “Show to visitors” below and save.")
         return "attention", _("Hidden"), sentence

@@ -107,7 +107,7 @@ A velocity moves the robot only if it passes all of these checks, in this order:
 
 An accepted velocity is limited to the lowest of the robot's, the lease's and the assistance's
 speeds. From half of the age limit, speeds fall linearly to zero at the limit. Speeds change no
-no faster than the limits' accelerations and brakings. `applied` has the velocity that the base was
+faster than the limits' accelerations and brakings. `applied` has the velocity that the base was
 really sent.
 
 If no other velocity is accepted for `deadman` seconds, the robot brakes. So as not to conflict with

@@ -21,6 +21,8 @@ class LastSeenBatcher:
     def __init__(self) -> None:
         self._present: set[str] = set()
         self._asking: asyncio.Task[set[str]] | None = None
+        self._writing: set[str] = set()
+        self._written: asyncio.Task[set[str]] | None = None  # stores `_writing`
 
     async def seen(self, session: str) -> bool:
         """Say that a page of this session is open; False when the session has ended.
@@ -36,15 +38,18 @@ class LastSeenBatcher:
         self._present.add(session)
         return session in await asyncio.shield(self._asking)
 
-    def forget(self, session: str) -> None:
-        """Leave out a page that has closed meanwhile: it would be said to be open after it was said
-        to be gone.
+    async def forget(self, session: str) -> None:
+        """Leave out a page that has closed, and wait for a batch that names it already: it would
+        be stored as open after it was stored as gone.
         """
         self._present.discard(session)
+        if session in self._writing and self._written is not None:
+            await asyncio.wait({self._written})
 
     async def _ask(self) -> set[str]:
         await asyncio.sleep(GATHER_SECONDS)
-        present, self._present, self._asking = self._present, set(), None
+        present, self._present = self._present, set()
+        self._writing, self._written, self._asking = present, self._asking, None
         return await query(store.seen, present, timezone.now())
 
 

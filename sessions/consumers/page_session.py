@@ -435,7 +435,7 @@ class PageSession:
             waited = self.authorization.standing == "waiting"
             if session is not None:
                 self.forget()
-                last_seen_batcher.forget(session)
+                await last_seen_batcher.forget(session)
                 await query(store.page_gone, session, peer, timezone.now(), code)
             if waited:
                 await self.read_peers()

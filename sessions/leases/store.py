@@ -324,9 +324,12 @@ def set_assist(session: str, level: str, *, peer: str) -> tuple[Hold, int] | Non
 
     Whether the driver has a choice was asked before (sessions/consumers/queries.py).
     """
+    drives = Lease.objects.filter(session_id=session, peer=peer)
+    if not drives.exists():
+        return None
     if not Session.objects.filter(pk=session, state__in=LIVE).update(assist=level):
         return None
-    while (lease := Lease.objects.filter(session_id=session, peer=peer).first()) is not None:
+    while (lease := drives.first()) is not None:
         if renewal := count_renewal(lease, lease.renewal + 1):
             return hold_of(lease), renewal
     return None

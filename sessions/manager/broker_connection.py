@@ -235,23 +235,18 @@ class BrokerConnection:
     def _store_presence(self, news: list[PresenceNews], now: datetime.datetime) -> None:
         presence = self._work.presence
         presence.read({one.robot for one in news}, now)
-        taken = (presence.take(one.robot, one.message, now, retained=one.retained) for one in news)
-        changes = [
-            row
-            for row in taken
-            if row is not None and self._log_allowances[row.robot.name].spend(now.timestamp())
-        ]
-        presence.write(now)
-        with self._work.ownership.about(*(change.robot.name for change in changes)):
-            SystemLog.objects.bulk_create(
-                system_log.entry(
-                    "robot_online" if change.connection == "ONLINE" else "robot_offline",
-                    robot=change.robot,
-                    at=now,
-                    state=change.connection,
+        entries = []
+        for one in news:
+            row = presence.take(one.robot, one.message, now, retained=one.retained)
+            if row is not None and self._log_allowances[row.robot.name].spend(now.timestamp()):
+                event = "robot_online" if row.connection == "ONLINE" else "robot_offline"
+                # The row changes with the robot's next news.
+                entries.append(
+                    system_log.entry(event, robot=row.robot, at=now, state=row.connection)
                 )
-                for change in changes
-            )
+        presence.write(now)
+        with self._work.ownership.about(*(entry.robot.name for entry in entries)):
+            SystemLog.objects.bulk_create(entries)
 
     # --- what goes out regularly ------------------------------------------------------------------
 

@@ -162,7 +162,7 @@ def _condition(
         prompt=last_received.is_prompt(now),
         sees=known.sees,
         estop=state.safety.estop,
-        stopped=state.safety.inhibited == "stopped",
+        stopped=state.session is None and state.safety.inhibited == "stopped",
         docked=state.docked,
         localized=state.pose.localized,
         level=level,

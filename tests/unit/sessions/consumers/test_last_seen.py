@@ -62,9 +62,31 @@ async def test_a_page_that_has_closed_meanwhile_is_not_said_to_be_open(asked):
     pages = LastSeenBatcher()
     closes, stays = (asyncio.create_task(pages.seen(session)) for session in ("a", "b"))
     await asyncio.sleep(0)
-    pages.forget("a")
+    await pages.forget("a")
     assert (await closes, await stays) == (False, True)
     assert asked == [{"b"}]
+
+
+async def test_page_that_closes_waits_for_the_batch_that_names_it(monkeypatch):
+    stored, slow = [], asyncio.Event()
+
+    async def query(_store, present, _now):
+        await slow.wait()
+        stored.append(present)
+        return present
+
+    monkeypatch.setattr(last_seen, "GATHER_SECONDS", 0.0)
+    monkeypatch.setattr(last_seen, "query", query)
+    pages = LastSeenBatcher()
+    seen = asyncio.create_task(pages.seen("a"))
+    await asyncio.sleep(0.01)
+    leaving = asyncio.create_task(pages.forget("a"))
+    await asyncio.sleep(0.01)
+    assert not leaving.done()
+    slow.set()
+    await leaving
+    assert stored == [{"a"}]
+    assert await seen
 
 
 def test_a_roll_call_of_a_loop_that_is_over_is_not_waited_for(asked):
