@@ -82,7 +82,7 @@ class Systemd:
             self._send(b"WATCHDOG=1")
 
     def _send(self, state: bytes) -> None:
-        if not self._address:
+        if sys.platform == "win32" or not self._address:
             return
         with (
             contextlib.suppress(OSError),

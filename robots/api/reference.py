@@ -102,8 +102,9 @@ A velocity moves the robot only if it passes all of these checks, in this order:
 6. Unless `video` of the lease is `none`, it names a video frame (`no_frame`) that is younger than
    `frameAge`, by the same rule (`frame_stale`), and not from the future by more than 0.1 s
    (`frame_future`).
-7. No emergency stop is latched (`estop`), the base is reached (`fault`), and the driver has
-   [released the controls](#releasing-the-controls) if this is required (`stopped`).
+7. No emergency stop is latched (`estop`), the base is reached (`fault`), the driver has
+   [released the controls](#releasing-the-controls) if this is required (`stopped`), and every
+   action of the robot that was cancelled has ended (`unconfirmed`).
 
 An accepted velocity is limited to the lowest of the robot's, the lease's and the assistance's
 speeds. From half of the age limit, speeds fall linearly to zero at the limit. Speeds change no
@@ -188,9 +189,9 @@ then.
   actions from `server`; they are cancelled 2 s after the server's last heartbeat. Motion that
   exceeds a limit by 10 % for 0.5 s ends an action, too (`too_fast`).
 - An action is yours until the robot control architecture confirms its end. Repeat the cancel every
-  0.5 s until then, also after a connection was lost, and begin no other action
-  (`navigation_does_not_end`). Until then `errors` contains `cancel: …`, and the status is not
-  CANCELLED.
+  0.5 s until then, also after a connection was lost, let no driver move the robot, and begin no
+  other action (`navigation_does_not_end`). Until then `errors` contains `cancel: …`, and the
+  status is not CANCELLED.
 
 ### Reports
 

@@ -146,8 +146,10 @@ class Actions:
         """Begin what waited for the robot to be at rest, and report what has ended by now."""
         self._begin_waiting()
         kernel, now = self._kernel, self._times.now()
-        if self._final and (
-            (kernel.is_at_rest and not kernel.is_end_unconfirmed) or kernel.braking(now) is None
+        if (
+            self._final
+            and not kernel.is_end_unconfirmed
+            and (kernel.is_at_rest or kernel.braking(now) is None)
         ):
             final, self._final = self._final, {}
             for status in final.values():
@@ -227,10 +229,14 @@ class Actions:
 
     def cancelled(self, action_id: str, reason: str) -> None:
         """The kernel has ended an action that moves the robot: cancel it at the adapter, and report
-        it when the robot is at rest.
+        it when the robot is at rest. One that was not begun ends at once.
         """
-        self._final[action_id] = self._ended_by(action_id, reason)
-        if self._waiting is None or self._waiting.action_id != action_id:
+        status = self._ended_by(action_id, reason)
+        if self._waiting is not None and self._waiting.action_id == action_id:
+            self._waiting = None
+            self._end(status)
+        else:
+            self._final[action_id] = status
             self._owned.cancel(action_id)
 
     def _ended_by(self, action_id: str, reason: str) -> ActionStatus:
@@ -279,7 +285,8 @@ class Actions:
     def _stop(self, action: Stop, sender: CommandSender) -> None:
         obeyed = self._kernel.stop(action, sender, self._times.now())
         self._turn_wheels()
-        self.cancel_all()
+        if obeyed:  # a late copy does not end what its driver has begun since
+            self.cancel_all()
         self._stopped(action, obeyed=obeyed)
 
     def _estop(self, action: EStop, sender: CommandSender) -> None:
@@ -360,14 +367,24 @@ class Actions:
         if self._kernel.cancel(action.target) is not None:
             for action_id, reason in self._kernel.drain_cancelled():
                 self.cancelled(action_id, reason)
-            self._say(self._status(action, "RUNNING"))
-            self._final[action.action_id] = self._status(action, "FINISHED")
+            self._cancel_later(action)
+        elif action.target in self._final:
+            self._cancel_later(action)
         elif action.target is not None and self._history.runs(action.target):
             self._say(self._ended_by(action.target, "cancelled"))
             self._owned.cancel(action.target)
             self._say(self._status(action, "FINISHED"))
         else:
             self._say(self._status(action, "FAILED", "nothing_runs"))
+
+    def _cancel_later(self, action: Cancel) -> None:
+        """Report a cancel as done with the action that it has ended."""
+        self._say(self._status(action, "RUNNING"))
+        finished = self._status(action, "FINISHED")
+        if self._final:
+            self._final[action.action_id] = finished
+        else:
+            self._say(finished)
 
     def _hand_over(self, action: Action) -> None:
         self._say(self._status(action, "WAITING"))
@@ -387,14 +404,20 @@ class Actions:
             self._spawn(self._start(action))
 
     async def _start(self, action: Action) -> None:
+        action_id = action.action_id
+        is_owned = isinstance(action, MOVING)
         try:
-            await self._adapter.start(action)
+            with self._owned.starting(action_id):
+                await self._adapter.start(
+                    action, lambda: not is_owned or self._owned.is_wanted(action_id)
+                )
         except ActionRefusedError as error:
-            self._owned.ended(action.action_id)
-            self._not_started(action, str(error))
+            self._owned.ended(action_id)
+            if action_id not in self._final:
+                self._not_started(action, str(error))
         except AdapterError as error:
-            if isinstance(action, MOVING):  # it may run all the same
-                self._owned.cancel(action.action_id)
+            if is_owned:  # it may run all the same
+                self._owned.cancel(action_id)
             self._not_started(action, str(error))
 
     def _not_started(self, action: Action, reason: str) -> None:

@@ -212,6 +212,7 @@ class CommandDispatcher:
         """Another, newer agent is this robot: yield to it, for two of them on one base cannot be
         safe.
         """
+        self._kernel.yields = boot is not None
         if boot is None:
             self._clear_fault(RIVAL)
         else:

@@ -3,7 +3,8 @@ ended. A cancel is repeated until then, whatever happens to the connection in be
 """
 
 import asyncio
-from collections.abc import Callable, Coroutine
+import contextlib
+from collections.abc import Callable, Coroutine, Iterator
 from typing import Any
 
 import structlog
@@ -36,19 +37,31 @@ class OwnedActions:
         self._adapter, self._spawn, self._changed = adapter, spawn, changed
         self._running: set[str] = set()
         self._ending: set[str] = set()
+        self._starting: set[str] = set()
 
     @property
     def is_end_unconfirmed(self) -> bool:
         """Tell whether an action that was cancelled may still run."""
         return bool(self._ending)
 
-    def is_ending(self, action_id: str) -> bool:
-        """Tell whether an action was cancelled and may still run."""
-        return action_id in self._ending
-
     def begin(self, action_id: str) -> None:
         """Own an action from now on."""
         self._running.add(action_id)
+
+    def is_wanted(self, action_id: str) -> bool:
+        """Tell whether an action was begun and has not been cancelled."""
+        return action_id in self._running
+
+    @contextlib.contextmanager
+    def starting(self, action_id: str) -> Iterator[None]:
+        """Believe no confirmation that an action has ended while it is being started: an adapter
+        may not know it yet.
+        """
+        self._starting.add(action_id)
+        try:
+            yield
+        finally:
+            self._starting.discard(action_id)
 
     def ended(self, action_id: str) -> None:
         """Take that an action has ended, or was certainly never begun."""
@@ -75,7 +88,7 @@ class OwnedActions:
         while action_id in self._ending:
             reason = ""
             try:
-                if await self._adapter.cancel(action_id):
+                if await self._adapter.cancel(action_id) and action_id not in self._starting:
                     self.ended(action_id)
                     return
             except AdapterError as error:

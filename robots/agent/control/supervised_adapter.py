@@ -165,9 +165,9 @@ class AdapterLink:
         if self.up:
             self._tell(self.adapter.configure, config)
 
-    async def start(self, action: Action) -> None:
-        """Begin an action, after the end of all that is being cancelled: not every RCA can tell
-        the two apart.
+    async def start(self, action: Action, is_wanted: Callable[[], bool] = lambda: True) -> None:
+        """Begin an action that still `is_wanted` after the end of all that is being cancelled: not
+        every RCA can tell the two apart.
 
         Raises:
             ActionRefusedError: the RCA has certainly not taken it.
@@ -179,6 +179,8 @@ class AdapterLink:
             async with asyncio.timeout(START_TIME):
                 while self._cancelling:  # OwnedActions takes how these end
                     await asyncio.wait(self._cancelling)
+                if not is_wanted():
+                    raise ActionRefusedError("cancelled")
                 with its_fault():
                     await self.adapter.start(action)
         except TimeoutError as error:
@@ -221,6 +223,11 @@ class AdapterLink:
             async with asyncio.timeout(CANCEL_TIME):
                 with its_fault():
                     return bool(await self.adapter.cancel(action_id))
+        except asyncio.CancelledError as error:
+            task = asyncio.current_task()
+            if task is not None and task.cancelling():
+                raise
+            raise AdapterError("an action could not be cancelled: the connection ended") from error
         except TimeoutError as error:
             raise AdapterError(
                 f"an action could not be cancelled: no answer within {CANCEL_TIME:.0f} s"

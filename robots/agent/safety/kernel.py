@@ -207,6 +207,7 @@ class Kernel:
     server_heard: float | None = None
     # the RCA has not confirmed the end of an action that may move the robot
     is_end_unconfirmed: bool = False
+    yields: bool = False  # another agent controls this robot
 
     def __post_init__(self) -> None:
         check_times(self.watchdog, self.limits)
@@ -228,7 +229,6 @@ class Kernel:
         self._too_fast_since: float | None = None
         self._moved_unbidden = False  # since the robot was last at rest
         self.controller = Controller.NONE
-        self._controller_since = float("-inf")
         self.contacts = Contacts()
 
     # --- who drives -------------------------------------------------------------------------------
@@ -328,12 +328,13 @@ class Kernel:
         `wanted` is what navigation wants whose velocities pass through here; without it, the RCA
         moves the base by itself.
         """
-        self._now = now
+        passed, self._now = now - self._now, now
         self._watch_navigation(now)
         self._watch_motion(now)
         if self.navigation and self.navigation.may_begin and not self._blocked():
             if wanted is None and self.controller is not Controller.NAVIGATION:
                 self._change(Change.HANDED_OVER)
+                self.contacts.moved(self._motion.linear * min(passed, KERNEL.max_step))
                 return Decision(None, "navigating")
             self._change(Change.PASSED_ON)
             return self._navigated(wanted or ZERO, now)
@@ -355,7 +356,8 @@ class Kernel:
             return
         self._at_rest_since = None
         resumed = self.is_end_unconfirmed and self.moves_despite_stop(now)
-        if self.controller is Controller.NONE or (self.controller is Controller.DRIVER and resumed):
+        unbidden = self.controller is Controller.NONE and not self.yields
+        if unbidden or (self.controller is Controller.DRIVER and resumed):
             self._moved_unbidden = True
             self._change(Change.MOVES_UNBIDDEN)
 
@@ -363,7 +365,9 @@ class Kernel:
         """Take note of a contact: stop, end the RCA's own travel, and go no further towards it;
         without a side it is where the robot was going.
         """
-        forward = self._motion.linear if self.commanded.linear == 0.0 else self.commanded.linear
+        forward = self.commanded.linear
+        if forward == 0.0 and abs(self._motion.linear) > self.standstill.linear:
+            forward = self._motion.linear
         if not sides and forward != 0.0:
             sides = ["ahead" if forward > 0.0 else "behind"]
         elif not sides and not self._docks():
@@ -372,7 +376,7 @@ class Kernel:
         self._target = ZERO
         self._brake_until_rest()
         # a station is there to be touched
-        if self.controller is Controller.RCA and not self._docks():
+        if self.navigation and not self._docks() and self.controller is not Controller.NAVIGATION:
             self._cancel_navigation("collision")
 
     @property
@@ -389,8 +393,8 @@ class Kernel:
         """Tell whether the driver or navigation has waited too long for the robot to be measured at
         rest.
         """
-        is_waiting = self.controller is Controller.SETTLING
-        return is_waiting and now - self._controller_since > KERNEL.rest_timeout
+        since = self._sent_zero_since
+        return not self.is_at_rest and since is not None and now - since > KERNEL.rest_timeout
 
     def caps(self, now: float) -> Caps:
         """Return the largest speeds allowed now: the least of robot, lease and assistance."""
@@ -604,7 +608,7 @@ class Kernel:
         if self.fault:
             return "fault"
         if moving:
-            return "stopped" if self.held else None
+            return "stopped" if self.held else "unconfirmed" if self.is_end_unconfirmed else None
         return "navigating" if self.navigation else None
 
     def _blocked(self) -> bool:
@@ -618,6 +622,8 @@ class Kernel:
             return "fault"
         if self.held:
             return "stopped"
+        if self.is_end_unconfirmed:
+            return "unconfirmed"
         return None if self.leases.live(now) else "no_lease"
 
     def _clock_of_driver(self, lease: Lease) -> PeerClock | None:
@@ -664,7 +670,7 @@ class Kernel:
         """Brake from the speed at which the RCA has left the robot."""
         self.navigation = self._too_fast_since = None
         if self.controller is Controller.RCA:
-            self._own = self._current = self.caps(self._now).clamp(self._motion)
+            self._own = self._current = self._sent = self.caps(self._now).clamp(self._motion)
             self._output_at, self._at_rest_since = self._now, None
         self._change(Change.NAVIGATION_LEFT)
 
@@ -673,9 +679,7 @@ class Kernel:
 
     def _change(self, event: Change) -> None:
         """Follow the table of controllers."""
-        before, self.controller = self.controller, after(self.controller, event)
-        if self.controller is not before:
-            self._controller_since = self._now
+        self.controller = after(self.controller, event)
 
     def _brake_until_rest(self) -> None:
         """Send zeros until the robot has been measured at rest from now on."""
@@ -726,6 +730,15 @@ class Kernel:
             self._cancel_navigation("heartbeat_lost")
         elif self.controller is Controller.RCA and self._drives_too_fast(now):
             self._cancel_navigation("too_fast")
+        elif self.controller is Controller.RCA and self._drives_into_contact():
+            self._cancel_navigation("collision")
+
+    def _drives_into_contact(self) -> bool:
+        return (
+            self._moves()
+            and not self._docks()
+            and (self.contacts.clamp(self._motion) != self._motion)
+        )
 
     def _drives_too_fast(self, now: float) -> bool:
         """Tell whether the RCA has driven the robot faster than the limits for too long."""
@@ -808,7 +821,9 @@ class Kernel:
             self._current = no_faster(self._current, self._sent)
 
     def _limited(self, velocity: Velocity, now: float) -> Velocity:
-        return self.caps(now).clamp(self.contacts.clamp(velocity))
+        touches_station = self._docks() and self.controller is Controller.NAVIGATION
+        free = velocity if touches_station else self.contacts.clamp(velocity)
+        return self.caps(now).clamp(free)
 
     def _shaped(self, wanted: Velocity, now: float) -> Velocity:
         """Return what the collision monitor leaves of a velocity, inside the limits."""

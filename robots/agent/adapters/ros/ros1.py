@@ -41,7 +41,8 @@ UNCONNECTED = (
 )
 LONGEST_LINE = 8 << 20
 NODE = Path(__file__).with_name("ros1_node.py")
-CONTAINER = (Path("/.dockerenv"), Path("/run/.containerenv"))  # of Docker and Podman
+# of Docker and Podman
+CONTAINER = (Path("/.dockerenv"), Path("/run/.containerenv")) if sys.platform == "linux" else ()
 
 log = structlog.stdlib.get_logger(__name__)
 

@@ -69,7 +69,9 @@ def python_of(options: Ros2Options) -> str:
     """Return the interpreter that has rclpy: the system's where an installation is sourced."""
     if options.python:
         return options.python
-    return "/usr/bin/python3" if os.environ.get("AMENT_PREFIX_PATH") else sys.executable
+    if sys.platform == "linux" and os.environ.get("AMENT_PREFIX_PATH"):
+        return "/usr/bin/python3"
+    return sys.executable
 
 
 def is_on_robot(options: Ros2Options) -> bool:

@@ -66,6 +66,9 @@ const robotSays = ({ safety, refused, errors }) => {
   if (safety.inhibited === "collision") {
     return { word: "stuck.contact" };
   }
+  if (safety.inhibited === "unconfirmed") {
+    return { word: "alert.cancel" };
+  }
   if (safety.inhibited === "settling") {
     return { word: "stuck.settling" };
   }

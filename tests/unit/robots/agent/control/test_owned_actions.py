@@ -156,14 +156,49 @@ def test_stop_and_loss_of_the_connection_cancel_the_motion_of_the_head(rig, how)
     rig.wait(lambda: rig.robot.cancelled == ["t1"], 10.0)
 
 
-def test_drive_is_possible_while_a_dead_planner_confirms_nothing(rig):
+def test_driver_waits_until_the_end_of_navigation_is_confirmed(rig):
     rig.robot.ignores_cancel = True
     go(rig)
     stop(rig)
     rig.robot.halt()
     rig.sleep(3.0)
     rig.push(0.0)
+    rig.push(0.3)
+    rig.sleep(0.1)
+    assert rig.robot.told == ZERO
+    assert rig.link.wait("state", since=rig.link.count).safety.inhibited == "unconfirmed"
+    rig.robot.ignores_cancel = False
+    rig.wait(lambda: not rig.kernel.is_end_unconfirmed)
     rig.drive(0.3)
+
+
+def test_goal_that_waited_for_a_cancel_is_not_sent_after_a_stop(rig):
+    """The end of the first goal is reported while its cancel is still under way."""
+    rig.robot.cancel_hangs = True
+    go(rig)
+    rig.act(own(m.Cancel, "c1", target="a1"))
+    rig.sleep(0.1)
+    rig.robot.halt()
+    rig.robot.report("a1", "CANCELLED")
+    rig.sleep(0.6)
+    rig.act(own(m.Goto, "a2", x=2.0, y=2.0))
+    rig.sleep(0.4)
+    rig.robot.cancel_hangs = False
+    stop(rig)
+    rig.sleep(4.0)
+    assert [action.action_id for action in rig.robot.started] == ["a1"]
+    assert rig.robot.motion == ZERO
+
+
+def test_late_copy_of_a_stop_does_not_end_what_was_begun_since(rig):
+    rig.act(own(m.Stop, "stop-1", seq=1))
+    rig.push(0.0)
+    rig.seq += 5
+    rig.push(0.0)
+    go(rig)
+    rig.act(own(m.Stop, "stop-1", seq=1))
+    rig.sleep(0.3)
+    assert rig.robot.going
 
 
 def test_agent_cancels_an_action_before_it_ends(tmp_path):

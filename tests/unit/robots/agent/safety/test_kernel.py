@@ -330,6 +330,55 @@ def test_contact_without_a_direction_holds_a_turning_robot(bench):
     assert bench.drive(0.0, 0.8).reason is None
 
 
+def test_noise_of_the_odometry_gives_a_contact_no_direction(bench):
+    bench.run(1.0, every=0.06, linear=0.0, angular=0.8)
+    bench.kernel.measured(m.Velocity(linear=0.001, angular=0.8), bench.now)
+    bench.kernel.touched(())
+    assert bench.kernel.contacts.sides == ()
+    assert bench.kernel.held
+
+
+def test_navigation_of_the_rca_into_a_contact_is_ended(bench):
+    bench.kernel.contacts.felt(["ahead"])
+    bench.kernel.navigate("g1", "goto", ordered_by_server=False, now=bench.now)
+    bench.run(0.5)
+    bench.motion = m.Velocity(linear=-0.2, angular=0.0)
+    bench.run(0.2)
+    assert bench.kernel.navigation, "it backs away"
+    bench.kernel.contacts.felt(["ahead"])
+    bench.motion = m.Velocity(linear=0.2, angular=0.0)
+    bench.run(0.1)
+    assert bench.kernel.drain_cancelled() == [("g1", "collision")]
+
+
+def test_metres_of_the_rca_lead_away_from_a_contact(bench):
+    bench.kernel.contacts.felt(["ahead"])
+    bench.kernel.navigate("g1", "goto", ordered_by_server=False, now=bench.now)
+    bench.run(0.5)
+    bench.motion = m.Velocity(linear=-0.2, angular=0.0)
+    bench.run(0.5)
+    assert bench.kernel.contacts.sides == ()
+
+
+def test_robot_left_by_the_rca_brakes_from_its_measured_speed(bench):
+    bench.kernel.navigate("g1", "goto", ordered_by_server=False, now=bench.now)
+    bench.run(0.5)
+    bench.motion = m.Velocity(linear=0.5, angular=0.0)
+    bench.run(0.5)
+    bench.stop(peer="p2")
+    assert bench.speed == pytest.approx(0.5, abs=LIMITS.linear_braking * 2 * TICK)
+    bench.run(0.1)
+    assert 0.2 < bench.speed < 0.45
+
+
+def test_agent_that_yields_to_a_newer_one_leaves_the_base_alone(bench):
+    bench.run(1.0)
+    bench.kernel.yields = True
+    bench.motion = m.Velocity(linear=0.3, angular=0.0)
+    bench.run(1.0)
+    assert bench.outputs[-1][1].velocity is None
+
+
 def test_pause_of_the_loop_is_followed_by_a_ramp(bench):
     bench.run(2.0, every=0.06, linear=0.5)
     bench.now += 0.45
