@@ -119,9 +119,10 @@ class Safety(Message, frozen=True, kw_only=True):
 
     `inhibited` names the reason in one word when commands are refused for a state of the robot:
     `estop`, `stopped`, `no_lease`, `settling` (it has to come to rest first), `unconfirmed` (its
-    own navigation has not confirmed that it ended), `collision` (it can only be driven away from what it has touched), `fault`. `stop_seq` and `stop_id` echo the newest
-    stop, so that its sender can stop repeating it. `touched` are the sides on which the robot has
-    touched something and has not yet backed away. `button` states whether the robot's own emergency
+    own navigation has not confirmed that it ended), `collision` (it can only be driven away from
+    what it has touched), `fault`. `stop_seq` and `stop_id` echo the newest stop, so that its sender
+    can stop repeating it. `touched` are the sides on which the robot has touched something and has
+    not yet backed away. `button` states whether the robot's own emergency
     button is pressed, absent when the robot has not reported it.
     """
 

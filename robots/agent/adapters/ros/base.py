@@ -205,6 +205,7 @@ class RosAdapter(RemoteAdapter):
         self._advertised = False
         self._next_reading: asyncio.Future[None] | None = None
         self._locked = False
+        self._locking = asyncio.Lock()
         self._lock_problem = ""
 
     # --- the connection ---------------------------------------------------------------------------
@@ -666,6 +667,11 @@ class RosAdapter(RemoteAdapter):
             self._run(self._call_lock(locked=locked))
 
     async def _call_lock(self, *, locked: bool) -> None:
+        async with self._locking:  # of two calls, the newer one counts
+            if self._locked == locked:
+                await self._call_lock_service(locked=locked)
+
+    async def _call_lock_service(self, *, locked: bool) -> None:
         kind, service = self._options.estop_service_type, self._options.estop_service
         if kind == "Trigger" and not locked:
             return  # a Trigger only locks

@@ -191,9 +191,10 @@ class Node:
                 self.guard.beaten_at = time.monotonic()
                 order = json.loads(line)
                 getattr(self, "do_" + order.pop("op"))(**order)
-        except OSError:
-            pass  # as good as the end of the connection
-        self.leave()
+        except (OSError, ValueError):
+            pass  # the connection ended, perhaps in the middle of a line
+        finally:
+            self.leave()
 
     def leave(self) -> None:
         """Stop the robot, and return when nothing of ours can move it any more."""
@@ -606,8 +607,8 @@ class Guard:
             time.sleep(GUARD_PERIOD)
             try:
                 self.look(time.monotonic())
-            except self.node.rospy.ROSException:
-                pass  # a publisher was closed meanwhile
+            except Exception as error:  # without this thread nothing guards the robot
+                self.node.say(op="lost", reason=f"the guard: {error!r}"[:300])
 
     def look(self, now: float) -> None:
         self.watch_server(now)
