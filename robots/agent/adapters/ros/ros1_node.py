@@ -607,7 +607,7 @@ class Guard:
             time.sleep(GUARD_PERIOD)
             try:
                 self.look(time.monotonic())
-            except Exception as error:  # without this thread nothing guards the robot
+            except Exception as error:  # noqa: BLE001 (without this thread nothing guards the robot)
                 self.node.say(op="lost", reason=f"the guard: {error!r}"[:300])
 
     def look(self, now: float) -> None:
