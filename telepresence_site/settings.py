@@ -94,11 +94,6 @@ else:
             env.text("DATABASE_URL", f"sqlite:///{VAR_DIR / 'telepresence.sqlite3'}"),
         )
     }
-if DATABASES["default"]["ENGINE"] == "django.db.backends.postgresql":
-    DATABASES["default"]["CONN_HEALTH_CHECKS"] = True
-    DATABASES["default"]["OPTIONS"] = {"pool": postgresql.POOL} | DATABASES["default"].get(
-        "OPTIONS", {}
-    )
 if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
     env.private_sqlite(str(DATABASES["default"]["NAME"]))
     DATABASES["default"]["OPTIONS"] = {

@@ -1,5 +1,5 @@
-"""The pool of connections to a PostgreSQL; and a PostgreSQL of several servers, of which one at a
-time is the primary: a DATABASE_URL with several hosts, and the connections to it (base.py).
+"""A PostgreSQL of several servers, of which one at a time is the primary: a DATABASE_URL with
+several hosts, and the connections to it (base.py).
 """
 
 import re
@@ -9,9 +9,6 @@ import dj_database_url
 
 ENGINE = "telepresence_site.postgresql"
 PORT = "5432"
-# Each request of a page has a thread of its own, which borrows a connection. A server that is away
-# is asked again at the next request, and each waits for so many seconds.
-POOL = {"min_size": 0, "max_size": 20, "timeout": 5.0, "reconnect_timeout": 1.0}
 # s for which a server may say nothing to a new connection
 CONNECT_SECONDS = 3
 _URL = re.compile(
