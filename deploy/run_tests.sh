@@ -72,9 +72,9 @@ unit() {
 scripts() {
     node --test --test-reporter=dot $(find tests/js -name '*.test.js')
 }
-# These wait for robots and servers most of their time.
+# Nodes of ROS 1 and ROS 2 compute as well, so that there are no more of these than cores.
 servers() {
-    side_by_side "$((cores * 3 / 2))" -m "$1" tests/integration --ignore tests/integration/browser \
+    side_by_side "$cores" -m "$1" tests/integration --ignore tests/integration/browser \
         --ignore tests/integration/accounts --ignore tests/integration/experiments --ignore tests/integration/surveys
 }
 # A browser that shows live video and the robot that sends it take a core of their own.
