@@ -104,6 +104,11 @@ def no_faster(velocity: Velocity, motion: Velocity) -> Velocity:
     )
 
 
+def is_within(velocity: Velocity, largest: Velocity) -> bool:
+    """Tell whether no axis is faster than in `largest`, in either direction."""
+    return abs(velocity.linear) <= largest.linear and abs(velocity.angular) <= largest.angular
+
+
 def approach(
     value: float, target: float, acceleration: float, braking: float, *, dt: float, dt_up: float
 ) -> float:

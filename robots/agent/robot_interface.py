@@ -98,8 +98,9 @@ class Profile:
     `plan` is the site where such a robot stands, a shipped name or a folder, and `start` where it
     stands there when it is connected first; both are empty when the RCA cannot know.
 
-    A robot that is measured slower than `standstill_linear` (m/s) and `standstill_angular` (rad/s)
-    is at rest. `navigation_control` is None for a robot whose RCA does not move it by itself.
+    A robot whose measured speeds do not exceed `standstill_linear` (m/s) and `standstill_angular`
+    (rad/s) is at rest. `navigation_control` is None for a robot whose RCA does not move it by
+    itself.
     """
 
     series: str
@@ -120,6 +121,11 @@ class Profile:
     standstill_linear: float = 0.02
     standstill_angular: float = 0.05
     navigation_control: NavigationControl | None = None
+
+    @property
+    def standstill(self) -> Velocity:
+        """The largest velocity that counts as rest."""
+        return Velocity(linear=self.standstill_linear, angular=self.standstill_angular)
 
 
 @dataclass(frozen=True)
@@ -151,14 +157,15 @@ class RcaState:
     is docked, robots/api/docked.py says. `pose` is `NOWHERE` when the RCA does not localize itself;
     `odometry` is dead reckoning, in a frame of its own that begins anywhere. `clearance` is the
     distance in metres from the footprint to the nearest thing, None when unknown. `contacts` counts
-    the collisions that began since connect(), `distance` the metres driven since then. `estop` is
-    true while the robot's own emergency button is pressed, None until that is reported. `path` is
-    what the robot follows by itself, in map metres, () when that is nothing, None when unknown.
-    `scan`, `sonar` and `points` are what is new since the reading before. `bumper` has the
-    directions, in radians in the robot's frame, in which something touches the robot now: ()
-    nothing, None when that is not known. `assist_why` and `assist_point` say what the assistance of
-    an RCA that has one minds, as in `messages.State`. `battery` and `tilt` have None for what the
-    robot does not know: never a guess.
+    the collisions that began since connect(), `distance` the metres driven since then.
+    `is_measured` is false when `velocity` only repeats an earlier measurement, which does not show
+    that the robot is still at rest. `estop` is true while the robot's own emergency button is
+    pressed, None until that is reported. `path` is what the robot follows by itself, in map metres,
+    () when that is nothing, None when unknown. `scan`, `sonar` and `points` are what is new since
+    the reading before. `bumper` has the directions, in radians in the robot's frame, in which
+    something touches the robot now: () nothing, None when that is not known. `assist_why` and
+    `assist_point` say what the assistance of an RCA that has one minds, as in `messages.State`.
+    `battery` and `tilt` have None for what the robot does not know: never a guess.
     """
 
     stamp: float
@@ -180,6 +187,7 @@ class RcaState:
     sonar: tuple[SonarEcho, ...] = ()
     bumper: tuple[float, ...] | None = None
     points: ObstaclePoints | None = None
+    is_measured: bool = True
 
 
 @dataclass(frozen=True)

@@ -246,7 +246,8 @@ class CommandDispatcher:
     def reading(self, reading: RcaState) -> None:
         """Take what the RCA reports, and say what has changed."""
         before, was_docked = self.reports.reading, self.reports.docked
-        self._kernel.measured(reading.velocity, self._times.now())
+        if reading.is_measured:
+            self._kernel.measured(reading.velocity, self._times.now())
         if reading.estop is not None and self._kernel.button(
             pressed=reading.estop, now=self._times.now(), unix=self._times.unix()
         ):

@@ -47,7 +47,16 @@ from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
-from robots.agent.ramp import ZERO, Caps, assist_speed, caps, check_times, no_faster, ramp
+from robots.agent.ramp import (
+    ZERO,
+    Caps,
+    assist_speed,
+    caps,
+    check_times,
+    is_within,
+    no_faster,
+    ramp,
+)
 from robots.agent.safety.clock_sync import SERVER_PEER, PeerClock, PeerClocks
 from robots.agent.safety.contacts import Contacts, Side
 from robots.agent.safety.controllers import Change, Controller, after
@@ -180,7 +189,7 @@ class Kernel:
         newest_lease: the newest grant known when the agent ended.
         monitor: shapes what a driver asks for, None on a robot that sees no obstacles, or whose
             architecture assists by itself.
-        standstill: a robot whose measured speeds (m/s and rad/s) are below these is at rest.
+        standstill: a robot whose measured speeds (m/s and rad/s) do not exceed these is at rest.
 
     Raises:
         ValueError: deadman or watchdog is too long to stop the robot soon enough.
@@ -223,7 +232,7 @@ class Kernel:
         # An agent that starts in the middle of a drive does not know whether a key is held down.
         self._hold: DriveHold | None = DriveHold(None, None, float("-inf"))
         self._driven_by: Way | None = None  # the transport of the driver's last velocity
-        self._motion = ZERO  # as measured last
+        self._motion, self._measured_at = ZERO, float("-inf")  # as measured last, and when
         self._at_rest_since: float | None = None
         self._sent_zero_since: float | None = None
         self._too_fast_since: float | None = None
@@ -349,7 +358,7 @@ class Kernel:
 
     def measured(self, velocity: Velocity, now: float) -> None:
         """Take how the robot really moves."""
-        self._motion = velocity
+        self._motion, self._measured_at = velocity, now
         if not self._moves():
             if self._at_rest_since is None:
                 self._at_rest_since = now
@@ -687,10 +696,7 @@ class Kernel:
         self._change(Change.DRIVEN)
 
     def _moves(self) -> bool:
-        return (
-            abs(self._motion.linear) > self.standstill.linear
-            or abs(self._motion.angular) > self.standstill.angular
-        )
+        return not is_within(self._motion, self.standstill)
 
     def _watch_motion(self, now: float) -> None:
         """Note since when the robot should be at rest, and whether it is."""
@@ -704,7 +710,7 @@ class Kernel:
         if self._sent_zero_since is None or (self.is_at_rest and not self._moves()):
             self._sent_zero_since = now
         needed = KERNEL.at_rest_after_unbidden if self._moved_unbidden else KERNEL.at_rest_for
-        if self._at_rest_since is not None and now - self._at_rest_since >= needed:
+        if self._at_rest_since is not None and self._measured_at - self._at_rest_since >= needed:
             self._moved_unbidden = False
             self._change(Change.AT_REST)
         if self.is_at_rest and self.navigation and not self.is_end_unconfirmed:

@@ -150,9 +150,9 @@ class Readings:
         """Return all of it; what obstacles were seen is told once. Stamps grow: what only repeats
         what was known is stamped `unix`, now.
         """
-        stamp = self._said if self.fresh else unix
+        is_measured, self.fresh = self.fresh, False
+        stamp = self._said if is_measured else unix
         self._stamp = max(stamp, self._stamp + TICK)
-        self.fresh = False
         scan, self._scan = self._scan, None
         points, self._points = self._points, None
         sonar = tuple(self._sonar)
@@ -173,6 +173,7 @@ class Readings:
             sonar=sonar,
             bumper=self._bumper,
             points=points,
+            is_measured=is_measured,
         )
 
     def _heard(self, stamp: float, now: float) -> None:

@@ -300,6 +300,17 @@ def test_navigation_of_the_rca_that_exceeds_the_limits_is_ended(bench, motion, i
     assert bench.kernel.drain_cancelled() == ended
 
 
+def test_one_measurement_at_rest_is_not_enough_without_another(bench):
+    kernel = bench.kernel
+    kernel.brake(bench.now)
+    kernel.measured(ZERO, bench.now)
+    for _ in range(100):
+        bench.now += TICK
+        assert kernel.tick(bench.now).velocity == ZERO
+    kernel.measured(ZERO, bench.now)
+    assert kernel.tick(bench.now).velocity is None
+
+
 def test_robot_never_measured_at_rest_is_reported(bench):
     bench.run(1.0, every=0.1, linear=0.3)
     bench.motion = m.Velocity(linear=0.0, angular=0.06)
