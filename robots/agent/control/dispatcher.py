@@ -422,7 +422,7 @@ class CommandDispatcher:
     def _heartbeat(self, peer: str, beat: CommandHeartbeat, sender: CommandSender) -> None:
         now = self._times.now()
         self._kernel.clocks.heard(peer, sender.way, beat, now=now, unix=self._times.unix())
-        self._kernel.heard(peer, sender.way, now)
+        self._kernel.heartbeat(peer, sender.way, now)
 
     def _point(self, peer: str, command: PointCommand, sender: CommandSender) -> None:
         """Pass on where one side points; neither the kernel nor the record has to do with it."""

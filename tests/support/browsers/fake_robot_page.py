@@ -441,7 +441,7 @@ class FakeRobotPage:
         now, unix = time.monotonic(), time.time()
         if suffix == "command/heartbeat":
             self.kernel.clocks.heard(peer, sender.way, message, now=now, unix=unix)
-            self.kernel.heard(peer, sender.way, now)
+            self.kernel.heartbeat(peer, sender.way, now)
         elif suffix == "command/velocity":
             verdict = self.kernel.velocity(message, sender, now=now, unix=unix)
             if verdict.reason is None:

@@ -180,7 +180,7 @@ class KernelMachine(RuleBasedStateMachine):
         if now - self.beat_at > 0.5:
             self.quiet_since = max(self.quiet_since, now)
         self.beat_at = now
-        self.kernel.heard("p1", way, now)
+        self.kernel.heartbeat("p1", way, now)
         lease = self.kernel.leases.live(now)
         if lease is not None and now - self.quiet_since >= LET_GO - SLACK:
             self.held = False
@@ -194,7 +194,7 @@ class KernelMachine(RuleBasedStateMachine):
     @rule()
     def server_is_heard(self):
         self.server_beat_at = self.now
-        self.kernel.heard(SERVER_PEER, "mqtt", self.now)
+        self.kernel.heartbeat(SERVER_PEER, "mqtt", self.now)
 
     # --- velocities -------------------------------------------------------------------------------
 

@@ -230,13 +230,13 @@ def test_the_deadline_names_the_moment_of_the_deadman_and_then_nothing(bench):
 
 def test_a_driver_who_was_never_heard_is_not_taken_for_one_who_is_there(bench):
     bench.run(0.2)
-    bench.kernel.heard("p1", "datachannel", bench.now)
+    bench.kernel.heartbeat("p1", "datachannel", bench.now)
     assert bench.kernel.visitor_silence(bench.now) == 0.0
     bench.lease(session="s2", epoch=2, peer="p2")
     assert bench.kernel.visitor_silence(bench.now) is None
-    bench.kernel.heard("p1", "datachannel", bench.now)
+    bench.kernel.heartbeat("p1", "datachannel", bench.now)
     assert bench.kernel.visitor_silence(bench.now) is None, "nobody else's word counts"
-    bench.kernel.heard("p2", "datachannel", bench.now)
+    bench.kernel.heartbeat("p2", "datachannel", bench.now)
     assert bench.kernel.visitor_silence(bench.now + 0.5) == pytest.approx(0.5)
 
 
@@ -468,7 +468,7 @@ def test_heartbeats_that_come_in_one_burst_are_no_second_of_silence(bench):
     bench.stop(way="mqtt", role="staff")
     bench.run(3.0)
     for _ in range(20):
-        bench.kernel.heard("p1", "datachannel", bench.now)
+        bench.kernel.heartbeat("p1", "datachannel", bench.now)
     assert bench.drive(0.5).reason == "stopped"
 
 
@@ -818,7 +818,7 @@ def test_what_the_agents_own_navigation_wants_is_ramped_and_kept_within_lease_an
     bench.run(1.5)
     assert bench.kernel.commanded == m.Velocity(linear=0.2, angular=-0.3)
     bench.wanted = m.Velocity(linear=0.0, angular=0.0)
-    bench.kernel.heard("p1", "datachannel", bench.now)
+    bench.kernel.heartbeat("p1", "datachannel", bench.now)
     bench.run(1.0)
     assert bench.tick().velocity == m.Velocity(linear=0.0, angular=0.0), (
         "zeros go on: they hold the robot in its place"
@@ -854,10 +854,10 @@ def test_a_robot_that_assists_by_itself_is_not_slowed_down_twice():
 def test_navigation_stops_two_seconds_after_the_drivers_last_heartbeat(bench):
     bench.kernel.navigate("g1", "goto", ordered_by_server=False, now=bench.now)
     bench.run(1.5)
-    bench.kernel.heard("p1", "datachannel", bench.now)
+    bench.kernel.heartbeat("p1", "datachannel", bench.now)
     bench.run(1.9)
     assert bench.kernel.navigation
-    bench.kernel.heard("p2", "datachannel", bench.now)
+    bench.kernel.heartbeat("p2", "datachannel", bench.now)
     bench.run(0.2)
     assert bench.kernel.drain_cancelled() == [("g1", "heartbeat_lost")]
 
@@ -870,7 +870,7 @@ def test_return_to_the_dock_goes_on_while_the_server_sends_heartbeats(bench, ans
     for _ in range(20):
         bench.run(0.5)
         if answers:
-            bench.kernel.heard(SERVER_PEER, "mqtt", bench.now)
+            bench.kernel.heartbeat(SERVER_PEER, "mqtt", bench.now)
     assert (bench.kernel.navigation is not None) == answers
     if not answers:
         assert bench.kernel.drain_cancelled() == [("d1", "heartbeat_lost")]
