@@ -3,32 +3,34 @@ from functools import cache
 
 import pytest
 
+from docs import robot_api
 from robots.agent.control import dispatcher, owned_actions, reports
 from robots.agent.ramp import LONGEST_DEADMAN, LONGEST_WATCHDOG
 from robots.agent.safety import freshness, hold, permissions
 from robots.agent.safety.kernel import KERNEL, STANDSTILL
 from robots.api import messages, topics
-from robots.api import reference as made
-from robots.api.reference import classes
 from tests.support.paths import ROOT
 
-generated_files, reference = cache(made.generated_files), cache(made.reference)
+reference = cache(robot_api.reference)
 
 
-@pytest.mark.parametrize("name", sorted(generated_files()))
-def test_what_is_generated_stands_in_the_tree_as_it_is_generated(name):
-    assert (ROOT / name).read_text(encoding="utf-8") == generated_files()[name], (
-        "run python -m robots.api.reference"
+@pytest.mark.parametrize("name", [robot_api.REFERENCE, robot_api.SCHEMA])
+def test_the_reference_and_the_schema_are_up_to_date(name):
+    assert (ROOT / name).read_text(encoding="utf-8") == robot_api.generated_files()[name], (
+        "run make docs"
     )
 
 
-@pytest.mark.parametrize(
-    "topic", [*topics.TABLE, *topics.DATA_CHANNEL_ONLY], ids=lambda topic: topic.suffix
-)
+def test_the_reference_states_the_version_and_the_root_of_the_topics():
+    assert reference().startswith(f"# Robot API, version {messages.VERSION}\n")
+    assert f"- Topics are `{topics.ROOT}/<robot>/<suffix>`." in reference()
+
+
+@pytest.mark.parametrize("topic", robot_api.TOPICS, ids=lambda topic: topic.suffix)
 def test_every_topic_stands_in_the_reference_with_its_messages_and_an_example(topic):
     section = reference().partition(f"### `{topic.suffix}`\n")[2].partition("\n### ")[0]
     assert topic.doc[1:] in section
-    for kind in classes(topic.content):
+    for kind in robot_api.classes(topic.content):
         assert f"#### {kind.__name__}\n" in section
     assert topic.content is bytes or "```json" in section
 
