@@ -73,14 +73,6 @@ class PlanPart(
     """
 
 
-class Placed(PlanPart, frozen=True, kw_only=True):
-    """A pose of the map."""
-
-    x: Metres
-    y: Metres
-    theta: Radians = 0.0
-
-
 class Room(PlanPart, frozen=True, kw_only=True):
     """A room; `polygon` is its floor, in order, not closed."""
 
@@ -223,9 +215,12 @@ class ChargingDock(PlanPart, frozen=True, kw_only=True):
     station: Station
 
 
-class Place(Placed, frozen=True, kw_only=True):
+class Place(PlanPart, frozen=True, kw_only=True):
     """A named place to drive to."""
 
+    x: Metres
+    y: Metres
+    theta: Radians = 0.0
     name: Key
     title: Name
 
@@ -395,19 +390,19 @@ def _flat(plan: FloorPlan) -> Iterator[str]:
         if abs(_area(room.polygon)) < MINIMUM_ROOM:
             yield f"room {room.name!r} has no area"
     for number, wall in enumerate(plan.walls):
-        if _length(wall.start, wall.end) < MINIMUM_LENGTH:
+        if math.dist(wall.start, wall.end) < MINIMUM_LENGTH:
             yield f"wall {number} has no length"
 
 
 def _too_high_or_narrow(plan: FloorPlan) -> Iterator[str]:
     for opening in plan.openings:
-        if _length(opening.start, opening.end) < MINIMUM_DOOR:
+        if math.dist(opening.start, opening.end) < MINIMUM_DOOR:
             yield f"{opening.name!r} is narrower than {MINIMUM_DOOR} m"
         if not 0.0 < opening.height <= plan.ceiling:
             yield f"{opening.name!r} is {opening.height} m high, the ceiling is at {plan.ceiling} m"
     for mirror in plan.mirrors:
         if (
-            _length(mirror.start, mirror.end) < MINIMUM_LENGTH
+            math.dist(mirror.start, mirror.end) < MINIMUM_LENGTH
             or not mirror.bottom < mirror.top <= plan.ceiling
         ):
             yield f"mirror {mirror.name!r} has no surface below the ceiling"
@@ -430,11 +425,14 @@ def _unknown_rooms(plan: FloorPlan) -> Iterator[str]:
 
 
 def _outside(plan: FloorPlan) -> Iterator[str]:
-    stand = [(f"dock {d.name!r}", d.x, d.y) for d in plan.docks] + [
-        (f"furniture {f.name!r}", f.x, f.y) for f in plan.furniture
-    ]
-    stand += [(f"place {p.name!r}", p.x, p.y) for p in plan.places] + [
-        (f"start {s.name!r}", s.x, s.y) for s in plan.starts
+    kinds: dict[str, tuple[ChargingDock | Furniture | Place, ...]] = {
+        "dock": plan.docks,
+        "furniture": plan.furniture,
+        "place": plan.places,
+        "start": plan.starts,
+    }
+    stand = [
+        (f"{kind} {one.name!r}", one.x, one.y) for kind, parts in kinds.items() for one in parts
     ]
     stand += [
         (f"checkpoint {c.number} of {r.type!r}", c.x, c.y)
@@ -480,7 +478,7 @@ def _stray_translations(plan: FloorPlan) -> Iterator[str]:
 
 
 def _on_face(wall: Wall, x: float, y: float) -> bool:
-    length = _length(wall.start, wall.end)
+    length = math.dist(wall.start, wall.end)
     if length < MINIMUM_LENGTH:
         return False
     along = ((wall.end[0] - wall.start[0]) / length, (wall.end[1] - wall.start[1]) / length)
@@ -489,10 +487,6 @@ def _on_face(wall: Wall, x: float, y: float) -> bool:
     return (
         -ON_WALL <= position <= length + ON_WALL and abs(offset - wall.thickness / 2.0) <= ON_WALL
     )
-
-
-def _length(start: Point, end: Point) -> float:
-    return math.dist(start, end)
 
 
 def _area(polygon: tuple[Point, ...]) -> float:
