@@ -14,7 +14,7 @@ from django.utils.formats import sanitize_separators
 from robots.api.floorplan import contains
 from robots.world.robot_models import MODELS
 from robots.world.tracing.docks import station_of
-from robots.world.tracing.joining import joined
+from robots.world.tracing.rooms import joined
 
 Document = dict[str, Any]
 IsFree = Callable[[float, float], bool]

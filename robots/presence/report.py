@@ -20,13 +20,8 @@ def trouble_of(report: Any) -> str:
     """Return why an agent does not reach its robot, as its last state has it; empty when it does,
     or has not said.
     """
-    errors = report.get("errors") if isinstance(report, dict) else None
-    told = (
-        (error for error in errors if isinstance(error, str))
-        if isinstance(errors, list | tuple)
-        else ()
-    )
-    return next((AWAY.sub("", error, count=1) for error in told if AWAY.match(error)), "")
+    found = (error for error in _errors(report) if AWAY.match(error))
+    return AWAY.sub("", next(found, ""), count=1)
 
 
 def standstill_of(report: Any) -> Standstill:
@@ -55,9 +50,13 @@ def is_stopped_there(report: Any) -> bool:
 
 def fault_of(report: Any) -> str:
     """Return a robot's fault as its agent says it, empty when it says none."""
+    return FAULT_NAME.sub("", next(iter(_errors(report)), ""), count=1)
+
+
+def _errors(report: Any) -> list[str]:
     errors = report.get("errors") if isinstance(report, dict) else None
-    first = errors[0] if isinstance(errors, list | tuple) and errors else ""
-    return FAULT_NAME.sub("", first, count=1) if isinstance(first, str) else ""
+    listed = errors if isinstance(errors, list | tuple) else ()
+    return [error for error in listed if isinstance(error, str)]
 
 
 def has_problem(robot: Robot, now: datetime.datetime) -> bool:

@@ -71,10 +71,6 @@ class OccupancyGrid:
     occupied_thresh: float = 0.65
     free_thresh: float = 0.196
 
-    def occupancy(self) -> npt.NDArray[np.float64]:
-        """Return (h, w) from 0, surely free, to 1, surely occupied."""
-        return self._of_values()[self.image]
-
     def occupied(self) -> npt.NDArray[np.bool_]:
         """Return (h, w), True where something stands."""
         return (self._of_values() > self.occupied_thresh)[self.image]
@@ -160,15 +156,6 @@ def _with_unknown(grid: OccupancyGrid, unknown: npt.NDArray[np.bool_]) -> Occupa
     return replace(grid, image=np.where(unknown, np.uint8(value), grid.image))
 
 
-def read_grey(path: Path) -> npt.NDArray[np.uint8]:
-    """Return an image file, PNG or PGM, as (h, w) uint8.
-
-    Raises:
-        MapError: it is not there, no image, or larger than `MAXIMUM_SIDE`.
-    """
-    return decode_grey(_bytes_of(path), str(path))
-
-
 def decode_grey(data: bytes, name: str) -> npt.NDArray[np.uint8]:
     """Return a PNG or PGM as (h, w) uint8; `name` is what errors call it.
 
@@ -212,11 +199,8 @@ def _plain_png(data: bytes) -> bytes:
         ValueError: it is cut off, or its picture is longer than its size allows.
         zlib.error: the picture cannot be unpacked.
     """
-    width, height, depth, colour = (
-        int.from_bytes(data[16:20]),
-        int.from_bytes(data[20:24]),
-        *data[24:26],
-    )
+    width, height = int.from_bytes(data[16:20]), int.from_bytes(data[20:24])
+    depth, colour = data[24:26]
     # with the filter bytes of all rows and the padding of the seven interlaced pictures
     left = height * (width * depth * CHANNELS.get(colour, 4) // 8 + 5) + 64
     inflate, kept = zlib.decompressobj(), [PNG]
@@ -273,16 +257,11 @@ def encode_png(image: npt.NDArray[np.uint8]) -> bytes:
 
     grey = image.ndim == 2
     codec = av.CodecContext.create("png", "w")
-    codec.width, codec.height, codec.pix_fmt = (
-        image.shape[1],
-        image.shape[0],
-        "gray" if grey else "rgb24",
-    )
+    codec.height, codec.width = image.shape[:2]
+    codec.pix_fmt = "gray" if grey else "rgb24"
     codec.time_base = Fraction(1)
-    packets = codec.encode(av.VideoFrame.from_ndarray(image, format=codec.pix_fmt)) + codec.encode(
-        None
-    )
-    return b"".join(bytes(packet) for packet in packets)
+    frame = av.VideoFrame.from_ndarray(image, format=codec.pix_fmt)
+    return b"".join(bytes(packet) for packet in (*codec.encode(frame), *codec.encode(None)))
 
 
 def write_grid(grid: OccupancyGrid, directory: Path) -> None:

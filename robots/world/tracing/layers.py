@@ -64,11 +64,6 @@ class Layers:
         up = (self.free.shape[0] - rows - 0.5) * self.resolution
         return np.column_stack([right, up])
 
-    def centres_of(self, mask: Bools) -> Floats:
-        """Return the centres (n, 2) of the cells of a mask (h, w)."""
-        rows, columns = mask.nonzero()
-        return self.centres(rows, columns)
-
     def at(self, mask: Bools, points: Floats) -> Bools:
         """Return a mask's values (n,) at points (n, 2), False outside of the map."""
         return self._at(mask, points, np.zeros(len(points), dtype=np.bool_))

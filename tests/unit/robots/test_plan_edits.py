@@ -9,7 +9,7 @@ from django.utils import translation
 from robots.api import floorplan
 from robots.plan_edits import EditError, checkpoints_of, edited, openings_of, with_new
 from robots.world.sites import SHIPPED
-from robots.world.tracing.joining import joined
+from robots.world.tracing.rooms import joined
 from tests.support.agents.mapped_building import building
 
 WORDS = {"place": "Place", "dock": "Station", "checkpoint": "Checkpoint", "opening": "Opening"}
