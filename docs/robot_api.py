@@ -87,7 +87,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def reference() -> str:
-    """Return the reference: its own first half, and what is generated."""
+    """Return the reference: the part that is written by hand, then the generated one."""
     parts = [_topic_table(), "## Messages\n", *map(_topic_section, TOPICS)]
     parts += ["## Parts\n", *(_class_section(kind, "###") for kind in _parts())]
     parts += ["## Between servers\n", _class_section(m.ManagerStatus, "###")]

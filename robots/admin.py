@@ -115,8 +115,8 @@ class RobotAdmin(DoorPage, KeyPages):
         "driver",
         "seen",
         "sessions",
-        "told_factsheet",
-        "told_state",
+        "reported_factsheet",
+        "reported_state",
     )
     fieldsets = (
         (
@@ -154,7 +154,7 @@ class RobotAdmin(DoorPage, KeyPages):
         ),
         (
             _("Reported by the robot"),
-            {"fields": ("told_factsheet", "told_state"), "classes": ("collapse",)},
+            {"fields": ("reported_factsheet", "reported_state"), "classes": ("collapse",)},
         ),
     )
 
@@ -208,9 +208,10 @@ class RobotAdmin(DoorPage, KeyPages):
 
     def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:
         super().save_formset(request, form, formset, change)
-        added, gone = getattr(formset, "new_objects", []), getattr(formset, "deleted_objects", [])
+        added = getattr(formset, "new_objects", [])
+        removed = getattr(formset, "deleted_objects", [])
         changed = [permit for permit, _fields in getattr(formset, "changed_objects", [])]
-        for act, permits in (("permit_granted", [*added, *changed]), ("permit_taken", gone)):
+        for act, permits in (("permit_granted", [*added, *changed]), ("permit_taken", removed)):
             for permit in permits:
                 audit.note(
                     act,
@@ -263,7 +264,7 @@ class RobotAdmin(DoorPage, KeyPages):
 
     @admin.display(description=_("docking"))
     def docked(self, robot: Robot) -> str:
-        """Whether it stands in its dock; out of it is no fault, so that there is no red cross."""
+        """Whether it is docked. Being undocked is no fault, so the column shows no red cross."""
         return (
             gettext("docked")
             if robot.presence.report and robot.presence.report.get("docked")
@@ -384,11 +385,11 @@ class RobotAdmin(DoorPage, KeyPages):
         )
 
     @admin.display(description=_("factsheet"))
-    def told_factsheet(self, robot: Robot) -> str | SafeString:
+    def reported_factsheet(self, robot: Robot) -> str | SafeString:
         return _shown(robot.presence.factsheet)
 
     @admin.display(description=_("last state"))
-    def told_state(self, robot: Robot) -> str | SafeString:
+    def reported_state(self, robot: Robot) -> str | SafeString:
         return _shown(robot.presence.report)
 
     # --- pages and actions ------------------------------------------------------------------------

@@ -34,8 +34,8 @@ def keep_site(directory: Path, sites: Path) -> Path:
     """Copy a site's folder to `sites`/<map id>, in place of what was there, and return the copy:
     what a simulator takes as its plan.
 
-    The map is written anew, as what was checked: the image that the folder's map.yaml names may lie
-    anywhere.
+    The map is written again from the data that was checked: the image that the folder's map.yaml
+    names may be anywhere.
 
     Raises:
         FloorPlanRefusedError: a file is missing or cannot be used.

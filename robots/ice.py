@@ -39,8 +39,8 @@ def ice_servers(name: str, now: float) -> tuple[IceServer, ...]:
 
 
 class IceCredentials:
-    """The servers for one name, for connections that begin at any time: their credentials are made
-    anew when half of their lifetime is over.
+    """The servers for one name, for connections that begin at any time: the credentials are renewed
+    after half of their lifetime.
     """
 
     def __init__(self, name: str) -> None:

@@ -228,7 +228,7 @@ def _docks(plan: Document, fields: Mapping[str, str]) -> list[Document]:
         series = fields.get(f"{prefix}.type", dock["type"])
         degrees = _number(fields, f"{prefix}.heading", math.degrees(dock["theta"]))
         x, y = _point(fields, prefix, ("x", "y"), [dock["x"], dock["y"]])
-        # a heading that nobody changed keeps its digits
+        # an unchanged heading keeps its digits, of which the page shows fewer
         same = abs(degrees - round(math.degrees(dock["theta"]), 1)) < 0.05
         moved = {
             **dock,
@@ -255,9 +255,7 @@ def _places(plan: Document, fields: Mapping[str, str]) -> list[Document]:
 
 
 def _routes(plan: Document, fields: Mapping[str, str], docks: list[Document]) -> list[Document]:
-    """Return a route for each robot that has checkpoints and a dock, numbered anew, the dock
-    first.
-    """
+    """Return a route for each robot that has checkpoints and a dock, numbered from the dock on."""
     moved: dict[str, list[Document]] = {}
     for number, checkpoint in enumerate(checkpoints_of(plan)):
         prefix = f"checkpoints.{number}"
@@ -330,7 +328,7 @@ def _number(fields: Mapping[str, str], name: str, old: float) -> float:
 def _point(
     fields: Mapping[str, str], prefix: str, keys: tuple[str, str], old: list[float]
 ) -> list[float]:
-    """Return a point; one that nobody moved keeps its digits, though the page shows fewer."""
+    """Return a point; one that was not moved keeps its digits, of which the page shows fewer."""
     new = [_number(fields, f"{prefix}.{key}", was) for key, was in zip(keys, old, strict=True)]
     moved = any(abs(a - b) > 0.006 for a, b in zip(new, old, strict=True))
     return [round(value, 3) for value in new] if moved else list(old)

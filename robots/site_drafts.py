@@ -23,7 +23,7 @@ from robots.world.tracing.structure import TracingError
 
 
 def titles() -> Titles:
-    """Return what the parts are called at first, in the language of whoever asks."""
+    """Return the first titles of the parts, in the language of the request."""
     return Titles(
         room=_("Room"),
         corridor=_("Corridor"),

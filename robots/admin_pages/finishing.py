@@ -1,8 +1,8 @@
 """The page that finishes a floor plan: a plan is proposed from its map, then rooms get their names,
 and openings, charging stations, places and checkpoints are moved to where they belong.
 
-What is not stored yet travels with the form, so that several people at one plan cannot see each
-other's half work; it is read as strictly as a file.
+An unsaved draft is part of the form, so that several people who edit one plan do not see each
+other's drafts; it is validated as strictly as a file.
 """
 
 import contextlib
@@ -33,7 +33,7 @@ class FinishingPage(OfRobots):
     """A part of the administration of floor plans."""
 
     def finish_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Show the plan; a POST changes what is shown, or stores it."""
+        """Show the plan; a POST changes the draft on the page, or stores it."""
         row: FloorPlan | None = self.get_object(request, str(pk))
         if row is None:
             raise Http404
@@ -73,7 +73,7 @@ class FinishingPage(OfRobots):
         return HttpResponseRedirect(request.path)
 
     def _saved(self, request: HttpRequest, row: FloorPlan, draft: Document) -> tuple[str, ...]:
-        """Store the plan; return what is wrong with it instead, when something is."""
+        """Store the plan, or return the problems that keep it from being stored."""
         try:
             grid = grid_of(row)
             _row, kept = store_site(checked(draft, grid), grid)

@@ -1,14 +1,14 @@
-"""A site as data: plan.json, which stands beside the map_server image of the same place.
+"""A site as data: plan.json, in the folder of the map_server image of the same place.
 
 The simulator builds its walls, rooms and pictures from it; the server and the page's map take
 names, doors, docks, checkpoints and places. Metres and radians in the frame of the map. On the wire
 it is camelCase JSON, like every other message.
 
-Titles are in one language, English in the sites that we ship; `translations` says them in others,
-and `in_language` puts them in their place. Robots are not told: they go by names.
+Titles are in one language, English in the sites that we ship; `translations` has them in others,
+and `in_language` applies these. Robots do not get the translations: they use names, not titles.
 
-Two layers of checks: msgspec refuses what is malformed, `problems()` what is well-formed and cannot
-be a place.
+Two layers of checks: msgspec refuses a malformed plan, `problems()` lists why a well-formed one
+cannot be a place.
 """
 
 import math
@@ -53,7 +53,7 @@ ON_WALL = 0.02  # a decoration or mirror may lie this far off the face of its wa
 
 
 class FloorPlanError(ValueError):
-    """A plan that cannot be used; `problems` says, one sentence each, what is wrong and where."""
+    """A plan that cannot be used; `problems` has one sentence for each error and its place."""
 
     def __init__(self, problems: tuple[str, ...]) -> None:
         super().__init__("; ".join(problems))
@@ -68,8 +68,8 @@ class PlanPart(
     omit_defaults=True,
     forbid_unknown_fields=True,
 ):
-    """Base of everything in a plan. Unknown fields are refused: in a file made by hand they are
-    slips of the pen.
+    """Base of everything in a plan. Unknown fields are refused: in a file written by hand they are
+    typing errors.
     """
 
 
@@ -159,7 +159,7 @@ class Mirror(PlanPart, frozen=True, kw_only=True):
 
 
 class Furniture(PlanPart, frozen=True, kw_only=True):
-    """A thing that stands on the floor.
+    """A piece of furniture on the floor.
 
     A box is `width` along its own x and `depth` along its y, its front looks to -y; a cylinder is
     `width` across.
@@ -178,8 +178,8 @@ class Furniture(PlanPart, frozen=True, kw_only=True):
 
 
 class Rug(PlanPart, frozen=True, kw_only=True):
-    """Something flat on the floor that nobody bumps into: `width` along its own x, `depth` along
-    its y.
+    """Something flat on the floor that is no obstacle: `width` along its own x, `depth` along its
+    y.
     """
 
     x: Metres
@@ -357,7 +357,7 @@ def contains(polygon: tuple[Point, ...], x: float, y: float) -> bool:
 
 
 def problems(plan: FloorPlan) -> tuple[str, ...]:
-    """Return what is wrong with a well-formed plan, one sentence each; empty when nothing is."""
+    """Return a sentence for each error of a well-formed plan; empty when there is none."""
     return (
         *_double_names(plan),
         *_flat(plan),

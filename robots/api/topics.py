@@ -12,7 +12,7 @@ from robots.api import messages as m
 ROOT = "telepresence/v1"
 SERVER = f"{ROOT}/server"
 MANAGER_STATUS = f"{SERVER}/manager"
-PROBE = f"{SERVER}/probe"  # nobody listens: a web process asks the broker for its acknowledgement
+PROBE = f"{SERVER}/probe"  # without subscribers: a web process tests that the broker acknowledges
 Direction = Literal["from_robot", "to_robot"]
 KIB = 1024
 

@@ -6,8 +6,8 @@ An image value v means the occupancy (255 - v) / 255, or v / 255 when the file s
 
 In the mode `scale` the values between the thresholds are how likely a cell is occupied. Neither is
 certain, so for driving they are unknown, too. In the mode `raw` a value from 0 to 100 is itself the
-occupancy in percent, and everything above is unknown. In a PNG, what is not opaque is unknown
-(nav2_map_server, map_io.cpp). A map is turned into the first form when it is read.
+occupancy in percent, and everything above is unknown. In a PNG, pixels that are not opaque are
+unknown (nav2_map_server, map_io.cpp). Reading a map converts it to the mode `trinary`.
 """
 
 import io
@@ -42,12 +42,12 @@ _PGM = re.compile(rb"P[25]" + _BETWEEN + rb"(\d{1,9})" + _BETWEEN + rb"(\d{1,9})
 
 
 class MapError(ValueError):
-    """A map that cannot be read; the message names the file and what is wrong with it."""
+    """A map that cannot be read; the message names the file and the error."""
 
 
 class _PlainYaml(yaml.BaseLoader):
-    """YAML whose scalars are all text, without aliases: a line of them can stand for gigabytes, and
-    a number of YAML 1.1 take minutes to compute.
+    """YAML whose scalars are all text, without aliases: a line of aliases can expand to gigabytes,
+    and a number of YAML 1.1 can take minutes to compute.
     """
 
     def compose_node(self, parent: Any, index: Any) -> Any:
@@ -177,7 +177,7 @@ def _decoded(data: bytes, name: str) -> tuple[npt.NDArray[np.uint8], npt.NDArray
     import av  # noqa: PLC0415 -- a sixth of the time that a simulator takes to load
 
     # opening it would already unpack a picture of any size
-    _check_size(*_told_size(data[:HEADER_BYTES], name), name)
+    _check_size(*_declared_size(data[:HEADER_BYTES], name), name)
     is_png = data.startswith(PNG)
     try:
         plain = io.BytesIO(_plain_png(data) if is_png else data)
@@ -229,9 +229,8 @@ def _chunks(data: bytes) -> Iterator[tuple[bytes, bytes]]:
         start = end
 
 
-def _told_size(start: bytes, name: str) -> tuple[int, int]:
-    """Return (width, height) as the beginning of a PNG (ISO/IEC 15948, 11.2.2) or PGM file tells
-    it.
+def _declared_size(start: bytes, name: str) -> tuple[int, int]:
+    """Return (width, height) as the header of a PNG (ISO/IEC 15948, 11.2.2) or PGM file has it.
 
     FFmpeg also reads a PNG whose first chunk is another than IHDR, and many other formats: of those
     the size is not known, and they are refused.

@@ -18,7 +18,7 @@ from robots.api.geometry import Pose2D
 from robots.world.grid import OccupancyGrid
 from robots.world.render_plan import RESOLUTION, rasterise
 
-# metres from the middle of the widest robot to its side: what a way must leave free
+# metres from the centre of the widest robot to its side: the clearance that a route needs
 HALF_WIDTH = 0.28
 BACKED_OUT = 0.6  # metres behind the docked pose, where docking begins
 # least share of the plan's walls that the map must show; one made by a robot misses some
@@ -30,16 +30,14 @@ MOST_CELLS = 200_000  # of a drawing; that of a very large plan is coarser
 OTHER_SCALES = (0.5, 0.8, 0.9, 1.1, 1.25, 2.0)
 MUCH_BETTER = 0.15
 MOST_SAMPLES = 5000
-SAMPLE = 0.1  # metres between the points that are looked at
+SAMPLE = 0.1  # metres between the points that are checked
 
 Floats = npt.NDArray[np.float64]
 Spots = list[tuple[str, float, float]]
 
 
 def inspect_site(plan: FloorPlan, grid: OccupancyGrid) -> tuple[str, ...]:
-    """Return what is wrong with a well-formed plan and its map, one sentence each; empty when
-    nothing is.
-    """
+    """Return a sentence for each error of a well-formed plan and its map; empty without any."""
     if not grid.free().any():
         return ("the map has no free cell: check `negate`",)
     drawn = drawn_plan(plan)
@@ -52,8 +50,8 @@ def inspect_site(plan: FloorPlan, grid: OccupancyGrid) -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Floor:
-    """A map as a robot's middle meets it: `clearance` (h, w) metres from what is not free, `region`
-    (h, w) numbers of connected floor.
+    """Where on a map a robot's centre can be: `clearance` (h, w) in metres from the nearest cell
+    that is not free, `region` (h, w) numbers of connected floor.
     """
 
     grid: OccupancyGrid
@@ -89,7 +87,7 @@ class Floor:
         ) - {0}
 
     def is_reached(self, x: float, y: float) -> bool:
-        """Tell whether a robot can stand at a point, and get there from most of the floor."""
+        """Tell whether a robot can be at a point, and get there from most of the floor."""
         return self.largest in self.about(x, y, self.grid.transform.resolution)[1] - {0}
 
     def is_open(self, opening: Door | Passage) -> bool:

@@ -15,16 +15,14 @@ from robots.world.inspection import inspect_site
 # base64 of the image must fit into a FloorPlanUpdate, and both of them into its topic.
 MAX_PNG = 512 * 1024
 MAX_TITLE = 120
-# 200 m by 200 m at 5 cm: what is worked out of a map takes several bytes a cell
+# 200 m by 200 m at 5 cm: data computed from a map take several bytes a cell
 MAX_CELLS = 16 * 1024 * 1024
 MAP_ID = re.compile(r"[A-Za-z0-9_-]{1,50}")
 IMAGE_BEGINNINGS = (b"\x89PNG\r\n\x1a\n", b"P5", b"P2")
 
 
 class FloorPlanRefusedError(ValueError):
-    """A floor plan that cannot be stored, in sentences for whoever sent it; `problems` has them one
-    by one.
-    """
+    """A floor plan that cannot be stored; `problems` has a sentence for each reason."""
 
     def __init__(self, *problems: str) -> None:
         super().__init__(" ".join(problems))

@@ -1,6 +1,6 @@
-"""Charging stations proposed on a map: at a straight wall with the most room to back out, which the
-map has where the plan has it. A docked robot sees little but its station and this wall, and finds
-itself by them.
+"""Charging stations proposed on a map: at the straight wall with the most room to back out. Map and
+plan must have this wall at the same place, because a docked robot sees little but its station and
+this wall, and localizes by them.
 """
 
 import math
@@ -26,8 +26,8 @@ class DockParams:
     depth: float = 0.12
     height: float = 0.5
     off_wall: float = 0.03  # between the station's back and the wall's face
-    way_out: float = 1.4  # straight back from the docked pose that must be free
-    clearance: float = 0.42  # on this way, to both sides
+    exit: float = 1.4  # straight back from the docked pose that must be free
+    clearance: float = 0.42  # along the exit, to both sides
     plenty: float = 1.0  # from which more clearance is of no use
     beside: float = 0.15  # along the wall beyond each side of the station
     apart: float = 1.8  # between two stations
@@ -108,7 +108,7 @@ def _clear_behind(structure: Structure, poses: list[Pose2D]) -> list[float]:
     little.
     """
     layers = structure.layers
-    back = np.arange(0.0, DOCK.way_out + DOCK.step, layers.resolution)
+    back = np.arange(0.0, DOCK.exit + DOCK.step, layers.resolution)
     behind = np.column_stack([-back, np.zeros_like(back)])
     points = np.array([points_from_frame(pose, behind) for pose in poses]).reshape(-1, 2)
     clearance = layers.values_at(structure.floor_clearance, points, 0.0)
@@ -134,7 +134,7 @@ def _has_wall(structure: Structure, poses: list[Pose2D], model: RobotModel) -> l
 
 
 def _stands_free(structure: Structure, pose: Pose2D, model: RobotModel) -> bool:
-    """Tell whether nothing is where the station would be, up to two cells before the wall."""
+    """Tell whether the place of the station is free, up to two cells before the wall."""
     layers = structure.layers
     front = station_of(model).distance
     deep = np.arange(0.0, front + DOCK.depth - layers.resolution, layers.resolution)

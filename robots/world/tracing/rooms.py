@@ -41,7 +41,7 @@ class RoomParams:
     least_width: float = 1.0  # metres, of a room
     least_area: float = 2.0  # m²
     closing: float = 0.35  # metres: niches and gaps in furniture that belong to the room
-    deepest: float = 1.0  # metres of what stands at a wall
+    deepest: float = 1.0  # metres, of furniture at a wall
     tolerance: float = 0.12  # metres that a corner of the outline may be off
     least_hole: float = 1.0  # m² of a building's part inside a room
 
@@ -66,8 +66,8 @@ def label_rooms(structure: Structure) -> Labels:
 
 
 def with_things(labels: Labels, solid: Bools, layers: Layers) -> Labels:
-    """Return labels (h, w) that reach into what stands at the walls of each room: a cabinet in a
-    corner lies in the room.
+    """Return labels (h, w) that include the furniture at the walls of each room, such as a cabinet
+    in a corner.
     """
     result = labels
     for _ in range(layers.cells_in(ROOMS.deepest)):

@@ -8,7 +8,7 @@
    between them: a doorway stays open.
 4. Ends that nearly meet meet.
 
-What is too short or too ragged for a wall is left to `obstacles`.
+`obstacles` takes the pieces that are too short or too ragged for a wall.
 """
 
 import math
@@ -35,7 +35,7 @@ class WallParams:
     shortest: float = 0.5  # of a wall, when all pieces have been joined
     covered: float = 0.5  # share of a wall's length at which the map shows something
     inside: float = 0.4  # share of its length at which both sides are occupied: a block, no wall
-    beside: float = 0.5  # the same of one side; only of what is not long
+    beside: float = 0.5  # the same of one side; only for walls that are not long
     straightness: float = 3.5  # length to thickness of a wall, at least, unless it is long
     long: float = 1.5  # from which a wall may be as thick as it is
     turned: float = math.radians(6.0)  # to the building's own directions

@@ -98,7 +98,7 @@ def test_a_robot_that_is_added_is_hidden_and_its_page_says_how_to_connect_it(cli
 
 def test_adding_a_robot_asks_for_nothing_that_only_the_robot_can_tell(client, boss):
     text = client.get(ADD).content.decode()
-    for field in ("online_now", "battery", "docked", "driver", "shown_to_visitors", "told_state"):
+    for field in ("online_now", "battery", "docked", "driver", "shown_to_visitors", "reported_state"):
         assert f"field-{field}" not in text
     assert "field-title" in text
     assert "field-adapter" in text
