@@ -18,7 +18,7 @@ CardState = Literal["available", "busy", "stopped", "offline"]
 # of a robot that is in its station and not ready yet: sessions/leases/readiness.py
 CHECKS = frozenset({"level", "relocalize", "picture", "network"})
 STATES: tuple[CardState, ...] = get_args(CardState)  # in the order of a list
-PICTURES = frozenset({"giraff", "rhodon"})  # the series that have a picture of their own
+PICTURES = ("giraff", "rhodon")  # the series that have a picture of their own
 
 
 @dataclass(frozen=True)
@@ -261,7 +261,8 @@ def _charge(charge: int | None, *, charging: bool) -> str:
 
 
 def _battery(report: Any) -> tuple[int | None, bool]:
-    battery = _part(report, "battery")
+    reported = report.get("battery") if isinstance(report, dict) else None
+    battery = reported if isinstance(reported, dict) else {}
     charge = battery.get("charge")
     percent = (
         round(charge * 100) if isinstance(charge, int | float) and 0.0 <= charge <= 1.0 else None
@@ -270,15 +271,7 @@ def _battery(report: Any) -> tuple[int | None, bool]:
 
 
 def picture_of(robot: Robot) -> str:
-    """Return the static file with the picture of a robot, or of a robot."""
-    return f"img/robots/{_picture(robot.presence.factsheet)}.svg"
-
-
-def _picture(factsheet: Any) -> str:
+    """Return the static file with the picture of a robot's series, or one of any robot."""
+    factsheet = robot.presence.factsheet
     series = factsheet.get("series") if isinstance(factsheet, dict) else None
-    return series if isinstance(series, str) and series in PICTURES else "any"
-
-
-def _part(report: Any, name: str) -> dict[str, Any]:
-    part = report.get(name) if isinstance(report, dict) else None
-    return part if isinstance(part, dict) else {}
+    return f"img/robots/{series if series in PICTURES else 'any'}.svg"

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
+from robots.api.geometry import Pose2D
+from robots.world.sensing import points_from_frame
 from robots.world.solids import Floats
 from robots.world.tracing.layers import EVERYWHERE, Bools, Layers, disc
 from robots.world.tracing.line_regions import principal_axis
@@ -152,8 +154,6 @@ def _floor_in(box: Obstacle, structure: Structure) -> float:
         for side in (box.width, box.depth)
     )
     along, across = (values.ravel() for values in np.meshgrid(a, b))
-    cosine, sine = math.cos(box.direction), math.sin(box.direction)
-    points = np.column_stack(
-        [box.x + along * cosine - across * sine, box.y + along * sine + across * cosine]
-    )
+    frame = Pose2D(box.x, box.y, box.direction)
+    points = points_from_frame(frame, np.column_stack([along, across]))
     return float(layers.at(structure.floor, points).mean())
