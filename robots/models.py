@@ -4,6 +4,7 @@ import base64
 import datetime
 import re
 import uuid
+from collections.abc import Mapping
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -348,10 +349,8 @@ class Robot(models.Model):
         """Return the description in the language of the page that is being made."""
         return self._words_in(get_language() or "").get("description") or self.description
 
-    def _words_in(self, language: str) -> dict[str, str]:
-        offered: dict[str, dict[str, str]] = self.translations or {}
-        language = language.lower()
-        return offered.get(language) or offered.get(language.partition("-")[0]) or {}
+    def _words_in(self, language: str) -> Mapping[str, str]:
+        return floorplan.translation(self.translations or {}, language)
 
     def doors_in(self, language: str) -> list[dict[str, Any]]:
         """Return the doors of its site: name, title, and the state that the server has set or the

@@ -322,14 +322,18 @@ def encode(plan: FloorPlan) -> bytes:
 
 def in_language(plan: Mapping[str, Any], language: str) -> dict[str, Any]:
     """Return a plan, as JSON has it, with its titles in a language, or as they are where there is
-    no translation, and without the translations. `es-mx` is content with `es`.
+    no translation, and without the translations.
     """
-    offered = plan.get("translations", {})
-    language = language.lower()
-    words = offered.get(language) or offered.get(language.partition("-")[0]) or {}
+    words = translation(plan.get("translations", {}), language)
     return {
         name: _translated(value, words) for name, value in plan.items() if name != "translations"
     } | ({"title": words.get(plan["title"], plan["title"])} if "title" in plan else {})
+
+
+def translation(offered: Mapping[str, Mapping[str, str]], language: str) -> Mapping[str, str]:
+    """Return the words that are offered in a language, such as `es-mx`, or else in `es`."""
+    language = language.lower()
+    return offered.get(language) or offered.get(language.partition("-")[0]) or {}
 
 
 def _translated(value: Any, words: Mapping[str, str]) -> Any:

@@ -17,6 +17,7 @@ from robots.api.floorplan import ChargingDock, Door, FloorPlan, Passage
 from robots.api.geometry import Pose2D
 from robots.world.grid import OccupancyGrid
 from robots.world.render_plan import RESOLUTION, rasterise
+from robots.world.sensing import points_in_frame
 
 # metres from the centre of the widest robot to its side: the clearance that a route needs
 HALF_WIDTH = 0.28
@@ -77,18 +78,15 @@ class Floor:
         """Return the greatest clearance within `radius` of a point, and the regions there."""
         row, column = self.grid.transform.to_cell(x, y)
         reach = math.ceil(radius / self.grid.transform.resolution)
-        rows, columns = (
-            slice(max(0, row - reach), max(0, row + reach + 1)),
-            slice(max(0, column - reach), max(0, column + reach + 1)),
-        )
-        found = self.clearance[rows, columns]
-        return (float(found.max()) if found.size else 0.0), set(
-            np.unique(self.region[rows, columns]).tolist()
-        ) - {0}
+        rows = slice(max(0, row - reach), max(0, row + reach + 1))
+        columns = slice(max(0, column - reach), max(0, column + reach + 1))
+        clearance = self.clearance[rows, columns]
+        regions = set(np.unique(self.region[rows, columns]).tolist()) - {0}
+        return (float(clearance.max()) if clearance.size else 0.0), regions
 
     def is_reached(self, x: float, y: float) -> bool:
         """Tell whether a robot can be at a point, and get there from most of the floor."""
-        return self.largest in self.about(x, y, self.grid.transform.resolution)[1] - {0}
+        return self.largest in self.about(x, y, self.grid.transform.resolution)[1]
 
     def is_open(self, opening: Door | Passage) -> bool:
         """Tell whether a robot fits through an opening."""
@@ -200,14 +198,10 @@ def _cells(
     """Return the rows and columns of (n, 2) points of the world, moved to the border where they lie
     outside.
     """
-    origin, (height, width) = grid.transform.origin, grid.image.shape
-    cosine, sine = math.cos(origin.theta), math.sin(origin.theta)
-    dx, dy = points[:, 0] - origin.x, points[:, 1] - origin.y
-    columns = np.floor((cosine * dx + sine * dy) / grid.transform.resolution).astype(np.intp)
-    rows = (
-        height - 1 - np.floor((cosine * dy - sine * dx) / grid.transform.resolution).astype(np.intp)
-    )
-    return np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)
+    height, width = grid.image.shape
+    in_map = points_in_frame(grid.transform.origin, points) / grid.transform.resolution
+    columns, up = np.floor(in_map).astype(np.intp).T
+    return np.clip(height - 1 - up, 0, height - 1), np.clip(columns, 0, width - 1)
 
 
 def drawn_plan(plan: FloorPlan) -> OccupancyGrid:

@@ -36,14 +36,10 @@ def read_folder(directory: Path) -> dict[str, Any]:
         FloorPlanRefusedError: a file is missing or cannot be used.
     """
     try:
-        plan = floorplan.decode((directory / "plan.json").read_bytes())
+        plan = _plan((directory / "plan.json").read_bytes())
         grid = load_grid(directory / "map.yaml")
     except OSError as error:
         raise FloorPlanRefusedError(f"{error.filename}: {error.strerror}.") from error
-    except FloorPlanError as error:
-        raise FloorPlanRefusedError(
-            *(f"plan.json: {problem}." for problem in error.problems)
-        ) from error
     except MapError as error:
         raise FloorPlanRefusedError(f"{error}.") from error
     return _values(plan.map_id, plan.title, grid, plan)
@@ -58,7 +54,7 @@ def read_upload(
     Raises:
         FloorPlanRefusedError: something cannot be used.
     """
-    plan = _plan(plan_json)
+    plan = None if plan_json is None else _plan(plan_json)
     name, title = (plan.map_id, title or plan.title) if plan is not None else (name, title)
     if not name or not title:
         raise FloorPlanRefusedError(
@@ -67,9 +63,7 @@ def read_upload(
     return _values(name, title, _grid(map_yaml, image), plan)
 
 
-def _plan(data: bytes | None) -> floorplan.FloorPlan | None:
-    if data is None:
-        return None
+def _plan(data: bytes) -> floorplan.FloorPlan:
     try:
         return floorplan.decode(data)
     except FloorPlanError as error:

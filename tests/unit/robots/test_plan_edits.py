@@ -55,7 +55,7 @@ def test_a_path_that_was_drawn_for_other_checkpoints_is_left_out():
     assert moved["routes"][1] == plan["routes"][1]
 
 
-def test_what_the_page_shows_rounded_keeps_its_digits_when_nobody_moves_it():
+def test_values_that_the_page_shows_rounded_keep_their_digits_until_moved():
     plan = document() | {"places": [{"name": "a", "title": "A", "x": 1.2345, "y": 4.5678}]}
     fields = {"places.0.x": "1.23", "places.0.y": "4.57", "places.0.title": "A"}
     assert edited(plan, fields, anywhere)["places"] == plan["places"]

@@ -27,7 +27,7 @@ def test_the_reference_states_the_version_and_the_root_of_the_topics():
 
 
 @pytest.mark.parametrize("topic", robot_api.TOPICS, ids=lambda topic: topic.suffix)
-def test_every_topic_stands_in_the_reference_with_its_messages_and_an_example(topic):
+def test_the_reference_has_every_topic_with_its_messages_and_an_example(topic):
     section = reference().partition(f"### `{topic.suffix}`\n")[2].partition("\n### ")[0]
     assert topic.doc[1:] in section
     for kind in robot_api.classes(topic.content):
@@ -51,7 +51,7 @@ def rules():
     return " ".join(text.partition("\n## ")[0].split())
 
 
-def test_every_reason_for_a_refusal_stands_among_the_rules_of_an_agent():
+def test_the_rules_of_an_agent_name_every_reason_for_a_refusal():
     table = (ROOT / "docs/explanation/safety.md").read_text(encoding="utf-8")
     rows = table.partition("## Refusal reasons")[2].partition("**Releasing")[0].splitlines()
     cells = [row.partition(" | ")[0] for row in rows if row.startswith("|")]
@@ -60,7 +60,7 @@ def test_every_reason_for_a_refusal_stands_among_the_rules_of_an_agent():
     assert {reason for reason in reasons if f"`{reason}`" not in rules()} == set()
 
 
-def test_what_needs_no_lease_stands_among_the_rules_of_an_agent():
+def test_the_rules_of_an_agent_name_the_actions_without_a_lease():
     (sentence,) = re.findall(r"Without a lease .*? never the driver's", rules())
     for kind, roles in permissions.WITHOUT_LEASE.items():
         assert f"`{kind.__struct_config__.tag}`" in sentence

@@ -170,7 +170,7 @@ def test_another_mode_is_refused_by_its_name(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("mode", ["trinary", "scale", "raw"])
 @pytest.mark.parametrize("negate", ["0", "1"])
-def test_what_is_transparent_is_unknown(tmp_path: Path, mode: str, negate: str) -> None:
+def test_transparent_pixels_are_unknown(tmp_path: Path, mode: str, negate: str) -> None:
     grey = np.array([[0, 254, 0, 254]], dtype=np.uint8)
     alpha = np.array([[255, 255, 0, 127]], dtype=np.uint8)
     Image.fromarray(np.dstack([grey, grey, grey, alpha])).save(tmp_path / "map.png")
