@@ -69,7 +69,7 @@ screenshots: setup-dev test-packages
 	SCREENSHOTS=var/screenshots/es SCREENSHOTS_LANGUAGE=es $(BIN)/python -m pytest -q tests/integration/browser/pages/test_accessibility.py -k "strangers or visitors or step"
 
 docs: setup-dev
-	$(BIN)/python -m robots.api.reference
+	$(BIN)/python -m docs.robot_api
 
 messages: setup-dev
 	@sh deploy/messages.sh $(BIN)/python

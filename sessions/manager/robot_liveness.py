@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from robots.api.idle import HEARD_SECONDS
+from robots.api.idle import ONLINE_SECONDS
 from robots.api.messages import ActionStatus, Connection, Heartbeat, State
 from robots.bridge.known import refutation
 from sessions.leases.transitions import RobotLink
@@ -110,7 +110,7 @@ class RobotLiveness:
 
     def is_present(self, now: float) -> bool:
         """Tell whether the robot was heard of lately; an idle one is silent for half a minute."""
-        return now - self.last_received_at < HEARD_SECONDS
+        return now - self.last_received_at < ONLINE_SECONDS
 
     def is_awake(self, now: float) -> bool:
         """Tell whether the robot speaks at its full rate."""

@@ -154,7 +154,7 @@ class Demo:
             with self.terminal.step("start over"):
                 self._reset()
         with self.terminal.step("database"):
-            call_command("migrate", verbosity=0)
+            call_command("migrate", verbosity=0, skip_checks=False)
         with self.terminal.step("static files"):
             call_command("collectstatic", verbosity=0, interactive=False)
         with self.terminal.step("people, floor plan, robots"):

@@ -208,7 +208,7 @@ def test_a_busy_robot_says_which_place_one_would_have_and_for_how_long(waiting, 
     ],
 )
 @pytest.mark.parametrize("changes", [{}, {"held": True}])
-def test_who_waits_reads_their_own_place_and_is_led_back_to_it(minutes, words, changes):
+def test_the_card_shows_a_waiting_visitor_their_place_and_leads_back_to_it(minutes, words, changes):
     it = shown(Traffic(driven=True, waiting=3, place=2, minutes=minutes), **changes)
     assert (it.state, it.detail, it.action, it.own) == ("busy", words, "Back to the queue", True)
 
@@ -228,7 +228,7 @@ def test_an_emergency_stop_is_told_before_what_is_not_reached():
     assert shown(report={**LOST, "safety": {"estop": True}}).label == "Stopped"
 
 
-def test_what_an_offline_robot_did_not_reach_is_over():
+def test_an_offline_robot_that_was_not_reached_is_shown_as_offline():
     assert shown(connection="OFFLINE", report=LOST).state == "offline"
 
 
@@ -245,6 +245,6 @@ def test_a_robot_that_somebody_beside_it_has_stopped_says_so(source):
     assert shown(report=report).detail.startswith("Stopped by someone next to it.")
 
 
-def test_what_keeps_a_robot_from_a_single_command_is_no_standstill():
+def test_a_reason_that_refuses_single_commands_is_no_standstill():
     for inhibited in ("collision", "stopped", "no_lease"):
         assert shown(report={"safety": {"inhibited": inhibited}}).state == "available"
