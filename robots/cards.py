@@ -119,7 +119,7 @@ def _instead(robot: Robot, state: CardState, traffic: Traffic) -> tuple[str, str
         return _stopped(robot)
     if state == "available" and was_stopped(robot):
         return _("Stopped"), _(
-            "Someone stopped it after the last visit. It is released when you start to drive."
+            "Someone stopped it after the last visit. It can move again once you start to drive."
         )
     return _away(robot) if state == "busy" and not traffic.driven else None
 

@@ -161,7 +161,7 @@ def test_a_robot_that_was_stopped_between_visits_is_free_and_says_so():
     assert (it.state, it.label, it.action) == ("available", "Stopped", "Drive Giraff")
     assert (
         it.detail
-        == "Someone stopped it after the last visit. It is released when you start to drive."
+        == "Someone stopped it after the last visit. It can move again once you start to drive."
     )
     assert shown(Traffic(driven=True), **stopped).label == "In use"
 
