@@ -39,6 +39,7 @@ class Traffic:
 class RobotCard:
     """A robot as the list shows it, in the language of the request.
 
+    `badge` is the look of the label: the state, or `held` of a free robot that was stopped.
     `charge` is in percent, None when nobody knows; `battery` says it in words, empty of a robot
     that is away. `drives` tells that the button means driving, now or in turn; `for_experienced`
     that it is not the first robot to drive, `own` that the reader drives it or waits for it.
@@ -50,6 +51,7 @@ class RobotCard:
     place: str
     picture: str
     state: CardState
+    badge: CardState | Literal["held"]
     label: str
     detail: str
     charge: int | None
@@ -84,6 +86,7 @@ def card(
         place=robot.floor_plan.shown_title if robot.floor_plan else "",
         picture=picture_of(robot),
         state=state,
+        badge="held" if state == "available" and was_stopped(robot) else state,
         label=away[0] if away else _label(state, own=traffic.own),
         detail=_barred(barred) or _detail(state, robot, traffic, now, away),
         charge=charge,
