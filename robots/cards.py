@@ -39,6 +39,7 @@ class Traffic:
 class RobotCard:
     """A robot as the list shows it, in the language of the request.
 
+    `badge` is the look of the label: the state, or `held` of a free robot that was stopped.
     `charge` is in percent, None when it is unknown; `battery` is the same as text, empty when the
     robot is offline. `drives`: the button leads to driving, now or in turn; `for_experienced`: not
     for a first drive; `own`: the reader drives it or waits for it.
@@ -50,6 +51,7 @@ class RobotCard:
     place: str
     picture: str
     state: CardState
+    badge: CardState | Literal["held"]
     label: str
     detail: str
     charge: int | None
@@ -84,6 +86,7 @@ def card(
         place=robot.floor_plan.shown_title if robot.floor_plan else "",
         picture=picture_of(robot),
         state=state,
+        badge="held" if state == "available" and was_stopped(robot) else state,
         label=away[0] if away else _label(state, own=traffic.own),
         detail=_barred(barred) or _detail(state, robot, traffic, now, away),
         charge=charge,
@@ -119,7 +122,7 @@ def _instead(robot: Robot, state: CardState, traffic: Traffic) -> tuple[str, str
         return _stopped(robot)
     if state == "available" and was_stopped(robot):
         return _("Stopped"), _(
-            "Someone stopped it after the last visit. It is released when you start to drive."
+            "Someone stopped it after the last visit. It can move again once you start to drive."
         )
     return _away(robot) if state == "busy" and not traffic.driven else None
 

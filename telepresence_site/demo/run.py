@@ -3,6 +3,7 @@ is, and end it all.
 """
 
 import datetime
+import fcntl
 import os
 import secrets
 import shutil
@@ -105,6 +106,26 @@ def require_free(host: str, port: int) -> None:
                 f"Port {port} is in use: stop the program that uses it, or choose "
                 f"another one with make demo PORT={port % 64000 + 1}."
             ) from error
+
+
+@contextmanager
+def only_demo_in(folder: Path) -> Iterator[None]:
+    """Keep a second demo away from the database in a folder: the two session managers would divide
+    its robots between them, and each has a broker of its own.
+
+    Raises:
+        DemoError: a demo is running there.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "demo.lock").open("a") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise DemoError(
+                f"A demo is already running with the data in {folder}: press Ctrl-C where it runs, "
+                "or start another one with VAR_DIR=/tmp/demo make demo PORT=8001."
+            ) from error
+        yield
 
 
 class Demo:
@@ -318,7 +339,12 @@ def _boot_time(boot: str) -> float:
 def run(options: Options) -> int:
     """Run the demo until Ctrl-C or SIGTERM and return the exit code."""
     with interrupted_by_signals():
-        return _run(options)
+        try:
+            with only_demo_in(settings.VAR_DIR):
+                return _run(options)
+        except DemoError as error:
+            print(f"\n{error}", file=sys.stderr)
+            return 1
 
 
 def _run(options: Options) -> int:
@@ -332,7 +358,7 @@ def _run(options: Options) -> int:
     except KeyboardInterrupt:
         print("\n  Stopping …", flush=True)
         return 0 if demo is not None and demo.password else 130
-    except (DemoError, StartFailed, PartLostError) as error:
+    except (StartFailed, PartLostError) as error:
         print(f"\n{error}", file=sys.stderr)
         return 1
     finally:

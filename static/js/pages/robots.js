@@ -23,7 +23,7 @@ function say(element, text) {
 /** @param {HTMLElement} card @param {Record<string, any>} robot */
 function render(card, robot) {
   card.dataset.state = robot.state;
-  card.querySelector("[data-badge]").className = `badge badge--${robot.state}`;
+  card.querySelector("[data-badge]").className = `badge badge--${robot.badge}`;
   say(card.querySelector("[data-badge] [data-text]"), robot.label);
   say(card.querySelector("[data-detail]"), robot.detail);
   card.querySelector("[data-battery]").hidden = !robot.battery;

@@ -525,6 +525,17 @@ describe("assistance", () => {
       "alert.cancel",
     );
   });
+
+  test("a robot that may still move is not said to have stopped", () => {
+    const task = { ...ask({ type: "goto", x: 1, y: 2 }, "a", 1), status: "FAILED" };
+    assert.equal(offerFor(driving({ task })).word, "task.failed.goto");
+    for (const error of ["runs_on: the robot keeps moving", "cancel: no answer"]) {
+      assert.equal(offerFor(driving({ task, robot: robotOf({ errors: [error] }) })), null);
+    }
+    const going = { ...task, status: "RUNNING" };
+    const robot = robotOf({ errors: ["runs_on: the robot keeps moving"] });
+    assert.equal(offerFor(driving({ task: going, robot })).main.action, "stop");
+  });
 });
 
 describe("the level of assistance that is shown", () => {

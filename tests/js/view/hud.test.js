@@ -5,7 +5,7 @@ import { describe, test } from "node:test";
 import { offerFor } from "../../../static/js/autonomy/offer.js";
 import { isRefusal } from "../../../static/js/protocol/estop_release.js";
 import { newVisit, reduce } from "../../../static/js/protocol/session.js";
-import { alertFor } from "../../../static/js/view/hud/alert.js";
+import { alertFor, staysOverCards } from "../../../static/js/view/hud/alert.js";
 import { cardFor } from "../../../static/js/view/hud/card.js";
 import { clockTime, contains, createDials, roomAt } from "../../../static/js/view/map/dials.js";
 import { statusFor } from "../../../static/js/view/hud/status.js";
@@ -202,9 +202,44 @@ describe("cards", () => {
     const driven = { room: { ...free(""), driver: "Ada" } };
     assert.deepEqual(told(driven).slice(2), ["status.busy"]);
     assert.ok(SENTENCES.has("lobby.stopped.title") && SENTENCES.has("lobby.stopped.text"));
-    const operated = state({ phase: "lobby" }, { robot, room: free(""), operates: true });
-    assert.equal(cardFor(operated).detail.word, "release.held");
-    assert.equal(cardFor(operated).extra.action, "release_stop");
+    const operated = (more) =>
+      cardFor(state({ phase: "lobby" }, { robot, room: free(""), operates: true, ...more }));
+    assert.equal(operated({}).word, "lobby.stopped_operates");
+    assert.equal(operated({}).detail, null, "the text says why it is stopped");
+    assert.equal(operated({}).extra.action, "release_stop");
+    assert.ok(SENTENCES.has("lobby.stopped_operates.text"));
+    const refused = operated({ release: { id: "r", since: 0, refused: true } });
+    assert.equal(refused.detail.word, "release.held_failed");
+    assert.ok(SENTENCES.has("release.held_failed"));
+    assert.equal(operated(waits).detail.word, "release.held");
+  });
+
+  test("who watches a robot that was stopped between visits reads who can release it", () => {
+    const robot = { ...ROBOT, docked: false, safety: { ...ROBOT.safety, inhibited: "stopped" } };
+    const watching = (more) =>
+      alertFor(state({ phase: "watching", link: "live" }, { robot, room: free(""), ...more }));
+    assert.equal(watching({}).word, "alert.held");
+    assert.equal(watching({ operates: true }), null, "the offer to release it says so");
+    assert.equal(watching({ room: { ...free(""), driver: "Ada" } }), null);
+    assert.ok(SENTENCES.has("alert.held"));
+  });
+
+  test("a robot that moves although it should stand still is not called free", () => {
+    const robot = { ...ROBOT, errors: ["runs_on: the robot keeps moving"] };
+    const one = state({ phase: "lobby" }, { robot, room: free("") });
+    assert.deepEqual(
+      [cardFor(one).word, statusFor(one).word, statusFor(one).tone],
+      ["lobby.runs_on", "status.fault", "danger"],
+    );
+    assert.ok(SENTENCES.has("lobby.runs_on.title") && SENTENCES.has("lobby.runs_on.text"));
+  });
+
+  test("an alert that no card says stays in sight while one is open", () => {
+    for (const word of ["estop", "estop_screen", "runs_on", "server"]) {
+      assert.ok(staysOverCards(`alert.${word}`) && SENTENCES.has(`alert.${word}`), word);
+    }
+    assert.ok(staysOverCards("fault.session_manager.waits"));
+    assert.ok(!staysOverCards("alert.turn_ends") && !staysOverCards(""));
   });
 
   test("a robot between two visits is called the same before, after and while one waits", () => {

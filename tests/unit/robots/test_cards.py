@@ -159,11 +159,13 @@ def test_a_robot_that_was_stopped_between_visits_is_free_and_says_so():
     stopped = {"returns_home": True, "turnaround": "paused", "turnaround_reason": "stopped"}
     it = shown(**stopped)
     assert (it.state, it.label, it.action) == ("available", "Stopped", "Drive Giraff")
+    assert it.badge == "held"
     assert (
         it.detail
-        == "Someone stopped it after the last visit. It is released when you start to drive."
+        == "Someone stopped it after the last visit. It can move again once you start to drive."
     )
-    assert shown(Traffic(driven=True), **stopped).label == "In use"
+    driven = shown(Traffic(driven=True), **stopped)
+    assert (driven.label, driven.badge) == ("In use", "busy")
 
 
 @pytest.mark.parametrize(

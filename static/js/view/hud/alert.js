@@ -3,15 +3,22 @@
  * readings.js shows it.
  */
 
+import { isHeld } from "../../protocol/estop_release.js";
 import { roleOf } from "../../protocol/session.js";
 import { isAnswered, offersAround, wayOut } from "../../autonomy/offer.js";
 import { wordOf } from "../../autonomy/assistance.js";
+import { reports } from "../../autonomy/reasons.js";
 import { profileOf } from "../display/profiles.js";
 import { isCutOff, standstillOf } from "./standstill.js";
 
 const SLOW_SECONDS = 0.4;
 const READING_SECONDS = 8; // of a sentence that nothing else makes disappear
 const NEEDED = new Set(["stop", "blind"]); // of what the robot does to help: why it does not move
+/** No card says these, so they stay in sight while one is open. */
+const OVER_CARDS = /^(alert\.(estop|estop_screen|runs_on|server)|fault\..+)$/;
+
+/** @param {string} word */
+export const staysOverCards = (word) => OVER_CARDS.test(word);
 
 /**
  * @param {import("../../drive/features.js").State} state
@@ -94,7 +101,7 @@ const diskAlert = ({ faults }) => {
 
 /** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
 const robotAlert = (state) => {
-  const { visit, robot } = state;
+  const { visit, robot, room, operates } = state;
   // While the robot itself talks to the page it is there, whatever the server believes.
   if (!visit.online && visit.link !== "live") {
     return (
@@ -130,6 +137,9 @@ const robotAlert = (state) => {
   if (touched || robot?.safety.collision) {
     return { word: touched || "alert.collision", tone: "busy" };
   }
+  if (visit.phase === "watching" && !operates && isHeld(robot, room.driver)) {
+    return { word: "alert.held", tone: "busy" };
+  }
   return isUnguarded(state) && ["goto", "docking"].includes(robot?.mode)
     ? { word: "alert.unguarded", tone: "busy" }
     : null;
@@ -140,10 +150,6 @@ const robotAlert = (state) => {
  * @param {import("../../drive/features.js").State} state
  */
 const isUnguarded = ({ factsheet }) => factsheet?.navigationControl === "unguarded";
-
-/** @param {any} robot its state @param {string} code of an error @returns {boolean} */
-const reports = (robot, code) =>
-  Boolean(robot?.errors?.some((/** @type {string} */ error) => error.startsWith(`${code}: `)));
 
 /**
  * What happened, on which side, and the way out: a contact beside the robot keeps it from turning,

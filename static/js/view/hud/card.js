@@ -4,6 +4,7 @@
  */
 
 import { releaseFor, setsOut } from "../../autonomy/offer.js";
+import { reports } from "../../autonomy/reasons.js";
 import { isHeld } from "../../protocol/estop_release.js";
 import { roleOf } from "../../protocol/session.js";
 import { studyCard } from "../../study/end_cards.js";
@@ -100,7 +101,11 @@ const usualCard = (state) => {
  */
 const withRelease = (card, state) => {
   const release = releaseFor(state);
-  return release ? { ...card, detail: { word: release.word }, extra: release.main } : card;
+  if (!release) {
+    return card;
+  }
+  const isSaid = card.word === "lobby.stopped_operates" && release.word === "release.held";
+  return { ...card, detail: isSaid ? null : { word: release.word }, extra: release.main };
 };
 
 /** @type {Record<string, (state: import("../../drive/features.js").State) => Card | null>} */
@@ -307,9 +312,11 @@ const lobby = ({ visit, room, robot, ...state }) => {
   const leaves = setsOut({ visit, robot, ...state });
   const word =
     standstill ||
+    (reports(robot, "runs_on") ? "runs_on" : "") ||
     (why === "paused" && robot?.docked ? "unfit" : why) ||
     (room.waiting > 0 ? "waiting" : "");
-  const ready = isHeld(robot, room.driver) ? "lobby.stopped" : leaves ? "lobby.docked" : "lobby";
+  const stopped = state.operates ? "lobby.stopped_operates" : "lobby.stopped";
+  const ready = isHeld(robot, room.driver) ? stopped : leaves ? "lobby.docked" : "lobby";
   return word
     ? {
         word: `lobby.${word}`,

@@ -2,6 +2,7 @@
  * The connection in one word. Pure.
  */
 
+import { reports } from "../../autonomy/reasons.js";
 import { roleOf } from "../../protocol/session.js";
 import { isHeld } from "../../protocol/estop_release.js";
 import { betweenVisits } from "./pause.js";
@@ -56,6 +57,9 @@ export const statusFor = ({ visit, room, playing, slow, robot }) => {
   if (!visit.online) {
     return { word: "status.offline", tone: "off" };
   }
+  if (reports(robot, "runs_on")) {
+    return { word: "status.fault", tone: "danger" };
+  }
   const standstill = standstillOf(robot);
   if (standstill) {
     return {
@@ -64,7 +68,7 @@ export const statusFor = ({ visit, room, playing, slow, robot }) => {
     };
   }
   if (isHeld(robot, room.driver)) {
-    return { word: "status.stopped", tone: "busy" };
+    return { word: "status.stopped", tone: "off" };
   }
   const why = betweenVisits(room.pause);
   return why ? { word: `status.${why}`, tone: "busy" } : { word: "status.ready", tone: "ok" };

@@ -1,6 +1,7 @@
 """manage.py demo as its user meets it: a link that drives, clear endings, nothing left behind."""
 
 import contextlib
+import fcntl
 import re
 import signal
 import socket
@@ -38,6 +39,15 @@ def test_a_busy_port_is_named_in_one_sentence(tmp_path):
         with demo(tmp_path, "--port", str(port)) as running:
             assert running.process.wait(patient(30.0)) == 1
     assert f"Port {port} is in use" in running.said().strip().splitlines()[-1]
+
+
+@pytest.mark.nightly
+def test_a_second_demo_with_the_same_data_is_refused_in_one_sentence(tmp_path):
+    with (tmp_path / "demo.lock").open("a") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        with demo(tmp_path, "--port", str(free_port())) as running:
+            assert running.process.wait(patient(30.0)) == 1
+    assert "A demo is already running" in running.said().strip().splitlines()[-1]
 
 
 @pytest.mark.parametrize("port", ["0", "65536", "eighty"])
