@@ -10,14 +10,17 @@ class FakeBus:
 
     def __init__(self, version=1, *, guards=False):
         self.version, self.guards = version, guards
-        self.published = []
+        self.published, self.told = [], []
         self.calls = []
         self.answer = (True, "")
 
     def publish(self, topic, message, *, newest=False):
         self.published.append((topic, message))
 
-    async def call(self, service, kind, arguments=None):
+    def tell_guard(self, **message):
+        self.told.append(message)
+
+    async def call(self, service, kind, arguments=None, *, within=0.0):
         self.calls.append((service, kind, arguments))
         if isinstance(self.answer, Exception):
             raise self.answer

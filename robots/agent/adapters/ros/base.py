@@ -5,6 +5,7 @@ The pose comes from the robot's own localization (`pose`: amcl's topic, or `tf`)
 """
 
 import asyncio
+import contextlib
 import itertools
 import math
 import re
@@ -41,6 +42,7 @@ from robots.agent.adapters.ros.navigators import navigator_of
 from robots.agent.adapters.ros.topic_camera import TopicCamera
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import (
+    ActionProgress,
     ActionRefusedError,
     AdapterError,
     NavigationControl,
@@ -194,6 +196,7 @@ class RosAdapter(RemoteAdapter):
         self.place, self.vital = bus.place, f"its odometry on {options.odom}"
         self._navigator = navigator_of(name, action, bus, self) if "goto" in own else None
         self._docking = TriggerDocking(options.cancel_dock, bus, self._at_rest)
+        self._docking_id = ""  # the newest action that docks or undocks
         self._counter = itertools.count(1)
         self._camera = TopicCamera(options.image) if options.image else None
         self._wanted = (ZERO, -math.inf)  # the navigation's velocity, and when it arrived
@@ -202,6 +205,7 @@ class RosAdapter(RemoteAdapter):
         self._silent: set[str] = set()  # topics without a message yet
         self._heard_by: int | None = None
         self._early_fix: dict[str, Any] | None = None
+        self._odometry_stamp: Any = None  # of the newest odometry
         self._advertised = False
         self._next_reading: asyncio.Future[None] | None = None
         self._locked = False
@@ -213,7 +217,7 @@ class RosAdapter(RemoteAdapter):
     async def _open(self) -> None:
         await self._bus.open(self._lose, self)
         bus, options = self._bus, self._options
-        bus.guard(self._guard_settings())
+        bus.tell_guard(op="guard", **self._guard_settings())
         self._graph = await bus.graph(options.cmd_vel, ())
         self._silent = {need.topic for need in self._needs()}
         self._heard_by = self._early_fix = None
@@ -244,6 +248,7 @@ class RosAdapter(RemoteAdapter):
             "kind": kind,
             "driving": options.cmd_vel,
             "odom": options.odom,
+            "docks": [service for service in (options.dock, options.undock) if service],
             "cancel_dock": options.cancel_dock,
             "linear": self.profile.standstill_linear,
             "angular": self.profile.standstill_angular,
@@ -455,7 +460,10 @@ class RosAdapter(RemoteAdapter):
 
     def _odometry(self, message: dict[str, Any]) -> None:
         here, velocity = messages.odometry_in(message)
-        arrived = time.time()
+        arrived, stamp = time.time(), message.get("header", {}).get("stamp")
+        if stamp == self._odometry_stamp and messages.stamp_in(message, 0.0):
+            return  # published again: it measures nothing
+        self._odometry_stamp = stamp
         self.readings.moved(
             here, velocity, stamp_of(messages.stamp_in(message, arrived), arrived), time.monotonic()
         )
@@ -534,10 +542,10 @@ class RosAdapter(RemoteAdapter):
                     f"{self.profile.series} does not know the place {place!r}: send it to "
                     "a point on its map"
                 )
-            case Dock():
-                await self._docking.start(self._options.dock)
-            case Undock():
-                await self._docking.start(self._options.undock)
+            case Dock() | Undock():
+                self._docking_id = action.action_id
+                is_dock = isinstance(action, Dock)
+                await self._docking.start(self._options.dock if is_dock else self._options.undock)
             case Relocalize(x=x, y=y) if x is not None and y is not None:
                 return self._relocalize(action, Pose2D(x, y, action.theta or 0.0))
             case _:
@@ -570,6 +578,12 @@ class RosAdapter(RemoteAdapter):
         return PendingAction(
             action.action_id, "relocalize", now, deadline=now + LONGEST_RELOCALIZATION, area=area
         )
+
+    def _tell(self, progress: ActionProgress) -> None:
+        super()._tell(progress)
+        if progress.action_id == self._docking_id and progress.status != "RUNNING":
+            with contextlib.suppress(AdapterError):  # a new connection's guard cancels it anyway
+                self._bus.tell_guard(op="docking_ended")
 
     async def _withdraw(self, pending: PendingAction) -> bool:
         if pending.kind != "goto":

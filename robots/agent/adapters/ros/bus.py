@@ -12,6 +12,8 @@ from robots.api.messages import ActionState
 
 OURS = "telepresence-"  # with which the ids of our goals begin, as in ros1_node.py
 
+ANSWER_TIME = 10.0  # seconds that a service has to answer
+
 Handler = Callable[[dict[str, Any]], None]
 # topic, type, what takes its messages, and options of the subscription
 Subscription = tuple[str, str, Handler, dict[str, Any]]
@@ -63,8 +65,13 @@ class Bus(Protocol):
             AdapterError, OSError, TimeoutError: it cannot be reached.
         """
 
-    def guard(self, settings: dict[str, Any]) -> None:
-        """Give the guard what it needs; called once, right after `open`."""
+    def tell_guard(self, **message: Any) -> None:
+        """Send the guard what to guard (`op` "guard", once, right after `open`), or that a docking
+        has ended (`op` "docking_ended").
+
+        Raises:
+            AdapterError: the connection is lost.
+        """
 
     async def shut(self) -> None:
         """Disconnect."""
@@ -131,9 +138,14 @@ class Bus(Protocol):
         """
 
     async def call(
-        self, service: str, kind: str, arguments: dict[str, Any] | None = None
+        self,
+        service: str,
+        kind: str,
+        arguments: dict[str, Any] | None = None,
+        *,
+        within: float = ANSWER_TIME,
     ) -> tuple[bool, str]:
-        """Call a service and return its success and message.
+        """Call a service and return its success and message; `within` is in seconds.
 
         Raises:
             ActionRefusedError: it does not exist.

@@ -26,12 +26,11 @@ import structlog
 
 from robots.agent.adapters.common.robot_profile import load_profile, settings_of
 from robots.agent.adapters.ros.base import RosAdapter, RosOptions
-from robots.agent.adapters.ros.bus import Goals, Handler
+from robots.agent.adapters.ros.bus import ANSWER_TIME, Goals, Handler
 from robots.agent.adapters.ros.graph import Graph, TopicPeers
 from robots.agent.robot_interface import ActionRefusedError, AdapterError
 
 START_TIME = 15.0  # seconds for rospy to start: more than 5 on a loaded computer
-ANSWER_TIME = 10.0
 GRAPH_TIME = 5.0
 END_TIME = 2.0
 BEAT = 0.1  # seconds between two heartbeats for the guard
@@ -133,9 +132,9 @@ class NodeBus:
         self._reading = asyncio.ensure_future(self._read(reader, lost))
         self._beating = asyncio.ensure_future(self._beat())
 
-    def guard(self, settings: dict[str, Any]) -> None:
-        """Give the child what it guards."""
-        self._say(op="guard", **settings)
+    def tell_guard(self, **message: Any) -> None:
+        """Send the child what it guards."""
+        self._say(**message)
 
     def _end_earlier_guards(self) -> None:
         """End the guards of earlier connections, once this one's zeros reach the base."""
@@ -356,7 +355,12 @@ class NodeBus:
             self._say(op="publish", topic=topic, content=message)
 
     async def call(
-        self, service: str, kind: str, arguments: dict[str, Any] | None = None
+        self,
+        service: str,
+        kind: str,
+        arguments: dict[str, Any] | None = None,
+        *,
+        within: float = ANSWER_TIME,
     ) -> tuple[bool, str]:
         """Call a service.
 
@@ -365,7 +369,7 @@ class NodeBus:
             AdapterError: no answer, or an error.
         """
         try:
-            async with asyncio.timeout(ANSWER_TIME):
+            async with asyncio.timeout(within):
                 response = await self._answer(
                     lambda number: self._say(
                         op="call", number=number, service=service, kind=kind, arguments=arguments

@@ -11,7 +11,7 @@ to reconnect.
                     ask (do the subscribers of velocities respond?),
                     graph (and which of the `old` nodes run that the master has forgotten?),
                     guard (what to cancel and stop), beat (the agent's heartbeat),
-                    subscribe, call
+                    subscribe, call, docking_ended
     node -> agent   ready, publish, response, listeners, gone, lost
 
 TCPROS has no acknowledgements: a hung subscriber buffers velocities and executes them later. Before
@@ -28,7 +28,6 @@ import base64
 import functools
 import http.client
 import json
-import math
 import os
 import queue
 import socket
@@ -39,21 +38,20 @@ import time
 import xmlrpc.client
 from typing import Any
 
-SILENCE = 0.3
+if __package__:
+    from robots.agent.adapters.ros import guarded_node as guarded
+else:  # as a program, in a Python that does not have ours
+    import guarded_node as guarded  # type: ignore[import-not-found,no-redef]
+
 GLANCE = 0.05
 MASTER_PERIOD = 0.3
 MASTER_TIME = 1.0
-HEARING = 3.0
-OLDEST = 0.25  # seconds after which a velocity that waited for this process is none any more
 LIVES_WITHIN = 1.0
 SENDING = 16 << 10
 UNACKNOWLEDGED = 1000  # milliseconds
-MAX_QUEUED = 500  # lines for the agent, messages without a subscriber
+MAX_QUEUED = 500  # messages without a subscriber
 FAREWELL = 0.5  # seconds for the last lines to the agent
-HEARTBEAT = 0.5  # seconds without a heartbeat, after which the guard stops the robot
 GUARD_PERIOD = 0.02
-CANCEL_AGAIN = 0.5
-AT_REST = 0.3  # seconds of standstill after which the guard sends no more zeros
 STALE = 2.0  # seconds without odometry, after which a standstill cannot be measured
 STARTING = 1.0  # seconds in which a new node learns what an earlier one has left
 MOVES_WITHIN = 1.0  # seconds from a velocity or a goal until the robot is measured to move
@@ -129,8 +127,8 @@ class Node:
         import rospy.impl.tcpros_base
 
         self.genpy, self.rospy, self.roslib = genpy, rospy, roslib
-        self.connection = connection
-        self.outgoing: Any = queue.Queue(MAX_QUEUED)
+        self.link = guarded.Link(connection)
+        self.say = self.link.say
         self.publishers: Any = {}
         self.waiting: Any = {}  # topic to the messages that have no subscriber yet
         self.subscribers: Any = []
@@ -158,28 +156,12 @@ class Node:
         )
         self.guard: Any = Guard(self)
 
-    def say(self, **message: Any) -> None:
-        """Send a line to the agent; without waiting, and none to an agent that reads nothing."""
-        try:
-            self.outgoing.put_nowait((json.dumps(message) + "\n").encode())
-        except queue.Full:
-            pass
-
-    def write_lines(self) -> None:
-        while True:
-            data = self.outgoing.get()
-            try:
-                self.connection.sendall(data)
-            except OSError:
-                pass  # the agent is gone, which run() notices
-            self.outgoing.task_done()
-
     def run(self) -> None:
         """Do what the agent requests until it is gone, then guard the robot."""
         # the agent takes anything else that comes first for a failure
         self.say(op="ready", node=self.rospy.get_name())
         for work in (
-            self.write_lines,
+            self.link.write,
             self.watch_wheels,
             self.watch_master,
             self.answer_questions,
@@ -187,7 +169,7 @@ class Node:
         ):
             threading.Thread(target=work, daemon=True).start()
         try:
-            for line in self.connection.makefile("r", encoding="utf-8"):
+            for line in self.link.connection.makefile("r", encoding="utf-8"):
                 self.guard.beaten_at = time.monotonic()
                 order = json.loads(line)
                 getattr(self, "do_" + order.pop("op"))(**order)
@@ -206,6 +188,9 @@ class Node:
 
     def do_guard(self, **settings: Any) -> None:
         self.guard.begin(**settings)
+
+    def do_docking_ended(self) -> None:
+        self.guard.docking.is_active = False
 
     def do_advertise(self, topic: str, kind: str, *, latch: bool, drives: bool = False) -> None:
         if topic in self.publishers:
@@ -348,7 +333,7 @@ class Node:
             ).start()
 
     def hand_over(self, topic: str, publisher: Any, waiting: Any) -> None:
-        deadline = time.monotonic() + HEARING
+        deadline = time.monotonic() + guarded.HEARING
         while not publisher.get_num_connections() and time.monotonic() < deadline:
             time.sleep(GLANCE)
         while waiting:
@@ -359,7 +344,7 @@ class Node:
             waiting.pop(0)
 
     def do_drive(self, topic: str, content: Any, *, moving: bool, at: float) -> None:
-        if moving and time.monotonic() - at > OLDEST:  # this process has hung meanwhile
+        if moving and time.monotonic() - at > guarded.OLDEST:  # this process has hung meanwhile
             return
         publisher = self.publishers[topic]
         publisher.publish(self.filled(publisher.data_class(), content))
@@ -380,30 +365,35 @@ class Node:
             if now < due[0]:
                 return
             due[0] = now + period
-            self.say(op="publish", topic=topic, content=self.plain(content))
+            self.say(op="publish", topic=topic, content=guarded.plain(content))
 
         self.subscribers.append(
             self.rospy.Subscriber(topic, message, heard, queue_size=2, tcp_nodelay=True)
         )
 
     def do_call(self, number: int, service: str, kind: str, arguments: Any = None) -> None:
-        self.guard.called(service)
+        docking = self.guard.called(service)
         threading.Thread(
-            target=self.call, args=(number, service, kind, arguments or {}), daemon=True
+            target=self.call, args=(number, docking, service, kind, arguments or {}), daemon=True
         ).start()
 
-    def call(self, number: int, service: str, kind: str, arguments: Any) -> None:
+    def call(self, number: int, docking: int, service: str, kind: str, arguments: Any) -> None:
+        answer = self.answer_of(service, kind, arguments, docking)
+        self.guard.docking.answered(docking, answer)
+        self.say(op="response", number=number, **answer)
+
+    def answer_of(self, service: str, kind: str, arguments: Any, docking: int) -> Any:
+        """Call a service; `docking` is the number of a call that docks."""
         try:
             self.rospy.wait_for_service(service, timeout=2.0)
-        except self.rospy.ROSException as error:
-            self.say(op="response", number=number, problem=str(error), absent=True)
-            return
-        try:
+            if docking and self.guard.alone:
+                return {"problem": "the agent is lost", "absent": True}
             proxy = self.rospy.ServiceProxy(service, self.roslib.message.get_service_class(kind))
-            answer = proxy(**arguments)
-            self.say(op="response", number=number, values=self.plain(answer))
-        except (self.rospy.ROSException, self.rospy.ServiceException) as error:
-            self.say(op="response", number=number, problem=str(error) or type(error).__name__)
+            return {"values": guarded.plain(proxy(**arguments))}
+        except self.rospy.ServiceException as error:
+            return {"problem": str(error) or type(error).__name__}
+        except self.rospy.ROSException as error:
+            return {"problem": str(error) or type(error).__name__, "absent": True}
 
     def watch_wheels(self) -> None:
         """Stop a robot whose agent is stuck, and tell the agent how many hear what it says of
@@ -418,7 +408,7 @@ class Node:
                 told = now
                 self.say(op="listeners", topic=now[0], count=now[1])
             driven = self.driven
-            if driven is not None and time.monotonic() - driven[1] > SILENCE:
+            if driven is not None and time.monotonic() - driven[1] > guarded.SILENCE:
                 self.stand()
 
     def publish_zero(self) -> None:
@@ -454,9 +444,7 @@ class Node:
 
     def exit(self, code: int) -> None:
         """End this process: rospy's threads would wait for a master that may be gone."""
-        deadline = time.monotonic() + FAREWELL
-        while self.outgoing.unfinished_tasks and time.monotonic() < deadline:
-            time.sleep(GLANCE)
+        self.link.drain(FAREWELL)
         os._exit(code)
 
     def is_known(self) -> bool:
@@ -466,20 +454,6 @@ class Node:
         except self.unknown:
             return False
         return True
-
-    def plain(self, value: Any) -> Any:
-        """Return a message as JSON has it."""
-        if isinstance(value, self.genpy.TVal):
-            return {"secs": value.secs, "nsecs": value.nsecs}
-        if isinstance(value, self.genpy.Message):
-            return {name: self.plain(getattr(value, name)) for name in value.__slots__}
-        if isinstance(value, (list, tuple)):
-            return [self.plain(each) for each in value]
-        if isinstance(value, (bytes, bytearray)):
-            return base64.b64encode(value).decode()
-        if isinstance(value, float) and not math.isfinite(value):
-            return None
-        return value
 
     def filled(self, message: Any, content: Any) -> Any:
         """Return a message with the fields that an object names."""
@@ -511,17 +485,16 @@ class Guard:
 
     def __init__(self, node: Any) -> None:
         self.node = node
-        self.action = self.cancel_dock = ""
-        self.linear = self.angular = 0.0
+        self.action = ""
+        self.standstill, self.docking = guarded.Standstill(), guarded.DockingCalls()
         self.beaten_at = self.began_at = time.monotonic()
         self.closed = False  # the agent will not continue
         self.starting = False  # goals of an earlier node are being ended
         self.sent: Any = {}  # our goals that have not ended: whether they were listed
         self.found: Any = {}  # goals of earlier nodes that have not ended
         self.cancelled_at = 0.0
-        self.docking = False
         self.dock_call: Any = None
-        self.moved_at = self.measured_at = self.acted_at = time.monotonic()
+        self.acted_at = time.monotonic()
         self.brakes = False  # the robot moves, or is about to, for the agent or for a goal of ours
         self.server_seen_at: Any = None
         self.status: Any = None
@@ -534,10 +507,9 @@ class Guard:
         from nav_msgs.msg import Odometry
 
         rospy = self.node.rospy
-        self.linear, self.angular = settings["linear"], settings["angular"]
-        self.cancel_dock = settings["cancel_dock"]
-        self.starting, self.docking = True, bool(self.cancel_dock)
-        self.began_at = time.monotonic()
+        self.standstill.linear, self.standstill.angular = settings["linear"], settings["angular"]
+        self.docking.begin(settings["docks"], settings["cancel_dock"])
+        self.starting, self.began_at = True, time.monotonic()
         rospy.Subscriber(settings["odom"], Odometry, self.measured, queue_size=2, tcp_nodelay=True)
         if settings["kind"] == "move_base":
             self.action, self.kind_of_id = settings["action"], GoalID
@@ -546,11 +518,11 @@ class Guard:
 
     @property
     def alone(self) -> bool:
-        return self.closed or time.monotonic() - self.beaten_at > HEARTBEAT
+        return self.closed or time.monotonic() - self.beaten_at > guarded.HEARTBEAT
 
     @property
     def busy(self) -> bool:
-        return bool(self.found or self.sent or self.docking)
+        return bool(self.found or self.sent or self.docking.is_active)
 
     def permits(self, topic: str) -> bool:
         """Return whether a message that waited may still be published: a goal only for an agent
@@ -570,21 +542,20 @@ class Guard:
             self.sent.clear()
             self.node.say(op="gone")
 
-    def called(self, service: str) -> None:
-        if self.cancel_dock and service != self.cancel_dock:
-            self.docking = True
+    def called(self, service: str) -> int:
+        """Take a call of a service; return its number if it docks, else 0."""
+        number: int = self.docking.called(service)
+        if number:
             self.starting = False
             self.act()
+        return number
 
     def act(self) -> None:
         """Take that the robot moves, or is about to, on our behalf: it has to come to rest."""
         self.acted_at, self.brakes = time.monotonic(), True
 
     def measured(self, odometry: Any) -> None:
-        twist, now = odometry.twist.twist, time.monotonic()
-        self.measured_at = now
-        if abs(twist.linear.x) > self.linear or abs(twist.angular.z) > self.angular:
-            self.moved_at = now
+        self.standstill.measure(odometry, time.monotonic())
 
     def listed(self, message: Any) -> None:
         """Take the action server's status, which lists each goal that has not ended."""
@@ -609,13 +580,15 @@ class Guard:
                 self.look(time.monotonic())
             except Exception as error:  # noqa: BLE001 (without this thread nothing guards the robot)
                 self.node.say(op="lost", reason=f"the guard: {error!r}"[:300])
+                if self.alone and (self.busy or self.brakes):
+                    self.node.publish_zero()
 
     def look(self, now: float) -> None:
         self.watch_server(now)
         acts = self.alone or self.starting
         if (acts and self.busy) or self.found:
-            self.cancel(now, docking=acts and self.docking)
-        at_rest = now - self.moved_at > AT_REST or now - self.measured_at > STALE
+            self.cancel(now, docking=acts and self.docking.is_active)
+        at_rest = self.standstill.is_proved or now - self.standstill.measured_at > STALE
         if at_rest and now - self.acted_at > MOVES_WITHIN and not (self.found or self.sent):
             self.brakes = False
         if (
@@ -627,7 +600,7 @@ class Guard:
             self.rest.clear()
         else:
             is_new = now - self.began_at < STARTING
-            self.starting = self.starting and (is_new or self.docking)
+            self.starting = self.starting and (is_new or self.docking.is_active)
             self.rest.set()
 
     def watch_server(self, now: float) -> None:
@@ -644,7 +617,7 @@ class Guard:
 
     def cancel(self, now: float, *, docking: bool) -> None:
         """Cancel all that has not ended, every CANCEL_AGAIN seconds."""
-        if now - self.cancelled_at < CANCEL_AGAIN:
+        if now - self.cancelled_at < guarded.CANCEL_AGAIN:
             return
         self.cancelled_at = now
         for goal in set(self.found) | (set(self.sent) if self.alone else set()):
@@ -656,17 +629,16 @@ class Guard:
     def call_cancel_dock(self) -> None:
         from std_srvs.srv import Trigger
 
-        rospy = self.node.rospy
+        rospy, docking = self.node.rospy, self.docking
+        number = docking.cancelling()
         try:
-            rospy.wait_for_service(self.cancel_dock, timeout=1.0)
-        except rospy.ROSException:
-            self.docking = False  # no docking server is there
-            return
-        try:
-            rospy.ServiceProxy(self.cancel_dock, Trigger)()
-            self.docking = False
+            rospy.wait_for_service(docking.cancel_service, timeout=1.0)
+            rospy.ServiceProxy(docking.cancel_service, Trigger)()
         except rospy.ServiceException:
-            pass  # it is called again
+            return  # it is called again
+        except rospy.ROSException:
+            pass  # no docking server is there
+        docking.cancelled(number)
 
     def finish(self) -> None:
         """Return when all of ours has ended and the robot is at rest, or another node of ours

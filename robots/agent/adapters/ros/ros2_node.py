@@ -5,7 +5,7 @@ so imports nothing of ours and is written for Python 3.8.
 
     agent -> node   beat (every 0.1 s), guard, advertise, unadvertise, publish, drive (a velocity),
                     ask (answered when every reliable subscriber has acknowledged the last
-                    velocity), graph, subscribe, call, goal, cancel
+                    velocity), graph, subscribe, call, docking_ended, goal, cancel
     node -> agent   ready, publish, response, listeners, accepted, ended, problems, lost
 
 This process is also the robot's guard, and outlives the agent. When the connection closes, or no
@@ -20,10 +20,7 @@ Threads: the main one reads the agent's lines, the executor's has all goals and 
 is the guard, and one writes to the agent, so that an agent that hangs blocks none of the others.
 """
 
-import array
 import base64
-import collections
-import functools
 import importlib
 import json
 import math
@@ -37,12 +34,13 @@ import time
 import traceback
 from typing import Any
 
+if __package__:
+    from robots.agent.adapters.ros import guarded_node as guarded
+else:  # as a program, in a Python that does not have ours
+    import guarded_node as guarded  # type: ignore[import-not-found,no-redef]
+
 PERIOD = 0.05  # s between two rounds of the guard
-HEARTBEAT = 0.5  # s without a line from the agent, after which its goals are cancelled
-SILENCE = 0.3  # s without another velocity, after which a moving robot is stopped
-OLDEST = 0.25  # s after which a velocity that waited for this process is dropped
 PREFIX = b"telepres"  # the first bytes of the ids of our goals
-CANCEL_AGAIN = 0.5  # s between two cancels of a goal
 CONFIRMED_WITHIN = 0.2  # s that the agent waits for the end of a goal that it cancels
 RESULT_WITHIN = 0.2  # s between a terminal status and the result, which has the reason
 SERVER_WITHIN = 4.0  # s that a new goal waits for its action server
@@ -52,13 +50,11 @@ GONE_AFTER = 2.0  # s without an action server, after which its goals have ended
 DISCOVERY = 0.6  # s for the action server and its status to be discovered at the start
 LEFTOVERS = 3.0  # s for goals of an earlier run to end, before the connection is given up
 STARTED_WITHIN = 30  # s after which a start that hangs in the middleware ends this process
-STILL_FOR = 0.3  # s below the thresholds of standstill
 MEASURED_WITHIN = 1.0  # s after which odometry is missing
 FORGOTTEN_AFTER = 60.0  # s without any sign of the robot, after which its guard ends
+FAREWELL = 0.2  # s for the last lines to the agent
 PEERS_PERIOD = 0.5  # s between two looks at the quality of service of others
-HEARING = 3.0  # s for a subscriber to be discovered by a message that waits for it
 BYSTANDER = 1.0  # s after which one of several subscribers that acknowledge nothing may be dead
-BACKLOG = 50  # lines of readings that wait for the agent
 ACTIVE = (1, 2, 3)  # action_msgs/GoalStatus: accepted, executing, canceling
 CANCELED, ABORTED = 5, 6
 UNKNOWN_GOAL, GOAL_TERMINATED = 2, 3  # action_msgs/CancelGoal
@@ -80,23 +76,6 @@ def type_of(kind: str, part: str) -> Any:
         ) from error
 
 
-def plain(value: Any) -> Any:
-    """Return a message as JSON has it: bytes as base64, numbers that JSON lacks as None."""
-    if hasattr(value, "get_fields_and_field_types"):
-        return {name: plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
-    if isinstance(value, (bytes, bytearray)):
-        return base64.b64encode(value).decode()
-    if isinstance(value, array.array) and value.typecode == "B":
-        return base64.b64encode(value.tobytes()).decode()
-    if hasattr(value, "tolist"):  # array.array and numpy.ndarray
-        value = value.tolist()
-    if isinstance(value, (list, tuple)):
-        return [plain(each) for each in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
-
 def filled(message: Any, content: Any) -> Any:
     """Return a message with the fields that an object names."""
     kinds = message.get_fields_and_field_types()
@@ -114,39 +93,6 @@ def filled(message: Any, content: Any) -> Any:
         else:
             setattr(message, name, float(value) if isinstance(now, float) else value)
     return message
-
-
-class Link:
-    """The connection to the agent. `say` never blocks."""
-
-    def __init__(self, connection: Any) -> None:
-        self.connection = connection
-        self.lines: Any = collections.deque()
-        self.changed = threading.Condition()
-
-    def say(self, **message: Any) -> None:
-        line = (json.dumps(message) + "\n").encode()
-        with self.changed:
-            if message["op"] != "publish" or len(self.lines) < BACKLOG:
-                self.lines.append(line)
-                self.changed.notify_all()
-
-    def write(self) -> None:
-        while True:
-            with self.changed:
-                self.changed.wait_for(lambda: self.lines)
-                line = self.lines[0]
-            try:
-                self.connection.sendall(line)
-            except OSError:
-                return
-            with self.changed:
-                self.lines.popleft()
-                self.changed.notify_all()
-
-    def drain(self) -> None:
-        with self.changed:
-            self.changed.wait_for(lambda: not self.lines, timeout=0.2)
 
 
 class Goal:
@@ -176,6 +122,7 @@ class OwnedGoals:
 
         self.node, self.name, self.cancel_goal = node, name, CancelGoal
         self.goals: Any = {}  # by id
+        self.left: Any = set()  # ids of goals that were given up without their terminal status
         self.has_reported = False
         self.found_at = math.inf
         self.seen_at = time.monotonic()
@@ -248,8 +195,13 @@ class OwnedGoals:
         elif now - goal.over_at > (RESULT_WITHIN if goal.name else 0.0):
             self.finish(goal, goal.status, "")
         elif goal.request is None and now - self.seen_at > GONE_AFTER:
+            self.left.add(goal.uuid)
             self.finish(goal, ABORTED, f"the action server on {self.name} is gone")
-        elif goal.unwanted and goal.request is None and now - goal.cancelled_at >= CANCEL_AGAIN:
+        elif (
+            goal.unwanted
+            and goal.request is None
+            and now - goal.cancelled_at >= guarded.CANCEL_AGAIN
+        ):
             self.cancel(goal, now)
         for question in list(goal.questions):
             if now > question[1]:
@@ -296,9 +248,12 @@ class OwnedGoals:
                 goal.status, goal.over_at = entry.status, time.monotonic()
 
     def is_left(self, uuid: bytes) -> bool:
-        """Whether an earlier run has left a goal. A goal that is younger than this process is one
-        of its successor, except before `ready`, when the clock may have been set back.
+        """Whether a goal was given up, or left by an earlier run. Another one that is younger than
+        this process is one of its successor, except before `ready`, when the clock may have been
+        set back.
         """
+        if uuid in self.left:
+            return True
         sent_at = int.from_bytes(uuid[len(PREFIX) :], "big")
         return uuid.startswith(PREFIX) and (self.node.starting or sent_at < self.node.began)
 
@@ -315,6 +270,8 @@ class OwnedGoals:
         now = time.monotonic()
         may_arrive = goal.name and goal.status == 0 and now - goal.began < LOST_AFTER
         if code in (UNKNOWN_GOAL, GOAL_TERMINATED) and goal.over_at == math.inf and not may_arrive:
+            if code == UNKNOWN_GOAL:
+                self.left.add(goal.uuid)
             goal.status, goal.over_at = CANCELED, now
 
     def finish(self, goal: Any, status: int, reason: str) -> None:
@@ -374,10 +331,10 @@ class Subscription:
     def take(self, message: Any) -> None:
         now = time.monotonic()
         if self.topic == self.node.settings["odom"]:
-            self.node.measure(message, now)
+            self.node.standstill.measure(message, now)
         if self.is_forwarded and now >= self.due:
             self.due = now + self.period
-            self.node.say(op="publish", topic=self.topic, content=plain(message))
+            self.node.say(op="publish", topic=self.topic, content=guarded.plain(message))
 
 
 class Ros2Node:
@@ -388,10 +345,10 @@ class Ros2Node:
         from rclpy import executors, node, qos, signals
 
         self.settings = settings  # driving, odom, action, kind
-        self.linear, self.angular = 0.02, 0.05  # thresholds of standstill, until `guard`
-        self.cancel_dock, self.is_docking, self.docking_cancelled_at = "", False, -math.inf
+        self.standstill, self.docking = guarded.Standstill(), guarded.DockingCalls()
+        self.docking_cancelled_at = -math.inf
         self.qos = qos
-        self.link = Link(connection)
+        self.link = guarded.Link(connection)
         self.say = self.link.say
         self.problems: Any = {}  # sentences for the robot's owner, by topic
         self.publishers: Any = {}
@@ -401,8 +358,6 @@ class Ros2Node:
         self.waiting: Any = []  # (topic, message, deadline) without a subscriber
         self.questions: Any = queue.Queue()
         self.driven: Any = None  # monotonic time of the last velocity other than zero
-        self.measured_at = self.last_sign = -math.inf
-        self.still_since = math.inf
         self.beat_at = time.monotonic()
         self.ended = threading.Event()
         self.guarding = self.is_attending = False
@@ -453,7 +408,7 @@ class Ros2Node:
         watching.join()
 
     def end(self, *_: Any) -> None:
-        """Begin to guard; a guard that is ended has a successor (ros1.py, `NodeBus.guard`)."""
+        """Begin to guard; a guard that is ended has a successor (ros1.py, `NodeBus.tell_guard`)."""
         if self.guarding:
             os._exit(0)
         self.ended.set()
@@ -483,10 +438,12 @@ class Ros2Node:
         pass
 
     def do_guard(self, **settings: Any) -> None:
-        self.linear, self.angular = settings["linear"], settings["angular"]
-        self.cancel_dock = settings["cancel_dock"]
-        self.is_docking = bool(self.cancel_dock)  # an earlier run may have left that
+        self.standstill.linear, self.standstill.angular = settings["linear"], settings["angular"]
+        self.docking.begin(settings["docks"], settings["cancel_dock"])
         self.cancel_docking()
+
+    def do_docking_ended(self) -> None:
+        self.docking.is_active = False
 
     def do_advertise(self, topic: str, kind: str, *, drives: bool, latch: bool = False) -> None:
         if topic in self.publishers:
@@ -510,7 +467,7 @@ class Ros2Node:
     def do_publish(self, topic: str, content: Any) -> None:
         if topic in self.publishers:
             message = filled(self.kinds[topic](), content)
-            self.later(self.publish_soon, (topic, message, time.monotonic() + HEARING))
+            self.later(self.publish_soon, (topic, message, time.monotonic() + guarded.HEARING))
 
     def publish_soon(self, *new: Any) -> None:
         """Publish as soon as there is a subscriber: what is published before is lost."""
@@ -526,7 +483,7 @@ class Ros2Node:
 
     def do_drive(self, topic: str, content: Any, *, moving: bool, at: float) -> None:
         # A velocity that is late has waited here: this process has hung.
-        if moving and (self.guarding or time.monotonic() - at > OLDEST):
+        if moving and (self.guarding or time.monotonic() - at > guarded.OLDEST):
             return
         self.publishers[topic].publish(self.stamped(filled(self.kinds[topic](), content)))
         self.driven = time.monotonic() if moving else None
@@ -601,14 +558,19 @@ class Ros2Node:
         return [each for each in endpoints if each.node_name == self.ros.get_name()]
 
     def do_call(self, number: int, service: str, kind: str, arguments: Any) -> None:
-        if service != self.cancel_dock:
-            self.is_docking = bool(self.cancel_dock)
-        answer = functools.partial(self.say, op="response", number=number)
-        words: Any = (service, kind, arguments, answer)
+        docking = self.docking.called(service)
+
+        def answer(**words: Any) -> None:
+            self.docking.answered(docking, words)
+            self.say(op="response", number=number, **words)
+
+        words: Any = (service, kind, arguments, answer, docking)
         threading.Thread(target=self.call, args=words, daemon=True).start()
 
-    def call(self, service: str, kind: str, arguments: Any, answer: Any) -> None:
-        """Call a service, and `answer` with `values` or a `problem`."""
+    def call(self, service: str, kind: str, arguments: Any, answer: Any, docking: int = 0) -> None:
+        """Call a service, and `answer` with `values` or a `problem`; `docking` is the number of a
+        call that docks.
+        """
         try:
             made = type_of(kind, "srv")
         except MissingTypeError as error:
@@ -619,28 +581,30 @@ class Ros2Node:
         client, deadline = self.clients[service], time.monotonic() + SERVER_WITHIN
         while not client.service_is_ready():
             if time.monotonic() > deadline:
-                if service == self.cancel_dock:
-                    self.is_docking = False
                 answer(problem="there is no such service", absent=True)
                 return
             time.sleep(PERIOD)
+        if docking and self.guarding:
+            answer(problem="the agent is lost", absent=True)
+            return
         request = filled(made.Request(), arguments or {})
-        self.later(self.send, service, client, request, answer)
+        self.later(self.send, client, request, answer)
 
-    def send(self, service: str, client: Any, request: Any, answer: Any) -> None:
-        def answered(done: Any) -> None:
-            if service == self.cancel_dock:
-                self.is_docking = False
-            answer(values=plain(done.result()))
-
-        client.call_async(request).add_done_callback(answered)
+    def send(self, client: Any, request: Any, answer: Any) -> None:
+        done = client.call_async(request)
+        done.add_done_callback(lambda done: answer(values=guarded.plain(done.result())))
 
     def cancel_docking(self) -> None:
-        """Call the service that cancels docking, again every CANCEL_AGAIN until it answers."""
-        now = time.monotonic()
-        if self.is_docking and now - self.docking_cancelled_at > CANCEL_AGAIN:
-            self.docking_cancelled_at = now
-            words: Any = (self.cancel_dock, "std_srvs/Trigger", {}, lambda **_: None)
+        """Call the service that cancels docking, again every CANCEL_AGAIN until that has ended."""
+        now, docking = time.monotonic(), self.docking
+        if docking.is_active and now - self.docking_cancelled_at > guarded.CANCEL_AGAIN:
+            self.docking_cancelled_at, number = now, docking.cancelling()
+            words: Any = (
+                docking.cancel_service,
+                "std_srvs/Trigger",
+                {},
+                lambda **_: docking.cancelled(number),
+            )
             threading.Thread(target=self.call, args=words, daemon=True).start()
 
     def do_goal(self, action: str, uuid: str, goal: str, content: Any) -> None:
@@ -650,15 +614,6 @@ class Ros2Node:
         self.later(self.actions[action].withdraw, bytes.fromhex(uuid), number)
 
     # --- the guard --------------------------------------------------------------------------------
-
-    def measure(self, odometry: Any, now: float) -> None:
-        twist = odometry.twist.twist
-        still = (
-            math.hypot(twist.linear.x, twist.linear.y) < self.linear
-            and abs(twist.angular.z) < self.angular
-        )
-        self.measured_at = self.last_sign = now
-        self.still_since = min(self.still_since, now) if still else math.inf
 
     @property
     def goals(self) -> Any:
@@ -681,8 +636,8 @@ class Ros2Node:
         while not self.ended.wait(PERIOD):
             now = time.monotonic()
             self.look_after(now)
-            if now - self.beat_at > HEARTBEAT and (self.goals or self.is_docking):
-                return f"the agent did not respond for {HEARTBEAT} s while an action ran"
+            if now - self.beat_at > guarded.HEARTBEAT and (self.goals or self.docking.is_active):
+                return f"the agent did not respond for {guarded.HEARTBEAT} s while an action ran"
         return "the connection was closed"
 
     def cancel_leftovers(self) -> bool:
@@ -698,7 +653,9 @@ class Ros2Node:
         while time.monotonic() < deadline and not self.ended.is_set():
             if not self.may_move(deadline - LEFTOVERS):
                 return True
-            self.brake()
+            self.stop_wheels()
+            self.attend()
+            time.sleep(PERIOD)
         return False
 
     def guard(self) -> None:
@@ -710,28 +667,37 @@ class Ros2Node:
         settled.wait(MEASURED_WITHIN)
         for goal in self.goals:
             goal.unwanted = True
-        if self.goals or self.is_docking or was_driven:
-            self.brake()
-            while self.may_move(began):
-                self.brake()
-        self.link.drain()
+        if self.goals or self.docking.is_active or was_driven:
+            self.brake_until_rest(began)
+        self.link.drain(FAREWELL)
         os._exit(0)  # rclpy's threads would wait
 
-    def brake(self) -> None:
-        self.stop_wheels()
-        self.attend()
-        if self.guarding:
-            self.cancel_docking()
-        time.sleep(PERIOD)
+    def brake_until_rest(self, began: float) -> None:
+        """Brake, and cancel what may move the robot; an error ends none of that."""
+        is_over = False
+        while not is_over:
+            for work in (self.stop_wheels, self.attend, self.cancel_docking):
+                self.attempt(work)
+            time.sleep(PERIOD)
+            is_over = self.attempt(lambda: not self.may_move(began))
+
+    def attempt(self, work: Any) -> Any:
+        """Return what it returns, None when it fails."""
+        try:
+            return work()
+        except Exception:  # the guard goes on whatever fails
+            traceback.print_exc()
+            return None
 
     def may_move(self, since: float) -> bool:
         """Whether a goal of ours may run, or the robot is not at rest."""
         now = time.monotonic()
-        if self.goals or self.is_docking:
-            return now - max(since, self.last_sign) < FORGOTTEN_AFTER
-        if now - self.measured_at > MEASURED_WITHIN:
+        measured_at = self.standstill.measured_at
+        if self.goals or self.docking.is_active:
+            return now - max(since, measured_at) < FORGOTTEN_AFTER
+        if now - measured_at > MEASURED_WITHIN:
             return now - since < MEASURED_WITHIN
-        return now - self.still_since < STILL_FOR
+        return not self.standstill.is_proved
 
     def stop_wheels(self) -> None:
         """Publish a zero velocity, also before the agent has said of which type."""
@@ -752,7 +718,7 @@ class Ros2Node:
         return message
 
     def look_after(self, now: float) -> None:
-        if self.driven is not None and now - self.driven > SILENCE:
+        if self.driven is not None and now - self.driven > guarded.SILENCE:
             self.driven = None
             self.stop_wheels()
         topic = self.settings["driving"]

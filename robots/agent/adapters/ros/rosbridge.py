@@ -26,7 +26,7 @@ from robots.agent.adapters.common.robot_profile import load_profile, settings_of
 from robots.agent.adapters.common.send_slots import SendSlots
 from robots.agent.adapters.common.sockets import make_prompt
 from robots.agent.adapters.ros.base import RosAdapter, RosOptions
-from robots.agent.adapters.ros.bus import Goals, Handler
+from robots.agent.adapters.ros.bus import ANSWER_TIME, Goals, Handler
 from robots.agent.adapters.ros.graph import Graph, TopicPeers
 from robots.agent.robot_interface import ActionRefusedError, AdapterError
 from robots.api.messages import ActionState
@@ -37,7 +37,6 @@ try:
 except ImportError as error:
     raise ImportError("it needs websockets: pip install 'websockets>=13'") from error
 
-ANSWER_TIME = 10.0
 ROSAPI_TIME = 2.0
 REFUSED = 2.0  # seconds after which what rosbridge refused is tried again
 # internal/topics.py, TypeConflictException
@@ -164,7 +163,7 @@ class RosbridgeBus:
             await self._open_navigation()
         await self._open_probe()
 
-    def guard(self, settings: dict[str, Any]) -> None:
+    def tell_guard(self, **message: Any) -> None:
         """Do nothing: nothing runs on the robot's side."""
 
     async def _open_probe(self) -> None:
@@ -423,7 +422,12 @@ class RosbridgeBus:
             self._outgoing.say(letter)
 
     async def call(
-        self, service: str, kind: str, arguments: dict[str, Any] | None = None
+        self,
+        service: str,
+        kind: str,
+        arguments: dict[str, Any] | None = None,
+        *,
+        within: float = ANSWER_TIME,
     ) -> tuple[bool, str]:
         """Call a service.
 
@@ -431,7 +435,7 @@ class RosbridgeBus:
             ActionRefusedError: it does not exist.
             AdapterError: no answer, or an error.
         """
-        answering = asyncio.ensure_future(self._values(service, arguments or {}, ANSWER_TIME, kind))
+        answering = asyncio.ensure_future(self._values(service, arguments or {}, within, kind))
         self._watch_queue(f"the service {service}: set call_services_in_new_thread to true")
         values = await answering
         return bool(values.get("success")), str(values.get("message", ""))

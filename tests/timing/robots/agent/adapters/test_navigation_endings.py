@@ -178,6 +178,25 @@ def test_docking_whose_call_gives_no_answer_in_time_is_cancelled(robot):
         rest(robot, "guarded: a call to dock timed out", found["at"])
 
 
+@pytest.mark.nightly
+@pytest.mark.parametrize("end", ["lives", "killed"])
+def test_docking_that_begins_after_its_cancel_is_cancelled_again(robot, end):
+    planner = robot.plan("docks late", TOPICS["guarded"])
+    agent = robot.agent(OPTIONS["guarded"], module="governed_agent")
+    try:
+        agent.request("dock")
+        called = planner.wait_for(lambda each: "dock" in each)
+        if end == "killed":
+            agent.kill()
+        planner.wait_for(lambda each: "cancel_dock" in each, called["at"])
+        began = planner.wait_for(lambda each: "docks" in each, called["at"])["at"]
+        planner.wait_for(lambda each: "cancel_dock" in each, began, 5.0)
+        rest(robot, f"guarded, docking begins 12 s late: agent {end}", began, jerks=JERKS)
+    finally:
+        for process in (agent, planner):
+            robot.stop(process)
+
+
 @pytest.mark.parametrize(
     "habit",
     ["obeys", "ignores", pytest.param("misses", marks=pytest.mark.nightly)],

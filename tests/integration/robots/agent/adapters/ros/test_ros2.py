@@ -361,8 +361,8 @@ async def test_a_domain_without_a_robot_says_what_is_missing(monkeypatch):
 
 def test_numbers_that_json_lacks_are_none():
     program = (
-        "import array, json, ros2_node;"
-        "print(json.dumps(ros2_node.plain(array.array('f', [1.5, float('nan'), float('inf')]))))"
+        "import array, json, guarded_node;"
+        "print(json.dumps(guarded_node.plain(array.array('f', [1.5, float('nan'), float('inf')]))))"
     )
     folder = ROOT / "robots" / "agent" / "adapters" / "ros"
     done = subprocess.run([PYTHON, "-c", program], cwd=folder, capture_output=True, check=True)

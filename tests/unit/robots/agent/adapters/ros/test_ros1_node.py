@@ -1,6 +1,5 @@
 """The node of ROS 1 in the system's Python: what it says to the agent, and in which order."""
 
-import queue
 import threading
 from types import SimpleNamespace
 
@@ -8,6 +7,7 @@ import pytest
 
 from robots.agent.adapters.ros import ros1_node
 from robots.agent.adapters.ros.graph import TopicPeers
+from robots.agent.adapters.ros.guarded_node import BACKLOG, DockingCalls, Link
 from robots.agent.adapters.ros.ros1 import UNCONNECTED, NodeBus, Ros1Options
 from robots.agent.adapters.ros.ros1_node import MAX_QUEUED, Guard, MasterError, Node
 from robots.agent.robot_interface import AdapterError
@@ -32,9 +32,10 @@ def test_the_first_word_is_ready_however_long_that_takes():
 
     node.say, node.driven = say, None
     node.rospy = SimpleNamespace(get_name=slow_name)
-    node.connection = SimpleNamespace(makefile=lambda *_, **__: [])
+    node.link = SimpleNamespace(
+        connection=SimpleNamespace(makefile=lambda *_, **__: []), write=lambda: None
+    )
     node.watch_wheels, node.watch_master, node.answer_questions = watch, lambda: None, lambda: None
-    node.write_lines = lambda: None
     node.guard = SimpleNamespace(run=lambda: None, finish=lambda: None)
     node.run()
     assert spoke.wait(SOON * 10)
@@ -184,12 +185,12 @@ async def test_a_graph_that_gets_no_answer_is_an_error(bus, monkeypatch):
         await bus.graph("/cmd_vel", ())
 
 
-def test_an_agent_that_reads_nothing_holds_up_no_thread_of_the_node():
-    node = object.__new__(Node)
-    node.outgoing = queue.Queue(MAX_QUEUED)
-    for number in range(2 * MAX_QUEUED):
-        node.say(op="publish", number=number)
-    assert node.outgoing.full()
+def test_of_readings_for_an_agent_that_reads_nothing_a_bounded_number_is_kept():
+    link = Link(None)
+    for number in range(2 * BACKLOG):
+        link.say(op="publish", number=number)
+    link.say(op="lost")
+    assert len(link.lines) == BACKLOG + 1
 
 
 def test_messages_without_a_subscriber_are_kept_up_to_a_bound():
@@ -209,6 +210,15 @@ def test_messages_without_a_subscriber_are_kept_up_to_a_bound():
 ACTIVE, PREEMPTED = 1, 2
 
 
+class Stamp:
+    """As genpy.Time."""
+
+    __slots__ = ("nsecs", "secs")
+
+    def __init__(self, secs, nsecs):
+        self.secs, self.nsecs = secs, nsecs
+
+
 class GuardRig:
     """A guard whose clock, status and odometry the test gives."""
 
@@ -219,7 +229,7 @@ class GuardRig:
             publish_zero=self._zero, say=lambda **message: self.said.append(message["op"])
         )
         self.guard = Guard(node)
-        self.guard.action, self.guard.linear, self.guard.angular = "/move_base", 0.02, 0.05
+        self.guard.action = "/move_base"
         self.guard.kind_of_id = lambda id: id  # noqa: A006 - as GoalID
         self.guard.publisher = SimpleNamespace(publish=self.cancelled.append)
 
@@ -237,15 +247,18 @@ class GuardRig:
         ]
         self.guard.listed(SimpleNamespace(status_list=entries))
 
-    def passes(self, seconds, speed=0.0, *, beats=False):
+    def passes(self, seconds, speed=0.0, *, beats=False, stamp_stands=False):
         """Time passes at 50 Hz; return how many zeros were sent."""
-        before, twist = self.zeros, SimpleNamespace(x=speed, z=0.0)
-        inner = SimpleNamespace(linear=twist, angular=SimpleNamespace(z=0.0))
+        before, linear = self.zeros, SimpleNamespace(x=speed, y=0.0)
+        twist = SimpleNamespace(linear=linear, angular=SimpleNamespace(z=0.0))
         for _ in range(round(seconds / 0.02)):
             self.now += 0.02
             if beats:
                 self.guard.beaten_at = self.now
-            self.guard.measured(SimpleNamespace(twist=SimpleNamespace(twist=inner)))
+            if not stamp_stands:
+                self.stamp = Stamp(int(self.now), int(self.now % 1.0 * 1e9))
+            header = SimpleNamespace(stamp=self.stamp)
+            self.guard.measured(SimpleNamespace(header=header, twist=SimpleNamespace(twist=twist)))
             self.guard.look(self.now)
         return self.zeros - before
 
@@ -324,3 +337,69 @@ def test_goals_end_with_a_server_whose_connection_is_lost(guard):
     guard.passes(1.1, beats=True)
     assert guard.said == ["gone"]
     assert guard.passes(3.0) == 0
+
+
+def test_odometry_that_is_published_again_measures_no_standstill(guard):
+    guard.passes(3.0, beats=True)
+    guard.guard.act()
+    guard.passes(0.5, 0.3, beats=True)
+    # the last reading from before the motion comes again and again
+    assert guard.passes(1.5, 0.0, stamp_stands=True) >= 45
+
+
+def test_a_guard_that_fails_to_cancel_still_brakes(guard):
+    guard.guard.sent["telepresence-1"] = True
+    guard.guard.closed = True
+    rounds = iter(range(3))
+
+    def fail(_topic_id):
+        raise RuntimeError("the publisher is gone")
+
+    def sleep(_seconds):
+        next(rounds)
+
+    guard.guard.publisher = SimpleNamespace(publish=fail)
+    guard.guard.cancelled_at = -1.0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ros1_node.time, "sleep", sleep)
+        with pytest.raises(StopIteration):
+            guard.guard.run()
+    assert guard.zeros == 3
+
+
+class DockingRig:
+    def __init__(self):
+        self.docking = DockingCalls()
+        self.docking.begin(["/dock"], "/cancel_dock")
+        self.docking.cancelled(self.docking.cancelling())
+
+    def calls(self):
+        return self.docking.called("/dock")
+
+
+def test_a_docking_is_active_until_a_cancel_that_was_sent_after_its_answer():
+    rig = DockingRig()
+    assert not rig.docking.is_active
+    call = rig.calls()
+    early = rig.docking.cancelling()
+    rig.docking.cancelled(early)
+    assert rig.docking.is_active
+    rig.docking.answered(call, {"values": {"success": True}})
+    assert rig.docking.is_active
+    rig.docking.cancelled(early)
+    assert rig.docking.is_active
+    rig.docking.cancelled(rig.docking.cancelling())
+    assert not rig.docking.is_active
+
+
+@pytest.mark.parametrize("answer", [{"values": {"success": False}}, {"absent": True}])
+def test_a_docking_that_is_refused_is_not_active(answer):
+    rig = DockingRig()
+    rig.docking.answered(rig.calls(), answer)
+    assert not rig.docking.is_active
+
+
+def test_services_other_than_those_that_dock_are_no_docking():
+    rig = DockingRig()
+    assert rig.docking.called("/estop") == 0
+    assert not rig.docking.is_active
