@@ -9,8 +9,11 @@ import base64
 import collections
 import json
 import math
+import socket
+import sys
 import threading
 import time
+import traceback
 from typing import Any
 
 SILENCE = 0.3  # s without another velocity, after which a moving robot is stopped
@@ -134,6 +137,118 @@ class DockingCalls:
             self.is_active = False
 
 
+class MissingTypeError(Exception):
+    """The package of a type is not installed; the message is one sentence."""
+
+
+class GuardedNode:
+    """One connection to the agent; a subclass has a method `do_…` for each order."""
+
+    def __init__(self, connection: Any) -> None:
+        self.link = Link(connection)
+        self.say = self.link.say
+        self.standstill, self.docking = Standstill(), DockingCalls()
+        self.docking_cancelled_at = -math.inf
+        self.cancelling_docking = threading.Thread()
+        self.publishers: Any = {}
+        self.beaten_at = time.monotonic()
+        # (topic of velocities, its subscribers) as reported last, and as they are
+        self.counted: Any = None
+
+    def start(self, *works: Any) -> None:
+        """Run each in a thread of its own, beside the one that writes to the agent."""
+        for work in (self.link.write, *works):
+            threading.Thread(target=work, daemon=True).start()
+
+    def obey_orders(self) -> None:
+        """Obey the agent until its connection ends."""
+        try:
+            for line in self.link.connection.makefile("r", encoding="utf-8"):
+                self.beaten_at = time.monotonic()
+                self.obey(json.loads(line))
+        except (OSError, ValueError):
+            pass  # as good as the end of what the agent sends
+
+    def obey(self, order: Any) -> None:
+        try:
+            getattr(self, "do_" + order.pop("op"))(**order)
+        except MissingTypeError as error:
+            self.say(op="lost", reason=str(error))
+        except Exception:  # one bad order must not end the guard
+            traceback.print_exc()
+
+    def attempt(self, work: Any) -> Any:
+        """Return what it returns, None when it fails."""
+        try:
+            return work()
+        except Exception:  # whatever fails, guarding continues
+            traceback.print_exc()
+            return None
+
+    def do_beat(self) -> None:
+        pass
+
+    def do_docking_ended(self) -> None:
+        self.docking.is_active = False
+
+    def do_call(self, number: int, service: str, kind: str, arguments: Any) -> None:
+        docking = self.docking.called(service)
+
+        def call() -> None:
+            answer = self.answer_of(service, kind, arguments, docking=docking)
+            self.docking.answered(docking, answer)
+            self.say(op="response", number=number, **answer)
+
+        threading.Thread(target=call, daemon=True).start()
+
+    def answer_of(self, service: str, kind: str, arguments: Any, *, docking: int = 0) -> Any:
+        """Call a service and return its `values`, or a `problem` that is `absent` without a server;
+        one that docks, by its number, is called only for an agent that lives.
+        """
+        raise NotImplementedError
+
+    def cancel_docking(self) -> None:
+        """Call the service that cancels docking, again every CANCEL_AGAIN until that has ended."""
+        now = time.monotonic()
+        is_due = now - self.docking_cancelled_at > CANCEL_AGAIN
+        if self.docking.is_active and is_due and not self.cancelling_docking.is_alive():
+            self.docking_cancelled_at = now
+            self.cancelling_docking = threading.Thread(target=self.call_cancel_dock, daemon=True)
+            self.cancelling_docking.start()
+
+    def call_cancel_dock(self) -> None:
+        number = self.docking.cancelling()
+        answer = self.answer_of(self.docking.cancel_service, "std_srvs/Trigger", {})
+        if "values" in answer or "absent" in answer:
+            self.docking.cancelled(number)
+
+    def take_guard(self, settings: Any) -> None:
+        self.standstill.linear, self.standstill.angular = settings["linear"], settings["angular"]
+        self.docking.begin(settings["docks"], settings["cancel_dock"])
+
+    def report_listeners(self, topic: str, count: int) -> None:
+        """Report how many nodes receive velocities, when that has changed."""
+        if (topic, count) != self.counted:
+            self.counted = topic, count
+            self.say(op="listeners", topic=topic, count=count)
+
+
+def connect() -> Any:
+    """Return the connection to the agent, whose port is the first argument and whose password is
+    the first line of standard input.
+    """
+    connection = socket.create_connection(("127.0.0.1", int(sys.argv[1])), timeout=5.0)
+    connection.settimeout(None)
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    connection.sendall(sys.stdin.readline().encode())
+    return connection
+
+
+def refuse(connection: Any, reason: str) -> int:
+    connection.sendall((json.dumps({"op": "lost", "reason": reason}) + "\n").encode())
+    return 1
+
+
 def plain(value: Any) -> Any:
     """Return a message of either ROS as JSON has it: bytes as base64, numbers that JSON lacks as
     None.
@@ -154,3 +269,28 @@ def plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def filled(message: Any, content: Any, type_of: Any) -> Any:
+    """Return a message of either ROS with the fields that an object names; `type_of` returns the
+    class of a message by its type.
+    """
+    if hasattr(message, "get_fields_and_field_types"):
+        kinds = message.get_fields_and_field_types()
+    else:  # a time of ROS 1 has no types
+        kinds = dict(zip(message.__slots__, getattr(message, "_slot_types", ())))
+    for name, value in content.items():
+        now, kind = getattr(message, name), kinds.get(name, "")
+        if isinstance(value, dict):
+            filled(now, value, type_of)
+        elif isinstance(value, list) and value and isinstance(value[0], dict):
+            made = type_of(kind.replace("sequence<", "").split(">")[0].split("[")[0])
+            setattr(message, name, [filled(made(), each, type_of) for each in value])
+        elif isinstance(value, list) and ("float" in kind or "double" in kind):
+            setattr(message, name, [float(each) for each in value])
+        elif isinstance(value, str) and not isinstance(now, str):
+            data = base64.b64decode(value)
+            setattr(message, name, data if isinstance(now, bytes) else list(data))
+        else:
+            setattr(message, name, float(value) if isinstance(now, float) else value)
+    return message

@@ -6,7 +6,7 @@ of the system), and so imports nothing of ours and is written for Python 3.6. ro
 node only once per process and cannot recover from a lost master, so the agent restarts this process
 to reconnect.
 
-    agent -> node   advertise, unadvertise, publish, drive (a velocity: after SILENCE without
+    agent -> node   advertise, publish, drive (a velocity: after SILENCE without
     another the robot is stopped),
                     ask (do the subscribers of velocities respond?),
                     graph (and which of the `old` nodes run that the master has forgotten?),
@@ -24,12 +24,11 @@ goals of ours and the docking, and sends zero velocities until they have ended a
 measured at rest. Then it exits, or waits for the agent to continue.
 """
 
-import base64
 import functools
 import http.client
-import json
 import os
 import queue
+import select
 import socket
 import struct
 import sys
@@ -41,14 +40,15 @@ from typing import Any
 if __package__:
     from robots.agent.adapters.ros import guarded_node as guarded
 else:  # as a program, in a Python that does not have ours
-    import guarded_node as guarded  # type: ignore[import-not-found,no-redef]
+    import guarded_node as guarded  # type: ignore[no-redef]
 
 GLANCE = 0.05
 MASTER_PERIOD = 0.3
-MASTER_TIME = 1.0
 LIVES_WITHIN = 1.0
 SENDING = 16 << 10
 UNACKNOWLEDGED = 1000  # milliseconds
+HANDSHAKE = 5.0  # seconds that a new connection has for its header
+LARGEST_HEADER = 1 << 18  # bytes, with the definition of the message
 MAX_QUEUED = 500  # messages without a subscriber
 FAREWELL = 0.5  # seconds for the last lines to the agent
 GUARD_PERIOD = 0.02
@@ -59,13 +59,8 @@ REPLACED = 1.0  # seconds that a newer node has published velocities, before thi
 SERVER_GONE = 1.0  # seconds without a connection to the action server's status
 NODE_NAME = "telepresence_"
 OURS = "telepresence-"  # with which the ids of our goals begin
-ENDED = {
-    2,
-    3,
-    4,
-    5,
-    8,
-}  # actionlib_msgs/GoalStatus: preempted, succeeded, aborted, rejected, recalled
+# actionlib_msgs/GoalStatus: preempted, succeeded, aborted, rejected, recalled
+ENDED = frozenset([2, 3, 4, 5, 8])
 
 
 class TimeoutTransport(xmlrpc.client.Transport):
@@ -98,43 +93,51 @@ class Master:
         return call
 
 
-class OtherNode:
-    """Another node, by its slave API, and whether it lives."""
-
-    def __init__(self, uri: str) -> None:
-        self.proxy = xmlrpc.client.ServerProxy(uri, transport=TimeoutTransport())
-        self.has_answered = False
-
-    def lives(self) -> bool:
-        """Tell whether it answers; one that never did cannot be reached from here, and is believed
-        to.
-        """
-        try:
-            self.proxy.getPid("/telepresence")
-        except (OSError, http.client.HTTPException, xmlrpc.client.Error):
-            return not self.has_answered
-        self.has_answered = True
-        return True
+def slave_at(uri: str) -> Any:
+    """Return the slave API of another node."""
+    return xmlrpc.client.ServerProxy(uri, transport=TimeoutTransport())
 
 
-class Node:
+def answers(slave: Any) -> bool:
+    try:
+        slave.getPid("/telepresence")
+    except (OSError, http.client.HTTPException, xmlrpc.client.Error):
+        return False
+    return True
+
+
+def header_arrived(connection: Any) -> Any:
+    """Return whether a connection has sent the whole header of TCPROS, a length in four bytes and
+    as many bytes; None while more may come, False when it never will.
+    """
+    try:
+        if not select.select([connection], [], [], 0)[0]:
+            return None
+        data = connection.recv(LARGEST_HEADER, socket.MSG_PEEK)
+    except OSError:
+        return False
+    if len(data) < 4:
+        return None if data else False
+    length = struct.unpack("<I", data[:4])[0] + 4
+    return False if length > LARGEST_HEADER else len(data) >= length or None
+
+
+class Node(guarded.GuardedNode):
     """One connection to the agent, one node."""
 
     def __init__(self, connection: Any) -> None:
-        import genpy
+        super().__init__(connection)
         import roslib.message
         import rospy
+        import rospy.impl.registration
         import rospy.impl.tcpros_base
 
-        self.genpy, self.rospy, self.roslib = genpy, rospy, roslib
-        self.link = guarded.Link(connection)
-        self.say = self.link.say
-        self.publishers: Any = {}
+        self.rospy, self.roslib = rospy, roslib
         self.waiting: Any = {}  # topic to the messages that have no subscriber yet
         self.subscribers: Any = []
         self.driving = ""  # the topic of velocities
-        self.was_alone = False  # at the last look no listener of velocities had connected
-        self.driven: Any = None  # (topic, monotonic time) while the robot may be moving
+        self.was_alone = False  # at the last look no subscriber of velocities had connected
+        self.driven: Any = None  # monotonic time of the last velocity other than zero
         self.unknown = MasterError
         self.unreachable = (OSError, http.client.HTTPException, xmlrpc.client.Error, MasterError)
         self.uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
@@ -144,77 +147,114 @@ class Node:
         self.master = self.new_master()
         self.master_pid = self.master.getPid()
         self.questions: Any = queue.Queue(MAX_QUEUED)
-        self.listeners: Any = {}  # who listens for velocities, by the name of its node
-        self.others: Any = {}  # slave API by the name of the node
+        self.slaves: Any = {}  # of the subscribers of velocities, by the names of their nodes
+        self.has_answered: Any = set()  # those of them that have
+        self.others: Any = {}  # address of the slave API by the name of the node
         self.refused: Any = {}  # by topic: by node the type that it wants
         name = NODE_NAME + str(int(time.time() * 1e6))  # a newer node has a larger number
         rospy.init_node(name, disable_signals=True, disable_rosout=True)
-        self.server = rospy.impl.tcpros_base._tcpros_server
-        self.accept, self.server.topic_connection_handler = (
-            self.server.topic_connection_handler,
+        server = rospy.impl.tcpros_base._tcpros_server
+        self.accept, server.topic_connection_handler = (
+            server.topic_connection_handler,
             self.connected,
         )
+        server.start_server()
+        self.arriving: Any = queue.Queue()
+        self.take_connection = server.tcp_ros_server.inbound_handler
+        server.tcp_ros_server.inbound_handler = self.incoming
+        threading.Thread(target=self.shake_hands, daemon=True).start()
+        self.keep_publications()
         self.guard: Any = Guard(self)
 
     def run(self) -> None:
         """Do what the agent requests until it is gone, then guard the robot."""
         # the agent takes anything else that comes first for a failure
         self.say(op="ready", node=self.rospy.get_name())
-        for work in (
-            self.link.write,
-            self.watch_wheels,
-            self.watch_master,
-            self.answer_questions,
-            self.guard.run,
-        ):
-            threading.Thread(target=work, daemon=True).start()
+        works = self.watch_wheels, self.watch_master, self.answer_questions, self.guard.run
+        self.start(*works)
         try:
-            for line in self.link.connection.makefile("r", encoding="utf-8"):
-                self.guard.beaten_at = time.monotonic()
-                order = json.loads(line)
-                getattr(self, "do_" + order.pop("op"))(**order)
-        except (OSError, ValueError):
-            pass  # the connection ended, perhaps in the middle of a line
+            self.obey_orders()
         finally:
             self.leave()
 
     def leave(self) -> None:
         """Stop the robot, and return when nothing of ours can move it any more."""
-        self.stand()
+        self.attempt(self.stop_driving)
         self.guard.finish()
 
-    def do_beat(self) -> None:
-        """The agent's control loop runs."""
-
     def do_guard(self, **settings: Any) -> None:
+        self.take_guard(settings)
         self.guard.begin(**settings)
 
-    def do_docking_ended(self) -> None:
-        self.guard.docking.is_active = False
+    def type_of(self, kind: str) -> Any:
+        found = self.roslib.message.get_message_class(kind)
+        if found is None:
+            raise guarded.MissingTypeError("ROS has no message type " + kind + " here")
+        return found
 
     def do_advertise(self, topic: str, kind: str, *, latch: bool, drives: bool = False) -> None:
-        if topic in self.publishers:
-            return
-        message = self.roslib.message.get_message_class(kind)
-        if message is None:
-            self.say(op="lost", reason="ROS has no message type " + kind + " here")
+        message, former = self.type_of(kind), self.publishers.get(topic)
+        if former is not None and former.data_class is message:
             return
         if drives:
-            self.driving = topic
-        greeting = StandingPublisher(message) if drives else None
-        self.publishers[topic] = self.rospy.Publisher(
-            topic, message, greeting, queue_size=2, latch=latch, tcp_nodelay=True
-        )
-
-    def do_unadvertise(self, topic: str) -> None:
-        publisher = self.publishers.pop(topic, None)
-        if publisher is not None:
-            self.driven = None
+            self.driving, self.driven = topic, None
+        greeting = ZeroFirst(message) if drives else None
+        with self.topics.lock:
+            # the guard may publish there, too: only another type of ours is replaced
+            replaced = self.topics.pubs.pop(topic) if former is not None else None
+            self.publishers[topic] = self.rospy.Publisher(
+                topic, message, greeting, queue_size=2, latch=latch, tcp_nodelay=True
+            )
+        if replaced is not None:
             self.refused.pop(topic, None)
-            publisher.unregister()
+            replaced.close()
+
+    def keep_publications(self) -> None:
+        """Never be seen without a topic whose type is replaced.
+
+        rospy asks a publisher that has refused it for its publications 1 s later. If the topic is
+        missing then, it keeps the dead connection in its list and for good ignores all news of that
+        publisher (rospy/impl/tcpros_pubsub.py, robust_connect_subscriber).
+        """
+        self.topics = self.rospy.impl.registration.get_topic_manager()
+        listed = self.topics.get_publications
+
+        def get_publications() -> Any:
+            with self.topics.lock:
+                return listed()
+
+        self.topics.get_publications = get_publications
+
+    def shake_hands(self) -> None:
+        """Give rospy each new connection once its header has arrived, in the order of arrival.
+
+        rospy reads one header at a time and for ever (rospy/impl/tcpros_base.py, TCPServer.run), so
+        that no subscriber connects while a stranger sends none: a client of a node that has ended,
+        whose port this node has now, for example. The order counts because of two connections of
+        one subscriber the newer one is kept.
+        """
+        pending: Any = []
+        while True:
+            try:
+                pending.append(self.arriving.get(timeout=GLANCE / 5 if pending else None))
+            except queue.Empty:
+                pass
+            for entry in list(pending):
+                connection, address, deadline = entry
+                is_whole = header_arrived(connection)
+                if is_whole is None and time.monotonic() < deadline:
+                    continue
+                pending.remove(entry)
+                if is_whole:
+                    self.attempt(functools.partial(self.take_connection, connection, address))
+                else:
+                    connection.close()
+
+    def incoming(self, connection: Any, address: Any) -> None:
+        self.arriving.put((connection, address, time.monotonic() + HANDSHAKE))
 
     def connected(self, connection: Any, address: Any, header: Any) -> Any:
-        """Take somebody who has come to hear a topic; rospy says why not."""
+        """Accept a subscriber; return the reason for refusing it, or None."""
         topic, name = header.get("topic"), header.get("callerid")
         if topic == self.driving:
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SENDING)
@@ -242,31 +282,36 @@ class Node:
             self.say(op="response", number=number)
 
     def drop_the_dead(self, master: Any) -> None:
-        """Ask everybody who listens for velocities, and let go of who does not answer."""
+        """Ask each subscriber of velocities, and disconnect those that do not answer. One that has
+        never answered cannot be reached from here, and keeps its connection.
+        """
         publisher = self.publishers.get(self.driving)
         for connection in list(publisher.impl.connections) if publisher is not None else []:
             name = connection.endpoint_id
             try:
-                if name not in self.listeners:
-                    self.listeners[name] = OtherNode(master.lookupNode(name))
-                lives = self.listeners[name].lives()
+                if name not in self.slaves:
+                    self.slaves[name] = slave_at(master.lookupNode(name))
             except self.unreachable:
-                lives = True  # it is no node of this master's any more; its connection will say so
-            if not lives:
-                self.listeners.pop(name, None)
+                continue  # it is no node of this master's any more; its connection will say so
+            if answers(self.slaves[name]):
+                self.has_answered.add(name)
+            elif name in self.has_answered:
+                self.has_answered.discard(name)
+                del self.slaves[name]
                 publisher.impl.remove_connection(connection)
                 connection.close()
 
     def do_graph(self, number: int, driving: str, old: Any) -> None:
-        threading.Thread(target=self.look_round, args=(number, driving, old), daemon=True).start()
+        words: Any = (number, driving, old)
+        threading.Thread(target=self.describe_graph, args=words, daemon=True).start()
 
-    def look_round(self, number: int, driving: str, old: Any) -> None:
+    def describe_graph(self, number: int, driving: str, old: Any) -> None:
         found: Any = {}
         nodes: Any = {}
         try:
             master, own = self.new_master(), self.rospy.get_name()
             speaking, listening, serving = master.getSystemState()
-            kinds = dict(master.getTopicTypes())  # after it: whoever has just come has a type
+            kinds = dict(master.getTopicTypes())  # after it: a new node has a type
             for which, topics in ((2, speaking), (1, listening)):
                 for topic, names in topics:
                     entry = found.setdefault(
@@ -277,25 +322,26 @@ class Node:
                 wanted = sorted(set(self.refused.get(driving, {}).values()) - {""})
                 entry = found.setdefault(driving, [[], 0, 0])
                 entry[0] = wanted
-                self.call_again(bool(entry[1]) and not wanted)
+                self.announce_again(bool(entry[1]) and not wanted)
             running_names = {
                 name for each in (speaking, listening, serving) for _, at in each for name in at
             }
-            self.look_up(master, running_names - {own})
-            nodes = {
-                "nodes": self.others,
-                "forgotten": running(
-                    {name: old[name] for name in old if name not in running_names}
-                ),
+            self.others = {
+                name: self.others.get(name) or master.lookupNode(name)
+                for name in running_names - {own}
             }
+            lost = [
+                name for name in old if name not in running_names and answers(slave_at(old[name]))
+            ]
+            nodes = {"nodes": self.others, "forgotten": sorted(lost)}
         except self.unreachable:
             pass  # watch_master reports it
         self.say(op="response", number=number, topics=found, **nodes)
 
-    def call_again(self, wanted: bool) -> None:
-        """Have the master tell who listens once more that we publish velocities, if nobody has come
-        since the last look: of two lists of publishers that reach a node at once, rospy takes the
-        one that came last, which need not be the newest (rospy/impl/registration.py, RegManager).
+    def announce_again(self, wanted: bool) -> None:
+        """Have the master announce our velocities again, when no subscriber has connected since the
+        last look: of two lists of publishers that reach a node at once, rospy takes the one that
+        arrived last, which need not be the newest (rospy/impl/registration.py, RegManager).
         """
         publisher, topic = self.publishers.get(self.driving), self.driving
         alone = publisher is not None and wanted and not publisher.get_num_connections()
@@ -303,16 +349,6 @@ class Node:
             name, uri = self.rospy.get_name(), self.rospy.get_node_uri()
             self.own_master(caller=name).registerPublisher(topic, publisher.type, uri)
         self.was_alone = alone
-
-    def look_up(self, master: Any, names: Any) -> None:
-        """Know the slave API of each of these nodes, and of no others."""
-        known = {name: uri for name, uri in self.others.items() if name in names}
-        for name in names - set(known):
-            try:
-                known[name] = master.lookupNode(name)
-            except self.unknown:
-                pass  # it has just ended
-        self.others = known
 
     def do_publish(self, topic: str, content: Any) -> None:
         """Publish once there is a subscriber: what rospy publishes before the first one has
@@ -344,23 +380,21 @@ class Node:
             waiting.pop(0)
 
     def do_drive(self, topic: str, content: Any, *, moving: bool, at: float) -> None:
-        if moving and time.monotonic() - at > guarded.OLDEST:  # this process has hung meanwhile
+        # A velocity that is late has waited here: this process has hung.
+        if moving and time.monotonic() - at > guarded.OLDEST:
             return
         publisher = self.publishers[topic]
         publisher.publish(self.filled(publisher.data_class(), content))
         if moving:
             self.guard.starting = False
             self.guard.act()
-        self.driven = (topic, time.monotonic()) if moving else None
+        self.driven = time.monotonic() if moving else None
 
-    def do_subscribe(self, topic: str, kind: str, period: float) -> None:
-        message = self.roslib.message.get_message_class(kind)
-        if message is None:
-            self.say(op="lost", reason="ROS has no message type " + kind + " here")
-            return
-        due = [0.0]
+    def do_subscribe(self, topic: str, kind: str, period: float, latched: bool) -> None:
+        """Subscribe to a topic; `latched` is the publisher's to decide."""
+        message, due = self.type_of(kind), [0.0]
 
-        def heard(content: Any) -> None:
+        def take(content: Any) -> None:
             now = time.monotonic()
             if now < due[0]:
                 return
@@ -368,22 +402,16 @@ class Node:
             self.say(op="publish", topic=topic, content=guarded.plain(content))
 
         self.subscribers.append(
-            self.rospy.Subscriber(topic, message, heard, queue_size=2, tcp_nodelay=True)
+            self.rospy.Subscriber(topic, message, take, queue_size=2, tcp_nodelay=True)
         )
 
-    def do_call(self, number: int, service: str, kind: str, arguments: Any = None) -> None:
-        docking = self.guard.called(service)
-        threading.Thread(
-            target=self.call, args=(number, docking, service, kind, arguments or {}), daemon=True
-        ).start()
+    def do_call(self, number: int, service: str, kind: str, arguments: Any) -> None:
+        if service in self.docking.services:
+            self.guard.starting = False
+            self.guard.act()
+        super().do_call(number, service, kind, arguments)
 
-    def call(self, number: int, docking: int, service: str, kind: str, arguments: Any) -> None:
-        answer = self.answer_of(service, kind, arguments, docking)
-        self.guard.docking.answered(docking, answer)
-        self.say(op="response", number=number, **answer)
-
-    def answer_of(self, service: str, kind: str, arguments: Any, docking: int) -> Any:
-        """Call a service; `docking` is the number of a call that docks."""
+    def answer_of(self, service: str, kind: str, arguments: Any, *, docking: int = 0) -> Any:
         try:
             self.rospy.wait_for_service(service, timeout=2.0)
             if docking and self.guard.alone:
@@ -396,31 +424,28 @@ class Node:
             return {"problem": str(error) or type(error).__name__, "absent": True}
 
     def watch_wheels(self) -> None:
-        """Stop a robot whose agent is stuck, and tell the agent how many hear what it says of
-        motion.
-        """
-        told = None
+        """Stop a robot that gets no more velocities, and report the subscribers of velocities."""
         while True:
             time.sleep(GLANCE)
-            publisher = self.publishers.get(self.driving)
-            now = (self.driving, publisher.get_num_connections() if publisher is not None else 0)
-            if now != told:
-                told = now
-                self.say(op="listeners", topic=now[0], count=now[1])
-            driven = self.driven
-            if driven is not None and time.monotonic() - driven[1] > guarded.SILENCE:
-                self.stand()
+            self.attempt(self.look_at_wheels)
+
+    def look_at_wheels(self) -> None:
+        publisher = self.publishers.get(self.driving)
+        count = publisher.get_num_connections() if publisher is not None else 0
+        self.report_listeners(self.driving, count)
+        driven = self.driven
+        if driven is not None and time.monotonic() - driven > guarded.SILENCE:
+            self.stop_driving()
 
     def publish_zero(self) -> None:
         publisher = self.publishers.get(self.driving)
         if publisher is not None:
-            publisher.publish(standing(publisher.data_class))
+            publisher.publish(zero_of(publisher.data_class))
 
-    def stand(self) -> None:
-        driven, self.driven = self.driven, None
-        if driven is not None:
-            publisher = self.publishers[driven[0]]
-            publisher.publish(standing(publisher.data_class))
+    def stop_driving(self) -> None:
+        if self.driven is not None:
+            self.driven = None
+            self.publish_zero()
             time.sleep(GLANCE)
 
     def watch_master(self) -> None:
@@ -442,6 +467,21 @@ class Node:
         self.leave()
         self.exit(1)
 
+    def unregister(self) -> None:
+        """Have the master forget this node: it and all others would go on calling its ports."""
+        name, uri = self.rospy.get_name(), self.rospy.get_node_uri()
+        calls = xmlrpc.client.MultiCall(self.new_master().proxy)
+        for topic, _ in self.topics.get_publications():
+            calls.unregisterPublisher(name, topic, uri)
+        for topic, _ in self.topics.get_subscriptions():
+            calls.unregisterSubscriber(name, topic, uri)
+        for service, at in self.rospy.impl.registration.get_service_manager().get_services():
+            calls.unregisterService(name, service, at)
+        try:
+            calls()
+        except self.unreachable:
+            pass  # the master has forgotten it, or ends itself
+
     def exit(self, code: int) -> None:
         """End this process: rospy's threads would wait for a master that may be gone."""
         self.link.drain(FAREWELL)
@@ -456,22 +496,7 @@ class Node:
         return True
 
     def filled(self, message: Any, content: Any) -> Any:
-        """Return a message with the fields that an object names."""
-        for name, value in content.items():
-            now = getattr(message, name)
-            if isinstance(now, self.genpy.TVal):
-                now.secs, now.nsecs = value["secs"], value["nsecs"]
-            elif isinstance(value, dict):
-                self.filled(now, value)
-            elif isinstance(value, list) and value and isinstance(value[0], dict):
-                kind = message._slot_types[message.__slots__.index(name)].partition("[")[0]
-                made = self.roslib.message.get_message_class(kind)
-                setattr(message, name, [self.filled(made(), each) for each in value])
-            elif isinstance(value, str) and isinstance(now, bytes):
-                setattr(message, name, base64.b64decode(value))
-            else:
-                setattr(message, name, value)
-        return message
+        return guarded.filled(message, content, self.type_of)
 
 
 class Guard:
@@ -486,14 +511,13 @@ class Guard:
     def __init__(self, node: Any) -> None:
         self.node = node
         self.action = ""
-        self.standstill, self.docking = guarded.Standstill(), guarded.DockingCalls()
-        self.beaten_at = self.began_at = time.monotonic()
+        self.standstill, self.docking = node.standstill, node.docking
+        self.began_at = time.monotonic()
         self.closed = False  # the agent will not continue
         self.starting = False  # goals of an earlier node are being ended
         self.sent: Any = {}  # our goals that have not ended: whether they were listed
         self.found: Any = {}  # goals of earlier nodes that have not ended
         self.cancelled_at = 0.0
-        self.dock_call: Any = None
         self.acted_at = time.monotonic()
         self.brakes = False  # the robot moves, or is about to, for the agent or for a goal of ours
         self.server_seen_at: Any = None
@@ -507,8 +531,6 @@ class Guard:
         from nav_msgs.msg import Odometry
 
         rospy = self.node.rospy
-        self.standstill.linear, self.standstill.angular = settings["linear"], settings["angular"]
-        self.docking.begin(settings["docks"], settings["cancel_dock"])
         self.starting, self.began_at = True, time.monotonic()
         rospy.Subscriber(settings["odom"], Odometry, self.measured, queue_size=2, tcp_nodelay=True)
         if settings["kind"] == "move_base":
@@ -518,7 +540,7 @@ class Guard:
 
     @property
     def alone(self) -> bool:
-        return self.closed or time.monotonic() - self.beaten_at > guarded.HEARTBEAT
+        return self.closed or time.monotonic() - self.node.beaten_at > guarded.HEARTBEAT
 
     @property
     def busy(self) -> bool:
@@ -541,14 +563,6 @@ class Guard:
         if topic == self.action + "/goal":
             self.sent.clear()
             self.node.say(op="gone")
-
-    def called(self, service: str) -> int:
-        """Take a call of a service; return its number if it docks, else 0."""
-        number: int = self.docking.called(service)
-        if number:
-            self.starting = False
-            self.act()
-        return number
 
     def act(self) -> None:
         """Take that the robot moves, or is about to, on our behalf: it has to come to rest."""
@@ -581,13 +595,15 @@ class Guard:
             except Exception as error:  # noqa: BLE001 (without this thread nothing guards the robot)
                 self.node.say(op="lost", reason=f"the guard: {error!r}"[:300])
                 if self.alone and (self.busy or self.brakes):
-                    self.node.publish_zero()
+                    self.node.attempt(self.node.publish_zero)
 
     def look(self, now: float) -> None:
         self.watch_server(now)
         acts = self.alone or self.starting
+        if acts:
+            self.node.cancel_docking()
         if (acts and self.busy) or self.found:
-            self.cancel(now, docking=acts and self.docking.is_active)
+            self.cancel(now)
         at_rest = self.standstill.is_proved or now - self.standstill.measured_at > STALE
         if at_rest and now - self.acted_at > MOVES_WITHIN and not (self.found or self.sent):
             self.brakes = False
@@ -615,30 +631,13 @@ class Guard:
             self.found.clear()
             self.node.say(op="gone")
 
-    def cancel(self, now: float, *, docking: bool) -> None:
-        """Cancel all that has not ended, every CANCEL_AGAIN seconds."""
+    def cancel(self, now: float) -> None:
+        """Cancel all goals that have not ended, every CANCEL_AGAIN seconds."""
         if now - self.cancelled_at < guarded.CANCEL_AGAIN:
             return
         self.cancelled_at = now
         for goal in set(self.found) | (set(self.sent) if self.alone else set()):
             self.publisher.publish(self.kind_of_id(id=goal))
-        if docking and (self.dock_call is None or not self.dock_call.is_alive()):
-            self.dock_call = threading.Thread(target=self.call_cancel_dock, daemon=True)
-            self.dock_call.start()
-
-    def call_cancel_dock(self) -> None:
-        from std_srvs.srv import Trigger
-
-        rospy, docking = self.node.rospy, self.docking
-        number = docking.cancelling()
-        try:
-            rospy.wait_for_service(docking.cancel_service, timeout=1.0)
-            rospy.ServiceProxy(docking.cancel_service, Trigger)()
-        except rospy.ServiceException:
-            return  # it is called again
-        except rospy.ROSException:
-            pass  # no docking server is there
-        docking.cancelled(number)
 
     def finish(self) -> None:
         """Return when all of ours has ended and the robot is at rest, or another node of ours
@@ -648,7 +647,7 @@ class Guard:
         self.rest.clear()
         alone_at = time.monotonic()
         while not self.rest.wait(MASTER_PERIOD) and time.monotonic() - alone_at < REPLACED:
-            if not self.is_replaced():
+            if not self.node.attempt(self.is_replaced):
                 alone_at = time.monotonic()
 
     def is_replaced(self) -> bool:
@@ -662,25 +661,8 @@ class Guard:
         return any(name > own for name in others if name.rsplit("/", 1)[-1].startswith(NODE_NAME))
 
 
-def running(nodes: Any) -> Any:
-    """Return the names of those nodes that answer, all of them asked at once."""
-    found: Any = []
-
-    def ask(name: str, uri: str) -> None:
-        node = OtherNode(uri)
-        if node.lives() and node.has_answered:
-            found.append(name)
-
-    asking = [threading.Thread(target=ask, args=each, daemon=True) for each in nodes.items()]
-    for thread in asking:
-        thread.start()
-    for thread in asking:
-        thread.join(2 * LIVES_WITHIN)
-    return sorted(found)
-
-
-def standing(kind: Any) -> Any:
-    """Return the velocity zero, said now: a base may refuse one that is old."""
+def zero_of(kind: Any) -> Any:
+    """Return a zero velocity with the time of now: a base may refuse one that is old."""
     import rospy
 
     message = kind()
@@ -689,49 +671,33 @@ def standing(kind: Any) -> Any:
     return message
 
 
-class StandingPublisher:
-    """A listener of rospy's: who comes to hear velocities hears first that the robot stands."""
+class ZeroFirst:
+    """rospy's subscriber listener: a new subscriber of velocities receives a zero first."""
 
     def __init__(self, kind: Any) -> None:
         self.kind = kind
 
     def peer_subscribe(self, _topic: Any, _publish_all: Any, publish: Any) -> None:
-        publish(standing(self.kind))
+        publish(zero_of(self.kind))
 
     def peer_unsubscribe(self, _topic: Any, _count: Any) -> None:
         pass
 
 
 def main(make: Any = Node) -> int:
-    """Connect to the agent, whose port is the argument and whose password is the first line of
-    standard input.
-    """
-    connection = socket.create_connection(("127.0.0.1", int(sys.argv[1])), timeout=5.0)
-    connection.settimeout(None)
-    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    connection.sendall(sys.stdin.readline().encode())
+    """Connect to the agent and serve it."""
+    connection = guarded.connect()
     try:
         node = make(connection)
     except ImportError as error:
-        return refuse(
-            connection, "rospy is not installed for " + sys.executable + ": " + str(error)
-        )
+        return guarded.refuse(connection, f"rospy is not installed for {sys.executable}: {error}")
     except OSError as error:
-        return refuse(
-            connection,
-            "no ROS master at "
-            + os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
-            + ": "
-            + str(error),
-        )
+        uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
+        return guarded.refuse(connection, f"no ROS master at {uri}: {error}")
     node.run()
+    node.unregister()
     node.exit(0)
     return 0
-
-
-def refuse(connection: Any, reason: str) -> int:
-    connection.sendall((json.dumps({"op": "lost", "reason": reason}) + "\n").encode())
-    return 1
 
 
 if __name__ == "__main__":

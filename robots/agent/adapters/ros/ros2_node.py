@@ -3,7 +3,7 @@
 It runs in the Python that has rclpy, which may not be the agent's (Humble: 3.10, Jazzy: 3.12), and
 so imports nothing of ours and is written for Python 3.8.
 
-    agent -> node   beat (every 0.1 s), guard, advertise, unadvertise, publish, drive (a velocity),
+    agent -> node   beat (every 0.1 s), guard, advertise, publish, drive (a velocity),
                     ask (answered when every reliable subscriber has acknowledged the last
                     velocity), graph, subscribe, call, docking_ended, goal, cancel
     node -> agent   ready, publish, response, listeners, accepted, ended, problems, lost
@@ -18,16 +18,17 @@ cancels and zero velocities for such goals.
 
 Threads: the main one reads the agent's lines, the executor's has all goals and callbacks, `watch`
 is the guard, and one writes to the agent, so that an agent that hangs blocks none of the others.
+
+Longer than most files: goals, qualities of service and the guard run on one executor, in a process
+that can import little.
 """
 
-import base64
 import importlib
 import json
 import math
 import os
 import queue
 import signal
-import socket
 import sys
 import threading
 import time
@@ -37,7 +38,7 @@ from typing import Any
 if __package__:
     from robots.agent.adapters.ros import guarded_node as guarded
 else:  # as a program, in a Python that does not have ours
-    import guarded_node as guarded  # type: ignore[import-not-found,no-redef]
+    import guarded_node as guarded  # type: ignore[no-redef]
 
 PERIOD = 0.05  # s between two rounds of the guard
 PREFIX = b"telepres"  # the first bytes of the ids of our goals
@@ -60,39 +61,20 @@ CANCELED, ABORTED = 5, 6
 UNKNOWN_GOAL, GOAL_TERMINATED = 2, 3  # action_msgs/CancelGoal
 
 
-class MissingTypeError(Exception):
-    """The package of a type is not installed; the message is one sentence."""
-
-
 def type_of(kind: str, part: str) -> Any:
     """Return the class of `package/Name`; `part` is msg, srv or action."""
     package, _, name = kind.partition("/")
     try:
         return getattr(importlib.import_module(package + "." + part), name)
     except (ImportError, AttributeError) as error:
-        raise MissingTypeError(
+        raise guarded.MissingTypeError(
             f"{kind} is not available: the ROS package {package} is not installed for"
             f" {sys.executable} ({error})"
         ) from error
 
 
 def filled(message: Any, content: Any) -> Any:
-    """Return a message with the fields that an object names."""
-    kinds = message.get_fields_and_field_types()
-    for name, value in content.items():
-        now, kind = getattr(message, name), kinds[name]
-        if hasattr(now, "get_fields_and_field_types"):
-            filled(now, value)
-        elif isinstance(value, list) and value and isinstance(value[0], dict):
-            made = type_of(kind.replace("sequence<", "").split(">")[0].split("[")[0], "msg")
-            setattr(message, name, [filled(made(), each) for each in value])
-        elif isinstance(value, list) and ("float" in kind or "double" in kind):
-            setattr(message, name, [float(each) for each in value])
-        elif isinstance(value, str) and not isinstance(now, str):
-            setattr(message, name, list(base64.b64decode(value)))
-        else:
-            setattr(message, name, float(value) if isinstance(now, float) else value)
-    return message
+    return guarded.filled(message, content, lambda kind: type_of(kind, "msg"))
 
 
 class Goal:
@@ -134,7 +116,7 @@ class OwnedGoals:
         self.sender: Any = None
         try:
             self.kind = type_of(kind, "action")
-        except MissingTypeError as error:
+        except guarded.MissingTypeError as error:
             self.missing = str(error)
             node.problem(name, self.missing)
             return
@@ -209,7 +191,7 @@ class OwnedGoals:
                 self.node.say(op="response", number=question[0], confirmed=False)
 
     def answered(self, goal: Any, is_accepted: bool) -> None:
-        if is_accepted and goal.uuid not in self.goals:  # we have given it up meanwhile
+        if is_accepted and goal.uuid not in self.goals:  # it was given up before
             goal.name, goal.unwanted = "", True
             self.goals[goal.uuid] = goal
         if is_accepted:
@@ -283,7 +265,7 @@ class OwnedGoals:
             self.node.say(op="ended", goal=goal.name, status=status, reason=reason)
 
 
-class Subscription:
+class TopicSubscription:
     """A topic, and the subscriptions that receive it from publishers of any quality of service.
 
     Best effort and volatile receives from all. A latched topic has a second one that is reliable
@@ -337,32 +319,26 @@ class Subscription:
             self.node.say(op="publish", topic=self.topic, content=guarded.plain(message))
 
 
-class Ros2Node:
+class Ros2Node(guarded.GuardedNode):
     """One connection to the agent, one node."""
 
     def __init__(self, connection: Any, settings: Any) -> None:
+        super().__init__(connection)
         import rclpy
         from rclpy import executors, node, qos, signals
 
         self.settings = settings  # driving, odom, action, kind
-        self.standstill, self.docking = guarded.Standstill(), guarded.DockingCalls()
-        self.docking_cancelled_at = -math.inf
         self.qos = qos
-        self.link = guarded.Link(connection)
-        self.say = self.link.say
         self.problems: Any = {}  # sentences for the robot's owner, by topic
-        self.publishers: Any = {}
         self.kinds: Any = {}  # type by publisher's topic
         self.subscriptions: Any = {}
         self.clients: Any = {}
         self.waiting: Any = []  # (topic, message, deadline) without a subscriber
         self.questions: Any = queue.Queue()
         self.driven: Any = None  # monotonic time of the last velocity other than zero
-        self.beat_at = time.monotonic()
         self.ended = threading.Event()
         self.guarding = self.is_attending = False
         self.starting, self.began = True, time.time_ns()
-        self.counted: Any = None  # (topic of velocities, its subscribers) as told last
         self.peers_due = 0.0
         rclpy.init(
             args=["--ros-args", "--disable-external-lib-logs"],
@@ -395,15 +371,9 @@ class Ros2Node:
         for number in (signal.SIGTERM, signal.SIGINT, getattr(signal, "SIGHUP", signal.SIGTERM)):
             signal.signal(number, self.end)
         watching = threading.Thread(target=self.watch, daemon=True)
-        for work in (self.link.write, self.spin, self.answer_questions):
-            threading.Thread(target=work, daemon=True).start()
+        self.start(self.spin, self.answer_questions)
         watching.start()
-        try:
-            for line in self.link.connection.makefile("r", encoding="utf-8"):
-                self.beat_at = time.monotonic()
-                self.obey(json.loads(line))
-        except (OSError, ValueError):
-            pass  # as good as the end of what the agent sends
+        self.obey_orders()
         self.ended.set()
         watching.join()
 
@@ -412,14 +382,6 @@ class Ros2Node:
         if self.guarding:
             os._exit(0)
         self.ended.set()
-
-    def obey(self, order: Any) -> None:
-        try:
-            getattr(self, "do_" + order.pop("op"))(**order)
-        except MissingTypeError as error:
-            self.say(op="lost", reason=str(error))
-        except Exception:  # one bad order must not end the guard
-            traceback.print_exc()
 
     def spin(self) -> None:
         while True:
@@ -434,35 +396,26 @@ class Ros2Node:
 
     # --- what the agent asks for ------------------------------------------------------------------
 
-    def do_beat(self) -> None:
-        pass
-
     def do_guard(self, **settings: Any) -> None:
-        self.standstill.linear, self.standstill.angular = settings["linear"], settings["angular"]
-        self.docking.begin(settings["docks"], settings["cancel_dock"])
+        self.take_guard(settings)
         self.cancel_docking()
 
-    def do_docking_ended(self) -> None:
-        self.docking.is_active = False
-
     def do_advertise(self, topic: str, kind: str, *, drives: bool, latch: bool = False) -> None:
-        if topic in self.publishers:
-            return
         try:
             made = type_of(kind, "msg")
-        except MissingTypeError as error:
+        except guarded.MissingTypeError as error:
             self.problem(topic, str(error))
             return
+        former = self.publishers.get(topic)
+        if former is not None:
+            if self.kinds[topic] is made:
+                return
+            self.driven = None
+            self.later(self.ros.destroy_publisher, former)
         # of velocities, only the newest is sent again to a subscriber that missed it
         quality = self.quality(latched=latch, depth=1 if drives else 10)
-        self.publishers[topic] = self.ros.create_publisher(made, topic, quality)
         self.kinds[topic] = made
-
-    def do_unadvertise(self, topic: str) -> None:
-        publisher = self.publishers.pop(topic, None)
-        if publisher is not None:
-            self.driven = None
-            self.later(self.ros.destroy_publisher, publisher)
+        self.publishers[topic] = self.ros.create_publisher(made, topic, quality)
 
     def do_publish(self, topic: str, content: Any) -> None:
         if topic in self.publishers:
@@ -470,7 +423,7 @@ class Ros2Node:
             self.later(self.publish_soon, (topic, message, time.monotonic() + guarded.HEARING))
 
     def publish_soon(self, *new: Any) -> None:
-        """Publish as soon as there is a subscriber: what is published before is lost."""
+        """Publish messages that have a subscriber; without one, they would be lost."""
         waiting, self.waiting = [*self.waiting, *new], []
         for topic, message, deadline in waiting:
             publisher = self.publishers.get(topic)
@@ -495,7 +448,7 @@ class Ros2Node:
 
     def subscription(self, topic: str, kind: str) -> Any:
         if topic not in self.subscriptions:
-            self.subscriptions[topic] = Subscription(self, topic, type_of(kind, "msg"))
+            self.subscriptions[topic] = TopicSubscription(self, topic, type_of(kind, "msg"))
         return self.subscriptions[topic]
 
     def do_ask(self, number: int) -> None:
@@ -507,15 +460,18 @@ class Ros2Node:
             number = self.questions.get()
             began = time.monotonic()
             while not self.acknowledged():
-                publisher = self.publishers.get(self.settings["driving"])
-                several = publisher is not None and publisher.get_subscription_count() > 1
-                if several and (has_bystanders or time.monotonic() - began > BYSTANDER):
+                is_over = has_bystanders or time.monotonic() - began > BYSTANDER
+                if is_over and self.subscriber_count() > 1:
                     has_bystanders = True
                     break
                 time.sleep(0.002)
             else:
                 has_bystanders = False
             self.say(op="response", number=number)
+
+    def subscriber_count(self) -> int:
+        publisher = self.publishers.get(self.settings["driving"])
+        return publisher.get_subscription_count() if publisher is not None else 0
 
     def acknowledged(self) -> bool:
         """Whether every reliable subscriber has acknowledged the last velocity."""
@@ -524,7 +480,7 @@ class Ros2Node:
         publisher = self.publishers.get(self.settings["driving"])
         try:
             return publisher is None or publisher.wait_for_all_acked(Duration())
-        except RuntimeError:  # the publisher was destroyed meanwhile
+        except RuntimeError:  # the publisher was destroyed
             return True
 
     def do_graph(self, number: int, driving: str) -> None:
@@ -544,68 +500,39 @@ class Ros2Node:
                 found[topic] = [kinds, len(subscribers), len(publishers)]
         self.say(op="response", number=number, topics=found)
 
-    def publishers_of(self, topic: str) -> Any:
-        return self.others(self.ros.get_publishers_info_by_topic(topic))
+    def publishers_of(self, topic: str, *, own: bool = False) -> Any:
+        found, name = self.ros.get_publishers_info_by_topic(topic), self.ros.get_name()
+        return [each for each in found if (each.node_name == name) == own]
 
     def subscribers_of(self, topic: str) -> Any:
-        return self.others(self.ros.get_subscriptions_info_by_topic(topic))
+        found, name = self.ros.get_subscriptions_info_by_topic(topic), self.ros.get_name()
+        return [each for each in found if each.node_name != name]
 
-    def others(self, endpoints: Any) -> Any:
-        own = self.own(endpoints)
-        return [each for each in endpoints if each not in own]
-
-    def own(self, endpoints: Any) -> Any:
-        return [each for each in endpoints if each.node_name == self.ros.get_name()]
-
-    def do_call(self, number: int, service: str, kind: str, arguments: Any) -> None:
-        docking = self.docking.called(service)
-
-        def answer(**words: Any) -> None:
-            self.docking.answered(docking, words)
-            self.say(op="response", number=number, **words)
-
-        words: Any = (service, kind, arguments, answer, docking)
-        threading.Thread(target=self.call, args=words, daemon=True).start()
-
-    def call(self, service: str, kind: str, arguments: Any, answer: Any, docking: int = 0) -> None:
-        """Call a service, and `answer` with `values` or a `problem`; `docking` is the number of a
-        call that docks.
-        """
+    def answer_of(self, service: str, kind: str, arguments: Any, *, docking: int = 0) -> Any:
         try:
             made = type_of(kind, "srv")
-        except MissingTypeError as error:
-            answer(problem=str(error), absent=True)
-            return
+        except guarded.MissingTypeError as error:
+            return {"problem": str(error), "absent": True}
         if service not in self.clients:
             self.clients[service] = self.ros.create_client(made, service)
         client, deadline = self.clients[service], time.monotonic() + SERVER_WITHIN
         while not client.service_is_ready():
             if time.monotonic() > deadline:
-                answer(problem="there is no such service", absent=True)
-                return
+                return {"problem": "there is no such service", "absent": True}
             time.sleep(PERIOD)
         if docking and self.guarding:
-            answer(problem="the agent is lost", absent=True)
-            return
-        request = filled(made.Request(), arguments or {})
-        self.later(self.send, client, request, answer)
+            return {"problem": "the agent is lost", "absent": True}
+        answers: Any = queue.Queue()
+        self.later(self.send, client, filled(made.Request(), arguments), answers.put)
+        try:  # a server that was restarted never answers
+            is_cancel = service == self.docking.cancel_service
+            within = SERVER_WITHIN if is_cancel else guarded.ANSWERED_WITHIN
+            return {"values": guarded.plain(answers.get(timeout=within))}
+        except queue.Empty:
+            return {"problem": "no answer"}
 
-    def send(self, client: Any, request: Any, answer: Any) -> None:
-        done = client.call_async(request)
-        done.add_done_callback(lambda done: answer(values=guarded.plain(done.result())))
-
-    def cancel_docking(self) -> None:
-        """Call the service that cancels docking, again every CANCEL_AGAIN until that has ended."""
-        now, docking = time.monotonic(), self.docking
-        if docking.is_active and now - self.docking_cancelled_at > guarded.CANCEL_AGAIN:
-            self.docking_cancelled_at, number = now, docking.cancelling()
-            words: Any = (
-                docking.cancel_service,
-                "std_srvs/Trigger",
-                {},
-                lambda **_: docking.cancelled(number),
-            )
-            threading.Thread(target=self.call, args=words, daemon=True).start()
+    def send(self, client: Any, request: Any, take: Any) -> None:
+        client.call_async(request).add_done_callback(lambda done: take(done.result()))
 
     def do_goal(self, action: str, uuid: str, goal: str, content: Any) -> None:
         self.later(self.actions[action].start, bytes.fromhex(uuid), goal, content)
@@ -622,7 +549,7 @@ class Ros2Node:
     def watch(self) -> None:
         try:
             self.say(op="lost", reason=self.serve())
-        except Exception as error:  # whatever it is, the robot has to be stopped
+        except Exception as error:  # of any kind: the robot has to be stopped
             traceback.print_exc()
             self.say(op="lost", reason=f"the node of ROS 2 failed: {error!r}")
         self.guard()
@@ -636,22 +563,20 @@ class Ros2Node:
         while not self.ended.wait(PERIOD):
             now = time.monotonic()
             self.look_after(now)
-            if now - self.beat_at > guarded.HEARTBEAT and (self.goals or self.docking.is_active):
+            if now - self.beaten_at > guarded.HEARTBEAT and (self.goals or self.docking.is_active):
                 return f"the agent did not respond for {guarded.HEARTBEAT} s while an action ran"
         return "the connection was closed"
 
     def cancel_leftovers(self) -> bool:
         """Cancel the goals of an earlier run; return whether they have ended."""
-        deadline = time.monotonic() + DISCOVERY
-        while not all(each.settled(time.monotonic()) for each in self.actions.values()):
-            if time.monotonic() > deadline:
-                break
+        now = began = time.monotonic()
+        while now - began < DISCOVERY and not all(a.settled(now) for a in self.actions.values()):
             time.sleep(0.02)
+            now = time.monotonic()
         if not self.goals:
             return True
-        deadline = time.monotonic() + LEFTOVERS
-        while time.monotonic() < deadline and not self.ended.is_set():
-            if not self.may_move(deadline - LEFTOVERS):
+        while time.monotonic() - now < LEFTOVERS and not self.ended.is_set():
+            if not self.may_move(now):
                 return True
             self.stop_wheels()
             self.attend()
@@ -662,15 +587,18 @@ class Ros2Node:
         """Cancel all goals and brake until the robot is measured at rest; then exit."""
         self.guarding = True
         began, was_driven = time.monotonic(), self.driven is not None
+        self.attempt(self.disown_goals)
+        if self.goals or self.docking.is_active or was_driven:
+            self.brake_until_rest(began)
+        self.link.drain(FAREWELL)
+        os._exit(0)  # rclpy's threads would wait
+
+    def disown_goals(self) -> None:
         settled = threading.Event()
         self.later(settled.set)  # behind a goal that the agent has just sent
         settled.wait(MEASURED_WITHIN)
         for goal in self.goals:
             goal.unwanted = True
-        if self.goals or self.docking.is_active or was_driven:
-            self.brake_until_rest(began)
-        self.link.drain(FAREWELL)
-        os._exit(0)  # rclpy's threads would wait
 
     def brake_until_rest(self, began: float) -> None:
         """Brake, and cancel what may move the robot; an error ends none of that."""
@@ -680,14 +608,6 @@ class Ros2Node:
                 self.attempt(work)
             time.sleep(PERIOD)
             is_over = self.attempt(lambda: not self.may_move(began))
-
-    def attempt(self, work: Any) -> Any:
-        """Return what it returns, None when it fails."""
-        try:
-            return work()
-        except Exception:  # the guard goes on whatever fails
-            traceback.print_exc()
-            return None
 
     def may_move(self, since: float) -> bool:
         """Whether a goal of ours may run, or the robot is not at rest."""
@@ -721,12 +641,7 @@ class Ros2Node:
         if self.driven is not None and now - self.driven > guarded.SILENCE:
             self.driven = None
             self.stop_wheels()
-        topic = self.settings["driving"]
-        publisher = self.publishers.get(topic)
-        counted = (topic, publisher.get_subscription_count() if publisher is not None else 0)
-        if counted != self.counted:
-            self.counted = counted
-            self.say(op="listeners", topic=counted[0], count=counted[1])
+        self.report_listeners(self.settings["driving"], self.subscriber_count())
         self.attend()
 
     def attend(self) -> None:
@@ -749,7 +664,7 @@ class Ros2Node:
 
     def check_subscribers(self, topic: str) -> None:
         """Report a subscriber whose quality of service keeps it from receiving our messages."""
-        own = self.own(self.ros.get_publishers_info_by_topic(topic))
+        own = self.publishers_of(topic, own=True)
         for each in self.subscribers_of(topic) if own else ():
             fits, why = self.qos.qos_check_compatible(own[0].qos_profile, each.qos_profile)
             if fits == self.qos.QoSCompatibility.ERROR:
@@ -771,33 +686,24 @@ class Ros2Node:
 
 def main() -> int:
     """Connect to the agent: arguments are its port and the settings, the password is on stdin."""
-    connection = socket.create_connection(("127.0.0.1", int(sys.argv[1])), timeout=5.0)
-    connection.settimeout(None)
-    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    connection.sendall(sys.stdin.readline().encode())
-    if hasattr(signal, "alarm"):
-        signal.alarm(STARTED_WITHIN)
+    connection = guarded.connect()
+    alarm: Any = getattr(signal, "alarm", lambda _: None)  # not on Windows
+    alarm(STARTED_WITHIN)
     try:
         node = Ros2Node(connection, json.loads(sys.argv[2]))
     except ImportError as error:
-        return refuse(
+        return guarded.refuse(
             connection,
             f"rclpy is not installed for {sys.executable} ({error}): source a ROS 2 installation,"
             " set python to the interpreter that has it, or install the extra ros2",
         )
-    except MissingTypeError as error:
-        return refuse(connection, str(error))
+    except guarded.MissingTypeError as error:
+        return guarded.refuse(connection, str(error))
     except RuntimeError as error:  # rclpy's RCLError
-        return refuse(connection, f"ROS 2 cannot be started with {sys.executable}: {error}")
-    if hasattr(signal, "alarm"):
-        signal.alarm(0)
+        return guarded.refuse(connection, f"ROS 2 cannot be started with {sys.executable}: {error}")
+    alarm(0)
     node.run()
     return 0
-
-
-def refuse(connection: Any, reason: str) -> int:
-    connection.sendall((json.dumps({"op": "lost", "reason": reason}) + "\n").encode())
-    return 1
 
 
 if __name__ == "__main__":

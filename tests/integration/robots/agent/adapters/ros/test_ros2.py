@@ -286,7 +286,7 @@ def test_a_sourced_installation_is_used_with_the_systems_python(monkeypatch):
 
 
 @pytest.mark.parametrize("options", [{"navigation": "move_base"}, {"domain": "many"}])
-def test_what_ros_2_does_not_have_is_refused(options):
+def test_options_that_ros_2_lacks_are_refused(options):
     with pytest.raises(AdapterError, match=r"navigation must be|has a wrong value|domain must"):
         registry.create("ros2", "giraff", options)
 

@@ -122,10 +122,9 @@ async def test_a_speed_limit_is_published_in_metres_a_second():
 def test_an_estop_that_was_never_reported_is_unknown():
     adapter, _ = adapter_of(guards=True, estop="estop")
     assert adapter.readings.state(time.time()).estop is None
-    handlers = {topic: (handler, how) for topic, _, handler, how in adapter._listened()}
-    handler, how = handlers["/estop"]
-    assert how == {"either": True}
-    handler({"data": False})
+    (estop,) = (each for each in adapter._subscriptions() if each.topic == "/estop")
+    assert estop.either
+    estop.handler({"data": False})
     assert adapter.readings.state(time.time()).estop is False
 
 
@@ -200,15 +199,15 @@ async def test_a_docking_call_that_was_lost_with_its_connection_is_cancelled_for
     assert await docks.cancel()
 
 
-async def test_the_guard_is_told_of_the_end_of_a_docking_and_of_no_other_action():
+async def test_the_guard_learns_of_the_end_of_a_docking_and_of_no_other_action():
     adapter, bus = adapter_of(guards=True, **DOCKS, cancel_dock="/cancel_dock")
     await adapter.start(Dock(action_id="d", stamp=0.0))
-    assert bus.told == []
+    assert bus.guard_orders == []
     adapter.pending_actions.end("d", "FINISHED")
-    assert bus.told == [{"op": "docking_ended"}]
+    assert bus.guard_orders == [{"op": "docking_ended"}]
     adapter.pending_actions.begin(adapter._pending(Goto(action_id="g", stamp=0.0, x=1.0, y=0.0)))
     adapter.pending_actions.end("g", "FINISHED")
-    assert len(bus.told) == 1
+    assert len(bus.guard_orders) == 1
 
 
 def odometry(second, speed):
