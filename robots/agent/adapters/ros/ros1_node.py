@@ -59,8 +59,7 @@ REPLACED = 1.0  # seconds that a newer node has published velocities, before thi
 SERVER_GONE = 1.0  # seconds without a connection to the action server's status
 NODE_NAME = "telepresence_"
 OURS = "telepresence-"  # with which the ids of our goals begin
-# actionlib_msgs/GoalStatus: preempted, succeeded, aborted, rejected, recalled
-ENDED = frozenset([2, 3, 4, 5, 8])
+ENDED = frozenset([2, 3, 4, 5, 8])  # of actionlib_msgs/GoalStatus, from preempted to recalled
 
 
 class TimeoutTransport(xmlrpc.client.Transport):
@@ -138,7 +137,6 @@ class Node(guarded.GuardedNode):
         self.driving = ""  # the topic of velocities
         self.was_alone = False  # at the last look no subscriber of velocities had connected
         self.driven: Any = None  # monotonic time of the last velocity other than zero
-        self.unknown = MasterError
         self.unreachable = (OSError, http.client.HTTPException, xmlrpc.client.Error, MasterError)
         self.uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
         # one for each thread: it has one connection
@@ -170,8 +168,7 @@ class Node(guarded.GuardedNode):
         """Do what the agent requests until it is gone, then guard the robot."""
         # the agent takes anything else that comes first for a failure
         self.say(op="ready", node=self.rospy.get_name())
-        works = self.watch_wheels, self.watch_master, self.answer_questions, self.guard.run
-        self.start(*works)
+        self.start(self.watch_wheels, self.watch_master, self.answer_questions, self.guard.run)
         try:
             self.obey_orders()
         finally:
@@ -343,11 +340,11 @@ class Node(guarded.GuardedNode):
         last look: of two lists of publishers that reach a node at once, rospy takes the one that
         arrived last, which need not be the newest (rospy/impl/registration.py, RegManager).
         """
-        publisher, topic = self.publishers.get(self.driving), self.driving
+        publisher = self.publishers.get(self.driving)
         alone = publisher is not None and wanted and not publisher.get_num_connections()
         if alone and self.was_alone:
             name, uri = self.rospy.get_name(), self.rospy.get_node_uri()
-            self.own_master(caller=name).registerPublisher(topic, publisher.type, uri)
+            self.own_master(caller=name).registerPublisher(self.driving, publisher.type, uri)
         self.was_alone = alone
 
     def do_publish(self, topic: str, content: Any) -> None:
@@ -357,8 +354,8 @@ class Node(guarded.GuardedNode):
         publisher, waiting = self.publishers[topic], self.waiting.setdefault(topic, [])
         message = self.filled(publisher.data_class(), content)
         self.guard.published(topic, message)
-        if not waiting and publisher.get_num_connections():
-            publisher.publish(message)
+        if publisher.impl.is_latch or (not waiting and publisher.get_num_connections()):
+            publisher.publish(message)  # rospy keeps a latched one for later subscribers
             return
         if len(waiting) >= MAX_QUEUED:
             return
@@ -468,7 +465,7 @@ class Node(guarded.GuardedNode):
         self.exit(1)
 
     def unregister(self) -> None:
-        """Have the master forget this node: it and all others would go on calling its ports."""
+        """Have the master forget this node: other nodes would go on calling its ports."""
         name, uri = self.rospy.get_name(), self.rospy.get_node_uri()
         calls = xmlrpc.client.MultiCall(self.new_master().proxy)
         for topic, _ in self.topics.get_publications():
@@ -488,10 +485,9 @@ class Node(guarded.GuardedNode):
         os._exit(code)
 
     def is_known(self) -> bool:
-        """Tell whether the master knows this node."""
         try:
             self.master.lookupNode(self.rospy.get_name())
-        except self.unknown:
+        except MasterError:
             return False
         return True
 
@@ -615,8 +611,8 @@ class Guard:
             self.node.publish_zero()
             self.rest.clear()
         else:
-            is_new = now - self.began_at < STARTING
-            self.starting = self.starting and (is_new or self.docking.is_active)
+            is_new = now - self.began_at < STARTING or self.docking.is_active
+            self.starting = self.starting and is_new
             self.rest.set()
 
     def watch_server(self, now: float) -> None:
@@ -651,7 +647,7 @@ class Guard:
                 alone_at = time.monotonic()
 
     def is_replaced(self) -> bool:
-        """Return whether a newer node of ours publishes velocities."""
+        """Return whether a newer node of ours drives."""
         try:
             publishing = dict(self.node.new_master().getSystemState()[0])
         except self.node.unreachable:

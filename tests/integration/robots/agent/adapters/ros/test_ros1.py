@@ -13,7 +13,9 @@ import pytest
 
 from robots.agent.adapters import registry
 from robots.agent.adapters.common import remote_adapter
+from robots.agent.adapters.ros.bus import Subscription
 from robots.agent.adapters.ros.graph import master_restarted
+from robots.agent.adapters.ros.guarded_node import HEARING
 from robots.agent.adapters.ros.ros1 import Ros1Bus, Ros1Options
 from robots.agent.robot_interface import AdapterError
 from robots.api.messages import Velocity
@@ -174,6 +176,21 @@ async def test_a_stranger_that_sends_no_header_keeps_no_subscriber_waiting():
                 async with asyncio.timeout(patient(2.0)):
                     while not bus.listeners("/cmd_vel"):
                         await asyncio.sleep(0.02)
+
+
+@pytest.mark.nightly
+async def test_a_latched_message_reaches_a_subscriber_that_comes_later():
+    with Ros1Rig("rhodon") as rig:
+        async with opened(rig) as bus:
+            bus.advertise("/lock", "std_msgs/Bool", latch=True)
+            bus.publish("/lock", {"data": True})
+            await asyncio.sleep(HEARING + 0.5)
+            received = []
+            lock = Subscription("/lock", "std_msgs/Bool", received.append)
+            rig.loop.call_soon_threadsafe(rig._bus.subscribe, lock)
+            async with asyncio.timeout(patient(3.0)):
+                while received != [{"data": True}]:
+                    await asyncio.sleep(0.02)
 
 
 async def test_a_node_that_ends_leaves_nothing_at_the_master():

@@ -147,7 +147,7 @@ def test_a_look_round_is_answered_when_the_master_is_lost_meanwhile():
     node = object.__new__(Node)
     node.new_master, node.rospy = FailingMaster, SimpleNamespace(get_name=lambda: "/telepresence")
     node.refused, node.others, node.driving = {}, {}, ""
-    node.unreachable, node.unknown = (OSError,), MasterError
+    node.unreachable = (OSError, MasterError)
     node.say = lambda **message: said.append(message)
     node.describe_graph(1, "/cmd_vel", {})
     assert (said[0]["op"], said[0]["number"]) == ("response", 1)
@@ -172,7 +172,11 @@ def test_messages_without_a_subscriber_are_kept_up_to_a_bound():
     node = object.__new__(Node)
     node.waiting = {"/move_base/goal": list(range(MAX_QUEUED))}
     node.publishers = {
-        "/move_base/goal": SimpleNamespace(data_class=object, get_num_connections=lambda: 0)
+        "/move_base/goal": SimpleNamespace(
+            data_class=object,
+            get_num_connections=lambda: 0,
+            impl=SimpleNamespace(is_latch=False),
+        )
     }
     node.filled = lambda message, _content: message
     node.guard = SimpleNamespace(published=lambda *_: None)
