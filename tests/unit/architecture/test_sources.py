@@ -104,6 +104,7 @@ def test_broad_excepts_stand_only_where_a_loop_must_outlive_everything():
         "robots/agent/control/supervised_adapter.py",
         "robots/agent/control/dispatcher.py",
         "robots/agent/control/loop.py",
+        "robots/agent/adapters/ros/guarded_node.py",
         "robots/agent/adapters/ros/ros1_node.py",
         "robots/agent/adapters/ros/ros2_node.py",
     }

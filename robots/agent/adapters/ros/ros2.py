@@ -1,4 +1,4 @@
-"""ROS 2: a node of rclpy in a process of its own (ros2_node.py), and a loopback connection to it.
+"""ROS 2, over a node of rclpy in a process of its own (ros2_node.py).
 
 Needs rclpy: a sourced ROS 2 installation (Humble or later), or the extra `ros2`. Options: `python`
 (the interpreter that has rclpy; default: the system's when ROS 2 is sourced, else the agent's),
@@ -6,25 +6,22 @@ Needs rclpy: a sourced ROS 2 installation (Humble or later), or the extra `ros2`
 selects the middleware and how it finds the robot, as for every program of ROS 2.
 """
 
-import asyncio
 import contextlib
 import json
 import os
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-import msgspec
 from msgspec import Meta
 
 from robots.agent.adapters.common.robot_profile import load_profile, settings_of
 from robots.agent.adapters.common.velocity_gate import GateParams
 from robots.agent.adapters.ros.base import RosAdapter, RosOptions
-from robots.agent.adapters.ros.bus import Goals, Handler
-from robots.agent.adapters.ros.graph import Graph, TopicPeers
-from robots.agent.adapters.ros.ros1 import GRAPH_TIME, NodeBus, outlives_agent
+from robots.agent.adapters.ros.bus import Goals
+from robots.agent.adapters.ros.node_bus import NodeBus, outlives_agent
 from robots.agent.robot_interface import AdapterError
 from robots.api.messages import ActionState
 
@@ -105,12 +102,13 @@ def domain_of(options: Ros2Options) -> int:
 
 
 class Ros2Bus(NodeBus):
-    """See base.Bus."""
+    """See bus.ActionBus. The node cancels what an earlier one has left before it is ready."""
 
     version = 2
     answers = False  # an acknowledgement is of the velocity before
     advice = "run the agent on the robot's computer and set on_robot=true, or "
     script = Path(__file__).with_name("ros2_node.py")
+    graph_source = "its node"
 
     def __init__(self, options: Ros2Options) -> None:
         domain = domain_of(options)
@@ -118,8 +116,10 @@ class Ros2Bus(NodeBus):
         # In shared memory the zeros are lost when their sender ends.
         transport = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
         environment = {**transport, **os.environ, "ROS_DOMAIN_ID": str(domain)}
-        self.guards = is_on_robot(options) and outlives_agent()
-        self._prepare(f"ROS 2 in domain {domain}", python_of(options), environment)
+        guards = is_on_robot(options) and outlives_agent()
+        super().__init__(
+            f"ROS 2 in domain {domain}", python_of(options), environment, guards=guards
+        )
         navigates = "none" not in {options.navigation, options.localization}
         settings = {
             "driving": options.cmd_vel,
@@ -131,48 +131,14 @@ class Ros2Bus(NodeBus):
         self._ids: dict[str, str] = {}  # of goals that have not ended, by our names
 
     async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
-        """Start a node, which cancels the goals that an earlier one has left.
+        self.problems = ()
+        await super().open(lost, goals)
 
-        Raises:
-            AdapterError: there is no rclpy, or a goal does not end.
-        """
-        self._lost, self._goals, self.problems = lost, goals, ()
-        self._handlers.clear()
-        self._listeners.clear()
-        reader, self._writer = await self._start()
-        self._beating = asyncio.ensure_future(self._beat())
-        ready = asyncio.get_running_loop().create_future()
-        self._reading = asyncio.ensure_future(self._read_node(reader, ready))
-        await ready
-
-    async def _read_node(self, reader: asyncio.StreamReader, ready: asyncio.Future[None]) -> None:
-        reason = "the ROS 2 node has ended"
-        with contextlib.suppress(OSError, ValueError):
-            while line := await reader.readline():
-                message = msgspec.json.decode(line)
-                if message["op"] == "ready" and not ready.done():
-                    ready.set_result(None)
-                elif message["op"] == "lost":
-                    reason = str(message["reason"])
-                    break
-                self._take(message)
-        if not ready.done():
-            ready.set_exception(AdapterError(f"{self.place}: {reason}"))
-        else:
-            self._lost(reason)
+    def _refusal(self, reason: str) -> str:
+        return f"{self.place}: {reason}"
 
     def _take(self, message: dict[str, Any]) -> None:
         match message:
-            case {"op": "publish", "topic": topic, "content": content} if topic in self._handlers:
-                self._handlers[topic](content)
-            case {"op": "response", "number": number} if (
-                number in self._calls and not self._calls[number].done()
-            ):
-                self._calls[number].set_result(message)
-            case {"op": "listeners", "topic": topic, "count": int(count)} if (
-                topic in self._listeners
-            ):
-                self._listeners[topic] = count
             case {"op": "accepted", "goal": goal} if self._goals is not None:
                 self._goals.accepted(goal)
             case {"op": "ended", "goal": goal, "status": status, "reason": why} if (
@@ -185,55 +151,9 @@ class Ros2Bus(NodeBus):
                 )
             case {"op": "problems", "sentences": sentences}:
                 self.problems = tuple(sentences)
-
-    def subscribe(
-        self,
-        topic: str,
-        kind: str,
-        handler: Handler,
-        *,
-        latched: bool = False,
-        either: bool = False,
-        sensor: bool = False,
-        period: float = 0.0,
-    ) -> None:
-        """Subscribe to a topic; what is latched comes from publishers of either durability."""
-        del sensor  # publishers of either reliability are received
-        self._handlers[topic] = handler
-        self._say(
-            op="subscribe",
-            topic=topic,
-            kind=kind,
-            period=period,
-            latched=latched or either,
-        )
-
-    def advertise(
-        self, topic: str, kind: str, *, drives: bool = False, latch: bool = False
-    ) -> None:
-        """Advertise a topic."""
-        self._listeners.pop(topic, None)
-        self._say(op="advertise", topic=topic, kind=kind, drives=drives, latch=latch)
-        if drives:
-            self._listeners[topic] = 0
-
-    async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
-        """Return what others publish and subscribe to."""
-        del heard
-        try:
-            async with asyncio.timeout(GRAPH_TIME):
-                answer = await self._answer(
-                    lambda number: self._say(op="graph", number=number, driving=driving)
-                )
-        except TimeoutError as error:
-            raise AdapterError(f"{self.place}: its node does not answer") from error
-        return {
-            topic: TopicPeers(frozenset(kinds), listeners, speakers)
-            for topic, (kinds, listeners, speakers) in answer.get("topics", {}).items()
-        }
+        super()._take(message)
 
     def send_goal(self, action: str, kind: str, goal: dict[str, Any], name: str) -> None:
-        """Send a goal under a name of ours."""
         del kind  # the node has known it since it was started
         self._ids[name] = (PREFIX + time.time_ns().to_bytes(8, "big")).hex()
         self._say(op="goal", action=action, uuid=self._ids[name], goal=name, content=goal)
@@ -242,11 +162,9 @@ class Ros2Bus(NodeBus):
         """Cancel a goal, also of an earlier connection; return whether it has certainly ended."""
         if name not in self._ids:
             return True  # it was never sent
-        uuid = self._ids[name]
         with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(CONFIRMED_WITHIN):
-                answer = await self._answer(
-                    lambda number: self._say(op="cancel", number=number, action=action, uuid=uuid)
-                )
-                return bool(answer["confirmed"])
+            answer = await self._answer(
+                CONFIRMED_WITHIN, op="cancel", action=action, uuid=self._ids[name]
+            )
+            return bool(answer["confirmed"])
         return False

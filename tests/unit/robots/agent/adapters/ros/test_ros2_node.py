@@ -9,7 +9,7 @@ from types import ModuleType, SimpleNamespace
 
 import pytest
 
-from robots.agent.adapters.ros import ros2_node
+from robots.agent.adapters.ros import guarded_node, ros2_node
 from robots.agent.adapters.ros.ros2_node import ABORTED, CANCELED, PREFIX, UNKNOWN_GOAL, OwnedGoals
 
 EXECUTING = 2
@@ -181,6 +181,61 @@ def test_a_rejected_goal_has_failed(goals):
 
 
 def test_messages_become_json():
-    assert ros2_node.plain(array.array("f", [1.5, math.nan, math.inf])) == [1.5, None, None]
-    assert ros2_node.plain(array.array("B", b"jpeg")) == base64.b64encode(b"jpeg").decode()
-    assert ros2_node.plain((True, "text", -math.inf)) == [True, "text", None]
+    assert guarded_node.plain(array.array("f", [1.5, math.nan, math.inf])) == [1.5, None, None]
+    assert guarded_node.plain(array.array("B", b"jpeg")) == base64.b64encode(b"jpeg").decode()
+    assert guarded_node.plain((True, "text", -math.inf)) == [True, "text", None]
+
+
+def test_a_goal_that_was_given_up_is_cancelled_when_its_planner_resumes(goals, clock):
+    goals.start(id_at(2000), "g", {})
+    goals.sender.requests[0].answer(SimpleNamespace(accepted=True))
+    for client in (goals.sender, goals.canceller):
+        client.ready = False
+    clock.time += 3.0
+    goals.attend_all()
+    assert goals.node.sent[-1]["reason"] == "the action server on /navigate_to_pose is gone"
+    goals.canceller.ready = True
+    goals.take_status(listed((id_at(2000), EXECUTING)))
+    assert cancelled_ids(goals) == [id_at(2000)]
+
+
+def test_a_goal_that_its_server_did_not_know_is_cancelled_when_it_runs_after_all(goals, clock):
+    goals.withdraw(id_at(2000), 7)
+    goals.canceller.requests[0].answer(SimpleNamespace(return_code=UNKNOWN_GOAL))
+    clock.time += 0.05
+    goals.attend_all()
+    assert goals.goals == {}
+    goals.take_status(listed((id_at(2000), EXECUTING)))
+    assert cancelled_ids(goals) == [id_at(2000)] * 2
+
+
+class FailingGuard(ros2_node.Ros2Node):
+    """A guard of which each part fails once."""
+
+    def __init__(self):
+        self.done = []
+
+    def part(self, name):
+        self.done.append(name)
+        if self.done.count(name) == 1:
+            raise RuntimeError(name)
+
+    def stop_wheels(self):
+        self.part("zero")
+
+    def attend(self):
+        self.part("cancel")
+
+    def cancel_docking(self):
+        self.part("dock")
+
+    def may_move(self, _since):
+        self.part("rest")
+        return self.done.count("rest") < 3
+
+
+def test_an_error_ends_no_guard(monkeypatch):
+    monkeypatch.setattr(ros2_node.time, "sleep", lambda _: None)
+    guard = FailingGuard()
+    guard.brake_until_rest(0.0)
+    assert guard.done == ["zero", "cancel", "dock", "rest"] * 3
