@@ -202,10 +202,8 @@ class NavigationNode:
 
     def _anchor(self, snapshot: SensorSnapshot) -> None:
         """A robot that feels the contacts of its only dock knows where it is."""
-        came, self._had_contact = (
-            snapshot.charger_contact and not self._had_contact,
-            snapshot.charger_contact,
-        )
+        came = snapshot.charger_contact and not self._had_contact
+        self._had_contact = snapshot.charger_contact
         if not came or self._dock is None:
             return
         dock, estimate = Pose2D(self._dock.x, self._dock.y, self._dock.theta), self.estimate

@@ -81,10 +81,8 @@ class DistanceField:
         corner = row * columns + column
         flat = self.signed.ravel()
         here, north = flat.take(corner), flat.take(corner + columns)
-        eastwards, along_north = (
-            flat.take(corner + 1) - here,
-            flat.take(corner + (columns + 1)) - north,
-        )
+        eastwards = flat.take(corner + 1) - here
+        along_north = flat.take(corner + (columns + 1)) - north
         low, high = here + right * eastwards, north + right * along_north
         northwards = high - low
         slope_x = (eastwards + above * (along_north - eastwards)) / self.resolution

@@ -202,11 +202,9 @@ class Localizer:
         elif not 0.0 <= stamp - self._judged_at < self.settings.pause:
             self._stand(sweep, there, stamp, docked=docked)
         if self._is_time_to_search(there, stamp):
-            self._searching, self._searched_from, self._searched_at = (
-                self.search.begin(sweep),
-                there,
-                stamp,
-            )
+            self._searching = self.search.begin(sweep)
+            self._searched_from = there
+            self._searched_at = stamp
 
     def _is_time_to_search(self, there: Pose2D, stamp: float) -> bool:
         if self._searching is not None or self.match_score >= self.settings.scoring.lost:
@@ -397,10 +395,8 @@ class Localizer:
             noise.way_by_way * way + noise.way_by_turn * turn + way**2 * grown[2, 2]
         )
         turned = np.eye(3)
-        cosine, sine = (
-            math.cos(self.field.world_from_field.theta),
-            math.sin(self.field.world_from_field.theta),
-        )
+        cosine = math.cos(self.field.world_from_field.theta)
+        sine = math.sin(self.field.world_from_field.theta)
         turned[:2, :2] = [[cosine, -sine], [sine, cosine]]
         world: Floats = turned @ grown @ turned.T
         return tuple(

@@ -95,10 +95,8 @@ def placed(points: Floats, poses: Floats) -> tuple[Floats, Floats]:
     """
     cosine, sine = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
     spots = points.T
-    x, y = (
-        np.concatenate([cosine, -sine], axis=1) @ spots,
-        np.concatenate([sine, cosine], axis=1) @ spots,
-    )
+    x = np.concatenate([cosine, -sine], axis=1) @ spots
+    y = np.concatenate([sine, cosine], axis=1) @ spots
     x += poses[:, :1]
     y += poses[:, 1:2]
     return x, y

@@ -47,11 +47,9 @@ def reduced(frame: Frame, width: int, height: int, quantizer: int) -> bytes:
 def _encode(picture: av.VideoFrame, quantizer: int) -> bytes:
     codec = VideoCodecContext.create("mjpeg", "w")
     assert isinstance(codec, VideoCodecContext)
-    codec.width, codec.height, codec.pix_fmt, codec.time_base = (
-        picture.width,
-        picture.height,
-        "yuvj420p",
-        Fraction(1, 1),
-    )
+    codec.width = picture.width
+    codec.height = picture.height
+    codec.pix_fmt = "yuvj420p"
+    codec.time_base = Fraction(1, 1)
     codec.options = {"qmin": str(quantizer), "qmax": str(quantizer), "flags": "+qscale"}
     return b"".join(bytes(packet) for packet in (*codec.encode(picture), *codec.encode(None)))

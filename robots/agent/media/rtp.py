@@ -211,10 +211,8 @@ class RtpStream:
             self._history.clear()
             self._asked.clear()
         if not 0.0 <= now - self._second[0] < 1.0:
-            self._octets_a_second, self._second = (
-                float(self.octets_sent - self._second[1]),
-                (now, self.octets_sent),
-            )
+            self._octets_a_second = float(self.octets_sent - self._second[1])
+            self._second = (now, self.octets_sent)
         extension = self._timed_extension(now)
         packets = []
         for position, payload in enumerate(payloads, start=1):

@@ -193,12 +193,10 @@ class Journey:
         on.
         """
         here = (sense.pose.x, sense.pose.y)
-        legs, over, ways, driven = (
-            [np.array([here])],
-            list[tuple[float, float]](),
-            list[float](),
-            0.0,
-        )
+        legs = [np.array([here])]
+        over = list[tuple[float, float]]()
+        ways = list[float]()
+        driven = 0.0
         for number, point in enumerate(self._over, start=1):
             leg = self._leg(here, point, clearance)
             if leg is None and number == len(self._over):
@@ -285,14 +283,9 @@ class Journey:
         """Back off from somebody who stands before the robot and may want to pass, now and then."""
         params = self._params
         if sense.now - self._gave_way >= params.give_way_after and self._face_to_face(sense):
-            self._back, self._gave_way = (
-                _Back(
-                    sense,
-                    params.give_way,
-                    Velocity(linear=-params.back_speed, angular=0.0),
-                ),
-                sense.now,
-            )
+            backward = Velocity(linear=-params.back_speed, angular=0.0)
+            self._back = _Back(sense, params.give_way, backward)
+            self._gave_way = sense.now
 
     def _face_to_face(self, sense: Sense) -> bool:
         others = np.vstack([sense.hazards.strangers, sense.hazards.walkers])

@@ -273,10 +273,8 @@ class Navigator:
         if charger_contact and isinstance(self._task, Journey) and self._then is None:
             # the journey turns as its way asks for
             self._then, self._task = self._task, self._undocking(about=False)
-        pose, beams_from = (
-            self._pose_buffer.pose(),
-            self._pose_buffer.odometry_at(self._beams.stamp),
-        )
+        pose = self._pose_buffer.pose()
+        beams_from = self._pose_buffer.odometry_at(self._beams.stamp)
         hazards = self._hazards(odometry, beams_from, points, now)
         return self._task.step(
             Sense(now, pose, odometry, velocity, hazards, self._beams, beams_from, charger_contact)

@@ -47,10 +47,8 @@ class PoseBuffer:
             if time <= stamp:
                 share = (stamp - time) / (later_time - time) if later_time > time else 0.0
                 turn = wrap_angle(later.theta - reading.theta)
-                x, y = (
-                    reading.x + share * (later.x - reading.x),
-                    reading.y + share * (later.y - reading.y),
-                )
+                x = reading.x + share * (later.x - reading.x)
+                y = reading.y + share * (later.y - reading.y)
                 return Pose2D(x, y, wrap_angle(reading.theta + share * turn))
             later_time, later = time, reading
         return later

@@ -41,10 +41,8 @@ class Microphone:
 
     def block(self, effort: float) -> npt.NDArray[np.int16]:
         """Return the next 20 ms, (960,) int16; `effort` from 0, standing, to 1, full speed."""
-        before, self._effort = (
-            self._effort,
-            self._effort + SMOOTHING * (min(max(effort, 0.0), 1.0) - self._effort),
-        )
+        before = self._effort
+        self._effort += SMOOTHING * (min(max(effort, 0.0), 1.0) - self._effort)
         room = np.take(self._room, np.arange(self._at, self._at + BLOCK), mode="wrap")
         self._at = (self._at + BLOCK) % len(self._room)
         if max(before, self._effort) < INAUDIBLE:

@@ -24,10 +24,8 @@ from robots.agent.robot_interface import Frame
 SNAPSHOT_TIMEOUT, SNAPSHOT_ASKS = 3.0, 6
 # by which two clocks may differ; the fastest picture of long ago is forgotten as fast
 DRIFT = 0.001
-MISSING_VIDEO, MISSING_SOUND = (
-    "no page on the robot's screen provides video",
-    "no page on the robot's screen provides sound",
-)
+MISSING_VIDEO = "no page on the robot's screen provides video"
+MISSING_SOUND = "no page on the robot's screen provides sound"
 OPENING = 5.0  # s in which the page of the robot's screen begins to give what somebody wants
 
 

@@ -177,10 +177,8 @@ class BitrateAdapter:
         params = self._params
         self._calm_since, self._lossy = now, 0
         if self._probe_at is not None:  # only the trial was too much
-            self._probe_at, self._hold = (
-                None,
-                min(2.0 * max(self._hold, params.first_hold), params.longest_hold),
-            )
+            self._probe_at = None
+            self._hold = min(2.0 * max(self._hold, params.first_hold), params.longest_hold)
             self._down_at = now  # and pictures are late until what it sent has left
             return
         regretted = now - self._up_at < params.regret

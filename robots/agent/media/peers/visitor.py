@@ -41,13 +41,11 @@ class VisitorMedia:
         sound: Callable[[bytes, int], None],
         outputs: OutputFeed | None,
     ) -> None:
-        self._drives, self._ask, self._show, self._sound, self._outputs = (
-            drives,
-            ask,
-            show,
-            sound,
-            outputs,
-        )
+        self._drives = drives
+        self._ask = ask
+        self._show = show
+        self._sound = sound
+        self._outputs = outputs
         self._keys = KeyFrames()
         self._clocks = {kind: Continuous(step) for kind, step in STEP.items()}
         self._passing = {"audio": False, "video": False}

@@ -206,12 +206,10 @@ class PacketSender(RTCRtpSender):
         pair = dtls.transport._connection._nominated.get(1)
         if pair is None or dtls.state != "connected":
             raise ConnectionError("not connected")
-        protect, send, address, detour = (
-            dtls._tx_srtp.protect,
-            pair.protocol.transport.sendto,
-            pair.remote_addr,
-            self._outbox.detour,
-        )
+        protect = dtls._tx_srtp.protect
+        send = pair.protocol.transport.sendto
+        address = pair.remote_addr
+        detour = self._outbox.detour
         for packet in packets:
             if detour is None:
                 send(protect(packet), address)

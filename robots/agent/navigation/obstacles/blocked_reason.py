@@ -61,11 +61,9 @@ def _spots(
     """Return the points (2,) at which the ways of the map are blocked: that of the usual one, that
     of the next best, and so on.
     """
-    costmap, spots, known = (
-        obstacle_map.costmap,
-        list[Floats](),
-        np.zeros(obstacle_map.costmap.shape, dtype=np.bool_),
-    )
+    costmap = obstacle_map.costmap
+    spots = list[Floats]()
+    known = np.zeros(obstacle_map.costmap.shape, dtype=np.bool_)
     for _ in range(REASON.routes):
         path = planner.plan(*way, costmap.clearance_with(known))
         if path is None:

@@ -182,10 +182,8 @@ class LocalObstacleMap:
         """
         rows, columns, _ = self.costmap.cells(points_from_frame(robot, points))
         high, wide = self.costmap.shape
-        down, right = (
-            np.minimum(np.maximum(rows + AROUND[0], 0), high - 1),
-            np.minimum(np.maximum(columns + AROUND[1], 0), wide - 1),
-        )
+        down = np.minimum(np.maximum(rows + AROUND[0], 0), high - 1)
+        right = np.minimum(np.maximum(columns + AROUND[1], 0), wide - 1)
         result: Bools = (
             self._there[down, right] & (now - self._first[down, right] >= self._params.settled)
         ).any(axis=0)

@@ -239,11 +239,9 @@ class _Edges:
             lengths.append(np.full(2 * int(joined.sum()), math.hypot(down, right) * resolution))
         begin, end = np.concatenate(first), np.concatenate(second)
         order = np.lexsort((end, begin))
-        self._begin, self._end, self._halves = (
-            begin[order],
-            end[order].astype(np.int32),
-            np.concatenate(lengths)[order] / 2.0,
-        )
+        self._begin = begin[order]
+        self._end = end[order].astype(np.int32)
+        self._halves = np.concatenate(lengths)[order] / 2.0
         self._count = int(node.max()) + 1
         self._rows = np.searchsorted(self._begin, np.arange(self._count + 1)).astype(np.int32)
 

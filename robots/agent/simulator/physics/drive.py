@@ -92,10 +92,8 @@ def slip(
     `noise` is the standard deviation of a wheel's relative error over one metre, `separation` the
     distance of the wheels.
     """
-    left, right = (
-        motion.linear - motion.angular * separation / 2.0,
-        motion.linear + motion.angular * separation / 2.0,
-    )
+    left = motion.linear - motion.angular * separation / 2.0
+    right = motion.linear + motion.angular * separation / 2.0
     first, second = rng.standard_normal(2).tolist()
     if noise == 0.0 or dt == 0.0:
         return motion

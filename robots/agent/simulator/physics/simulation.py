@@ -155,10 +155,8 @@ class Simulation:
         """Take a velocity and return what the base will aim at; silence for `model.watchdog`
         seconds brakes to a stand.
         """
-        self.commanded, self.commanded_at = (
-            clamp(WheelMotion(linear, angular), self.model.limits),
-            self.time,
-        )
+        self.commanded = clamp(WheelMotion(linear, angular), self.model.limits)
+        self.commanded_at = self.time
         return self.commanded
 
     def set_doors(self, doors: dict[str, DoorState]) -> None:

@@ -166,10 +166,8 @@ class Footways:
     def _beside(self, door: Door, state: DoorState) -> Mask:
         """Return the cells too near to the leaf of a door."""
         rows, columns = np.indices(self._clearance.shape)
-        x, y = (
-            self._origin[0] + (columns + 0.5) * self.cell,
-            self._origin[1] + (rows + 0.5) * self.cell,
-        )
+        x = self._origin[0] + (columns + 0.5) * self.cell
+        y = self._origin[1] + (rows + 0.5) * self.cell
         (ax, ay), (bx, by) = door.start, leaf_end(door, state)
         share = np.clip(
             ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / ((bx - ax) ** 2 + (by - ay) ** 2),

@@ -76,10 +76,8 @@ def limbs(look: Look, stride: float | None) -> list[Limb]:
     """Return the body of a person `stride` radians into a walk, or one who stands: see
     `Person.stride`.
     """
-    left, right = (
-        _leg(look, 1.0, stride),
-        _leg(look, -1.0, None if stride is None else stride + math.pi),
-    )
+    left = _leg(look, 1.0, stride)
+    right = _leg(look, -1.0, None if stride is None else stride + math.pi)
     parts = [*left, *right, *_torso(look), *_head(look)]
     for side, phase in ((1.0, math.pi), (-1.0, 0.0)):
         parts += _arm(look, side, 0.0 if stride is None else SWING * 0.8 * math.sin(stride + phase))

@@ -128,17 +128,13 @@ class Canvas:
     ) -> None:
         """Paint walls, floor and ceiling of one eye."""
         first, last = eye.rays()
-        nearest, farthest = (
-            float(walls.reach[first:last].min()),
-            float(walls.reach[first:last].max()),
-        )
+        nearest = float(walls.reach[first:last].min())
+        farthest = float(walls.reach[first:last].max())
         texels = Walls(walls.reach * np.float32(WALL_DENSITY), walls.texel)
         planes = self._planes(eye)
         for part in _bands(window.paired):
-            highest, steepest = (
-                float(lens.above[part.top : part.bottom].max()),
-                float(lens.below[part.top : part.bottom].min()),
-            )
+            highest = float(lens.above[part.top : part.bottom].max())
+            steepest = float(lens.below[part.top : part.bottom].min())
             if eye.height + highest * (nearest if highest < 0.0 else farthest) < 0.0:
                 np.copyto(
                     self._texels[part.pairs],
@@ -181,11 +177,9 @@ class Canvas:
         """Return where a band of walls is met, in texels above the floor, and its texels: painted
         already where there is no stencil.
         """
-        height, index, ray = (
-            _cut(self._heights, part),
-            _cut(self._index, part),
-            lens.ray[part.pairs],
-        )
+        height = _cut(self._heights, part)
+        index = _cut(self._index, part)
+        ray = lens.ray[part.pairs]
         self._rise(walls.reach, ray, lens.slope[part.pairs], height)
         np.add(height, np.float32(eye.height * WALL_DENSITY), out=height)
         np.copyto(index, height, casting="unsafe")
@@ -251,10 +245,8 @@ class Canvas:
             lens.plane[:, part.top // ROWS : part.bottom // ROWS].reshape(-1, 3), plane
         ).astype(np.float32)
         count = 2 * ROWS * rows * columns
-        points, found = (
-            self._points[:count].reshape(-1, columns),
-            self._cells[:count].reshape(-1, columns),
-        )
+        points = self._points[:count].reshape(-1, columns)
+        found = self._cells[:count].reshape(-1, columns)
         np.matmul(lines.reshape(-1, 2), lens.line[:, part.left : part.right], out=points)
         if limits is not None:
             for axis, limit in enumerate(limits):
@@ -301,11 +293,9 @@ class Canvas:
         lower and its upper edge.
         """
         item, where = sight.item, part.pairs
-        height, index, mask = (
-            _cut(self._heights, part),
-            _cut(self._index, part),
-            _cut(self._mask, part),
-        )
+        height = _cut(self._heights, part)
+        index = _cut(self._index, part)
+        mask = _cut(self._mask, part)
         ray = lens.ray[where]
         self._rise(reach, ray, lens.slope[where], height)
         # over its foot, 1 more: rounding to 0 rounds down
@@ -338,11 +328,9 @@ class Canvas:
         before going out.
         """
         item, where = sight.item, part.pairs
-        height, mask, second = (
-            _cut(self._heights, part),
-            _cut(self._mask, part),
-            _cut(self._second, part),
-        )
+        height = _cut(self._heights, part)
+        mask = _cut(self._mask, part)
+        second = _cut(self._second, part)
         ray, slope, drop = lens.ray[where], lens.slope[where], np.float32(plane - eye.height)
         beyond, short = (
             (np.greater_equal, np.less) if plane < eye.height else (np.less, np.greater_equal)
@@ -410,10 +398,8 @@ class Canvas:
         """
         _, pairs, width = self._texels.shape
         texture_atlas = self._scene.texture_atlas
-        luma, (blue, red) = (
-            in_pairs(out[: ROWS * pairs]),
-            out[ROWS * pairs :].reshape(2, pairs, width // 2),
-        )
+        luma = in_pairs(out[: ROWS * pairs])
+        blue, red = out[ROWS * pairs :].reshape(2, pairs, width // 2)
         for part in _bands(PictureWindow(0, ROWS * pairs, 0, width)):
             rows, places = slice(part.top // ROWS, part.bottom // ROWS), _cut(self._places, part)
             np.copyto(places, self._texels[:, rows])
@@ -497,11 +483,9 @@ def _plane(eye: Eye, rise: float, matrix: Floats, shift: Floats) -> Floats:
     """
     plane = np.zeros((2, 3, 2))
     turn = matrix @ eye.world_from_level * rise
-    plane[:, 0, 0], plane[:, 1, 0], plane[:, 2, 1] = (
-        matrix @ eye.origin + shift,
-        turn[:, 0],
-        turn[:, 1],
-    )
+    plane[:, 0, 0] = matrix @ eye.origin + shift
+    plane[:, 1, 0] = turn[:, 0]
+    plane[:, 2, 1] = turn[:, 1]
     return plane
 
 

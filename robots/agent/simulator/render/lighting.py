@@ -93,10 +93,8 @@ def light_wall(
     right for who looks at it.
     """
     length = math.dist(start, end)
-    columns, rows = (
-        max(2, math.ceil(length / COARSE) + 1),
-        max(2, math.ceil((top - bottom) / COARSE) + 1),
-    )
+    columns = max(2, math.ceil(length / COARSE) + 1)
+    rows = max(2, math.ceil((top - bottom) / COARSE) + 1)
     share, height = np.linspace(0.0, 1.0, columns), np.linspace(bottom, top, rows)
     points = np.empty((columns, rows, 3))
     points[..., :2] = (start + share[:, None] * (end - start))[:, None, :]
@@ -161,10 +159,8 @@ def light_floor(
 
 def enlarge(factor: Floats, shape: tuple[int, int]) -> Picture:
     """Return (n, m, k) spread over `shape` texels, straight between the points."""
-    a, b = (
-        np.linspace(0.0, factor.shape[0] - 1.001, shape[0]),
-        np.linspace(0.0, factor.shape[1] - 1.001, shape[1]),
-    )
+    a = np.linspace(0.0, factor.shape[0] - 1.001, shape[0])
+    b = np.linspace(0.0, factor.shape[1] - 1.001, shape[1])
     i, j = a.astype(np.intp), b.astype(np.intp)
     s, t = (a - i)[:, None, None].astype(np.float32), (b - j)[None, :, None].astype(np.float32)
     small = factor.astype(np.float32)

@@ -131,10 +131,8 @@ class RenderScene:
     def swinging(self, door: Door, opening: float) -> SceneItem:
         """Return a leaf on its way, as it is lit at the nearer end of it."""
         state: DoorState = "open" if opening > 0.5 else "closed"
-        leaf, turn = (
-            self.leaves[door.name, state],
-            leaf_turn(door, opening) - leaf_turn(door, state),
-        )
+        leaf = self.leaves[door.name, state]
+        turn = leaf_turn(door, opening) - leaf_turn(door, state)
         hinge = Pose2D(*door.start, 0.0)
         return leaf.moved(hinge.inverse()).moved(Pose2D(*door.start, turn))
 
@@ -226,10 +224,8 @@ class Builder:
 
     def _wall_picture(self, look: Surface, start: Floats, end: Floats) -> Picture:
         length = math.dist(start, end)
-        columns, rows = (
-            max(1, round(length * WALL_DENSITY)),
-            round(self.plan.ceiling * WALL_DENSITY),
-        )
+        columns = max(1, round(length * WALL_DENSITY))
+        rows = round(self.plan.ceiling * WALL_DENSITY)
         u = (np.arange(columns, dtype=np.float32) + np.float32(0.5))[:, None] / np.float32(
             WALL_DENSITY
         )
@@ -284,20 +280,16 @@ class Builder:
         self, picture: Picture, start: Floats, end: Floats, decoration: Decoration, *, shadow: bool
     ) -> None:
         at = _along(start, end, decoration.x, decoration.y)
-        columns, rows = (
-            round(decoration.width * WALL_DENSITY),
-            round(decoration.height * WALL_DENSITY),
-        )
+        columns = round(decoration.width * WALL_DENSITY)
+        rows = round(decoration.height * WALL_DENSITY)
         if at is None or columns < 4 or rows < 4:
             return
         if decoration.kind == "sign":
             drawn = textures.sign(columns, rows, decoration.text)
         else:
             drawn = textures.HANGING[decoration.kind](columns, rows, decoration.variant, self.rng)
-        left, low = (
-            round(at * WALL_DENSITY) - columns // 2,
-            round(decoration.z * WALL_DENSITY) - rows // 2,
-        )
+        left = round(at * WALL_DENSITY) - columns // 2
+        low = round(decoration.z * WALL_DENSITY) - rows // 2
         a, b = max(0, -left), max(0, -low)
         target = picture[left + a : left + columns, low + b : low + rows]
         source = drawn[a : a + target.shape[0], b : b + target.shape[1]]
@@ -320,10 +312,8 @@ class Builder:
         )
         faces = []
         for look, start, end in zip(looks, outline, np.roll(outline, -1, axis=0), strict=True):
-            columns, rows = (
-                max(1, round(math.dist(start, end) * WALL_DENSITY)),
-                max(1, round(above * WALL_DENSITY)),
-            )
+            columns = max(1, round(math.dist(start, end) * WALL_DENSITY))
+            rows = max(1, round(above * WALL_DENSITY))
             u = (np.arange(columns, dtype=np.float32) + np.float32(0.5))[:, None] / np.float32(
                 WALL_DENSITY
             )
@@ -446,10 +436,8 @@ class Builder:
             normal = np.array([along[1], -along[0]])
             place = np.array([[decoration.x, decoration.y]])
             rows, columns = _around(np.vstack([place - SUNLIT, place + SUNLIT]), x, y)
-            dx, dy = (
-                x[None, columns] - np.float32(decoration.x),
-                y[rows, None] - np.float32(decoration.y),
-            )
+            dx = x[None, columns] - np.float32(decoration.x)
+            dy = y[rows, None] - np.float32(decoration.y)
             away, aside = dx * normal[0] + dy * normal[1], dx * along[0] + dy * along[1]
             slanted = aside - 0.35 * away
             patch = np.clip((decoration.width / 2.0 - np.abs(slanted)) / 0.15, 0.0, 1.0) * np.clip(
@@ -529,14 +517,10 @@ def _mirror_frame(picture: Picture, start: Floats, end: Floats, mirror: Mirror) 
         for at in (_along(start, end, *mirror.start), _along(start, end, *mirror.end))
         if at is not None
     )
-    a, b = (
-        round((ends[0] - MIRROR_RIM) * WALL_DENSITY),
-        round((ends[1] + MIRROR_RIM) * WALL_DENSITY),
-    )
-    low, high = (
-        round((mirror.bottom - MIRROR_RIM) * WALL_DENSITY),
-        round((mirror.top + MIRROR_RIM) * WALL_DENSITY),
-    )
+    a = round((ends[0] - MIRROR_RIM) * WALL_DENSITY)
+    b = round((ends[1] + MIRROR_RIM) * WALL_DENSITY)
+    low = round((mirror.bottom - MIRROR_RIM) * WALL_DENSITY)
+    high = round((mirror.top + MIRROR_RIM) * WALL_DENSITY)
     picture[max(0, a) : b, max(0, low) : high] = rgb("#8a6a3c")
     picture[max(0, a) : b, high - 2 : high] = rgb("#c9a565")
 

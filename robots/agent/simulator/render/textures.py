@@ -380,10 +380,8 @@ def foliage(columns: int, rows: int, colour: Plane, rng: np.random.Generator) ->
         share = number / 45.0
         angle = rng.uniform(-1.25, 1.25) * (1.0 - 0.35 * share)
         length = rng.uniform(0.35, 0.62)
-        tip_x, tip_y = (
-            0.5 + 0.62 * length * np.sin(angle),
-            0.08 + share * 0.42 + length * np.cos(angle) * 0.72,
-        )
+        tip_x = 0.5 + 0.62 * length * np.sin(angle)
+        tip_y = 0.08 + share * 0.42 + length * np.cos(angle) * 0.72
         base_x, base_y = 0.5, 0.02 + 0.3 * share
         ax, ay = tip_x - base_x, tip_y - base_y
         along = ((x - base_x) * ax + (y - base_y) * ay) / (ax * ax + ay * ay)

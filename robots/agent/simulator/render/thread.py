@@ -65,13 +65,11 @@ class CameraThread:
         view: Callable[[], CameraView],
         ready: Callable[[int, float], None],
     ) -> None:
-        self._make, self._ring, self._period, self._view, self._ready = (
-            make,
-            ring,
-            1.0 / fps,
-            view,
-            ready,
-        )
+        self._make = make
+        self._ring = ring
+        self._period = 1.0 / fps
+        self._view = view
+        self._ready = ready
         self._watched = threading.Event()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="camera", daemon=True)

@@ -150,14 +150,10 @@ def _edges(things: Things, faces: Places, level: Floats, lens: Lens, height: flo
     u0, low, low_depth = lens.project(forward, left, (things.bottom[owner] - height)[None])
     u1, high, high_depth = lens.project(forward, left, (things.top[owner] - height)[None])
     depth = np.minimum.reduceat(np.minimum(low_depth, high_depth).min(axis=0), starts)
-    from_low, to_low = (
-        np.minimum.reduceat(low.min(axis=0), starts),
-        np.maximum.reduceat(low.max(axis=0), starts),
-    )
-    from_high, to_high = (
-        np.minimum.reduceat(high.min(axis=0), starts),
-        np.maximum.reduceat(high.max(axis=0), starts),
-    )
+    from_low = np.minimum.reduceat(low.min(axis=0), starts)
+    to_low = np.maximum.reduceat(low.max(axis=0), starts)
+    from_high = np.minimum.reduceat(high.min(axis=0), starts)
+    to_high = np.maximum.reduceat(high.max(axis=0), starts)
     left = np.minimum.reduceat(np.minimum(u0, u1).min(axis=0), starts)
     right = np.maximum.reduceat(np.maximum(u0, u1).max(axis=0), starts)
     edges = np.stack(
@@ -248,10 +244,8 @@ class _Pool:
         first, last = lens.rows(
             np.maximum(high / nearest, high / farthest), np.minimum(low / nearest, low / farthest)
         )
-        top, bottom = (
-            np.maximum(np.minimum(low_from, high_from), first),
-            np.minimum(np.maximum(low_to, high_to), last),
-        )
+        top = np.maximum(np.minimum(low_from, high_from), first)
+        bottom = np.minimum(np.maximum(low_to, high_to), last)
         left, right = np.maximum(left, begin), np.minimum(right, end)
         places = np.stack(
             [top, bottom, left, right, high_from, high_to, low_from, low_to], axis=1
