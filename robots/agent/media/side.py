@@ -122,7 +122,7 @@ class MediaSide:
         )
         self._outputs = OutputFeed(*outputs) if any(outputs) else None
         pages = self._pages
-        self._visitor = VisitorMedia(
+        self.visitor = VisitorMedia(
             drives=pages.drives,
             ask=pages.ask_driver,
             show=pages.show_at_robot,
@@ -177,7 +177,7 @@ class MediaSide:
         """Let the driver's voice and face through to the people at the robot from now on, or not;
         `volume` is a share of the robot's own.
         """
-        self._visitor.let_through(audio=audio, video=video, volume=volume)
+        self.visitor.let_through(audio=audio, video=video, volume=volume)
 
     def telemetry(self, suffix: str, message: Message) -> None:
         """Send a message to every page that is connected; dropped for a page that is behind."""
@@ -231,13 +231,6 @@ class MediaSide:
         """Ring with the robot's own loudspeaker; where a display is connected, that does it."""
         if self._outputs is not None and self.screens == 0:
             self._outputs.ring()
-
-    @property
-    def visitor_counts(self) -> dict[str, int]:
-        """Return what came of the visitor's media: sounds and pictures let through, and what was
-        not, by reason.
-        """
-        return dict(self._visitor.counts)
 
     @property
     def camera(self) -> CaptureState | None:
@@ -334,8 +327,8 @@ class MediaSide:
         is_screen = role == "screen"
         return Viewer(
             peer,
-            camera=self._visitor if is_screen else self._camera,
-            microphone=self._visitor if is_screen else self._microphone,
+            camera=self.visitor if is_screen else self._camera,
+            microphone=self.visitor if is_screen else self._microphone,
             on_command=lambda heard: self._on_command(peer, self._pages.role(peer), heard),
             on_end=on_end,
             on_media=self._listener_to(peer, source, role),
@@ -346,7 +339,7 @@ class MediaSide:
         self, peer: str, source: str, role: Role
     ) -> Callable[[Kind, bytes, int], None] | None:
         if role == "driver":
-            return functools.partial(self._visitor.take, peer, source)
+            return functools.partial(self.visitor.take, peer, source)
         gives = isinstance(self._camera, PageCamera) or isinstance(self._microphone, PageMicrophone)
         return (
             functools.partial(self._take_from_page, source) if role == "screen" and gives else None

@@ -84,19 +84,8 @@ class Navigator:
         self._recent = RecentSweeps(self._costmap.circumscribed)
         self._last = NavigationStep(None, "FINISHED")
         self._asked = ZERO
-        self._now = 0.0
         self._lost_since: float | None = None
         self._began: float | None = None
-
-    @property
-    def busy(self) -> bool:
-        """Tell whether a task is going on."""
-        return self._task is not None
-
-    @property
-    def closed_doors(self) -> tuple[str, ...]:
-        """The names of the doors that were seen closed."""
-        return tuple(door.name for door in self._obstacle_map.doors.closed(self._now))
 
     # --- tasks ------------------------------------------------------------------------------------
 
@@ -109,19 +98,6 @@ class Navigator:
         if theta is not None and not math.isfinite(theta):
             raise NoWayError("the heading of the goal is not a number")
         self._begin(self._journey([self._planner.goal(x, y)], theta))
-
-    def goto_place(self, name: str) -> None:
-        """Go to a named place of the plan.
-
-        Raises:
-            NoWayError: the plan knows no such place, or nothing stands free there.
-        """
-        place = next(
-            (place for place in (self.plan.places if self.plan else ()) if place.name == name), None
-        )
-        if place is None:
-            raise NoWayError(f"the plan has no place {name!r}")
-        self.goto(place.x, place.y, place.theta)
 
     def follow(self, points: Sequence[tuple[float, float]]) -> None:
         """Drive along a drawn line to its end; where it leads through things, round them.
@@ -189,7 +165,6 @@ class Navigator:
             charger_contact: the contacts of the charging station meet.
             now: seconds.
         """
-        self._now = now
         self._pose_buffer.take(now, odometry, estimate)
         if beams is not None and (self._beams is None or beams.stamp > self._beams.stamp):
             self._beams = beams
