@@ -8,60 +8,21 @@ the profile's `tilt.home`.
 import math
 from dataclasses import dataclass
 
-from robots.agent.adapters.common.pending_actions import (
-    LONGEST_RELOCALIZATION,
-    ExpectedArea,
-    PendingAction,
-    PendingActions,
-)
 from robots.agent.adapters.common.robot_profile import RobotProfile
-from robots.agent.robot_interface import NavigationControl
 from robots.api.geometry import wrap_angle
 from robots.api.messages import Pose, Scan, Velocity
 
 EPOCH = 11_644_473_600.0  # seconds from 1601-01-01 to 1970-01-01: MRPT counts from there
 MOST_RANGES = 2000
-# seconds in which the particle filter has taken note of an area: it thinks once for ten scans while
-# the robot stands
-FILTERING = 1.0
 LONGEST_STAMP = 20  # digits
 UNKNOWN = "NULL"
 MANUAL = 0.0  # of ROBOT_CONTROL_MODE
 ACK_PERIOD = 0.1  # seconds
-SLOWEST_GUARD = 2.0  # seconds, as for a watchdog
-CANCEL_AGAIN = 0.1  # seconds between two cancels, at least
 SETTING_OUT = 5.0  # seconds in which a journey begins
-ARRIVED = 0.6  # metres from its goal at which a journey may end: OpenMORA's navigators allow 0.5
-ERROR_SHOWN = 10.0  # seconds
 
 
 class DialectError(ValueError):
     """The robot said something that these words do not have."""
-
-
-def listed_nodes(text: str) -> frozenset[str]:
-    """Return the names of places that an option lists by comma."""
-    return frozenset(name.strip() for name in text.split(",") if name.strip())
-
-
-def control_of(client_ack_interval: float) -> NavigationControl:
-    """Return what ends OpenMORA's navigation when the agent is lost: its RobotControlManager, if
-    that expects an acknowledgement of ours at least so often, in seconds.
-    """
-    return "guarded" if 0.0 < client_ack_interval <= SLOWEST_GUARD else "unguarded"
-
-
-def advice(adapter: str) -> str:
-    """Return what the owner of a robot without this guard can do."""
-    return (
-        "set use_client_alive_ack = true and max_client_ack_interval = 0.5 for RobotControlManager"
-        f" in the mission file, and client_ack_interval = 0.5 in [{adapter}] of the profile"
-    )
-
-
-def is_cancelling(actions: PendingActions) -> bool:
-    """Whether the end of an action that moves the base was requested and is not confirmed."""
-    return actions.drive is not None and actions.drive.first_cancelled_at is not None
 
 
 @dataclass(frozen=True)
@@ -121,16 +82,6 @@ def area(x: float, y: float, half_width: float, particles: int) -> str:
     return (
         f"[{x - half_width:.3f} {x + half_width:.3f} {y - half_width:.3f} {y + half_width:.3f}"
         f" {particles}]"
-    )
-
-
-def search(action_id: str, x: float, y: float, half_width: float, now: float) -> PendingAction:
-    """Return what to wait for after a robot was told its `area`: that it says to be in it. A
-    heading cannot be told.
-    """
-    place = ExpectedArea(x, y, half_width, settles=FILTERING)
-    return PendingAction(
-        action_id, "relocalize", now, deadline=now + LONGEST_RELOCALIZATION, area=place
     )
 
 
