@@ -50,6 +50,13 @@ def tint(plane: Plane, colour: Plane) -> Picture:
     return plane[..., None] * colour
 
 
+def metres(columns: int, rows: int, density: float) -> tuple[Plane, Plane]:
+    """Return where a wall's texels are: u (columns, 1) and z (1, rows) in metres."""
+    u = (np.arange(columns, dtype=np.float32) + np.float32(0.5))[:, None] / np.float32(density)
+    z = (np.arange(rows, dtype=np.float32) + np.float32(0.5))[None, :] / np.float32(density)
+    return u, z
+
+
 def per_piece(number: npt.NDArray[np.int_], rng: np.random.Generator) -> Plane:
     """Return for each integer its own random value in [-1, 1]; the same number always gets the
     same.

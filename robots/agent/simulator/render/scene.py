@@ -20,6 +20,7 @@ from robots.agent.simulator.render.materials import (
     WHITE,
     Picture,
     Plane,
+    metres,
     noise,
     rgb,
     rug,
@@ -226,12 +227,7 @@ class Builder:
         length = math.dist(start, end)
         columns = max(1, round(length * WALL_DENSITY))
         rows = round(self.plan.ceiling * WALL_DENSITY)
-        u = (np.arange(columns, dtype=np.float32) + np.float32(0.5))[:, None] / np.float32(
-            WALL_DENSITY
-        )
-        z = (np.arange(rows, dtype=np.float32) + np.float32(0.5))[None, :] / np.float32(
-            WALL_DENSITY
-        )
+        u, z = metres(columns, rows, WALL_DENSITY)
         picture = WALLS[look.material](u, z, rgb(look.colour), self.rng)
         if look.material != "trim":
             skirt(picture, z, self.plan.ceiling)
@@ -314,12 +310,8 @@ class Builder:
         for look, start, end in zip(looks, outline, np.roll(outline, -1, axis=0), strict=True):
             columns = max(1, round(math.dist(start, end) * WALL_DENSITY))
             rows = max(1, round(above * WALL_DENSITY))
-            u = (np.arange(columns, dtype=np.float32) + np.float32(0.5))[:, None] / np.float32(
-                WALL_DENSITY
-            )
-            z = opening.height + (np.arange(rows, dtype=np.float32) + np.float32(0.5))[
-                None, :
-            ] / np.float32(WALL_DENSITY)
+            u, z = metres(columns, rows, WALL_DENSITY)
+            z = opening.height + z
             picture = WALLS[look.material](u, z.astype(np.float32), rgb(look.colour), self.rng)
             skirt(picture, z, self.plan.ceiling)
             picture[:, : round(CASING * WALL_DENSITY)] = WHITE * 0.98

@@ -12,7 +12,15 @@ from collections.abc import Callable
 import numpy as np
 
 from robots.agent.simulator.render.bitmap_font import letters
-from robots.agent.simulator.render.materials import Picture, Plane, noise, plain, rgb, wood
+from robots.agent.simulator.render.materials import (
+    Picture,
+    Plane,
+    metres,
+    noise,
+    plain,
+    rgb,
+    wood,
+)
 
 PALETTES = (
     ("#1f3a5f", "#e3b04b", "#f4efe6", "#c8553d"),
@@ -266,7 +274,7 @@ def books(
     columns: int, rows: int, colour: Plane, density: float, rng: np.random.Generator
 ) -> Picture:
     """A bookcase's front: shelves, and spines of many colours."""
-    picture: Picture = wood(*_metres(columns, rows, density), colour, rng) * np.float32(0.45)
+    picture: Picture = wood(*metres(columns, rows, density), colour, rng) * np.float32(0.45)
     shelf, board = round(0.34 * density), max(2, round(0.025 * density))
     spines = (
         "#7b2d26",
@@ -304,7 +312,7 @@ def cupboard(
     columns: int, rows: int, colour: Plane, density: float, rng: np.random.Generator
 ) -> Picture:
     """Doors with handles."""
-    picture = plain(*_metres(columns, rows, density), colour, rng)
+    picture = plain(*metres(columns, rows, density), colour, rng)
     doors = max(1, round(columns / density / 0.5))
     for number in range(doors + 1):
         at = min(columns - 1, number * columns // doors)
@@ -328,7 +336,7 @@ def door_leaf(
     handle_left: bool,
 ) -> Picture:
     """A panelled door with a handle."""
-    picture = wood(*_metres(columns, rows, density), colour, rng)
+    picture = wood(*metres(columns, rows, density), colour, rng)
     x, y = grid(columns, rows)
     for low, high in ((0.08, 0.44), (0.52, 0.94)):
         edge = np.maximum(
@@ -395,12 +403,6 @@ def foliage(columns: int, rows: int, colour: Plane, rng: np.random.Generator) ->
         picture[leaf] = np.clip(colour * shade + (0.02, 0.03, 0.0), 0.0, 1.0)
         picture[leaf & (aside < 0.008)] = np.clip(colour * shade * 1.3, 0.0, 1.0)
     return picture
-
-
-def _metres(columns: int, rows: int, density: float) -> tuple[Plane, Plane]:
-    u = (np.arange(columns, dtype=np.float32) + 0.5)[:, None] / np.float32(density)
-    z = (np.arange(rows, dtype=np.float32) + 0.5)[None, :] / np.float32(density)
-    return u, z
 
 
 HANGING: dict[str, Callable[[int, int, int, np.random.Generator], Picture]] = {
