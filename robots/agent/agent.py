@@ -144,9 +144,7 @@ class Agent:
         return self._stopping.wait(seconds)
 
     def _serve(self, endpoints: tuple[Endpoint, ...], built: Callable[[], None]) -> None:
-        """One run of the agent: one boot. Returns when it is to end, or when its control or media
-        thread has died.
-        """
+        """Run once (one boot), until `stop`, or until the control or media thread has died."""
         adapter = self._make_adapter(self._config)
         equipment = equipment_of(adapter, self._config)
         boot = new_boot(time.time())
@@ -194,9 +192,7 @@ class Agent:
         keep_renewing(self._config, self._renewed, self._stopping.wait)
 
     def _renewed(self, lines: dict[str, str]) -> None:
-        """Go on with new credentials from the next connection on; the present one holds as long as
-        the server lets the old ones.
-        """
+        """Use new credentials from the next connection on."""
         self._config = replace(
             self._config, token=lines["token"], user=lines.get("user", self._config.robot)
         )
@@ -222,9 +218,7 @@ class Agent:
 
 
 def new_boot(unix: float) -> str:
-    """Return the id of a run of the agent. Ids sort by time, so that of two agents of one robot the
-    newer is known.
-    """
+    """Return the id of a run of the agent; ids sort by time, so the newer agent is known."""
     return f"{int(unix * 1000):012x}-{secrets.token_hex(4)}"
 
 
@@ -324,7 +318,6 @@ def _log_thread(arguments: threading.ExceptHookArgs) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run `python -m robots.agent` and return the exit code."""
     parser = ArgumentParser(
         prog="python -m robots.agent",
         description="The agent of a robot: connects it to a telepresence server.",

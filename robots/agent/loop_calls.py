@@ -29,9 +29,7 @@ class LoopCalls:
         self._waiting = self._dropped = 0
 
     def post(self, call: Callable[..., None], *arguments: Any, most: float = MOST_CALLS) -> None:
-        """Have the loop call this. The call is dropped and counted when `most` calls wait, and
-        nothing happens without a loop.
-        """
+        """Have the loop call this; dropped when `most` calls wait already, or without a loop."""
         with self._lock:
             loop = self.loop
             if loop is None:

@@ -20,9 +20,7 @@ ASSIST_CREEP = 0.1
 
 @dataclass(frozen=True)
 class Caps:
-    """The largest speeds allowed right now: forward and backward in m/s, turning in rad/s, none
-    negative.
-    """
+    """The largest speeds now: forward and backward in m/s, turning in rad/s, not negative."""
 
     linear: float
     reverse: float

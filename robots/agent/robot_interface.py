@@ -40,9 +40,7 @@ NOWHERE = Pose(x=0.0, y=0.0, theta=0.0, localized=False, score=0.0)
 
 
 class AdapterError(Exception):
-    """The robot control architecture cannot be reached, or refused; the message is one sentence for
-    the robot's owner.
-    """
+    """The RCA cannot be reached, or refused; the message is one sentence for the owner."""
 
 
 class ActionRefusedError(AdapterError):
@@ -71,9 +69,7 @@ class Sonar(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class DepthCamera(Struct, frozen=True, forbid_unknown_fields=True):
-    """Where the points of `RcaState.points` are seen from, as `Sonar`: the middle of the view, its
-    whole angle, and how far it reaches.
-    """
+    """The view of `RcaState.points`, as `Sonar`: its middle, whole angle and reach."""
 
     x: float = 0.0
     y: float = 0.0
@@ -124,9 +120,7 @@ class Profile:
 
 @dataclass(frozen=True)
 class SonarEcho:
-    """One measurement of one of `Profile.sonars`, by its index: metres from the sensor, None where
-    nothing came back.
-    """
+    """A measurement of a sonar (index in `Profile.sonars`): metres, None for no echo."""
 
     sonar: int
     stamp: float
@@ -135,9 +129,7 @@ class SonarEcho:
 
 @dataclass(frozen=True, eq=False)
 class ObstaclePoints:
-    """What a depth camera sees of obstacles at `stamp`: (n, 2) in the robot's frame, metres, the
-    floor and what is overhead left out.
-    """
+    """Obstacles at `stamp`: (n, 2) in the robot's frame, metres, without floor and overhead."""
 
     stamp: float
     points: npt.NDArray[np.float64]
@@ -207,12 +199,10 @@ class Frame:
 
     @property
     def width(self) -> int:
-        """Return the pixels of a row."""
         return int(self.image.shape[1])
 
     @property
     def height(self) -> int:
-        """Return the rows of pixels."""
         rows = int(self.image.shape[0])
         return rows if self.format == "rgb24" else rows * 2 // 3
 
@@ -248,9 +238,7 @@ class AudioSource(Protocol):
 
 
 class Speaker(Protocol):
-    """The robot's loudspeaker. All methods are called from one thread of the media side, which may
-    wait for them.
-    """
+    """The robot's loudspeaker; called from one thread of the media side, and may block."""
 
     def start(self) -> None:
         """Get ready to play; idempotent.
@@ -271,9 +259,7 @@ class Speaker(Protocol):
 
 
 class Display(Protocol):
-    """A display of the robot that is not a browser (one that is opens the page of the robot's
-    screen). Called like a Speaker.
-    """
+    """A display that is not a browser; called like a Speaker."""
 
     def start(self) -> None:
         """Get ready to show; idempotent.
@@ -294,9 +280,7 @@ class Display(Protocol):
 
 
 class Adapter(Protocol):
-    """A robot control architecture, as the agent sees it. All methods run on the control loop and
-    none may block it.
-    """
+    """A robot control architecture for the agent; called on the control loop, never blocks."""
 
     profile: Profile
 
@@ -339,9 +323,7 @@ class Adapter(Protocol):
         """
 
     def states(self) -> AsyncIterator[RcaState]:
-        """Yield the RCA's state as it comes, at least at 10 Hz; ends or raises AdapterError when
-        the RCA is gone.
-        """
+        """Yield the RCA's state at 10 Hz or more; ends or raises AdapterError when it is gone."""
 
     def progress(self) -> AsyncIterator[ActionProgress]:
         """Yield news of started actions."""
@@ -353,9 +335,7 @@ class Adapter(Protocol):
         """Return the microphone, or None."""
 
     def configure(self, config: Any) -> None:
-        """Take a `Config` message (assist level, doors of the simulator); what does not concern the
-        RCA is ignored.
-        """
+        """Take a `Config` message; what does not concern the RCA is ignored."""
 
     async def close(self) -> None:
         """Leave the robot standing and let go of it."""
@@ -363,14 +343,10 @@ class Adapter(Protocol):
 
 @runtime_checkable
 class PassesVelocities(Protocol):
-    """What an adapter offers besides when the velocities of the RCA's own navigation pass through
-    the agent (`navigation_control` is "agent").
-    """
+    """Optional: velocities of the RCA's own navigation pass through the agent."""
 
     def wanted(self) -> Velocity | None:
-        """Return what the navigation wants now, None when no action of ours runs; zero when its
-        last velocity is older than 0.3 s.
-        """
+        """Return what the navigation wants, None without an action; zero after 0.3 s."""
 
 
 @runtime_checkable
@@ -395,9 +371,7 @@ class LimitsSpeed(Protocol):
 
 @runtime_checkable
 class Severable(Protocol):
-    """What an adapter offers besides so that `run_robot NAME --check` can show what becomes of the
-    RCA's own navigation when the agent is lost.
-    """
+    """Optional: lets `--check` show what becomes of the navigation when the agent is lost."""
 
     def sever(self) -> None:
         """Drop the connection at once and without a goodbye, as the death of the agent's process
@@ -419,9 +393,7 @@ class Navigating(Protocol):
         """Where the robot stands when it is docked."""
 
     def wanted(self) -> Velocity | None:
-        """Return the velocity that a running action wants now, None when none does; an old wish is
-        a wish to stand.
-        """
+        """Return the running action's velocity, None without one; an old one becomes zero."""
 
     def located(self, reading: RcaState, points: npt.NDArray[np.float64]) -> RcaState:
         """Take a reading of `states()`, and (n, 2) points of obstacles in the robot's frame; return
@@ -437,9 +409,7 @@ class Navigating(Protocol):
 
 @runtime_checkable
 class WithOutputs(Protocol):
-    """What an adapter offers besides when the robot has a loudspeaker or a display that the agent
-    may use.
-    """
+    """Optional: a loudspeaker or a display that the agent may use."""
 
     def speaker(self) -> Speaker | None:
         """Return the loudspeaker, always the same one, or None."""

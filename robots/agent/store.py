@@ -22,9 +22,7 @@ LOW_MB = 200  # of room for these files, logs and updates, below which the robot
 
 
 class Store:
-    """Files of one robot in one directory. Methods block for a disk write: call
-    them off the loop.
-    """
+    """Files of one robot in one directory. Methods block on the disk: call them off the loop."""
 
     def __init__(self, directory: Path) -> None:
         self._latch = directory / "estop.json"
@@ -43,9 +41,7 @@ class Store:
         probe.unlink()
 
     def shortage(self) -> tuple[str, ...]:
-        """Return what the robot's `errors` say of a disk that fills up: `disk_low` or `disk_full`,
-        a colon, and what is left. Quick.
-        """
+        """Return the error `disk_low` or `disk_full`, a colon, and what is left. Quick."""
         try:
             state = self._space.state() if self._latch.parent.is_dir() else "ok"
         except OSError:  # a disk that is dying

@@ -54,9 +54,7 @@ class Backoff:
     _next: float = 0.0
 
     def failed(self, held: float = 0.0) -> float:
-        """Return how long to wait after a connection that held for `held` seconds (0: it never
-        came).
-        """
+        """Return seconds to wait after a connection that held for `held` seconds (0: none)."""
         base = self.first if held >= self.settled else max(self.first, self._next)
         self._next = min(self.longest, base * 2)
         return base * self.rng.uniform(0.5, 1.0)

@@ -73,7 +73,6 @@ class Systemd:
         self._due = Cadence(NOTIFY_PERIOD_S)
 
     def ready(self) -> None:
-        """Report that the process has started."""
         self._send(b"READY=1")
 
     def alive(self) -> None:

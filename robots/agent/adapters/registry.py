@@ -72,9 +72,7 @@ def create(
 
 
 def _module(name: str) -> ModuleType:
-    """Return the module of an adapter: a file, ours, an installed package's, or any other by its
-    dotted name.
-    """
+    """Return an adapter's module: a file, ours, an installed package's, or a dotted name."""
     if name.endswith(".py"):
         return _module_of_file(name)
     if name in OURS:

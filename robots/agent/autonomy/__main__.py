@@ -111,7 +111,6 @@ def serve(link: socket.socket) -> None:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the process and return its exit code."""
     logging.basicConfig(
         level=logging.INFO,
         format="%(asctime)s %(levelname)s %(name)s %(message)s",

@@ -65,7 +65,6 @@ def plan_of(update: FloorPlanUpdate) -> FloorPlan | None:
 
 
 def update_of(site: Site) -> FloorPlanUpdate:
-    """Return a site as the message that describes it."""
     image, transform = encode_png(site.grid.image), site.grid.transform
     return FloorPlanUpdate(
         map_id=site.plan.map_id,
@@ -81,9 +80,7 @@ def update_of(site: Site) -> FloorPlanUpdate:
 
 
 def own_dock(plan: FloorPlan | None, series: str) -> ChargingDock | None:
-    """Return the dock of a series of robots when there is exactly one: then a docked robot knows
-    where it is.
-    """
+    """Return the dock of a series of robots, None unless there is exactly one."""
     docks = [dock for dock in plan.docks if dock.type == series] if plan else []
     return docks[0] if len(docks) == 1 else None
 

@@ -63,9 +63,7 @@ class _Running:
 
 
 class NavigationNode:
-    """One robot in one site. It does not know where it is until it is placed or
-    has found itself.
-    """
+    """One robot in one site; its pose is unknown until it is placed or has found itself."""
 
     def __init__(self, area: Area, body: Body, rng: np.random.Generator) -> None:
         """Read the map.
@@ -172,7 +170,6 @@ class NavigationNode:
     # --- thinking ---------------------------------------------------------------------------------
 
     def think(self, snapshot: SensorSnapshot) -> NavigationOutput:
-        """Return what follows from one moment."""
         self._now = snapshot.stamp
         self._anchor(snapshot)
         if isinstance(self.localizer, ReportedLocalizer):

@@ -24,18 +24,14 @@ class PoseExtrapolator:
 
     @property
     def trusted(self) -> bool:
-        """Tell whether the newest thought knew where the robot was."""
         return self._output is not None and self._output.localized
 
     @property
     def unheard(self) -> bool:
-        """Tell whether there has been no thought yet."""
         return self._output is None
 
     def place(self, odometry: Pose2D | None) -> Pose2D | None:
-        """Return the pose in the map at an odometry pose, as well as it is known; None before the
-        first thought.
-        """
+        """Return the pose in the map at an odometry pose; None before the first output."""
         if self._map_from_odometry is None or odometry is None:
             return None
         return self._map_from_odometry.compose(odometry)

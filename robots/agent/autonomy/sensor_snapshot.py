@@ -14,9 +14,7 @@ NO_POINTS: Floats = np.zeros((0, 2))
 
 @dataclass(frozen=True)
 class Body:
-    """What a mind must know about its robot: `series` says which docks are its own, `localizes`
-    that it reports its own pose.
-    """
+    """A robot: `series` selects its docks, `localizes` means that it reports its own pose."""
 
     series: str
     footprint: tuple[Point, ...]

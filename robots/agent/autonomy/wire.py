@@ -52,15 +52,11 @@ class BeginAction(NodeMessage, frozen=True):
 
 
 class CancelAction(NodeMessage, frozen=True):
-    """Cancel an action."""
-
     action_id: str
 
 
 class ScanMessage(Struct, frozen=True, array_like=True):
-    """A sweep of the laser; `ranges` float32 in the byte order of the machine, `inf` where nothing
-    came back.
-    """
+    """A laser sweep; `ranges` are float32 in native byte order, `inf` where nothing came back."""
 
     stamp: float
     angle_min: float

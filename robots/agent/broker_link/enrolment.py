@@ -142,9 +142,7 @@ def renew(config: AgentConfig) -> dict[str, str] | None:
 def keep_renewing(
     config: AgentConfig, renewed: Callable[[dict[str, str]], None], pause: Callable[[float], bool]
 ) -> None:
-    """Ask now and then, until `pause` (which waits so many seconds) returns True; `renewed` is told
-    the new credentials.
-    """
+    """Ask now and then until `pause` returns True; hand new credentials to `renewed`."""
     while not pause(RENEW_EVERY):
         try:
             fresh = renew(config)

@@ -49,9 +49,7 @@ class LinkInbox(Protocol):
     """Where what arrives goes. Called on the link's loop; must return at once."""
 
     def arrived(self, suffix: str, message: Any, *, retained: bool) -> None:
-        """Take a decoded message; `message` is None for an empty one, which is how a retained
-        message is taken back.
-        """
+        """Take a message; None for an empty one, which takes a retained message back."""
 
     def rejected(self, reason: str) -> None:
         """Count a message that could not be decoded."""
@@ -63,9 +61,7 @@ class LinkInbox(Protocol):
         """Another agent says that it is this robot (its boot), or has gone (None)."""
 
     def is_needed(self) -> bool:
-        """Tell whether somebody drives, watches or is about to: a lost connection is then tried
-        again at once.
-        """
+        """Whether somebody drives or watches: a lost connection is then retried at once."""
 
 
 @dataclass(frozen=True)
@@ -177,9 +173,7 @@ class MqttLink:
         self._client_id = f"{factsheet.name[:40]}-{secrets.token_hex(8)}"
 
     def credentials_changed(self, username: str, password: str) -> None:
-        """Be somebody else to the broker from the next connection on; may be called from any
-        thread.
-        """
+        """Use other credentials from the next connection on; from any thread."""
         self._endpoints = tuple(
             replace(endpoint, username=username, password=password) for endpoint in self._endpoints
         )
@@ -190,7 +184,6 @@ class MqttLink:
         self._wake.set()
 
     async def run(self, inbox: LinkInbox) -> None:
-        """Stay connected until `close()`."""
         while not self._closing.is_set():
             began = time.monotonic()
             try:
@@ -217,15 +210,11 @@ class MqttLink:
 
     @property
     def _has_nodes(self) -> bool:
-        """Tell whether the endpoints are several machines, and not one by several transports: a
-        lost connection then says that its machine may be gone.
-        """
+        """Whether the endpoints are several machines: a lost connection may mean a dead one."""
         return len({endpoint.host for endpoint in self._endpoints}) > 1
 
     def close(self) -> None:
-        """Say what is still to be said, and OFFLINE; then `run` returns. It does so in FAREWELL
-        seconds, or is to be cancelled.
-        """
+        """Send the rest, then OFFLINE; `run` returns, or is to be cancelled after FAREWELL s."""
         self._closing.set()
         self._wake.set()
 
@@ -281,9 +270,7 @@ class MqttLink:
         )
 
     async def _send(self, client: Client, tasks: asyncio.TaskGroup) -> None:
-        """Send what is in the outbox, in order, IN_FLIGHT at a time, until `close()` was called and
-        all of it has arrived.
-        """
+        """Send the outbox in order, IN_FLIGHT at a time, until closed and acknowledged."""
         while not (
             self._closing.is_set() and not len(self.outbox) and not self.outbox.unacknowledged
         ):

@@ -41,9 +41,7 @@ def outbound(suffix: str, payload: bytes) -> OutboundMessage:
 
 
 class Outbox:
-    """A queue, bounded in messages and bytes; the oldest goes first, also when there is no room
-    (counted in `lost`).
-    """
+    """A queue bounded in messages and bytes: the oldest is dropped first, counted in `lost`."""
 
     def __init__(self, messages: int = MESSAGES, size: int = BYTES) -> None:
         self._waiting: deque[OutboundMessage] = deque()
@@ -57,7 +55,6 @@ class Outbox:
 
     @property
     def unacknowledged(self) -> int:
-        """Return how many letters are on their way."""
         return len(self._sent)
 
     def put(self, message: OutboundMessage, *, connected: bool) -> None:
@@ -92,7 +89,6 @@ class Outbox:
         return message
 
     def acknowledged(self, message: OutboundMessage) -> None:
-        """The broker has it."""
         self._sent.pop(id(message), None)
 
     def disconnected(self) -> None:

@@ -40,13 +40,10 @@ class Reconnection:
         self._needed_at = float("-inf")
 
     def needed(self, now: float) -> None:
-        """Note that somebody needs the robot now."""
         self._needed_at = now
 
     def pause(self, held: float, now: float) -> float:
-        """Return how many seconds to wait after a connection that held for `held` seconds (0: it
-        never came).
-        """
+        """Return seconds to wait after a connection that held for `held` seconds (0: none)."""
         params, soon = self._params, self._at_once.failed(held)
         bound = params.first if held >= params.settled else self._bound
         self._bound = min(params.longest, 2.0 * bound)

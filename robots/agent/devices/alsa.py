@@ -81,7 +81,6 @@ class AlsaMicrophone:
             self._child = _Child("arecord", "microphone", self._words.address)
 
     def stop(self) -> None:
-        """Stop capturing; idempotent."""
         child, self._child = self._child, None
         if child is not None:
             child.end()
@@ -194,9 +193,7 @@ class _Child:
             os.set_blocking(self._process.stdin.fileno(), False)
 
     def is_ready(self, timeout: float) -> bool:
-        """Tell whether something was recorded, or the program has ended, within
-        `timeout` seconds.
-        """
+        """Wait for recorded sound, or the program's end, for `timeout` seconds at most."""
         return bool(select.select([_file(self._process.stdout)], [], [], timeout)[0])
 
     def read(self) -> bytes:
@@ -280,9 +277,7 @@ def reason_in(said: str) -> str:
 
 
 def devices(program: Program) -> tuple[str, ...]:
-    """Return the names of the devices that there are, those that a person would choose; none when
-    nobody says.
-    """
+    """Return the devices that a person would choose; none when the listing fails."""
     try:
         said = subprocess.run(
             (program, "-L"), capture_output=True, text=True, timeout=LIMITS.listing, check=False

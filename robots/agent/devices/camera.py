@@ -26,12 +26,10 @@ class DeviceCamera:
         self._reformatter = VideoReformatter()
 
     def start(self) -> None:
-        """Begin to capture; idempotent."""
         self._newest.put(None)
         self._reader.start()
 
     def stop(self) -> None:
-        """Stop capturing; idempotent."""
         self._reader.stop()
 
     def read(self, timeout: float) -> Frame | None:
@@ -51,9 +49,7 @@ class DeviceCamera:
 
 
 def picture_of(frame: av.VideoFrame, reformatter: VideoReformatter) -> npt.NDArray[np.uint8]:
-    """Return a decoded picture of any format as `contract.Frame` wants yuv420p: even sides, at most
-    LARGEST, video's range of values.
-    """
+    """Return a frame as yuv420p for `Frame`: even sides, at most LARGEST, video's range."""
     scale = min(1.0, LARGEST[0] / frame.width, LARGEST[1] / frame.height)
     width, height = (max(2, int(side * scale) // 2 * 2) for side in (frame.width, frame.height))
     same = reformatter.reformat(

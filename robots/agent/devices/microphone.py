@@ -27,13 +27,11 @@ class DeviceMicrophone:
         self._resampler = _resampler()
 
     def start(self) -> None:
-        """Begin to capture; idempotent."""
         self._blocks.clear()
         self._resampler = _resampler()
         self._reader.start()
 
     def stop(self) -> None:
-        """Stop capturing; idempotent."""
         self._reader.stop()
 
     def read(self, timeout: float) -> npt.NDArray[np.int16] | None:

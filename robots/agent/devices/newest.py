@@ -9,8 +9,6 @@ Thing = TypeVar("Thing")
 
 
 class Newest(Generic[Thing]):
-    """A place for one thing."""
-
     def __init__(self) -> None:
         self._news = threading.Condition()
         self._thing: Thing | None = None

@@ -118,9 +118,7 @@ class DeviceReader:
                 self._left_behind.append(run.thread)
 
     def check(self) -> None:
-        """Raise AdapterError with the reason when the device is gone, or has taken too long to be
-        opened.
-        """
+        """Raise AdapterError when the device is gone, or was not opened in time."""
         if self._run is None:
             return
         failure = self._run.failure
@@ -135,7 +133,6 @@ class DeviceReader:
 
     @property
     def failed(self) -> bool:
-        """Tell whether the device is gone."""
         return self._run is not None and bool(self._run.failure)
 
     def deliver(self, run: "_Run", frame: Any, stamp: float) -> None:
@@ -217,9 +214,7 @@ class _Run:
             )
 
     def _paced(self, frames: Iterator[Any]) -> Iterator[tuple[Any, float]]:
-        """Give a file's frames at their times, without catching up on what a slow computer has
-        missed.
-        """
+        """Yield a file's frames at their times, without catching up after a delay."""
         began = last = None
         leap = self.reader.limits.leap
         for frame in frames:
@@ -238,9 +233,7 @@ class _Run:
 
 
 def _decoded(packet: Any) -> Iterator[Any]:
-    """Give the frames in a packet. One that cannot be decoded lacks what was before it: who comes
-    in the middle waits for the next key frame.
-    """
+    """Yield a packet's frames; one that lacks an earlier frame waits for a key frame."""
     try:
         yield from packet.decode()
     except av.InvalidDataError:
@@ -248,9 +241,7 @@ def _decoded(packet: Any) -> Iterator[Any]:
 
 
 def reason_of(error: Exception) -> str:
-    """Return why FFmpeg failed, in words for the robot's owner and without the address, which may
-    have a password in it.
-    """
+    """Return why FFmpeg failed, without the address, which may contain a password."""
     for kind, reason in REASONS:
         if isinstance(error, kind):
             return reason

@@ -46,9 +46,7 @@ class DeviceSettingError(ValueError):
 
 @dataclass(frozen=True)
 class DeviceSetting:
-    """One device. `format` is FFmpeg's, empty where the address tells it; `live` is what gives its
-    own pace and cannot be begun anew.
-    """
+    """One device: FFmpeg's `format`; `live` sources set their own pace and cannot restart."""
 
     address: str
     format: str = ""

@@ -24,9 +24,7 @@ NEVER_HELD: tuple[type[Action], ...] = (*UNCONDITIONAL, Cancel)
 
 @dataclass(frozen=True)
 class Networks:
-    """What is put on a driver's network: on the way of commands to the robot, and on that of its
-    picture and sound to the page.
-    """
+    """The lab's networks: for commands to the robot, and for video and sound to the page."""
 
     control: NetworkLab | None = None
     video: NetworkLab | None = None

@@ -24,15 +24,12 @@ class TimedLine:
         self._closed = False
 
     def offer(self, size: int, deliver: Deliver) -> None:
-        """Put a packet of `size` bytes in; `deliver` is called when it comes out, which may be now,
-        later, or never.
-        """
+        """Put a packet of `size` bytes in; `deliver` is called now, later, or never."""
         if not self._closed:
             self._line.offer(deliver, size, self._now())
             self._let_out()
 
     def close(self) -> None:
-        """Lose what is still on its way."""
         self._closed = True
         if self._timer is not None:
             self._timer.cancel()

@@ -37,18 +37,14 @@ class DistanceField:
     world_from_field: Pose2D
 
     def cells(self, x: Floats, y: Floats) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-        """Return the row and column of the cells that hold points of any shape; beyond the edge,
-        the cell on the edge.
-        """
+        """Return row and column of the cells at points of any shape; off the map, of its edge."""
         rows, columns = self.signed.shape
         row = np.minimum(np.maximum(y / self.resolution, 0.0), rows - 1).astype(np.intp)
         column = np.minimum(np.maximum(x / self.resolution, 0.0), columns - 1).astype(np.intp)
         return row, column
 
     def look_up(self, layer: Floats, x: Floats, y: Floats) -> Floats:
-        """Return the values of a layer (h, w) in the cells that hold points of any shape; beyond
-        the edge, those on the edge.
-        """
+        """Return a layer's (h, w) values at points of any shape; off the map, at its edge."""
         row, column = self.cells(x, y)
         row *= layer.shape[1]
         row += column
@@ -63,16 +59,12 @@ class DistanceField:
         return on_map
 
     def is_free(self, x: Floats, y: Floats) -> Bools:
-        """Tell for points of any shape whether the map calls them free; beyond
-        its edge nothing is.
-        """
+        """Tell for points of any shape whether the map calls them free; off the map none is."""
         free: Bools = self.free[self.cells(x, y)] & self.inside(x, y)
         return free
 
     def distances(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return the signed distance, interpolated, and its slope along x and along y, at points of
-        any shape.
-        """
+        """Return the interpolated signed distance and its slopes along x and y, any shape."""
         rows, columns = self.signed.shape
         across = np.minimum(np.maximum(x / self.resolution - 0.5, 0.0), columns - 1.001)
         up = np.minimum(np.maximum(y / self.resolution - 0.5, 0.0), rows - 1.001)
@@ -148,9 +140,7 @@ def field_of(grid: OccupancyGrid) -> DistanceField:
 
 
 def signed_distance(occupied: Bools, resolution: float) -> Floats:
-    """Return for (h, w) cells the metres from their centres to the nearest border between standing
-    and open, negative inside.
-    """
+    """Return (h, w) metres from cell centres to the nearest surface, negative inside."""
     outside = ndimage.distance_transform_edt(~occupied)
     within = (
         ndimage.distance_transform_edt(occupied)

@@ -152,9 +152,7 @@ class Localizer:
         self._contested = False
 
     def set_pose(self, pose: Pose2D, spread: float = 0.5, turn: float = math.radians(20.0)) -> None:
-        """Believe to be at `pose` of the world, give or take `spread` metres and `turn` radians
-        (standard deviations).
-        """
+        """Believe in `pose`, with standard deviations `spread` (metres) and `turn` (radians)."""
         self.forget()
         # whoever says so is believed until the laser disagrees
         self.confidence = self.match_score = self.settings.scoring.lost
@@ -311,9 +309,7 @@ class Localizer:
         self.confidence += (match_score * certain - self.confidence) * gain
 
     def _telling(self) -> float:
-        """Return how much a sweep has to say, from 0.1 to 1: little when most of it ends on what
-        the map does not know.
-        """
+        """Return what a sweep says, from 0.1 to 1: little when most ends on unmapped things."""
         return max(0.1, 1.0 - float(self.judged.short[0])) if self.believed is not None else 1.0
 
     def _search_on(self) -> None:

@@ -39,9 +39,7 @@ ROUND = 1 << 32  # ticks after which a timestamp begins anew
 
 
 class Continuous:
-    """One growing count of RTP ticks out of those of several sources, each of which begins
-    anywhere.
-    """
+    """One growing count of RTP ticks from several sources, each of which begins anywhere."""
 
     def __init__(self, step: int) -> None:
         self._step, self._source, self._offset, self._last = step, "", 0, 0
@@ -70,9 +68,7 @@ class RtpClock:
         self._stamp: float | None = None
 
     def tick(self, stamp: float) -> int:
-        """Return the ticks (1/rate s, from 0, strictly growing) of a picture captured at `stamp`,
-        Unix time in seconds.
-        """
+        """Return the ticks (1/rate s, from 0, growing) of a frame captured at `stamp`, Unix s."""
         if self._stamp is not None:
             step = stamp - self._stamp
             self._ticks += max(
@@ -98,9 +94,7 @@ class ClockTeller:
         self._told_at = 0.0
 
     def tell(self, rtp: int, stamp: float, now: float) -> MediaClock | None:
-        """Return the message to send before the picture (rtp, stamp), or None;
-        `now` is monotonic.
-        """
+        """Return the message to send before the frame (rtp, stamp), or None."""
         if (
             self._told is not None
             and now - self._told_at < _TELL_EVERY
@@ -143,9 +137,7 @@ def ntp_time(unix: float) -> int:
 
 @dataclass(frozen=True)
 class ExtensionIds:
-    """The header extensions that an offer and its answer agreed on, ids 1 to 14; None is not
-    agreed.
-    """
+    """The header extensions agreed on, ids 1 to 14, None where not agreed."""
 
     mid: int | None = None
     abs_send_time: int | None = None
@@ -265,9 +257,7 @@ class RtpStream:
         return header + extension + struct.pack("!H", sequence) + payload
 
     def again(self, octets: int, now: float) -> list[bytes]:
-        """Return copies of the newest packets, up to this many octets of payload; none where the
-        page takes no stream of copies.
-        """
+        """Return copies of the newest packets, up to `octets`; none without an RTX stream."""
         if self.rtx_payload_type is None:
             return []
         copies: list[bytes] = []
@@ -289,9 +279,7 @@ class RtpStream:
         return struct.pack("!BBHLL", first, marker << 7 | payload_type, sequence, timestamp, ssrc)
 
     def _timed_extension(self, now: float) -> bytes:
-        """Return the extension block with abs-send-time (6.18 fixed point seconds), when that was
-        agreed.
-        """
+        """Return the extensions with abs-send-time (6.18 fixed point seconds), if agreed."""
         if not self.timed:
             return self.extension
         return self.extension[:-3] + (ntp_time(now) >> 14 & 0xFFFFFF).to_bytes(3, "big")

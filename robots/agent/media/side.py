@@ -143,9 +143,7 @@ class MediaSide:
         self._ready.wait()
 
     def close(self) -> None:
-        """Say goodbye to every page, stop camera and microphone, end the thread; waits at most some
-        seconds. Idempotent.
-        """
+        """Say goodbye to every page and end the thread within seconds; idempotent."""
         self._calls.post(self._set_closing, most=math.inf)
         if self._slow is not None:
             self._slow.close()
@@ -159,24 +157,18 @@ class MediaSide:
         self._calls.post(self._pages.take_signal, peer, message)
 
     def lease_changed(self, driver_peer: str | None) -> None:
-        """Say which peer the lease names; every other one is an observer from now on, None means
-        that nobody drives.
-        """
+        """Note which peer the lease names; None means that nobody drives."""
         # At once and not through the loop: the next frame of the old driver must already come as an
         # observer's.
         self._pages.lease_changed(driver_peer)
         self._calls.post(self._lead, most=math.inf)
 
     def impair(self, lab: NetworkLab | None) -> None:
-        """Put this on the driver's picture and sound from now on, or nothing; nobody else's are
-        touched.
-        """
+        """Put this on the driver's video and sound from now on, None for nothing."""
         self._calls.post(self._put_on, lab, most=math.inf)
 
     def let_through(self, *, audio: bool, video: bool, volume: float = 1.0) -> None:
-        """Let the driver's voice and face through to the people at the robot from now on, or not;
-        `volume` is a share of the robot's own.
-        """
+        """Let the driver's voice and face through, or not; `volume` is a share of the robot's."""
         self.visitor.let_through(audio=audio, video=video, volume=volume)
 
     def telemetry(self, suffix: str, message: Message) -> None:
@@ -189,42 +181,31 @@ class MediaSide:
             self._calls.post(self._pages.send, suffix, encode_frame(suffix, for_page(message)))
 
     def point(self, pointer: Pointer) -> None:
-        """Send where one side points to the other alone: the driver's page, or the robot's own
-        displays; dropped for a page that is behind.
-        """
+        """Send a pointer to the other side alone; dropped for a page that is behind."""
         if not self._pages.is_empty:
             self._calls.post(self._pages.point, pointer.by, encode_frame("pointer", pointer))
 
     def picture_wanted(self, request: PictureRequest) -> None:
-        """Send one more picture through the server, for a page that WebRTC does not reach; nothing
-        happens without a camera.
-        """
+        """Send one more JPEG through the server; nothing happens without a camera."""
         if self._slow is not None:
             self._slow.ask(request.peer, request)
 
     def snapshot(self) -> Frame | None:
-        """Return a fresh frame of the camera, started for it if need be; None when there is none.
-        Blocks up to 3 s.
-        """
+        """Return a fresh frame, None without a camera; blocks as `CameraFeed.snapshot`."""
         return self._camera.snapshot() if self._camera else None
 
     @property
     def connected(self) -> int:
-        """Return how many people watch: on pages that are connected or are sent pictures through
-        the server, and through an SFU.
-        """
+        """Return how many people watch: over WebRTC, the JPEG fallback and an SFU."""
         return self._pages.viewers(self._slow.watching() if self._slow is not None else frozenset())
 
     @property
     def screens(self) -> int:
-        """Return how many of the robot's own displays are connected."""
         return self._pages.screens
 
     @property
     def audible(self) -> bool:
-        """Return whether a knock may be heard at the robot: a display is connected, or it has a
-        loudspeaker of its own.
-        """
+        """Return whether a knock can be heard: by a connected display, or a loudspeaker."""
         return self.screens > 0 or (self._outputs is not None and self._outputs.has_speaker)
 
     def ring(self) -> None:
@@ -234,7 +215,6 @@ class MediaSide:
 
     @property
     def camera(self) -> CaptureState | None:
-        """Return how the camera is, None when the robot has none."""
         return self._camera.state if self._camera else None
 
     @property
@@ -263,19 +243,15 @@ class MediaSide:
 
     @property
     def microphone(self) -> CaptureState | None:
-        """Return how the microphone is, None when the robot has none."""
         return self._microphone.state if self._microphone else None
 
     @property
     def network(self) -> LabReport | None:
-        """Return what is put on the driver's picture and sound, and what became of their packets;
-        None while nothing is.
-        """
+        """Return the lab's report on the driver's video and sound, None without a lab."""
         line = self._line
         return line.report() if line is not None else None
 
     def statistics(self) -> dict[str, dict[str, int | None]]:
-        """Return counts for each peer: see `Viewer.statistics`."""
         return self._pages.statistics()
 
     # --- the thread -------------------------------------------------------------------------------
@@ -321,9 +297,7 @@ class MediaSide:
     def _viewer_for(
         self, peer: str, role: Role, source: str, on_end: Callable[[str], None]
     ) -> Viewer:
-        """Return the connection of a page: displays see and hear the visitor, everybody else the
-        robot.
-        """
+        """Return a page's connection: displays get the visitor's media, others the robot's."""
         is_screen = role == "screen"
         return Viewer(
             peer,

@@ -81,9 +81,7 @@ class _Back:
 
 
 class Journey:
-    """The way over some points (n, 2), in order, to the last of them; all must be places where the
-    map lets the robot stand.
-    """
+    """The way over points (n, 2), all of which the map leaves free, to the last of them."""
 
     def __init__(
         self,
@@ -126,7 +124,6 @@ class Journey:
         self._begun: float | None = None
 
     def step(self, sense: Sense) -> NavigationStep:
-        """Return what to do now."""
         self._begun = sense.now if self._begun is None else self._begun
         if self._back is not None:
             return self._back_off(sense, self._back)
@@ -151,9 +148,7 @@ class Journey:
     # --- the way ----------------------------------------------------------------------------------
 
     def _choose_way(self, sense: Sense) -> None:
-        """Plan when there is no way yet, when it is blocked or left, and look now and then for a
-        shorter one.
-        """
+        """Plan when there is no way, or it is blocked or left; sometimes look for a shorter."""
         params = self._params
         now = sense.now
         if self._path is None:
@@ -178,9 +173,7 @@ class Journey:
                 self._take(found)
 
     def _way(self, sense: Sense) -> _Way | None:
-        """Return a way over the points that are left; where none is known, one to a closer look at
-        what is in the way.
-        """
+        """Return a way over the points left; without one, a way to a closer look."""
         self._planned_in = self._obstacle_map.clearance(sense.now)
         found = self._through(sense, self._planned_in)
         if found is None and self._closer_looks < self._params.closer_looks:
@@ -189,9 +182,7 @@ class Journey:
         return found
 
     def _through(self, sense: Sense, clearance: Floats) -> _Way | None:
-        """Return a way through `clearance`, without those points in between that something stands
-        on.
-        """
+        """Return a way through `clearance`, without intermediate points that are occupied."""
         here = (sense.pose.x, sense.pose.y)
         legs = [np.array([here])]
         over = list[tuple[float, float]]()
@@ -272,9 +263,7 @@ class Journey:
         )
 
     def _moved_on(self, sense: Sense, held: Sense) -> bool:
-        """Tell whether the robot has come away from where it was held: it may creep in between, a
-        finger's breadth at a time.
-        """
+        """Tell whether the robot got away from where it was held; creeping does not count."""
         params = self._params
         turned = abs(wrap_angle(sense.odometry.theta - held.odometry.theta))
         return sense.odometry.distance(held.odometry) > params.crept or turned > params.crept_turn

@@ -135,9 +135,7 @@ class Navigator:
             self._last = NavigationStep(None, "FAILED", "cancelled")
 
     def forget(self) -> None:
-        """Forget what was seen that is not on the map: the robot has been carried away, or was
-        given another pose.
-        """
+        """Forget what is not on the map: the robot was carried, or got another pose."""
         self._obstacle_map.forget()
 
     # --- steps ------------------------------------------------------------------------------------

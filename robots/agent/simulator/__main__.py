@@ -31,7 +31,6 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 def parser() -> argparse.ArgumentParser:
-    """Return the words of the command line."""
     words = argparse.ArgumentParser(
         prog="python -m robots.agent.simulator", description="A simulated robot on a loopback port."
     )
@@ -121,14 +120,11 @@ def with_fps(model: RobotModel, fps: float | None) -> RobotModel:
 
 
 def announce(address: str) -> None:
-    """Print where the robot is."""
     print(json.dumps({"address": address, "pid": os.getpid()}), flush=True)
 
 
 def watch_input(loop: asyncio.AbstractEventLoop, server: Server) -> None:
-    """Tell the server when standard input is closed. In a thread, because Windows cannot wait for a
-    pipe in a loop.
-    """
+    """Tell the server when stdin closes; in a thread, since Windows cannot poll a pipe."""
 
     def read() -> None:
         # not sys.stdin: its lock would be held when the interpreter ends
@@ -154,9 +150,7 @@ async def serve(server: Server, host: str, port: int, *, tied: bool) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a simulated robot; return 2 with one sentence when it cannot be what it
-    was asked to be.
-    """
+    """Run a simulated robot; return 2, with one sentence, when it cannot be built."""
     words = parser().parse_args(arguments)
     logging.basicConfig(
         level=logging.WARNING,

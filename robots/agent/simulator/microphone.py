@@ -17,9 +17,7 @@ INAUDIBLE = 1e-6  # an effort below this is no effort
 
 
 def room_tone(rng: np.random.Generator) -> npt.NDArray[np.float32]:
-    """Return some seconds of brownish noise that end where they begin: the spectrum of a quiet room
-    falls with frequency.
-    """
+    """Return some seconds of looping brownish noise: a quiet room's spectrum falls."""
     count = RATE * ROOM_SECONDS
     frequencies = np.fft.rfftfreq(count, 1.0 / RATE)
     strength = 1.0 / np.maximum(frequencies, 60.0)

@@ -23,24 +23,19 @@ class MeasuringSpeaker:
         self._samples: deque[int] = deque(maxlen=int(KEPT * RATE))
 
     def start(self) -> None:
-        """Begin to play."""
         self.running = True
 
     def stop(self) -> None:
-        """Be silent."""
         self.running = False
 
     def play(self, samples: npt.NDArray[np.int16]) -> None:
-        """Take the next samples, (n,)."""
         with self._lock:
             self.played += samples.size
             self._samples.extend(samples.tolist())
 
     @property
     def level(self) -> float:
-        """The root mean square of the last half second, of full scale; 0 before
-        there is anything.
-        """
+        """The root mean square of the last half second, of full scale; 0 without sound."""
         samples = self._last()
         return float(np.sqrt(np.mean(samples**2))) if samples.size else 0.0
 
@@ -67,16 +62,13 @@ class MeasuringDisplay:
         self._image: npt.NDArray[np.uint8] | None = None
 
     def start(self) -> None:
-        """Switch the display on."""
         self.running = True
 
     def stop(self) -> None:
-        """Switch it off."""
         self.running = False
         self._image = None
 
     def show(self, image: npt.NDArray[np.uint8]) -> None:
-        """Take the next picture, (height, width, 3) RGB."""
         self.shown += 1
         self._image = image
 

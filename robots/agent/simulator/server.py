@@ -48,7 +48,6 @@ class SimulatorClient:
         self.say_bytes(framing.pack(message))
 
     def say_bytes(self, data: bytes) -> None:
-        """Send a packed message without waiting."""
         transport = self.writer.transport
         if transport.is_closing():
             return
@@ -112,7 +111,6 @@ class Server:
                 client.writer.transport.abort()
 
     def end(self) -> None:
-        """Ask `run` to return."""
         self._ended.set()
 
     def orphaned(self) -> None:

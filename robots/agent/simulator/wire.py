@@ -25,8 +25,6 @@ class SimulatorMessage(Struct, frozen=True, tag=True, array_like=True):
 
 
 class SimulatorHello(SimulatorMessage, frozen=True):
-    """First word of a client."""
-
     role: Role
 
 
@@ -38,14 +36,10 @@ class DriveOrder(SimulatorMessage, frozen=True):
 
 
 class TiltTo(SimulatorMessage, frozen=True):
-    """Tilt the head to an angle."""
-
     angle: float
 
 
 class SetDoors(SimulatorMessage, frozen=True):
-    """Open and close doors by name."""
-
     doors: dict[str, DoorState]
 
 
@@ -54,9 +48,7 @@ class Shutdown(SimulatorMessage, frozen=True):
 
 
 class CarryTo(SimulatorMessage, frozen=True):
-    """An operator puts the robot somewhere else; answered with `Done`, or `RoleRefused` when
-    something stands there.
-    """
+    """Put the robot elsewhere (operator); answered with `Done`, or `RoleRefused` if blocked."""
 
     x: float
     y: float
@@ -80,8 +72,6 @@ class AskHistory(SimulatorMessage, frozen=True):
 
 
 class SimulatorWelcome(SimulatorMessage, frozen=True):
-    """Answer to `SimulatorHello`."""
-
     series: str
     map_id: str
     pid: int
@@ -120,9 +110,7 @@ class Truth(SimulatorMessage, frozen=True):
 
 
 class Ranges(SimulatorMessage, frozen=True):
-    """A laser scan: float32 metres in the byte order of the machine, `inf` where
-    nothing came back.
-    """
+    """A laser scan: float32 metres in native byte order, `inf` where nothing came back."""
 
     stamp: float
     ranges: bytes
@@ -136,9 +124,7 @@ class Echoes(SimulatorMessage, frozen=True):
 
 
 class History(SimulatorMessage, frozen=True):
-    """Rows of (stamp, commanded linear, commanded angular, linear, angular, x, y, theta), oldest
-    first, one every step.
-    """
+    """Rows (stamp, commanded linear, angular, linear, angular, x, y, theta), one every step."""
 
     rows: tuple[tuple[float, float, float, float, float, float, float, float], ...]
 
@@ -170,9 +156,7 @@ class Done(SimulatorMessage, frozen=True):
 
 
 class RoleRefused(SimulatorMessage, frozen=True):
-    """Why something was not done; unless it was an operator's wish, the simulator closes the
-    connection.
-    """
+    """Why something was refused; the connection closes, unless to an operator."""
 
     reason: str
 

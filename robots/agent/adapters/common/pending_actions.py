@@ -45,7 +45,6 @@ class ExpectedArea:
     settles: float = 0.0
 
     def holds(self, pose: Pose) -> bool:
-        """Return whether a pose is in here."""
         near = max(abs(pose.x - self.x), abs(pose.y - self.y)) <= self.half_width
         return near and (
             self.theta is None or abs(wrap_angle(pose.theta - self.theta)) <= self.half_turn

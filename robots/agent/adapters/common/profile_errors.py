@@ -32,9 +32,7 @@ NUMBER = re.compile(r"([+-]?)(\d*)[.,]?(\d*)")
 
 
 def advice(found: Any, wanted: str) -> str:
-    """Return how to write a number that has a comma, quotes or no zero; "" for what is none, or
-    not what is wanted.
-    """
+    """Return how to write a number that has a comma, quotes or no zero, else ""."""
     number = NUMBER.fullmatch(found.strip()) if isinstance(found, str) else None
     if number is None or not (number[2] or number[3]) or "number" not in wanted:
         return ""

@@ -12,9 +12,7 @@ MOST = 256
 
 
 class ProgressQueue:
-    """In order of arrival; for one loop. When there is more than `MOST`, the oldest that ends no
-    action is forgotten first.
-    """
+    """A FIFO for one loop. Beyond `MOST`, the oldest news that ends no action is dropped first."""
 
     def __init__(self) -> None:
         self._waiting: dict[tuple[str, str], News] = {}

@@ -117,9 +117,7 @@ def profile_of(
 
 
 class RemoteAdapter(ABC):
-    """See robot_interface.Adapter. `place` names the RCA and where it is, for sentences; `vital`
-    what it must not stop saying.
-    """
+    """See robot_interface.Adapter. `place` names the RCA in sentences, `vital` its readings."""
 
     place = "the robot control architecture"
     vital = "its readings"
@@ -221,9 +219,7 @@ class RemoteAdapter(ABC):
     # --- what a subclass uses ---------------------------------------------------------------------
 
     def _heard(self) -> None:
-        """Take that the robot said something of itself: wake whoever waits for states, and tell it
-        what it may be told now.
-        """
+        """Note a reading: wake the reader of `states`, and send what the gate permits now."""
         self._news.set()
         now = time.monotonic()
         self._gate.heard(now)
@@ -494,16 +490,13 @@ class RemoteAdapter(ABC):
             await asyncio.sleep(GLANCE)
 
     async def progress(self) -> AsyncIterator[ActionProgress]:
-        """Yield how far actions are."""
         while True:
             yield await self._progress.get()
 
     def video(self) -> VideoSource | None:
-        """Return no camera: the RCA gives none."""
         return None
 
     def audio(self) -> AudioSource | None:
-        """Return no microphone: the RCA gives none."""
         return None
 
     def configure(self, config: Any) -> None:

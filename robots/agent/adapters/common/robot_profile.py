@@ -191,9 +191,7 @@ def settings_of(
 
 
 def _wrong_value(kind: type[Struct], error: str, given: Mapping[str, Any]) -> tuple[str, str]:
-    """Return the option that msgspec complains of and what it must be; "" and the complaint when
-    it is none of them.
-    """
+    """Return the option that msgspec refuses and what it must be; "" and the error if none."""
     named = PLACE.search(error)
     for field in msgspec.structs.fields(kind):
         if named is not None and field.name == named[1] and field.name in given:

@@ -57,7 +57,6 @@ class SendSlots(Generic[SlotMessage]):
         return len(self._messages) + (self._velocity is not None)
 
     def clear(self) -> None:
-        """Forget all of it."""
         self._messages.clear()
         self._velocity = None
 

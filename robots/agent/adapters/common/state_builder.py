@@ -32,9 +32,7 @@ TICK = 1e-4  # seconds: stamps grow, whatever clocks do
 
 
 def stamp_of(said: float, arrived: float) -> float:
-    """Return when something was measured: as the RCA says when its clock agrees with ours, when it
-    arrived otherwise.
-    """
+    """Return the RCA's stamp where its clock agrees with ours, else the time of arrival."""
     return said if abs(said - arrived) < CLOCK_SKEW else arrived
 
 
@@ -69,9 +67,7 @@ class Readings:
         self._said = self._stamp = 0.0
 
     def moved(self, odometry: Pose2D, velocity: Velocity | None, stamp: float, now: float) -> None:
-        """Take dead reckoning, in a frame that begins anywhere; `velocity` is None when the RCA
-        does not measure it.
-        """
+        """Take dead reckoning in any frame; `velocity` is None where the RCA measures none."""
         self._advance(odometry, stamp)
         self.odometry, self._velocity = odometry, velocity
         self._heard(stamp, now)
@@ -97,7 +93,6 @@ class Readings:
         self._fix, self._map_from_odometry, self.fixed_at = NOWHERE, None, now
 
     def scanned(self, scan: Scan) -> None:
-        """Take a sweep of the laser."""
         self._scan = scan
 
     def charged(
@@ -107,9 +102,7 @@ class Readings:
         charge: float | None = None,
         charging: bool | None = None,
     ) -> None:
-        """Take the battery, which is charged in the dock and nowhere else; a charge that is not
-        said follows from the volts, if it can.
-        """
+        """Take the battery, which charges only in the dock; without `charge`, volts decide."""
         if charge is None and voltage is not None and self._range is not None:
             charge = self._range.charge(voltage)
         known = None if charge is None or not math.isfinite(charge) else min(1.0, max(0.0, charge))
@@ -117,20 +110,15 @@ class Readings:
         self.charger_contact = charging is True
 
     def bumped(self, *, touching: bool, bearings: tuple[float, ...] | None = None) -> None:
-        """Take the bumpers: a contact begins when one is pressed; `bearings` are where, in radians
-        in the robot's frame, None if unknown.
-        """
+        """Take the bumpers; `bearings` in radians in the robot's frame, None if unknown."""
         self._contacts += touching and not self._touching
         self._touching, self._bumper = touching, bearings
 
     def echoed(self, sonar: int, distance: float | None, stamp: float) -> None:
-        """Take what one of the profile's sonars has measured: metres, None where
-        nothing came back.
-        """
+        """Take a measurement of a sonar of the profile: metres, None where nothing came back."""
         self._sonar.append(SonarEcho(sonar, stamp, distance))
 
     def saw(self, points: ObstaclePoints) -> None:
-        """Take what a depth camera sees of obstacles."""
         self._points = points
 
     @property

@@ -56,12 +56,10 @@ class VelocityGate:
 
     @property
     def sent(self) -> Velocity:
-        """Return the velocity that was last really sent."""
         return self._sent
 
     @property
     def moving(self) -> bool:
-        """Whether the robot was told to move last."""
         return self._sent != ZERO
 
     def heard(self, now: float) -> None:
@@ -70,7 +68,6 @@ class VelocityGate:
         self._last_received_at, self._left = now, self._params.orders
 
     def want(self, velocity: Velocity, now: float) -> None:
-        """Take a velocity that moves, instead of the one before."""
         self._wanted = velocity, now
 
     def stood(self, now: float) -> None:
@@ -104,7 +101,6 @@ class VelocityGate:
         return ""
 
     def unanswered(self, now: float) -> float:
-        """Return for how long the peer owes an answer."""
         return 0.0 if self._asked_at is None else now - self._asked_at
 
     def _due(self, now: float) -> bool:

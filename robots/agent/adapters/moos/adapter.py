@@ -251,9 +251,7 @@ class MoosAdapter(OpenMoraAdapter):
             pending.failure = "the robot does not start moving"
 
     def _finish(self, pending: PendingAction, now: float) -> None:
-        """Cancel a navigator that would set out again if the robot were moved; its end counts when
-        that is confirmed.
-        """
+        """Cancel a navigator that would set out again; its confirmed end finishes the action."""
         self._arrived = pending.action_id
         if pending.first_cancelled_at is None:
             pending.first_cancelled_at = now
@@ -298,9 +296,7 @@ class MoosAdapter(OpenMoraAdapter):
         return self._has_ended(pending)
 
     def _has_ended(self, pending: PendingAction) -> bool:
-        """Whether the RobotControlManager has obeyed a cancel of this action, and its plan, if it
-        is one, is over.
-        """
+        """Whether the RobotControlManager has obeyed the cancel and the plan, if any, is over."""
         return (
             pending.first_cancelled_at is not None
             and self._manual_at > pending.first_cancelled_at

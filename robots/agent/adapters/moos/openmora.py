@@ -27,9 +27,7 @@ class DialectError(ValueError):
 
 @dataclass(frozen=True)
 class OpenMoraStatus:
-    """The variable `Status`, ten times a second. `pose`, `voltage` and `charging` are None, and
-    names empty, when the robot does not know.
-    """
+    """The variable `Status`, at 10 Hz; None, or an empty name, where the robot does not know."""
 
     pose: Pose | None
     place: str
@@ -67,7 +65,6 @@ def motion(velocity: Velocity) -> str:
 
 
 def point(x: float, y: float) -> str:
-    """Return `[x y]` in metres."""
     return f"[{x:.3f} {y:.3f}]"
 
 
@@ -154,9 +151,7 @@ def scan_of(text: str, stamp: float, farthest: float) -> Scan:
 
 
 def nodes_of(text: str) -> frozenset[str]:
-    """Return the labels of the places in a topology: those words of it that stand before a type and
-    two numbers.
-    """
+    """Return the labels of a topology: the words in front of a type and two numbers."""
     words = (
         text.replace("#", " ")
         .replace(";", " ")
@@ -173,9 +168,7 @@ def nodes_of(text: str) -> frozenset[str]:
 
 
 def head_degrees(angle: float, robot: RobotProfile, sign: float) -> float:
-    """Return our tilt in radians as degrees from the head's home; `sign` is -1 where the robot
-    counts upwards.
-    """
+    """Return radians as degrees from the head's home; `sign` is -1 where it counts upwards."""
     return sign * math.degrees(angle - (robot.tilt.home if robot.tilt else 0.0))
 
 

@@ -263,9 +263,7 @@ class OpenMoraMqttAdapter(OpenMoraAdapter):
         self._heard()
 
     def _stop_strays(self, status: openmora.OpenMoraStatus, now: float) -> None:
-        """Cancel what drives the robot although no action of ours does: it started late, or an
-        earlier run of the agent has left it.
-        """
+        """Cancel a late start, or what an earlier run of the agent has left driving."""
         is_ours = self.pending_actions.drive is not None or now - self._moved_at < MOTION_ENDS
         if status.autonomous and not is_ours:
             self._cancel_navigation()
@@ -381,9 +379,7 @@ class _Head:
         self._from, self._to, self._since = self.angle(now), angle, now
 
     def angle(self, now: float) -> float | None:
-        """Return the angle that it has by now in radians, None while it turns from one that nobody
-        knows, or before it was told.
-        """
+        """Return the assumed angle in radians; None while it turns from an unknown one."""
         if self._to is None:
             return None
         turned = self._speed * (now - self._since)

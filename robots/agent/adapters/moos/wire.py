@@ -36,9 +36,7 @@ class MoosWireError(ValueError):
 
 @dataclass(frozen=True)
 class Mail:
-    """One message. `text` is the string value: that of a string, and what WELCOME and POISON say
-    besides their number.
-    """
+    """One message; `text` is a string value, also that of WELCOME and POISON."""
 
     type: bytes
     key: str = ""
@@ -53,7 +51,6 @@ class Mail:
 
 
 def pack(mails: tuple[Mail, ...] | list[Mail]) -> bytes:
-    """Return a packet."""
     body = b"".join(map(_pack, mails))
     return _PACKET.pack(HEADER + len(body), len(mails), 0) + body
 

@@ -92,9 +92,7 @@ def wrapped(inner: Adapter, area: FloorPlanUpdate | None, memory: Path | None = 
 
 
 class AutonomyAdapter:
-    """See robot_interface.Adapter and robot_interface.Navigating. The members of the optional
-    protocols exist only where the inner adapter has them.
-    """
+    """See robot_interface.Adapter; it has the optional members that the inner adapter has."""
 
     set_lock: Callable[..., None]
     limit_speed: Callable[[float], None]
@@ -167,9 +165,7 @@ class AutonomyAdapter:
         return self.inner.apply(velocity)
 
     def wanted(self) -> Velocity | None:
-        """Return what the running action wants, zero when its output is late, None without one. An
-        action of the RCA may want something, too.
-        """
+        """Return the running action's velocity, zero when late; without one, the RCA's own."""
         if self._running is None:
             return self.inner.wanted() if isinstance(self.inner, PassesVelocities) else None
         late = self._now() - self._last_received_at > LATE
@@ -259,27 +255,21 @@ class AutonomyAdapter:
             await asyncio.gather(pump, return_exceptions=True)
 
     def video(self) -> VideoSource | None:
-        """Return the RCA's camera."""
         return self.inner.video()
 
     def audio(self) -> AudioSource | None:
-        """Return the RCA's microphone."""
         return self.inner.audio()
 
     def speaker(self) -> Speaker | None:
-        """Return the RCA's loudspeaker."""
         return outputs_of(self.inner)[0]
 
     def display(self) -> Display | None:
-        """Return the RCA's display."""
         return outputs_of(self.inner)[1]
 
     def configure(self, config: Any) -> None:
-        """Hand a `Config` on."""
         self.inner.configure(config)
 
     async def close(self) -> None:
-        """Stop the robot, and end the navigation process."""
         self._end_all("the agent ends")
         try:
             await self.inner.close()
@@ -383,7 +373,6 @@ class AutonomyAdapter:
                 take(news)
 
     def _watch(self, now: float) -> None:
-        """Kill a process that no longer answers."""
         silent = now - self._last_received_at
         if not self.node.ready:
             self._end_all(f"navigation was lost: {self.node.problem}")

@@ -63,7 +63,6 @@ class NavigationProcess:
 
     @property
     def pid(self) -> int | None:
-        """The id of the process that runs now."""
         return self._child.pid if self._child is not None else None
 
     def settle(self, area: FloorPlanUpdate) -> None:
@@ -123,7 +122,6 @@ class NavigationProcess:
         self._lose(why)
 
     async def close(self) -> None:
-        """End."""
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)

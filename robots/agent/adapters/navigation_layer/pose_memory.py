@@ -34,9 +34,7 @@ class PoseMemory:
         self._writing: asyncio.Task[None] | None = None
 
     async def read(self) -> None:
-        """Read the file, once and in a thread: a disk that hangs must not delay the control loop,
-        nor the connection by more than a second.
-        """
+        """Read the file once, in a thread, for a second at most: a disk may hang."""
         if self._path is not None and not self._was_read:
             self._was_read = True
             with contextlib.suppress(TimeoutError):

@@ -137,9 +137,7 @@ def _start(plan: FloorPlan, model: RobotModel, options: Mapping[str, Any]) -> Po
 
 
 def profile_of(model: RobotModel, map_id: str, *, has_camera: bool = True) -> Profile:
-    """Return a simulated robot's share of the factsheet: it has a laser and wheels that count, and
-    does not know where it is.
-    """
+    """Return the factsheet of a simulated robot, which has a laser but no localization."""
     capabilities: list[Capability] = ["velocity", "scan", "audio", "doors"]
     capabilities += ["video"] if has_camera else []
     capabilities += ["tilt"] if model.tilt else []
@@ -350,28 +348,23 @@ class SimulatorAdapter:
                 raise AdapterError("the simulator has stopped sending data") from error
 
     async def progress(self) -> AsyncIterator[ActionProgress]:
-        """Yield how far tilting is."""
         while True:
             yield await self._progress.get()
 
     def video(self) -> VideoSource | None:
-        """Return the camera; always the same one."""
         if self.profile.camera is None:
             return None
         self._camera = self._camera or SimulatorCamera(lambda: self._address)
         return self._camera
 
     def audio(self) -> AudioSource | None:
-        """Return the microphone; always the same one."""
         self._microphone = self._microphone or SimulatorMicrophone(lambda: self._address)
         return self._microphone
 
     def speaker(self) -> MeasuringSpeaker:
-        """Return the loudspeaker, which only measures."""
         return self._speaker
 
     def display(self) -> MeasuringDisplay:
-        """Return the display, which only measures."""
         return self._display
 
     def configure(self, config: Any) -> None:

@@ -70,9 +70,7 @@ class MediaSocket:
 
 
 class _Source:
-    """What camera and microphone share: connect when read, hang up when stopped, one thread at a
-    time.
-    """
+    """Shared by camera and microphone: connect on read, disconnect on stop, one thread."""
 
     role: wire.Role
 

@@ -78,7 +78,6 @@ class CameraFeed:
 
     @property
     def state(self) -> CaptureState:
-        """Return how the camera is."""
         return self._capture.state
 
     def start(self) -> None:
@@ -86,22 +85,17 @@ class CameraFeed:
         self._capture.start()
 
     def close(self) -> None:
-        """Stop the camera and its thread."""
         self._capture.close()
 
     def watch(self, number: int, layer: int = 0) -> None:
-        """Say that `number` more viewers watch a rung, fewer when negative."""
         self._layers[layer].viewers += number
         self._capture.want(number)
 
     def ask_key_frame(self, reason: Reason, layer: int = 0) -> None:
-        """Ask for a key frame."""
         self._layers[layer].ask(reason)
 
     def snapshot(self) -> Frame | None:
-        """Return the next frame of the camera, started for it if need be; None when none came in 3
-        s, 12 while it starts. Blocks meanwhile.
-        """
+        """Return the next frame; None after 3 s, or 12 s for a camera that starts. Blocks."""
         with self._frame_came:
             before = self._frame
             self._capture.want(1)

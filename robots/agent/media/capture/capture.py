@@ -100,7 +100,6 @@ class Capture:
 
     @property
     def state(self) -> CaptureState:
-        """Return how the source is."""
         return self._state
 
     def start(self) -> None:

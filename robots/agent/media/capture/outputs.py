@@ -54,15 +54,11 @@ class OutputFeed:
 
     @property
     def errors(self) -> tuple[str, ...]:
-        """Return why loudspeaker and display did not work when they were last used, a sentence for
-        each that did not.
-        """
+        """Return why loudspeaker and display failed when last used, a sentence each."""
         return tuple(player.failure for player in tuple(self._players.values()) if player.failure)
 
     def start(self) -> None:
-        """Start the thread, or start it anew when it died of something that nobody foresaw;
-        loudspeaker and display start with the first thing for them.
-        """
+        """Start the thread, again after it died; devices start with the first thing for them."""
         if self._thread is None or not self._thread.is_alive():
             self._thread = threading.Thread(target=self._run, name="outputs", daemon=True)
             self._thread.start()
@@ -83,7 +79,6 @@ class OutputFeed:
 
     @property
     def has_speaker(self) -> bool:
-        """Tell whether there is a loudspeaker."""
         return self._speaker is not None
 
     def ring(self) -> None:
@@ -92,9 +87,7 @@ class OutputFeed:
             self._put(("ring", b""))
 
     def see(self, vp8: bytes, *, key: bool) -> bool:
-        """Show a VP8 picture; False when it cannot be shown and the next one must
-        be a key frame.
-        """
+        """Show a VP8 frame; False when it is dropped and a key frame must follow."""
         if self._display is None:
             return True
         self._whole = (self._whole or key) and self._put(("video", vp8))
@@ -154,9 +147,7 @@ class OutputFeed:
 
 
 class _Player:
-    """A decoder and the device behind it, started for the first thing that comes. Nothing that they
-    raise leaves it.
-    """
+    """A decoder and its device, started on first use; nothing that they raise leaves it."""
 
     def __init__(self, codec: str, device: Speaker | Display, give: Callable[[Any], None]) -> None:
         self._decoder = _decoder(codec)

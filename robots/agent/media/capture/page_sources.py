@@ -54,7 +54,6 @@ class PageCamera:
 
     @property
     def state(self) -> CaptureState:
-        """Return how it is."""
         return _state(
             self._last_received_at, self._wanted_since if self._viewers > 0 else None, MISSING_VIDEO
         )
@@ -66,7 +65,6 @@ class PageCamera:
         """Nothing to end."""
 
     def watch(self, number: int, layer: int = 0) -> None:
-        """Note that `number` more watch, fewer when negative."""
         if self._viewers == 0:
             self._wanted_since = time.monotonic()
         self._viewers += number
@@ -138,7 +136,6 @@ class PageMicrophone:
 
     @property
     def state(self) -> CaptureState:
-        """Return how it is."""
         return _state(
             self._last_received_at,
             self._wanted_since if self._listeners > 0 else None,
@@ -152,7 +149,6 @@ class PageMicrophone:
         """Nothing to end."""
 
     def listen(self, number: int) -> None:
-        """Note that `number` more listen, fewer when negative."""
         if self._listeners == 0:
             self._wanted_since = time.monotonic()
         self._listeners += number
@@ -164,9 +160,7 @@ class PageMicrophone:
 
 
 def _state(last_received_at: float, wanted_since: float | None, missing: str) -> CaptureState:
-    """Return how it is: something was heard at `last_received_at`, somebody wants it since
-    `wanted_since` or nobody does; monotonic seconds.
-    """
+    """Return the state from monotonic seconds: last received, and wanted since (or None)."""
     now = time.monotonic()
     if now - last_received_at < LIMITS.stall:
         return CaptureState("live")

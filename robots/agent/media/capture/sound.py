@@ -82,7 +82,6 @@ class MicrophoneFeed:
 
     @property
     def state(self) -> CaptureState:
-        """Return how the microphone is."""
         return self._capture.state
 
     def start(self) -> None:
@@ -90,11 +89,9 @@ class MicrophoneFeed:
         self._capture.start()
 
     def close(self) -> None:
-        """Stop the microphone and its thread."""
         self._capture.close()
 
     def listen(self, number: int) -> None:
-        """Say that `number` more listen, fewer when negative."""
         self._capture.want(number)
 
     def _step(self, timeout: float) -> bool:

@@ -21,9 +21,7 @@ from robots.agent.robot_interface import Frame
 
 @dataclass(frozen=True)
 class Tier:
-    """One rung of quality: a size in pixels that pictures are fitted into, pictures a second,
-    bit/s.
-    """
+    """A layer's size in pixels, frames a second and bit/s."""
 
     width: int
     height: int
@@ -46,9 +44,7 @@ LAYERS = (
 
 @dataclass(frozen=True)
 class Picture:
-    """An encoded picture: RTP payloads, whether it is a key frame, its RTP timestamp, when the
-    camera sampled the world, and its rung.
-    """
+    """An encoded frame: RTP payloads and time, key or not, capture stamp (Unix s), layer."""
 
     payloads: tuple[bytes, ...]
     key: bool
@@ -63,24 +59,18 @@ class Picture:
 
 
 def fitted(tier: Tier, width: int, height: int) -> tuple[int, int]:
-    """Return the even (width, height) into which a picture is scaled: inside the tier, same shape,
-    never enlarged.
-    """
+    """Return the even (width, height) inside the tier: same shape, never enlarged."""
     scale = min(1.0, tier.width / width, tier.height / height)
     return max(16, round(width * scale / 2) * 2), max(16, round(height * scale / 2) * 2)
 
 
 def is_due(stamp: float, last: float | None, fps: int) -> bool:
-    """Tell whether a picture belongs into a stream of `fps`: a faster camera's pictures in between
-    are left out.
-    """
+    """Tell whether a stream of `fps` takes a frame; of a faster camera some are left out."""
     return last is None or not 0.0 <= stamp - last < 0.75 / fps
 
 
 class PictureEncoder:
-    """A VP8 encoder of one tier, the ladder's `layer`. Not thread-safe: it belongs to the thread of
-    its camera.
-    """
+    """A VP8 encoder of one layer; belongs to its camera's thread."""
 
     def __init__(self, tier: Tier, layer: int = 0) -> None:
         self.tier, self.layer = tier, layer
@@ -128,9 +118,7 @@ class PictureEncoder:
 
 
 def open_vp8(tier: Tier, width: int, height: int) -> Any:
-    """Return an open libvpx encoder for (width, height) at the tier's rate; it cannot be changed
-    later, only opened anew.
-    """
+    """Return an open libvpx encoder; its rate cannot change later, only by opening another."""
     codec: Any = av.CodecContext.create("libvpx", "w")
     codec.width, codec.height, codec.pix_fmt = width, height, "yuv420p"
     codec.time_base, codec.framerate = Fraction(1, VIDEO_RATE), Fraction(tier.fps)

@@ -25,9 +25,7 @@ RETRY = 1.0  # s after a camera gave nothing
 
 @dataclass(frozen=True)
 class Layer:
-    """A step of quality: the size that a picture is fitted into, and JPEG's quantizer (2 is the
-    best, 31 the smallest).
-    """
+    """A step of quality: the size, and JPEG's quantizer (2 is the best, 31 the smallest)."""
 
     tier: Tier
     quantizer: int
@@ -93,7 +91,6 @@ class StillPace:
         self._not_before = float("-inf")
 
     def ask(self, peer: str, seen: float | None, round_trip: float | None, now: float) -> None:
-        """Take a request."""
         if peer not in self._asked and len(self._asked) >= MOST_PAGES:
             return
         self._asked[peer] = now
@@ -102,9 +99,7 @@ class StillPace:
             self._acknowledge(seen, round_trip, now)
 
     def wait(self, now: float) -> float | None:
-        """Return the seconds until a picture is due, 0 when it is now; None when only a request can
-        change that.
-        """
+        """Return seconds until a picture is due, 0 for now; None when only a request helps."""
         driver = self._driver(now)
         if not (self._waiting if driver is None else driver in self._waiting):
             return (
@@ -115,20 +110,16 @@ class StillPace:
         return max(0.0, self._not_before - now)
 
     def layer(self) -> Layer:
-        """Return how large the next picture is to be."""
         return LAYERS[self.quality.layer]
 
     def sent(self, stamp: float, now: float) -> frozenset[str]:
-        """Note that the picture of this capture stamp has gone out to everybody who waited, and
-        return them.
-        """
+        """Note that the picture of this stamp was sent to all who waited; return them."""
         waited = frozenset(self._waiting)
         self._waiting.clear()
         self._stamp, self._sent, self._not_before = stamp, now, now + 1.0 / FPS
         return waited
 
     def failed(self, now: float) -> None:
-        """Note that there is no picture to send."""
         self._not_before = now + RETRY
 
     def watching(self, now: float) -> frozenset[str]:

@@ -61,9 +61,7 @@ class JpegFallback:
             self._changed.notify_all()
 
     def expect(self, delay: float) -> None:
-        """Know that a network lab holds the driver's pictures for so many seconds, which says
-        nothing about their size.
-        """
+        """Note for how many seconds a network lab holds the driver's pictures."""
         with self._changed:
             self._pace.delay = delay
 

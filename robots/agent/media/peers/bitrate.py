@@ -83,9 +83,7 @@ class BitrateAdapter:
         return now < self._silent_until
 
     def aged(self, now: float, age: float, sent: float) -> None:
-        """Take how old the picture on the screen is, in s; `sent` is what the viewer is sent, in
-        bit/s.
-        """
+        """Take the age of the frame on the screen (s), and what the viewer is sent (bit/s)."""
         params = self._params
         taken = now - age
         if self._taken is None or taken - self._taken[1] > params.same:
@@ -128,7 +126,6 @@ class BitrateAdapter:
         )
 
     def lost(self, now: float, share: float) -> None:
-        """Take a report of lost packets."""
         params = self._params
         self._lossy = 0 if share < params.lossy else self._lossy + 1
         if (
@@ -137,9 +134,7 @@ class BitrateAdapter:
             self._step_down(now, None)
 
     def look(self, now: float) -> float:
-        """Let time pass, and return the bit/s that should be reached by sending packets again, 0
-        when nothing is tried.
-        """
+        """Let time pass; return bit/s to reach by sending packets again, 0 without a trial."""
         params = self._params
         if self._probe_at is not None and now - self._probe_at > params.probe + params.watch:
             self._probe_at, self._calm_since, self._up_at = None, now, now
@@ -165,9 +160,7 @@ class BitrateAdapter:
             self._ages.popleft()
 
     def _is_quick(self, now: float) -> bool:
-        """Tell whether pictures come as fast as they can; a page that has never said how old they
-        are is believed to be well.
-        """
+        """Tell whether frames arrive as fast as they can; without any ages, it is assumed."""
         params = self._params
         if not self._late:
             return self._taken is None

@@ -104,7 +104,6 @@ class PeerRegistry:
         }
 
     def leave(self, peer: str) -> None:
-        """Forget a peer."""
         self._offered.pop(peer, None)
         self._vouched.pop(peer, None)
         self._drove.pop(peer, None)
@@ -114,15 +113,12 @@ _EXPENDABLE: dict[Role, int] = {"driver": 0, "wizard": 1, "screen": 2, "observer
 
 
 class HeldCandidates:
-    """Candidates that came before their offer, a bounded number for a bounded number of peers,
-    oldest peer out first.
-    """
+    """Candidates that arrived before their offer; bounded, the oldest peer is dropped first."""
 
     def __init__(self) -> None:
         self._held: dict[str, list[Candidate]] = {}
 
     def hold(self, peer: str, candidate: Candidate) -> None:
-        """Keep a candidate for the offer to come."""
         held = self._held.setdefault(peer, [])
         if len(held) < MAX_HELD_CANDIDATES:
             held.append(candidate)
@@ -130,7 +126,6 @@ class HeldCandidates:
             del self._held[next(iter(self._held))]
 
     def release(self, peer: str) -> list[Candidate]:
-        """Return and forget what was held for `peer`."""
         return self._held.pop(peer, [])
 
 

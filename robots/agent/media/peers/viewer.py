@@ -145,14 +145,11 @@ class Viewer:
             self._move()
 
     def sound(self, payload: bytes, ticks: int) -> None:
-        """Queue 20 ms of sound."""
         if self._sounds is not None:
             self._sounds.put(payload, ticks)
 
     def send(self, suffix: str, frame: str) -> None:
-        """Send a frame on the data channel, or drop it; on a narrow network most of what a newer
-        one replaces.
-        """
+        """Send a frame on the data channel or drop it; a narrow network gets fewer."""
         if (
             self._layer >= NARROW
             and (cadence := self._sparse.get(suffix)) is not None
@@ -162,9 +159,7 @@ class Viewer:
         self.page.send(frame)
 
     def statistics(self) -> dict[str, int | None]:
-        """Return pictures sent, restarts on a key frame, the rung of the ladder, and frames refused
-        and dropped.
-        """
+        """Return counts of frames, restarts, refused and dropped messages, and the layer."""
         pictures = self._pictures
         return {
             "pictures": pictures.sent if pictures else 0,
@@ -216,9 +211,7 @@ class Viewer:
         self._move()
 
     def _move(self) -> None:
-        """Ask for the quality where the climb stands; what is shown goes on until its first key
-        frame is there.
-        """
+        """Ask for the adapter's layer; the present one is shown until its first key frame."""
         wanted = self._adapter.layer
         if self._camera is None or not self._watching or wanted == self._coming:
             return
@@ -230,9 +223,7 @@ class Viewer:
             self._camera.watch(1, wanted)
 
     def _is_mended_by(self, picture: Picture) -> bool:
-        """Tell whether pictures can go on after those that were left out, and ask for the one with
-        which they can, once.
-        """
+        """Tell whether frames can go on after a gap; if not, ask for a key frame, once."""
         self._holed = not (picture.key and picture.layer == self._coming)
         if self._holed and not self._begged and self._camera is not None:
             self._begged = True

@@ -60,9 +60,7 @@ class VisitorMedia:
             self._outputs.volume = volume
 
     def take(self, peer: str, source: str, kind: Kind, data: bytes, ticks: int) -> None:
-        """Take one encoded picture or sound of a connection of `peer`; `source` names the
-        connection, `ticks` are its own.
-        """
+        """Take one encoded frame or sound of the connection `source` of `peer`, at its `ticks`."""
         if not self._drives(peer):
             self.counts["not_driver"] += 1
             return
@@ -82,13 +80,10 @@ class VisitorMedia:
 
     @property
     def rates(self) -> tuple[int, ...]:
-        """Return the one quality there is: what the visitor's page sends, whose rate nobody here
-        knows.
-        """
+        """The one quality there is; its rate is unknown."""
         return (0,)
 
     def watch(self, number: int, layer: int = 0) -> None:
-        """Note that `number` more screens are connected, fewer when negative."""
         self._screens += number
 
     def listen(self, number: int) -> None:

@@ -133,9 +133,7 @@ class FrameSource(Protocol):
         """Hear that the viewer lost a picture (PLI, FIR)."""
 
     def heard(self, loss: float | None) -> None:
-        """Hear that RTCP came from the viewer, with its share of lost packets, or None when it says
-        nothing of them.
-        """
+        """Note RTCP from the viewer, with its share of lost packets if it reports one."""
 
 
 class PacketSender(RTCRtpSender):
@@ -151,17 +149,13 @@ class PacketSender(RTCRtpSender):
         self._noted = 0.0
 
     async def send(self, parameters: RTCRtpSendParameters) -> None:
-        """Take the negotiated parameters and begin to send; aiortc calls this once the connection
-        is up.
-        """
+        """Begin to send with these parameters; aiortc calls this once the connection is up."""
         if self._stream is None:
             self._stream = _stream_for(parameters, self._ssrc, self._rtx_ssrc)
         await super().send(parameters)
 
     def backlog(self) -> int:
-        """Return the bytes that wait in the socket (of a relay, when there is one) because the
-        network takes no more.
-        """
+        """Return the bytes that wait in the socket (of a relay, if any) for the network."""
         pair = self.transport.transport._connection._nominated.get(1)
         if pair is None:
             return 0
@@ -307,9 +301,7 @@ async def ask_key_frame(receiver: RTCRtpReceiver) -> None:
 
 
 def restrict_codec(transceiver: RTCRtpTransceiver, codec: str) -> None:
-    """Let the page send with one codec alone, such as `video/VP8`; what is lost it sends again in
-    the same stream.
-    """
+    """Let the page send with one codec, such as `video/VP8`; it resends in the same stream."""
     wanted = [
         c
         for c in RTCRtpSender.getCapabilities(transceiver.kind).codecs
@@ -319,9 +311,7 @@ def restrict_codec(transceiver: RTCRtpTransceiver, codec: str) -> None:
 
 
 def set_turn_tls_context(connection: RTCPeerConnection, context: ssl.SSLContext) -> None:
-    """Have a relay that is reached over TLS believed by `context`, before addresses are gathered;
-    aiortc believes whom the system does.
-    """
+    """Set whose certificates a TLS relay needs, before gathering; default is the system's."""
     for transport in connection._RTCPeerConnection__iceTransports:  # type: ignore[attr-defined]
         ice = transport.iceGatherer._connection
         if ice.turn_ssl:
@@ -388,9 +378,7 @@ def check() -> None:
 
 
 class _WithLoopback:
-    """aioice's search for addresses, which leaves out 127.0.0.1: with no other interface up that is
-    the only way to a page.
-    """
+    """aioice's search for addresses, with 127.0.0.1 where no other interface is up."""
 
     def __init__(self, found_by: Callable[..., list[str]]) -> None:
         self.found_by = found_by

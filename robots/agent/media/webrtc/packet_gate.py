@@ -42,9 +42,7 @@ class PacketGate:
         self.counts: Counter[Verdict] = Counter()
 
     def take(self, frame: str | bytes, now: float) -> ReceivedPacket | None:
-        """Return what a frame says, or why that cannot be read; None when it is too large or one
-        too many.
-        """
+        """Return a frame's message or its rejection; None when too large or one too many."""
         heard = None if len(frame) > MAX_BYTES else decoded(frame)
         verdict: Verdict = "oversized" if heard is None else "accepted"
         if heard is not None and not self._buckets[_kind(heard)].spend(now):

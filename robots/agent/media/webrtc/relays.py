@@ -128,9 +128,7 @@ class Relays:
         self._tries: dict[str, asyncio.Task[bool]] = {}
 
     async def usable(self, servers: tuple[IceServer, ...]) -> list[RTCIceServer]:
-        """Return the servers for aiortc: of the address servers and of the relays the one to use,
-        if any answers.
-        """
+        """Return the address server and the relay to use, as far as any answers."""
         tellers, regions = _split(servers)
         told = [self._ask(teller) for teller in tellers]
         relay = await self._first(await self._nearest(regions))

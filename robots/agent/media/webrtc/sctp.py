@@ -14,9 +14,7 @@ SAY_AGAIN = 0.25  # s; unordered messages are handed over as they come, so nothi
 
 
 def limit_forward_tsn(transport: Any) -> None:
-    """Have an `RTCSctpTransport` tell its receiver at most every `SAY_AGAIN` s
-    what to step over.
-    """
+    """Let an `RTCSctpTransport` send FORWARD TSN at most every `SAY_AGAIN` s."""
     update = transport._update_advanced_peer_ack_point
     said = float("-inf")
 

@@ -23,9 +23,7 @@ class BadOfferError(ValueError):
 
 @dataclass(frozen=True)
 class MediaLine:
-    """One audio or video line of an offer: whether the page takes something there, and whether it
-    may give something.
-    """
+    """An audio or video line of an offer: whether the page receives or may send there."""
 
     kind: Kind
     takes: bool
@@ -93,9 +91,7 @@ def _what_is_wrong(description: SessionDescription) -> str | None:
 
 
 def robot_lines(lines: tuple[MediaLine, ...], has: frozenset[Kind]) -> dict[int, Kind]:
-    """Return {index: kind} of the lines that carry what the robot has: the first of each kind on
-    which the page takes something.
-    """
+    """Return {index: kind} of the lines for the robot's media: the first that receives."""
     chosen: dict[int, Kind] = {}
     for index, line in enumerate(lines):
         if line.takes and line.kind in has and line.kind not in chosen.values():

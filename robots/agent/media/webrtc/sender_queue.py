@@ -16,9 +16,7 @@ _REMIND = 30  # pictures skipped before asking for a key frame again
 
 
 class ViewerQueue:
-    """The pictures for one viewer, oldest first, always beginning on a key frame; who opens it asks
-    for the first one.
-    """
+    """Frames for one viewer, oldest first, from a key frame on, which the opener requests."""
 
     def __init__(self) -> None:
         self._pictures: deque[Picture] = deque()
@@ -30,9 +28,7 @@ class ViewerQueue:
         return len(self._pictures)
 
     def put(self, picture: Picture, backlog: int = 0) -> bool:
-        """Queue a picture, given the bytes that wait in the socket; True means that this viewer now
-        needs a key frame.
-        """
+        """Queue a frame, given the socket's backlog; True when a key frame is needed."""
         if self._started and (len(self._pictures) >= DEPTH or backlog > MAX_BACKLOG):
             self._restart()
         if self._started or (picture.key and backlog <= MAX_BACKLOG):

@@ -100,13 +100,10 @@ class PageConnection:
 
     @property
     def is_connected(self) -> bool:
-        """Tell whether media and data flow."""
         return self._connection is not None and self._connection.connectionState == "connected"
 
     def is_lost(self, now: float) -> bool:
-        """Tell whether this connection came to nothing, or whether its page has gone quiet; `now`
-        is monotonic.
-        """
+        """Tell whether this never connected, or its page is silent; `now` is monotonic."""
         if not self.is_connected:
             return now - self._began > CONNECT_TIMEOUT
         reports = max(
@@ -154,9 +151,7 @@ class PageConnection:
         return str(connection.localDescription.sdp)
 
     async def _gather(self, connection: RTCPeerConnection) -> None:
-        """Find our own addresses, of which the answer is made; a server that answered lately and is
-        silent now holds that up, but once.
-        """
+        """Gather our own addresses; a server that has gone silent delays that only once."""
         if self.relays.trust is not None:
             aiortc_hooks.set_turn_tls_context(connection, self.relays.trust)
         began = time.monotonic()
@@ -174,9 +169,7 @@ class PageConnection:
         self._add_candidate(candidate.candidate, candidate.sdp_mid, candidate.sdp_m_line_index)
 
     def send(self, frame: str) -> None:
-        """Send a frame on the page's data channel, or drop it when the channel is not open or
-        behind.
-        """
+        """Send a frame on the data channel; drop it when that is closed or behind."""
         channel = next((channel for channel in self.channels if channel.readyState == "open"), None)
         if channel is None:
             return
@@ -200,16 +193,13 @@ class PageConnection:
                     await aiortc_hooks.close_sockets(self._connection)
 
     async def ask_key_frame(self) -> None:
-        """Ask the page for a whole picture of the visitor."""
         if self._face is not None and self.is_connected:
             await aiortc_hooks.ask_key_frame(self._face)
 
     def _add_lines(
         self, connection: RTCPeerConnection, lines: tuple[sdp.MediaLine, ...]
     ) -> frozenset[int]:
-        """Make a transceiver for every line of the offer, so that aiortc takes them in our order;
-        return those that the visitor speaks on.
-        """
+        """Add a transceiver for each line, in order; return the lines of the visitor."""
         has: set[Kind] = set()
         if self.pictures is not None:
             has.add("video")

@@ -78,9 +78,7 @@ UNDOCKING = UndockingParams()
 
 
 class DockingStage(Enum):
-    """What a docking robot is at. A try that fails goes from any stage to BACK, and from there to
-    the next try's APPROACH.
-    """
+    """What a docking robot is doing. A failed try goes to BACK, then to APPROACH again."""
 
     APPROACH = "to where the last metre begins"
     LOOK = "for the station"
@@ -123,7 +121,6 @@ class Docking:
         return self._stage in {DockingStage.APPROACH, DockingStage.LOOK} and self._seen == 0
 
     def step(self, sense: Sense) -> NavigationStep:
-        """Return what to do now."""
         if sense.charger_contact and self._stage is not DockingStage.BACK:
             return self._seat(sense)
         self._contact_since, self._seated, self._presses = None, DockState(), True
@@ -213,9 +210,7 @@ class Docking:
         )
 
     def _seat(self, sense: Sense) -> NavigationStep:
-        """The contacts meet: press on a little, so that they go on meeting; then stand until the
-        robot is docked.
-        """
+        """Press on a little so that the contacts keep meeting; then rest until docked."""
         params = self._params
         self._contact_since = sense.now if self._contact_since is None else self._contact_since
         velocity, released = sense.velocity, not self._presses
@@ -270,9 +265,7 @@ class Docking:
     # --- the last metre ---------------------------------------------------------------------------
 
     def _sight(self, sense: Sense) -> None:
-        """Look for the station in a new sweep, near where it was last seen or
-        where the map has it.
-        """
+        """Look for the station in a new sweep, where it was last seen or the map has it."""
         params = self._params
         if sense.beams.stamp <= self._beams_at:
             return
@@ -418,9 +411,7 @@ class _Reverse:
 
 
 class Undocking:
-    """Back out far enough to turn; with `about`, turn round as well, so that the room is before the
-    robot and no longer its station.
-    """
+    """Back out far enough to turn; with `about`, turn to face away from the station."""
 
     needs_map = False
 
@@ -465,9 +456,7 @@ class Undocking:
         )
 
     def _face_away(self, away: float, sense: Sense) -> NavigationStep:
-        """Turn; the robot is out already, so that it is done too where it has no room or somebody
-        stays in the way.
-        """
+        """Turn; done as well without room, or with somebody in the way: the robot is out."""
         params = self._params
         assert self._turn is not None
         error = wrap_angle(away - sense.odometry.theta)

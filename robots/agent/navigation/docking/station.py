@@ -38,9 +38,7 @@ STATION = StationParams()
 
 @dataclass(frozen=True)
 class SearchWindow:
-    """How far about the expected pose a station is looked for: metres along, metres aside, radians;
-    and the steps between.
-    """
+    """How far about the expected pose to search: metres along, aside, radians, and steps."""
 
     along: float
     aside: float
@@ -55,9 +53,7 @@ NARROW = SearchWindow(along=0.08, aside=0.08, turned=0.1)
 
 @dataclass(frozen=True)
 class Sighting:
-    """The pose of the middle of a station's front in the robot's frame, looking as the docked robot
-    does; `points` lie on it.
-    """
+    """The middle of a station's front in the robot's frame, and how many `points` lie on it."""
 
     front: Pose2D
     points: int
@@ -106,9 +102,7 @@ def _best(points: Floats, expected: Pose2D, station: Station, window: SearchWind
 
 
 def _scores(u: Floats, v: Floats, along: Floats, aside: Floats, station: Station) -> Floats:
-    """Return the scores (a, s) of fronts at `along` x `aside` for points that lie u ahead and v
-    aside of the expected front.
-    """
+    """Return scores (a, s) of fronts at `along` x `aside` for points (u, v) from expected."""
     depth = u[None, :] - along[:, None]
     off = np.abs(v[None, :] - aside[:, None]) - station.width / 2.0
     on_line = (np.abs(depth) <= STATION.on_front).astype(np.float64)
@@ -125,9 +119,7 @@ def _scores(u: Floats, v: Floats, along: Floats, aside: Floats, station: Station
 def _goes_on(
     points: Floats, direction: Floats, normal: Floats, offset: float, ends: tuple[float, float]
 ) -> bool:
-    """Tell whether a line of points goes on beyond its ends: a wall does, the front of a station
-    does not.
-    """
+    """Tell whether points go on beyond a line's ends: those of a wall do, a station's not."""
     along, off = points @ direction, np.abs(points @ normal - offset)
     beyond = (
         (off <= STATION.on_front)
@@ -139,9 +131,7 @@ def _goes_on(
 
 
 def _refined(points: Floats, rough: Pose2D, station: Station) -> Sighting | None:
-    """Return the rough pose, fitted to the points on its front; None when too little of the front
-    is there.
-    """
+    """Return the pose fitted to the points on the front; None when too few are seen."""
     local = points_in_frame(rough, points)
     on_front = (np.abs(local[:, 0]) <= STATION.on_front) & (
         np.abs(local[:, 1]) <= station.width / 2.0 + STATION.on_front

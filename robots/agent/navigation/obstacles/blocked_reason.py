@@ -58,9 +58,7 @@ def _spots(
     way: tuple[tuple[float, float], tuple[float, float]],
     clearance: Floats,
 ) -> list[Floats]:
-    """Return the points (2,) at which the ways of the map are blocked: that of the usual one, that
-    of the next best, and so on.
-    """
+    """Return the points (2,) where the best ways on the map are blocked, one each."""
     costmap = obstacle_map.costmap
     spots = list[Floats]()
     known = np.zeros(obstacle_map.costmap.shape, dtype=np.bool_)

@@ -51,7 +51,6 @@ class DoorWatch:
                 self._judge(door, laser, beams, now)
 
     def closed(self, now: float) -> tuple[Door, ...]:
-        """Return the doors that count as closed."""
         return tuple(
             door
             for door in self.doors
@@ -76,9 +75,7 @@ class DoorWatch:
 
 
 def votes(door: Door, laser: Pose2D, beams: LaserScan) -> tuple[int, int]:
-    """Return how many beams of a sweep met the leaf of a door in its frame, and how many went
-    through the doorway.
-    """
+    """Return how many beams met a door's leaf, and how many went through the doorway."""
     (x0, y0), (x1, y1) = door.start, door.end
     width, height = x1 - x0, y1 - y0
     leaf = np.array(
@@ -108,9 +105,7 @@ def votes(door: Door, laser: Pose2D, beams: LaserScan) -> tuple[int, int]:
 
 
 def _towards(leaf: Floats, laser: Pose2D, beams: LaserScan) -> npt.NDArray[np.intp]:
-    """Return the numbers of the beams that look between the two ends of a leaf (4,), seen from the
-    laser.
-    """
+    """Return the indices of beams between the ends of a leaf (4,), seen from the laser."""
     first = math.atan2(leaf[1] - laser.y, leaf[0] - laser.x)
     opening = wrap_angle(math.atan2(leaf[3] - laser.y, leaf[2] - laser.x) - first)
     turned = (beams.angles + (laser.theta - first - opening / 2.0) + math.pi) % math.tau - math.pi

@@ -46,9 +46,7 @@ class LostObstacles:
             )
 
     def out_of_sight(self, now: float, odometry: Pose2D, beams: LaserScan) -> Floats:
-        """Return the points (m, 2), in the robot's frame at `odometry`, that no beam of the laser
-        looks at any more.
-        """
+        """Return points (m, 2) in the robot's frame that the laser no longer covers."""
         while self._seen and now - self._seen[0][0] > self._params.hold:
             self._seen.popleft()
         if not self._seen:

@@ -39,9 +39,7 @@ Distances = Callable[[Floats], Floats]
 
 
 def centred_on_map(line: Floats, way: Floats, clearance: Floats, costmap: CostMap) -> Floats:
-    """Return a line (n, 2), whose points lie (n,) metres along it, in the middle of the narrow
-    places of `clearance` (h, w).
-    """
+    """Return a line (n, 2), `way` (n,) metres along, centred in its narrow places."""
     enough = costmap.inscribed + CENTRING.tight
     narrow = np.flatnonzero(costmap.sample(clearance, line) < enough)
     cells = _occupied_about(line[narrow], enough + CENTRING.aside, clearance, costmap)
@@ -122,9 +120,7 @@ def _normals(line: Floats, which: Cells, along: int) -> Floats:
 
 
 def _occupied_about(spots: Floats, reach: float, clearance: Floats, costmap: CostMap) -> Floats:
-    """Return (k, 2) the centres of the occupied cells within `reach` metres of some of (m, 2)
-    points.
-    """
+    """Return (k, 2) centres of the occupied cells within `reach` metres of (m, 2) points."""
     rows, columns, _ = costmap.cells(spots)
     high, wide = costmap.shape
     size = math.ceil(reach / costmap.transform.resolution)
@@ -137,9 +133,7 @@ def _occupied_about(spots: Floats, reach: float, clearance: Floats, costmap: Cos
 
 
 def _to_squares(cells: Floats, costmap: CostMap) -> Distances:
-    """Return what tells how far points are from the nearest of the squares about centres (k, 2) of
-    cells.
-    """
+    """Return the distance function to the squares about cell centres (k, 2)."""
     tree = cKDTree(cells)
     half, theta = costmap.transform.resolution / 2.0, costmap.transform.origin.theta
     cosine, sine = math.cos(theta), math.sin(theta)

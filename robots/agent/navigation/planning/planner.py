@@ -54,9 +54,7 @@ class Planner:
     def place_near(
         self, x: float, y: float, clearance: Floats, reach: float
     ) -> tuple[float, float] | None:
-        """Return the point itself when a robot can stand there, else the nearest cell within
-        `reach` metres, or None.
-        """
+        """Return a free point, else the nearest free cell within `reach` metres, or None."""
         if float(self.costmap.sample(clearance, np.array([[x, y]]))[0]) >= self.costmap.least:
             return x, y
         centres = self.costmap.centres(self._rows, self._columns)
@@ -89,9 +87,7 @@ class Planner:
     def plan(
         self, start: tuple[float, float], goal: tuple[float, float], clearance: Floats
     ) -> PlannedPath | None:
-        """Return the way from start to goal through `clearance` (h, w), or None
-        when there is none.
-        """
+        """Return the way from start to goal through `clearance` (h, w), or None."""
         begin = self.place_near(*start, clearance, PLANNER.start_reach)
         if (
             begin is None
@@ -121,7 +117,6 @@ class Planner:
         return bool((self.costmap.sample(clearance, line) >= self.costmap.least).all())
 
     def line(self, start: tuple[float, float], goal: tuple[float, float]) -> PlannedPath:
-        """Return the straight line between two points, as it is."""
         return PlannedPath(resampled(np.array([start, goal])))
 
     def _cheapest(
@@ -143,9 +138,7 @@ class Planner:
         return self.costmap.centres(self._rows[way], self._columns[way])
 
     def _straightened(self, line: Floats, cost: Floats) -> Floats:
-        """Return the corners (m, 2) of a line with straight legs instead of many cells, where that
-        costs no more.
-        """
+        """Return corners (m, 2) with straight legs instead of cells, if that costs no more."""
         here_cost = self.costmap.sample(cost, line)
         steps = np.hypot(*np.diff(line, axis=0).T) * (here_cost[:-1] + here_cost[1:]) / 2.0
         prices = np.concatenate([[0.0], np.cumsum(steps)])
@@ -170,9 +163,7 @@ class Planner:
         return float(cost[rows, columns].mean()) * math.dist(start, end)
 
     def _rounded(self, corners: Floats, cost: Floats) -> Floats:
-        """Return the line with points every 10 cm, its corners rounded where the floor beside them
-        is no dearer.
-        """
+        """Return the line every 10 cm, corners rounded where the floor there is no dearer."""
         line = resampled(corners, 0.1)
         for _ in range(PLANNER.smoothing_rounds if len(line) > 2 else 0):
             moved = line.copy()
@@ -195,9 +186,7 @@ class Planner:
         return path if self._misfits(line, clearance).any() else PlannedPath(resampled(line))
 
     def _misfits(self, line: Floats, clearance: Floats) -> Bools:
-        """Tell for points (n, 2) of a line whether the footprint, looking along it, stands in
-        something there.
-        """
+        """Tell at which points (n, 2) of a line the footprint, heading along it, does not fit."""
         tight = self.costmap.sample(clearance, line) < self.costmap.circumscribed
         # A robot may begin and end beside something, where it turns as it must; what it would touch
         # there stops it (safety/collision/braking.py).
@@ -246,9 +235,7 @@ class _Edges:
         self._rows = np.searchsorted(self._begin, np.arange(self._count + 1)).astype(np.int32)
 
     def graph(self, price: Floats) -> csr_matrix:
-        """Return what it costs to go from each free cell to its neighbours, at prices (n,) a metre
-        in each.
-        """
+        """Return the costs from each free cell to its neighbours, at prices (n,) a metre."""
         weights = self._halves * (price[self._begin] + price[self._end])
         return csr_matrix((weights, self._end, self._rows), shape=(self._count, self._count))
 

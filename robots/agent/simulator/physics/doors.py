@@ -22,9 +22,7 @@ RESTS: dict[DoorState, float] = {"closed": 0.0, "open": 1.0}
 
 
 class Doors:
-    """The leaves of a plan. `states` are how they rest, or rested last; `moving` the leaves that
-    are on their way.
-    """
+    """A plan's leaves: `states` at rest, or last at rest; `moving` are those under way."""
 
     def __init__(self, plan: FloorPlan, states: dict[str, DoorState]) -> None:
         self.plan = plan
@@ -77,13 +75,10 @@ class Doors:
         return set(self._on_the_way) != before
 
     def is_still(self) -> bool:
-        """Tell whether every leaf rests where it is wanted."""
         return not self._on_the_way and self._wanted == self.states
 
     def _turn(self, door: Door, dt: float, in_the_way: list[Floats]) -> bool:
-        """Turn one leaf towards where it is wanted, or back when something has come into its way;
-        tell whether it moved.
-        """
+        """Turn one leaf towards its goal, or back when blocked; tell whether it moved."""
         rest, goal = RESTS[self.states[door.name]], RESTS[self._wanted[door.name]]
         here = self._on_the_way.get(door.name, rest)
         near = _within_reach(door, in_the_way)
@@ -115,9 +110,7 @@ def _within_reach(door: Door, in_the_way: list[Floats]) -> list[Floats]:
 
 
 def _comes_near(door: Door, here: float, there: float, outlines: list[Floats]) -> bool:
-    """Tell whether a leaf comes too near to one of the outlines between two openings, nearer than
-    it is.
-    """
+    """Tell whether a leaf, between two openings, gets too near to an outline, and nearer."""
     count = max(1, math.ceil(abs((there - here) * door.swing) / LOOKS))
     now = shape(leaf_solid(door, here))
     least = [(outline, min(now.gap_to(outline)[0], KEPT_OFF)) for outline in outlines]
@@ -129,9 +122,7 @@ def _comes_near(door: Door, here: float, there: float, outlines: list[Floats]) -
 
 
 def _distance(outline: Floats, point: tuple[float, float]) -> float:
-    """Return at most how far a point is from an outline, in metres: from its circle about the
-    middle.
-    """
+    """Return a lower bound of metres from a point to an outline: to its bounding circle."""
     middle = outline.mean(axis=0)
     radius = math.sqrt(float(((outline - middle) ** 2).sum(axis=1).max()))
     return math.dist((float(middle[0]), float(middle[1])), point) - radius

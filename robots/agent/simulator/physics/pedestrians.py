@@ -90,7 +90,6 @@ class Pedestrians:
         self.people: tuple[Person, ...] = tuple(walker.seen() for walker in self._walkers)
 
     def just_bumped(self, look: int, seconds: float) -> bool:
-        """Tell whether somebody walked into the robot within the last seconds."""
         return any(walker.look == look and walker.since_bump < seconds for walker in self._walkers)
 
     def step(
@@ -182,9 +181,7 @@ class Pedestrians:
     def _along_walls(
         self, walker: _Walker, dx: float, dy: float, doors: dict[str, DoorState]
     ) -> tuple[float, float]:
-        """Return where a step ends: beside what is not free, and where it began when that is
-        everywhere.
-        """
+        """Return where a step ends: along a wall where needed, or where it began."""
         x, y = walker.x, walker.y
         ends = ((x + dx, y + dy), (x + dx, y), (x, y + dy))
         if not self._ways.is_free(x, y, doors):  # a door has moved: out of its way
@@ -197,9 +194,7 @@ class Pedestrians:
             walker.path, walker.held = [], 0.0
 
     def _bumps(self, walker: _Walker, x: float, y: float, robot: Floats | None) -> bool:
-        """Tell whether a step ends at the robot, and count the first of them. A step away from it
-        is none.
-        """
+        """Tell whether a step ends at the robot and not away from it; count the first."""
         gap = math.inf if robot is None else distance_to(x, y, robot) - TOUCH
         if robot is None or gap >= 0.0 or gap > distance_to(walker.x, walker.y, robot) - TOUCH:
             walker.touching = walker.touching and gap < APART - 2.0 * TOUCH
@@ -230,9 +225,7 @@ class Pedestrians:
         return False
 
     def _round_others(self, walker: _Walker, way: float, doors: dict[str, DoorState]) -> float:
-        """Return the direction that passes somebody ahead on their right, where there is floor;
-        otherwise the one that was wanted.
-        """
+        """Return a direction that passes people ahead on their right, where there is floor."""
         for other in self._walkers:
             dx, dy = other.x - walker.x, other.y - walker.y
             if abs(dx) > WIDE or abs(dy) > WIDE or other is walker:
@@ -247,9 +240,7 @@ class Pedestrians:
 
 
 def _goals(plan: FloorPlan, ways: Footways, rng: np.random.Generator) -> list[tuple[float, float]]:
-    """Return where people like to be: the plan's places and some random points of each room, never
-    before a charging station.
-    """
+    """Return goals: the plan's places and random points of rooms, none before a station."""
     doors: dict[str, DoorState] = {door.name: "open" for door in plan.doors}
     wanted = [(place.x, place.y) for place in (*plan.places, *plan.starts)]
     for room in plan.rooms:

@@ -41,9 +41,7 @@ class Person(NamedTuple):
 
 
 def legs(people: tuple[Person, ...]) -> Floats:
-    """Return the sides (16 n, 4) of the legs of n people, counter-clockwise about each leg, as of
-    any solid.
-    """
+    """Return the sides (16 n, 4) of n people's legs, counter-clockwise about each leg."""
     middles = []
     for person in people:
         cosine, sine = math.cos(person.heading), math.sin(person.heading)
@@ -62,7 +60,6 @@ def solid(person: Person) -> Solid:
 
 
 def name_of(person: Person) -> str:
-    """Return what a person is called among solids."""
     return f"person-{person.look}"
 
 

@@ -24,9 +24,7 @@ class RandomDoors:
         self._next = self._after(0.0) if doors and mean > 0.0 else math.inf
 
     def due(self, time: float) -> dict[str, DoorState]:
-        """Return what has changed up to `time` seconds since the start, and not
-        been told before.
-        """
+        """Return the new changes up to `time` seconds since the start."""
         changes: dict[str, DoorState] = {}
         while time >= self._next:
             changes |= self._change()

@@ -152,9 +152,7 @@ class Simulation:
         return place(self.footprint, self.pose)
 
     def command(self, linear: float, angular: float) -> WheelMotion:
-        """Take a velocity and return what the base will aim at; silence for `model.watchdog`
-        seconds brakes to a stand.
-        """
+        """Take a velocity, return the base's target; after `model.watchdog` s it brakes."""
         self.commanded = clamp(WheelMotion(linear, angular), self.model.limits)
         self.commanded_at = self.time
         return self.commanded
@@ -208,16 +206,12 @@ class Simulation:
         self.time += dt
 
     def scan(self) -> Floats:
-        """Return what the laser sees now, (beams,) metres, `inf` where nothing came back, all NaN
-        when it is broken so.
-        """
+        """Return ranges (beams,) in metres, `inf` for no return, NaN from a broken laser."""
         ranges = range_sensors.scan(self._segments(), self.pose, self.model.laser, self.laser_rng)
         return np.full_like(ranges, math.nan) if self.faults.laser == "nan" else ranges
 
     def echoes(self, sounding: tuple[int, ...]) -> tuple[float, ...]:
-        """Return how far off the sonars that sound now hear something, metres from each, `inf` for
-        nothing.
-        """
+        """Return metres from each sounding sonar, `inf` for no echo."""
         mounts, segments = self.model.sonar.mounts(self.model.footprint), self._segments()
         return tuple(
             range_sensors.echo(
@@ -227,9 +221,7 @@ class Simulation:
         )
 
     def bumper(self) -> tuple[float, ...]:
-        """Return the directions in which something is touched now, radians in the robot's frame; a
-        station that it noses into is none.
-        """
+        """Return bearings of contacts (radians, robot's frame), except a station's."""
         if not self.touching:
             return ()
         outline = self.outline()
@@ -242,9 +234,7 @@ class Simulation:
         return tuple(wrap_angle(math.atan2(-way[1], -way[0]) - self.pose.theta) for way in ways)
 
     def _segments(self) -> Floats:
-        """Return the sides (n, 4) of everything that stands or walks at the
-        height of the sensors.
-        """
+        """Return the sides (n, 4) of everything at the height of the sensors."""
         segments = self.obstacles.segments
         if self.people or self._doors.moving:
             segments = np.concatenate(
@@ -253,9 +243,7 @@ class Simulation:
         return segments
 
     def beams(self) -> LaserScan | None:
-        """Return the same as a sweep with its mount, stamped with `time`; None
-        from a silent laser.
-        """
+        """Return the scan with its mount, stamped with `time`; None from a silent laser."""
         if self.faults.laser == "silent":
             return None
         eye = self.model.laser
@@ -271,11 +259,9 @@ class Simulation:
         return max(0.0, min([self.obstacles.clearance(outline), leaves.clearance(outline), *gaps]))
 
     def voltage(self) -> float:
-        """Return the volts at the battery."""
         return battery.voltage(self.charge, self.model.battery, charging=self.docked)
 
     def sample(self) -> TrueState:
-        """Return the truth of this moment."""
         return TrueState(self.time, *self.commanded, *self.motion, *self.pose)
 
     def errors(self) -> tuple[str, ...]:
@@ -305,9 +291,7 @@ class Simulation:
             self._count_contacts(others, move.touched)
 
     def _near(self, pose: Pose2D) -> tuple[Shape, ...]:
-        """Return who stands so near to a robot there that it may bump into them, and the leaves
-        that move.
-        """
+        """Return people near enough to be bumped into, and the moving leaves."""
         reach = self._radius + BODY + NEAR
         near = (
             person
@@ -320,9 +304,7 @@ class Simulation:
         )
 
     def _count_contacts(self, others: tuple[Shape, ...], touched: frozenset[str]) -> None:
-        """A contact begins with a touch and is over when the gap has opened again; nosing into a
-        dock is none.
-        """
+        """Count contacts: from a touch until the gap has opened again; a dock is none."""
         excused = {
             name_of(person)
             for person in self.people

@@ -36,9 +36,7 @@ class Limb:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """What makes one person another one: `height` in metres, the colours, hair that falls on the
-    shoulders, shorts, stripes.
-    """
+    """What distinguishes a person: `height` in metres, colours, long hair, shorts, stripes."""
 
     height: float
     skin: Plane
@@ -73,9 +71,7 @@ def look_of(number: int) -> Look:
 
 
 def limbs(look: Look, stride: float | None) -> list[Limb]:
-    """Return the body of a person `stride` radians into a walk, or one who stands: see
-    `Person.stride`.
-    """
+    """Return the body `stride` radians into a walk (`Person.stride`), None to stand."""
     left = _leg(look, 1.0, stride)
     right = _leg(look, -1.0, None if stride is None else stride + math.pi)
     parts = [*left, *right, *_torso(look), *_head(look)]

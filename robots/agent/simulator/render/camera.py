@@ -57,7 +57,6 @@ class SceneCamera:
         return self._lenses[pitch]
 
     def eye(self, pose: Pose2D) -> Eye:
-        """Return where the lens is."""
         mount = pose.compose(Pose2D(self.camera.x, 0.0, 0.0))
         cosine, sine = math.cos(mount.theta), math.sin(mount.theta)
         return Eye(
@@ -110,7 +109,6 @@ class SceneCamera:
         return walls
 
     def _swinging(self, doors: Mapping[str, Opening]) -> Things:
-        """Return the leaves that are on their way."""
         if all(isinstance(opening, str) for opening in doors.values()):
             return NOTHING
         return gather(
@@ -146,9 +144,7 @@ class SceneCamera:
         pose: Pose2D,
         people: tuple[Person, ...],
     ) -> None:
-        """Draw what a mirror shows into its own window, the robot at `pose` included; `sights` may
-        stand before the glass.
-        """
+        """Draw a mirror's window, the robot at `pose` included; `sights` may hide the glass."""
         start, end = glass.line[:2], glass.line[2:]
         along = (end - start) / math.dist(start, end)
         normal = np.array([-along[1], along[0]])

@@ -67,9 +67,7 @@ class FrameWriter(_Ring):
         self.number = 0
 
     def begin(self) -> npt.NDArray[np.uint8]:
-        """Return the (height * 3 / 2, width) picture to draw next; its readers, if any, will
-        notice.
-        """
+        """Return the picture (height * 3 / 2, width) to draw next; readers notice."""
         slot = self.number % self.slots
         self.guards[slot] = 2 * self.number + 1
         return self.images[slot]

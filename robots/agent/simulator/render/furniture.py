@@ -87,9 +87,7 @@ def together(blocks: list[Block]) -> Block:
 
 
 class Joiner:
-    """Builds blocks in the frame of one piece. A block has its middle `at`, and reaches in height
-    over a `span`, both in metres.
-    """
+    """Builds blocks in a piece's frame: middle `at`, `span` from bottom to top, in metres."""
 
     def __init__(self, pose: Pose2D, rng: np.random.Generator) -> None:
         self.pose, self.rng = pose, rng
@@ -122,7 +120,6 @@ class Joiner:
         lid: Plane | None = None,
         glow: bool = False,
     ) -> None:
-        """Add a cylinder."""
         outline = disc(*self.pose.apply(*at), diameter, ROUND)
         self.blocks.append(prism(outline, *span, paint, lid=lid, density=COARSE, glow=glow))
 
@@ -147,7 +144,6 @@ class Joiner:
 
 
 def furnish(piece: Furniture, rng: np.random.Generator) -> list[Block]:
-    """Return what a piece of furniture looks like."""
     joiner = Joiner(Pose2D(piece.x, piece.y, piece.theta), rng)
     BUILDERS[piece.kind](joiner, piece)
     return joiner.blocks
@@ -289,9 +285,7 @@ BUILDERS: dict[str, Callable[[Joiner, Furniture], None]] = {
 
 
 def dock_blocks(dock: ChargingDock, seed: int) -> list[Block]:
-    """Return a charging station: its body, and a plate with its marker above it at the height of a
-    camera.
-    """
+    """Return a charging station: its body, and a marker at the height of a camera."""
     rng = np.random.default_rng(seed)
     pose = station_pose(dock)
     # its front looks at the robot
@@ -311,7 +305,6 @@ def dock_blocks(dock: ChargingDock, seed: int) -> list[Block]:
 
 
 def leaf_block(door: Door, state: DoorState, rng: np.random.Generator) -> Block:
-    """Return a door's leaf, open or closed."""
     end = leaf_end(door, state)
     middle = Pose2D(
         (door.start[0] + end[0]) / 2.0,

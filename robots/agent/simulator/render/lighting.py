@@ -36,9 +36,7 @@ class Lights:
     lamps: dict[str, Floats]
 
     def at(self, points: Floats, normals: Floats, room: str | None) -> Floats:
-        """Return the factor (…, 3) for a picture at points (…, 3) that look along
-        normals (…, 3).
-        """
+        """Return the factor (…, 3) for texels at points (…, 3) with normals (…, 3)."""
         light = np.broadcast_to(REMAINDER, points.shape).copy()
         for lamp in self.lamps.get(room or "", np.zeros((0, 3))):
             towards = lamp - points
@@ -89,9 +87,7 @@ def light_wall(
     top: float,
     corners: bool,
 ) -> None:
-    """Light an upright picture (columns, rows, 3) in place; it goes from `start` to `end`, left to
-    right for who looks at it.
-    """
+    """Light an upright picture (columns, rows, 3) in place, from `start` (left) to `end`."""
     length = math.dist(start, end)
     columns = max(2, math.ceil(length / COARSE) + 1)
     rows = max(2, math.ceil((top - bottom) / COARSE) + 1)

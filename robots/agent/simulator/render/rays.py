@@ -47,9 +47,7 @@ class Eye:
         return seen
 
     def rays(self) -> tuple[int, int]:
-        """Return the first and one past the last ray that matter: those that meet the mirror, when
-        there is one.
-        """
+        """Return first and last + 1 ray that matter: those at the mirror, if any."""
         if self.beyond is None:
             return 0, RAYS
         met = (self.beyond < FAR).nonzero()[0]
@@ -73,9 +71,7 @@ class Meetings:
     met: Mask
 
     def split(self, faces: int) -> tuple["Meetings", "Meetings"]:
-        """Return the meetings with so many first faces, and those with the others, whose rows begin
-        at 0 again.
-        """
+        """Return the meetings with the first `faces`, and the others, rows from 0 again."""
         at = int(np.searchsorted(self.row, faces))
         first = Meetings(
             self.row[:at],
@@ -103,9 +99,7 @@ def angles(points: Floats) -> Floats:
 
 
 def spans(lens: Lens, one: Floats, other: Floats, rays: tuple[int, int]) -> tuple[Places, Places]:
-    """Return the first and one past the last ray (n,) between azimuths; all `rays` where the way
-    between them is over the back.
-    """
+    """Return first and last + 1 ray (n,) between azimuths; all `rays` across the back."""
     low, high = np.minimum(one, other), np.maximum(one, other)
     first = np.floor((low - lens.azimuths[0]) / lens.step)
     last = np.ceil((high - lens.azimuths[0]) / lens.step) + 1.0
@@ -116,9 +110,7 @@ def spans(lens: Lens, one: Floats, other: Floats, rays: tuple[int, int]) -> tupl
 
 
 def cast(faces: Floats, first: Places, last: Places, eye: Eye, directions: Floats) -> Meetings:
-    """Cast rays first … last - 1 (n,) of each face (n, 4) against it. Rays along a face divide by
-    zero and miss it.
-    """
+    """Cast rays first … last - 1 (n,) at faces (n, 4); along a face they divide by zero."""
     count = last - first
     ends = np.cumsum(count)
     total = int(ends[-1]) if len(ends) else 0

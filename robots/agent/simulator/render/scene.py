@@ -85,9 +85,7 @@ class SceneItem:
     mirrored: bool = False
 
     def moved(self, pose: Pose2D) -> "SceneItem":
-        """Return the item, made about the origin, at a pose; a picture on its lid is not turned
-        with it.
-        """
+        """Return the item, made about the origin, at a pose; a lid's picture is not turned."""
         cosine, sine = math.cos(pose.theta), math.sin(pose.theta)
         matrix = np.array([[cosine, sine], [-sine, cosine]])
         sides = np.hstack([self.sides[:, :2] @ matrix, self.sides[:, 2:] @ matrix]) + np.array(
@@ -416,9 +414,7 @@ class Builder:
         return mask
 
     def _sunlight(self, picture: Picture, x: Plane, y: Plane) -> None:
-        """Let daylight fall from every window onto the floor, as a soft patch two metres into the
-        room.
-        """
+        """Let daylight fall from every window onto the floor, two metres into the room."""
         for decoration in self.plan.decorations:
             face = self._face_of(decoration) if decoration.kind == "window" else None
             if face is None:
@@ -546,9 +542,7 @@ def _covers(outline: Floats, x: Plane, y: Plane) -> npt.NDArray[np.bool_]:
 
 
 def _lay(picture: Picture, x: Plane, y: Plane, pose: Pose2D, flat: Picture) -> None:
-    """Lay a picture (rows, columns, 3) onto the floor, its middle at `pose`; NaN lets the floor
-    through.
-    """
+    """Lay a picture (rows, columns, 3) on the floor, middle at `pose`; NaN is transparent."""
     depth, width = flat.shape[:2]
     cosine, sine = math.cos(pose.theta), math.sin(pose.theta)
     rows, columns = _around(rectangle(pose, width / FLOOR_DENSITY, depth / FLOOR_DENSITY), x, y)
@@ -562,9 +556,7 @@ def _lay(picture: Picture, x: Plane, y: Plane, pose: Pose2D, flat: Picture) -> N
 
 
 def _guide(width: float) -> Picture:
-    """Return the lane before a charging station, the robot's x along columns: two lines, and arrows
-    between them.
-    """
+    """Return the lane before a station, x along columns: two lines, arrows between them."""
     rows, columns = round((width + 0.2) * FLOOR_DENSITY), round(1.5 * FLOOR_DENSITY)
     picture = np.full((rows, columns, 3), np.nan, dtype=np.float32)
     v, u = np.mgrid[0:rows, 0:columns] / FLOOR_DENSITY

@@ -20,16 +20,13 @@ STRIPE = 0.07  # metres
 
 @dataclass(frozen=True, eq=False)
 class Sprite:
-    """A picture (columns, rows, 3) like a wall's, NaN beside the body; its left edge is `left`
-    metres to the right of the middle.
-    """
+    """A picture (columns, rows, 3), NaN beside the body; its left edge is at `left` metres."""
 
     picture: Picture
     left: float
 
     @property
     def right(self) -> float:
-        """Return where its right edge is."""
         return self.left + len(self.picture) / DENSITY
 
 

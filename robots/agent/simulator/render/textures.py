@@ -40,7 +40,6 @@ def grid(columns: int, rows: int) -> tuple[Plane, Plane]:
 
 
 def canvas(columns: int, rows: int, colour: Plane) -> Picture:
-    """Return one colour."""
     return np.broadcast_to(colour, (columns, rows, 3)).astype(np.float32)
 
 
@@ -182,9 +181,7 @@ def poster(columns: int, rows: int, variant: int, rng: np.random.Generator) -> P
 
 
 def clock(columns: int, rows: int, variant: int, rng: np.random.Generator) -> Picture:
-    """Ten past ten, as in the shop; the corners outside of the dial are NaN, which the wall shows
-    through.
-    """
+    """Ten past ten, as in the shop; corners are NaN: the wall shows through."""
     del variant, rng
     x, y = grid(columns, rows)
     dx, dy = 2.0 * x - 1.0, 2.0 * y - 1.0
@@ -353,9 +350,7 @@ def door_leaf(
 
 
 def marker(columns: int, rows: int, seed: int) -> Picture:
-    """A charging station's sign: a black and white pattern of 6 x 6 that says
-    which station it is.
-    """
+    """A charging station's sign: 6 x 6 in black and white that identify the station."""
     bits = np.random.default_rng(seed).integers(0, 2, (4, 4)).astype(np.bool_)
     pattern = np.zeros((6, 6), dtype=np.float32)
     pattern[1:5, 1:5] = bits

@@ -39,9 +39,7 @@ class Renderer(Protocol):
 
 
 def pose_at(view: CameraView, stamp: float) -> Pose2D:
-    """Return the pose a moment after a view: pictures come between the steps, and should not judder
-    with them.
-    """
+    """Return the pose a moment after a view: without it, frames judder with the steps."""
     ahead = min(max(stamp - view.stamp, 0.0), LONGEST_GUESS)
     return advance(view.pose, WheelMotion(*view.motion), ahead)
 
@@ -76,7 +74,6 @@ class CameraThread:
         self._thread.start()
 
     def watch(self, *, watched: bool) -> None:
-        """Draw, or rest."""
         if watched:
             self._watched.set()
         else:

@@ -46,11 +46,9 @@ class PictureWindow(NamedTuple):
 
     @property
     def is_empty(self) -> bool:
-        """Tell whether there is no pixel in it."""
         return self.bottom <= self.top or self.right <= self.left
 
     def within(self, other: "PictureWindow") -> "PictureWindow":
-        """Return what is in both."""
         return PictureWindow(
             max(self.top, other.top),
             min(self.bottom, other.bottom),
@@ -67,9 +65,7 @@ class PictureWindow(NamedTuple):
 
     @property
     def pairs(self) -> tuple[EllipsisType, slice, slice]:
-        """Return its pairs of rows, of a window that holds only such, and its columns: of tables
-        (…, height / ROWS, width).
-        """
+        """Return its rows in pairs and its columns, for tables (…, height / ROWS, width)."""
         return ..., slice(self.top // ROWS, self.bottom // ROWS), slice(self.left, self.right)
 
 
@@ -90,7 +86,6 @@ class ItemSight(NamedTuple):
     texel: npt.NDArray[np.int32]
 
     def within(self, window: PictureWindow) -> "ItemSight":
-        """Return what of it is in a part of the picture."""
         return self._replace(window=self.window.within(window))
 
 
@@ -190,9 +185,7 @@ def _farthest(walls: Distances, first: Places, last: Places) -> Distances:
 
 
 class _Pool:
-    """A row of RAYS for every item of `things` in `kept`: where rays come in, where they go out,
-    and what they meet.
-    """
+    """A row of RAYS per item in `kept`: where rays come in and out, and what they meet."""
 
     def __init__(self, things: Things, kept: Places, nearest: Floats, focal: float) -> None:
         self._things, self._kept = things, kept
