@@ -7,6 +7,7 @@ row.
 
 import math
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -54,8 +55,7 @@ class Eye:
         return int(met[0]), int(met[-1]) + 1
 
 
-@dataclass(frozen=True, eq=False)
-class Meetings:
+class Meetings(NamedTuple):
     """Pairs of a face and a ray (m,): `row` of the face, `ray`, how far away `reach`, which `share`
     of the face's length from its start.
 
@@ -73,23 +73,10 @@ class Meetings:
     def split(self, faces: int) -> tuple["Meetings", "Meetings"]:
         """Return the meetings with the first `faces`, and the others, rows from 0 again."""
         at = int(np.searchsorted(self.row, faces))
-        first = Meetings(
-            self.row[:at],
-            self.ray[:at],
-            self.reach[:at],
-            self.share[:at],
-            self.across[:at],
-            self.met[:at],
-        )
-        others = Meetings(
-            self.row[at:] - faces,
-            self.ray[at:],
-            self.reach[at:],
-            self.share[at:],
-            self.across[at:],
-            self.met[at:],
-        )
-        return first, others
+        parts: tuple[Any, ...] = self
+        first = Meetings(*(part[:at] for part in parts))
+        others = Meetings(*(part[at:] for part in parts))
+        return first, others._replace(row=others.row - faces)
 
 
 def angles(points: Floats) -> Floats:
