@@ -4,6 +4,7 @@ units.
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 from robots.api.messages import AssistLevel, LeaseLimits, Limits, Velocity
 
@@ -70,23 +71,11 @@ def ramp(
     Getting slower is bounded by the braking limits over `dt`, getting faster by the acceleration
     limits over `dt_up` <= `dt`.
     """
+    axis = partial(approach, dt=dt, dt_up=dt_up)
+    linear, angular = limits.linear_acceleration, limits.angular_acceleration
     return Velocity(
-        linear=approach(
-            current.linear,
-            target.linear,
-            limits.linear_acceleration,
-            limits.linear_braking,
-            dt=dt,
-            dt_up=dt_up,
-        ),
-        angular=approach(
-            current.angular,
-            target.angular,
-            limits.angular_acceleration,
-            limits.angular_braking,
-            dt=dt,
-            dt_up=dt_up,
-        ),
+        linear=axis(current.linear, target.linear, linear, limits.linear_braking),
+        angular=axis(current.angular, target.angular, angular, limits.angular_braking),
     )
 
 
