@@ -18,6 +18,7 @@ from robots.agent import framing
 from robots.agent.autonomy import wire
 from robots.agent.autonomy.area import AreaError, area_of
 from robots.agent.autonomy.navigation_node import ActionError, NavigationNode
+from robots.logs import reason_of
 from robots.processes import interrupted_by_signals
 from robots.world.sensing import LaserScan
 
@@ -69,7 +70,7 @@ class Conversation:
                 area_of(message.area), message.body, np.random.default_rng(message.seed)
             )
         except AreaError as error:
-            return str(error) or type(error).__name__
+            return reason_of(error)
         return ""
 
     def _begin(self, order: wire.BeginAction) -> str:
@@ -78,7 +79,7 @@ class Conversation:
         try:
             self._node.begin(order.action)
         except ActionError as error:
-            return str(error) or type(error).__name__
+            return reason_of(error)
         return ""
 
 

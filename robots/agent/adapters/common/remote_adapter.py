@@ -49,6 +49,7 @@ from robots.api import docked
 from robots.api.docked import DockReading, DockState
 from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Tilt, Undock, Velocity
 from robots.cancellation import cancel
+from robots.logs import reason_of
 
 CONNECT_TIME = 5.0
 FIRST_READING = 5.0
@@ -256,7 +257,7 @@ class RemoteAdapter(ABC):
     def _ended(self, task: asyncio.Task[None]) -> None:
         self._tasks.discard(task)
         if not task.cancelled() and (error := task.exception()) is not None:
-            self._lose(str(error) or type(error).__name__)
+            self._lose(reason_of(error))
 
     def _expect(self, action: Action) -> PendingAction:
         """Return what an action is expected to do, before it is sent."""

@@ -13,6 +13,7 @@ from robots.agent.adapters.common.sockets import make_prompt
 from robots.agent.adapters.moos import wire
 from robots.agent.adapters.moos.wire import Mail, Value
 from robots.agent.robot_interface import AdapterError
+from robots.logs import reason_of
 
 GREETING_TIME = 3.0
 BEAT = 1.0
@@ -70,8 +71,7 @@ class MoosClient:
             answer = (await _packet(reader))[0]
         except (wire.MoosWireError, IndexError, asyncio.IncompleteReadError) as error:
             raise AdapterError(
-                f"no compatible MOOSDB at {self._host}:{self._port}: "
-                f"{str(error) or type(error).__name__}"
+                f"no compatible MOOSDB at {self._host}:{self._port}: {reason_of(error)}"
             ) from error
         if answer.type == wire.POISON:
             raise AdapterError(f"the MOOSDB refused the connection: {answer.text}")
@@ -173,7 +173,7 @@ class MoosClient:
                     elif mail.type == wire.TIMING and self._asking:
                         self._answer()
         except (OSError, asyncio.IncompleteReadError, wire.MoosWireError) as error:
-            self._lost(f"the MOOSDB is gone: {str(error) or type(error).__name__}")
+            self._lost(f"the MOOSDB is gone: {reason_of(error)}")
 
 
 async def _packet(reader: asyncio.StreamReader) -> list[Mail]:

@@ -48,6 +48,7 @@ from robots.agent.adapters.moos.openmora_adapter import (
 from robots.agent.broker_link.mqtt import Endpoint, subscribe
 from robots.agent.robot_interface import ActionRefusedError, AdapterError
 from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Velocity
+from robots.logs import reason_of
 
 OWN: tuple[Capability, ...] = ("localization", "scan", "goto", "dock", "relocalize", "tilt")
 HEARD = ("Status", "LaserScan", "Topology", "ErrorMsg", "RobotACK")
@@ -145,7 +146,7 @@ class OpenMoraMqttAdapter(OpenMoraAdapter):
                     tasks.create_task(self._acknowledge())
         except* MqttError as errors:
             error = errors.exceptions[0]
-            reason = f"{self.place}: {str(error) or type(error).__name__}"
+            reason = f"{self.place}: {reason_of(error)}"
             if ready.done():
                 self._lose(reason)
             else:
@@ -182,7 +183,7 @@ class OpenMoraMqttAdapter(OpenMoraAdapter):
                 timeout=math.inf,
             )
         except MqttError as error:
-            raise AdapterError(f"{self.place}: {str(error) or type(error).__name__}") from error
+            raise AdapterError(f"{self.place}: {reason_of(error)}") from error
 
     async def _shut(self) -> None:
         self._broker = None

@@ -3,22 +3,21 @@
 import asyncio
 import contextlib
 import hmac
-import os
 import random
 import secrets
 import subprocess
-import sys
 from collections.abc import Callable
-from pathlib import Path
 
 import structlog
 
 from robots.agent import framing
+from robots.agent.adapters.common.child_process import start_module
 from robots.agent.autonomy import wire
 from robots.agent.autonomy.sensor_snapshot import Body, NavigationOutput
 from robots.agent.robot_interface import AdapterError
 from robots.agent.timing import Backoff
 from robots.api.messages import Dock, FloorPlanUpdate, Follow, Goto, Relocalize, Undock
+from robots.logs import reason_of
 
 START_TIME = 30.0  # a slow computer reads scipy for that long
 READY_TIME = 5.0  # how long an order waits for a process that is starting
@@ -148,7 +147,7 @@ class NavigationProcess:
             try:
                 await self._live()
             except (OSError, TimeoutError, asyncio.IncompleteReadError, framing.WireError) as error:
-                log.warning("navigation_node_lost", reason=str(error) or type(error).__name__)
+                log.warning("navigation_node_lost", reason=reason_of(error))
             finally:
                 self._lose("it is restarting")
                 await _end(self._child)
@@ -248,20 +247,7 @@ def _launch(address: str, token: str) -> subprocess.Popen[bytes]:
     Raises:
         OSError: it cannot be started.
     """
-    # One thread for linear algebra: its matrices are small, and its idle threads would spin beside
-    # the agent.
-    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-    flags = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
-    # from where `robots` is imported, so that a child finds it from anywhere
-    root = str(Path(__file__).resolve().parents[4])
-    child = subprocess.Popen(
-        [sys.executable, "-m", "robots.agent.autonomy", address],
-        stdin=subprocess.PIPE,
-        start_new_session=True,
-        creationflags=flags,
-        cwd=root,
-        env=environment,
-    )
+    child = start_module("robots.agent.autonomy", address, stdin=subprocess.PIPE)
     assert child.stdin is not None
     # it is dead already, which the silence on its socket tells
     with contextlib.suppress(BrokenPipeError):

@@ -47,6 +47,7 @@ from robots.agent.simulator.physics.simulation import StartError, start_pose
 from robots.api.floorplan import FloorPlan
 from robots.api.geometry import Pose2D
 from robots.api.messages import Action, Battery, Capability, Config, Laser, Scan, Tilt, Velocity
+from robots.logs import reason_of
 from robots.world.robot_models import RobotModel, UnknownProfileError, model_of
 from robots.world.sites import SiteError, load_plan
 
@@ -264,8 +265,7 @@ class SimulatorAdapter:
                 welcome = await wire.read_answer(reader)
         except (OSError, TimeoutError, asyncio.IncompleteReadError, framing.WireError) as error:
             raise AdapterError(
-                f"the simulator at {self.address} does not answer: "
-                f"{str(error) or type(error).__name__}"
+                f"the simulator at {self.address} does not answer: {reason_of(error)}"
             ) from error
         if not isinstance(welcome, wire.SimulatorWelcome) or welcome.series != self.profile.series:
             writer.close()
@@ -442,7 +442,7 @@ class SimulatorAdapter:
             async for body in framing.bodies(reader):
                 self._take(wire.unpack_answer(body))
         except (OSError, asyncio.IncompleteReadError, framing.WireError) as error:
-            self._failure = f"the simulator is gone: {str(error) or type(error).__name__}"
+            self._failure = f"the simulator is gone: {reason_of(error)}"
             log.warning("simulator_lost", extra={"reason": str(error)})
         finally:
             self._news.set()
