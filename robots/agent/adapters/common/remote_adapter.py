@@ -34,7 +34,7 @@ from robots.agent.adapters.common.robot_profile import (
 )
 from robots.agent.adapters.common.state_builder import Readings
 from robots.agent.adapters.common.velocity_gate import GateParams, VelocityGate
-from robots.agent.ramp import ZERO
+from robots.agent.ramp import ZERO, caps
 from robots.agent.robot_interface import (
     ActionProgress,
     ActionRefusedError,
@@ -115,6 +115,18 @@ def profile_of(
         standstill_angular=robot.standstill_angular,
         navigation_control=control,
     )
+
+
+def check_tilt(profile: Profile, action: Tilt) -> None:
+    """Raise ActionRefusedError when the head cannot tilt, or not so far."""
+    reach = profile.tilt
+    if reach is None:
+        raise ActionRefusedError(f"{profile.series} does not support tilt")
+    if not reach.minimum <= action.angle <= reach.maximum:
+        raise ActionRefusedError(
+            f"the head can tilt from {reach.minimum:g} to {reach.maximum:g} rad, "
+            f"not to {action.angle:g}"
+        )
 
 
 class RemoteAdapter(ABC):
@@ -335,11 +347,7 @@ class RemoteAdapter(ABC):
         """
         if self._failure:
             raise AdapterError(self._failure)
-        limits = self.profile.limits
-        sent = Velocity(
-            linear=min(max(velocity.linear, -limits.reverse), limits.linear),
-            angular=min(max(velocity.angular, -limits.angular), limits.angular),
-        )
+        sent = caps(self.profile.limits, None).clamp(velocity)
         now = time.monotonic()
         if sent == ZERO or self._gate.shut(now) or self._unheard():
             if sent == ZERO or self._gate.moving:
@@ -388,14 +396,7 @@ class RemoteAdapter(ABC):
             self.pending_actions.begin(pending)
 
     def _tilt(self, action: Tilt) -> None:
-        reach = self.profile.tilt
-        if reach is None:
-            raise ActionRefusedError(f"{self.profile.series} does not support tilt")
-        if not reach.minimum <= action.angle <= reach.maximum:
-            raise ActionRefusedError(
-                f"the head can tilt from {reach.minimum:g} to {reach.maximum:g} rad, "
-                f"not to {action.angle:g}"
-            )
+        check_tilt(self.profile, action)
         self._turn_head(action.angle)
         now = time.monotonic()
         self.pending_actions.begin(

@@ -25,10 +25,11 @@ import structlog
 
 from robots.agent import framing
 from robots.agent.adapters.common.progress_queue import ProgressQueue
+from robots.agent.adapters.common.remote_adapter import check_tilt
 from robots.agent.adapters.common.robot_profile import nearest
 from robots.agent.adapters.simulator.child import end, launch
 from robots.agent.adapters.simulator.media import SimulatorCamera, SimulatorMicrophone
-from robots.agent.ramp import ZERO
+from robots.agent.ramp import ZERO, caps
 from robots.agent.robot_interface import (
     NOWHERE,
     ActionProgress,
@@ -284,11 +285,7 @@ class SimulatorAdapter:
         Raises:
             AdapterError: the simulator is gone, or does not read any more.
         """
-        limits = self.profile.limits
-        wanted = Velocity(
-            linear=min(max(velocity.linear, -limits.reverse), limits.linear),
-            angular=min(max(velocity.angular, -limits.angular), limits.angular),
-        )
+        wanted = caps(self.profile.limits, None).clamp(velocity)
         if time.monotonic() - self._truth_at > FRESH:
             wanted = ZERO
         if wanted == ZERO or self._may_move:
@@ -305,15 +302,11 @@ class SimulatorAdapter:
             ActionRefusedError: this robot cannot do that, or not so far.
             AdapterError: the simulator is gone.
         """
-        if not isinstance(action, Tilt) or self.profile.tilt is None:
+        if not isinstance(action, Tilt):
             raise ActionRefusedError(
                 f"{self.profile.series} does not support {type(action).__name__.lower()}"
             )
-        low, high = self.profile.tilt.minimum, self.profile.tilt.maximum
-        if not low <= action.angle <= high:
-            raise ActionRefusedError(
-                f"the head can tilt from {low:g} to {high:g} rad, not to {action.angle:g}"
-            )
+        check_tilt(self.profile, action)
         self._say(wire.TiltTo(action.angle))
         self._end_tilt("CANCELLED", "replaced")
         self._tilting = _Tilting(action.action_id, action.angle, time.monotonic() + LONGEST_TILT)

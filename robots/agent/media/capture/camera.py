@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 
-from robots.agent.media.capture.capture import Capture, CaptureState
+from robots.agent.media.capture.capture import Capture
 from robots.agent.media.codecs.encoder import LAYERS, Picture, PictureEncoder, Tier, is_due
 from robots.agent.media.codecs.key_frames import KeyFrames, Reason
 from robots.agent.media.rtp import RtpClock
@@ -45,15 +45,14 @@ class _Layer:
         self.last_stamp = None
 
 
-class CameraFeed:
-    """Reads, encodes and delivers pictures while there are viewers: once for all who watch the same
-    rung of the ladder.
+class CameraFeed(Capture):
+    """Reads and encodes frames while there are viewers, once for all of a layer.
 
     Args:
         source: the camera.
-        clock: gives pictures their RTP timestamps, the same on every rung.
-        deliver: called in the camera's thread with every encoded picture.
-        ladder: the qualities, the best first.
+        clock: gives frames their RTP timestamps, the same in every layer.
+        deliver: called in the camera's thread with every encoded frame.
+        layers: the qualities, the best first.
     """
 
     def __init__(
@@ -63,33 +62,22 @@ class CameraFeed:
         deliver: Callable[[Picture], None],
         layers: Sequence[Tier] = LAYERS,
     ) -> None:
-        self._source = source
+        super().__init__("camera", source, self._restart, self._read_frame)
+        self._camera = source
         self._clock = clock
         self._deliver = deliver
         self._layers = [_Layer(PictureEncoder(tier, number)) for number, tier in enumerate(layers)]
         self._frame: Frame | None = None
         self._frame_came = threading.Condition()
-        self._capture = Capture("camera", source, self._begin, self._step)
 
     @property
     def rates(self) -> tuple[int, ...]:
-        """Return the bit/s of the rungs, the best first."""
+        """Return the bit/s of the layers, the best first."""
         return tuple(layer.encoder.tier.bitrate for layer in self._layers)
-
-    @property
-    def state(self) -> CaptureState:
-        return self._capture.state
-
-    def start(self) -> None:
-        """Start the camera's thread; the camera itself starts with the first viewer."""
-        self._capture.start()
-
-    def close(self) -> None:
-        self._capture.close()
 
     def watch(self, number: int, layer: int = 0) -> None:
         self._layers[layer].viewers += number
-        self._capture.want(number)
+        self.want(number)
 
     def ask_key_frame(self, reason: Reason, layer: int = 0) -> None:
         self._layers[layer].ask(reason)
@@ -98,7 +86,7 @@ class CameraFeed:
         """Return the next frame; None after 3 s, or 12 s for a camera that starts. Blocks."""
         with self._frame_came:
             before = self._frame
-            self._capture.want(1)
+            self.want(1)
             began = time.monotonic()
             try:
                 while not (
@@ -111,15 +99,15 @@ class CameraFeed:
                     ):
                         break
             finally:
-                self._capture.want(-1)
+                self.want(-1)
             return self._frame if came else None
 
-    def _begin(self) -> None:
+    def _restart(self) -> None:
         for layer in self._layers:
             layer.restart()
 
-    def _step(self, timeout: float) -> bool:
-        frame = self._source.read(timeout)
+    def _read_frame(self, timeout: float) -> bool:
+        frame = self._camera.read(timeout)
         if frame is None:
             return False
         with self._frame_came:

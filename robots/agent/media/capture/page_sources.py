@@ -17,7 +17,7 @@ from robots.agent.devices.camera import picture_of
 from robots.agent.media.capture.capture import LIMITS, CaptureState
 from robots.agent.media.codecs.encoder import Picture
 from robots.agent.media.codecs.key_frames import KeyFrames, Reason
-from robots.agent.media.rtp import ROUND, STEP, VIDEO_RATE, Continuous, vp8_payloads
+from robots.agent.media.rtp import ROUND, STEP, VIDEO_RATE, Continuous, Kind, vp8_payloads
 from robots.agent.robot_interface import Frame
 
 # s, and how often a whole picture is asked for in that time
@@ -29,7 +29,37 @@ MISSING_SOUND = "no page on the robot's screen provides sound"
 OPENING = 5.0  # s in which the page of the robot's screen begins to give what somebody wants
 
 
-class PageCamera:
+class _PageSource:
+    def __init__(self, kind: Kind, missing: str) -> None:
+        self._clock = Continuous(STEP[kind])
+        self._missing = missing
+        self._users = 0
+        self._last_received_at = self._wanted_since = float("-inf")
+
+    @property
+    def state(self) -> CaptureState:
+        now = time.monotonic()
+        if now - self._last_received_at < LIMITS.stall:
+            return CaptureState("live")
+        if self._users == 0:
+            return CaptureState("idle")
+        if now - self._wanted_since < OPENING:
+            return CaptureState("starting")
+        return CaptureState("failed", self._missing)
+
+    def start(self) -> None:
+        """Nothing to begin: the page gives what it gives."""
+
+    def close(self) -> None:
+        """Nothing to end."""
+
+    def want(self, number: int) -> None:
+        if self._users == 0:
+            self._wanted_since = time.monotonic()
+        self._users += number
+
+
+class PageCamera(_PageSource):
     """Takes the place of camera.CameraFeed. On the media loop, but for `snapshot` and `state`.
 
     Args:
@@ -40,41 +70,21 @@ class PageCamera:
     rates = (0,)
 
     def __init__(self, ask: Callable[[], None], deliver: Callable[[Picture], None]) -> None:
+        super().__init__("video", MISSING_VIDEO)
         self._ask, self._deliver = ask, deliver
         self._keys = KeyFrames()
-        self._clock = Continuous(STEP["video"])
         # when, and the Unix time of the clock's tick 0, by the fastest picture
         self._ahead: tuple[float, float] | None = None
         self._source = ""
-        self._viewers = 0
-        self._last_received_at = float("-inf")
-        self._wanted_since = float("-inf")
         self._whole: bytes | None = None
         self._whole_came = threading.Condition()
 
-    @property
-    def state(self) -> CaptureState:
-        return _state(
-            self._last_received_at, self._wanted_since if self._viewers > 0 else None, MISSING_VIDEO
-        )
-
-    def start(self) -> None:
-        """Nothing to begin: the page gives what it gives."""
-
-    def close(self) -> None:
-        """Nothing to end."""
-
     def watch(self, number: int, layer: int = 0) -> None:
-        if self._viewers == 0:
-            self._wanted_since = time.monotonic()
-        self._viewers += number
+        self.want(number)
 
     def ask_key_frame(self, reason: Reason, layer: int = 0) -> None:
         """Ask the page for a key frame, not too often."""
-        self._keys.ask(reason)
-        now = time.monotonic()
-        if self._keys.is_due(now):
-            self._keys.made(now)
+        if self._keys.ask_now(reason, time.monotonic()):
             self._ask()
 
     def take(self, source: str, data: bytes, ticks: int) -> None:
@@ -120,54 +130,16 @@ class PageCamera:
         return ahead + seconds
 
 
-class PageMicrophone:
-    """Takes the place of microphone.MicrophoneFeed.
-
-    Args:
-        deliver: called with (payload, RTP ticks) of every 20 ms.
-    """
+class PageMicrophone(_PageSource):
+    """Takes the place of sound.MicrophoneFeed; `deliver` gets (payload, RTP ticks) each 20 ms."""
 
     def __init__(self, deliver: Callable[[bytes, int], None]) -> None:
+        super().__init__("audio", MISSING_SOUND)
         self._deliver = deliver
-        self._clock = Continuous(STEP["audio"])
-        self._listeners = 0
-        self._last_received_at = float("-inf")
-        self._wanted_since = float("-inf")
 
-    @property
-    def state(self) -> CaptureState:
-        return _state(
-            self._last_received_at,
-            self._wanted_since if self._listeners > 0 else None,
-            MISSING_SOUND,
-        )
-
-    def start(self) -> None:
-        """Nothing to begin: the page gives what it gives."""
-
-    def close(self) -> None:
-        """Nothing to end."""
-
-    def listen(self, number: int) -> None:
-        if self._listeners == 0:
-            self._wanted_since = time.monotonic()
-        self._listeners += number
+    listen = _PageSource.want
 
     def take(self, source: str, data: bytes, ticks: int) -> None:
         """Take an encoded sound of a connection; `ticks` are its own."""
         self._last_received_at = time.monotonic()
         self._deliver(data, self._clock.tick(source, ticks))
-
-
-def _state(last_received_at: float, wanted_since: float | None, missing: str) -> CaptureState:
-    """Return the state from monotonic seconds: last received, and wanted since (or None)."""
-    now = time.monotonic()
-    if now - last_received_at < LIMITS.stall:
-        return CaptureState("live")
-    if wanted_since is None:
-        return CaptureState("idle")
-    return (
-        CaptureState("starting")
-        if now - wanted_since < OPENING
-        else CaptureState("failed", missing)
-    )

@@ -24,6 +24,14 @@ class KeyFrames:
     def ask(self, reason: Reason) -> None:
         self._pending.add(reason)
 
+    def ask_now(self, reason: Reason, now: float) -> bool:
+        """Ask for a key frame; when it is due, count it as made and return True."""
+        self.ask(reason)
+        if not self.is_due(now):
+            return False
+        self.made(now)
+        return True
+
     def is_due(self, now: float) -> bool:
         return bool(self._pending) and now - self._last >= min(
             GAPS[reason] for reason in self._pending

@@ -91,9 +91,7 @@ class VisitorMedia:
 
     def ask_key_frame(self, reason: Reason, layer: int = 0) -> None:
         """Ask the visitor's page for a key frame, not too often."""
-        self._keys.ask(reason)
-        if self._keys.is_due(time.monotonic()):
-            self._keys.made(time.monotonic())
+        if self._keys.ask_now(reason, time.monotonic()):
             self._ask()
 
     # --- inside -----------------------------------------------------------------------------------

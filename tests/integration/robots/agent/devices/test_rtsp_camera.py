@@ -29,13 +29,13 @@ def feed_of(said: str):
     """
     pictures, states = [], []
     feed = CameraFeed(DeviceCamera(words.read(said, "camera")), RtpClock(0), pictures.append)
-    tell = feed._capture._set_state
+    tell = feed._set_state
 
     def told(status, reason=""):
         states.append(CaptureState(status, reason))
         tell(status, reason)
 
-    feed._capture._set_state = told
+    feed._set_state = told
     feed.start()
     feed.watch(1)
     try:

@@ -535,7 +535,7 @@ async def test_a_camera_that_breaks_in_a_way_nobody_foresaw_is_started_anew(
     await page.connect()
     await until(lambda: len(page.pictures) > 5)
     monkeypatch.setattr(camera, "read", lambda timeout: {}["unforeseen"])
-    await until(lambda: not media._camera._capture._thread.is_alive(), what="a dead thread")
+    await until(lambda: not media._camera._thread.is_alive(), what="a dead thread")
     monkeypatch.undo()
     held = len(page.pictures)
     await until(lambda: len(page.pictures) > held + 5, what="pictures again")
