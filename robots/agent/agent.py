@@ -273,11 +273,7 @@ def agent_of(arguments: Mapping[str, Any]) -> Agent:
 
 
 def _check(config: AgentConfig) -> None:
-    """Build the robot's side for nothing; `create` starts and reaches nothing.
-
-    Raises:
-        ConfigError: no such adapter, profile, option, site or device.
-    """
+    """Build the robot's side without starting it; raises ConfigError for what is wrong."""
     try:
         equipment_of(_adapter(config), config)
     except AdapterError as error:

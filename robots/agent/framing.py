@@ -28,11 +28,7 @@ def pack(message: msgspec.Struct) -> bytes:
 
 
 def length(header: bytes, limit: int = LIMIT) -> int:
-    """Return how many bytes follow a header.
-
-    Raises:
-        WireError: more than `limit`; whoever speaks here speaks another language.
-    """
+    """Return how many bytes follow a header; raises WireError above `limit`."""
     size = int.from_bytes(header, "big")
     if size > limit:
         raise WireError(f"invalid message length: {size} bytes")
@@ -40,11 +36,7 @@ def length(header: bytes, limit: int = LIMIT) -> int:
 
 
 def unpack(decoder: msgspec.msgpack.Decoder[Message], body: bytes) -> Message:
-    """Return a message of those that the decoder knows.
-
-    Raises:
-        WireError: it is none of them.
-    """
+    """Return a message that the decoder knows; raises WireError for any other."""
     try:
         return decoder.decode(body)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
@@ -53,11 +45,7 @@ def unpack(decoder: msgspec.msgpack.Decoder[Message], body: bytes) -> Message:
 
 
 def take(buffer: bytearray, limit: int = LIMIT) -> bytes | None:
-    """Take the first message off a buffer and return its bytes, None while not all of it is there.
-
-    Raises:
-        WireError: something else stands there.
-    """
+    """Take the first message off a buffer, None while incomplete; raises WireError."""
     if len(buffer) < HEADER:
         return None
     end = HEADER + length(bytes(buffer[:HEADER]), limit)

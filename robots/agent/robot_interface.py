@@ -217,11 +217,7 @@ class VideoSource(Protocol):
         """Stop capturing, because nobody watches; idempotent."""
 
     def read(self, timeout: float) -> Frame | None:
-        """Block for the next picture, at most `timeout` seconds; None when there was none.
-
-        Raises:
-            AdapterError: the camera is gone.
-        """
+        """Block for the next frame, for `timeout` s at most; None without one, or AdapterError."""
 
 
 class AudioSource(Protocol):
@@ -241,42 +237,26 @@ class Speaker(Protocol):
     """The robot's loudspeaker; called from one thread of the media side, and may block."""
 
     def start(self) -> None:
-        """Get ready to play; idempotent.
-
-        Raises:
-            AdapterError: the loudspeaker is gone.
-        """
+        """Get ready to play; idempotent. Raises AdapterError when it is gone."""
 
     def stop(self) -> None:
         """Be silent, because nobody speaks; idempotent."""
 
     def play(self, samples: npt.NDArray[np.int16]) -> None:
-        """Play samples, (n,): mono, 48 kHz.
-
-        Raises:
-            AdapterError: the loudspeaker is gone.
-        """
+        """Play samples, (n,): mono, 48 kHz. Raises AdapterError when it is gone."""
 
 
 class Display(Protocol):
     """A display that is not a browser; called like a Speaker."""
 
     def start(self) -> None:
-        """Get ready to show; idempotent.
-
-        Raises:
-            AdapterError: the display is gone.
-        """
+        """Get ready to show; idempotent. Raises AdapterError when it is gone."""
 
     def stop(self) -> None:
         """Show nobody; idempotent."""
 
     def show(self, image: npt.NDArray[np.uint8]) -> None:
-        """Show a picture of the visitor, (height, width, 3) RGB.
-
-        Raises:
-            AdapterError: the display is gone.
-        """
+        """Show the visitor, (height, width, 3) RGB. Raises AdapterError when it is gone."""
 
 
 class Adapter(Protocol):

@@ -30,11 +30,7 @@ class Store:
         self._space = DiskSpace(directory, LOW_MB)
 
     def prepare(self) -> None:
-        """Make the directory.
-
-        Raises:
-            OSError: it cannot be made, or not be written to.
-        """
+        """Make the directory; raises OSError when it cannot be made or written to."""
         self._latch.parent.mkdir(parents=True, exist_ok=True)
         probe = self._latch.parent / ".writable"
         probe.write_text("")
@@ -69,11 +65,7 @@ class Store:
             return EStopLatch(UNREADABLE, 0.0, "", str(error))
 
     def keep_latch(self, latch: EStopLatch | None) -> None:
-        """Remember an e-stop, or that there is none.
-
-        Raises:
-            OSError: the disk does not take it.
-        """
+        """Store an e-stop, or None for none; raises OSError."""
         if latch is None:
             self._latch.unlink(missing_ok=True)
             return
@@ -92,11 +84,7 @@ class Store:
         return None
 
     def keep_lease(self, newest: Remembered) -> None:
-        """Remember a grant.
-
-        Raises:
-            OSError: the disk does not take it.
-        """
+        """Store a grant; raises OSError."""
         _replace(self._lease, asdict(newest))
 
 

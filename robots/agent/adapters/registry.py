@@ -24,11 +24,7 @@ from robots.world.sites import SiteError, load_site
 
 
 def adapter_names() -> tuple[str, ...]:
-    """Return the names that `create` knows.
-
-    Raises:
-        AdapterError: two installed packages use one name.
-    """
+    """Return the names that `create` knows; AdapterError when two packages use one name."""
     try:
         return known_names()
     except AmbiguousAdapterError as error:

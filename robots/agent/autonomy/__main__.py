@@ -84,11 +84,7 @@ class Conversation:
 
 
 def frames(buffer: bytearray) -> list[wire.ToNode]:
-    """Take the whole messages off the beginning of a buffer.
-
-    Raises:
-        WireError: something else stands there.
-    """
+    """Take the whole messages off a buffer; raises WireError when it holds something else."""
     found = []
     while (body := framing.take(buffer)) is not None:
         found.append(wire.unpack_order(body))
@@ -96,11 +92,7 @@ def frames(buffer: bytearray) -> list[wire.ToNode]:
 
 
 def serve(link: socket.socket) -> None:
-    """Think until the other side is gone.
-
-    Raises:
-        OSError, WireError: the other side is broken.
-    """
+    """Answer until the other side is gone; raises OSError or WireError when it is broken."""
     conversation = Conversation(lambda message: link.sendall(framing.pack(message)))
     buffer = bytearray()
     while piece := link.recv(PIECE):

@@ -33,11 +33,7 @@ class Area:
 
 
 def area_of(update: FloorPlanUpdate) -> Area:
-    """Return the site that a `floorplan` message describes.
-
-    Raises:
-        AreaError: image or plan cannot be used.
-    """
+    """Return the site of a `floorplan` message; raises AreaError for an unusable image or plan."""
     try:
         data = base64.b64decode(update.image, validate=True)
         image = decode_grey(data, f"the map {update.map_id!r}")
@@ -51,11 +47,7 @@ def area_of(update: FloorPlanUpdate) -> Area:
 
 
 def plan_of(update: FloorPlanUpdate) -> FloorPlan | None:
-    """Return the plan of a `floorplan` message, None when it has none.
-
-    Raises:
-        AreaError: the plan cannot be used.
-    """
+    """Return a `floorplan` message's plan, None without one; raises AreaError."""
     if update.plan is None:
         return None
     try:

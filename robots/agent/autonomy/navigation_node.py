@@ -66,11 +66,7 @@ class NavigationNode:
     """One robot in one site; its pose is unknown until it is placed or has found itself."""
 
     def __init__(self, area: Area, body: Body, rng: np.random.Generator) -> None:
-        """Read the map.
-
-        Raises:
-            AreaError: nothing can find its way there.
-        """
+        """Read the map; raises AreaError when no robot can find its way there."""
         self._area = area
         self._dock = own_dock(area.plan, body.series)
         grid = area.grid if area.plan is None else with_stations(area.grid, area.plan)

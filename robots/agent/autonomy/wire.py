@@ -111,20 +111,10 @@ _from_node: msgpack.Decoder[FromNode] = msgpack.Decoder(FromNode)
 
 
 def unpack_order(body: bytes) -> ToNode:
-    """Return what the control loop said.
-
-    Raises:
-        WireError: it is no message.
-    """
     return framing.unpack(_to_node, body)
 
 
 def unpack_answer(body: bytes) -> FromNode:
-    """Return what a mind said.
-
-    Raises:
-        WireError: it is no message.
-    """
     return framing.unpack(_from_node, body)
 
 
@@ -154,11 +144,7 @@ def perceive(moment: SensorSnapshot, *, new: bool) -> Perceive:
 
 
 def perceived(message: Perceive, beams: LaserScan | None) -> SensorSnapshot:
-    """Return the perception of a message; `beams` is the newest sweep, its own or an earlier one.
-
-    Raises:
-        WireError: its bytes are no points.
-    """
+    """Return a message's perception with the newest sweep; WireError for invalid points."""
     try:
         points = np.frombuffer(message.points, dtype=np.float32).astype(np.float64).reshape(-1, 2)
     except ValueError as error:
@@ -175,11 +161,7 @@ def perceived(message: Perceive, beams: LaserScan | None) -> SensorSnapshot:
 
 
 def beams_in(sweep: ScanMessage) -> LaserScan:
-    """Return the sweep of a message.
-
-    Raises:
-        WireError: its bytes are no ranges.
-    """
+    """Return the sweep of a message; raises WireError for invalid ranges."""
     try:
         ranges = np.frombuffer(sweep.ranges, dtype=np.float32).astype(np.float64)
     except ValueError as error:

@@ -132,11 +132,7 @@ def trust(server: str, ca: str | None) -> ssl.SSLContext | None:
 
 
 def believed(ca: str | None) -> ssl.SSLContext:
-    """Return whose certificates are believed: the system's, and those in the file `ca`.
-
-    Raises:
-        ConfigError: the file cannot be read.
-    """
+    """Trust the system's certificates and those in the file `ca`; raises ConfigError."""
     context = ssl.create_default_context()
     try:
         if ca:

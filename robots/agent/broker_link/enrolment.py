@@ -155,11 +155,7 @@ def keep_renewing(
 
 
 def check_private(server: str) -> None:
-    """Tell whether what is sent to a server is read by it alone.
-
-    Raises:
-        ConfigError: it would cross a network in the clear.
-    """
+    """Refuse, by ConfigError, to send credentials over a network in the clear."""
     parts = urlsplit(server)
     if parts.scheme == "https" or (
         parts.scheme == "http" and _is_this_machine(parts.hostname or "")

@@ -29,11 +29,7 @@ class OutboundMessage:
 
 
 def outbound(suffix: str, payload: bytes) -> OutboundMessage:
-    """Return a letter as the topic table wants it sent.
-
-    Raises:
-        ValueError: the table has no such suffix.
-    """
+    """Return a message with its topic's QoS and retain flag; ValueError for no such topic."""
     topic = topics.find(suffix)
     if topic is None:
         raise ValueError(f"no topic {suffix}")

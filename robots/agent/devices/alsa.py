@@ -71,11 +71,7 @@ class AlsaMicrophone:
         self._recorded = bytearray()
 
     def start(self) -> None:
-        """Begin to capture; idempotent.
-
-        Raises:
-            AdapterError: the program that does it is not there.
-        """
+        """Begin to capture; idempotent. Raises AdapterError without arecord."""
         if self._child is None:
             self._recorded.clear()
             self._child = _Child("arecord", "microphone", self._words.address)
@@ -86,11 +82,7 @@ class AlsaMicrophone:
             child.end()
 
     def read(self, timeout: float) -> npt.NDArray[np.int16] | None:
-        """Block for the next 20 ms, (960,), at most `timeout` seconds; None when there was nothing.
-
-        Raises:
-            AdapterError: the microphone is gone.
-        """
+        """Block for 20 ms, (960,), for `timeout` s at most; None without data, or AdapterError."""
         if self._child is None:
             return None
         deadline = time.monotonic() + timeout
@@ -129,22 +121,14 @@ class AlsaLoudspeaker:
             child.end()
 
     def play(self, samples: npt.NDArray[np.int16]) -> None:
-        """Play samples, (n,): mono, 48 kHz. Waits while the device has enough.
-
-        Raises:
-            AdapterError: it is gone.
-        """
+        """Play (n,) mono at 48 kHz, waiting while the device is full; raises AdapterError."""
         if self._child is None:
             raise AdapterError(f"the loudspeaker {self._words.address} is not open")
         self._child.write(samples.astype("<i2").tobytes())
 
 
 class _Child:
-    """A running arecord or aplay; what it has to say about its device is kept.
-
-    Raises:
-        AdapterError: there is no such program.
-    """
+    """A running arecord or aplay, and its last messages; AdapterError when not installed."""
 
     def __init__(self, program: Program, name: str, address: str) -> None:
         self._program, self._name, self._address = program, name, address
@@ -197,11 +181,7 @@ class _Child:
         return bool(select.select([_file(self._process.stdout)], [], [], timeout)[0])
 
     def read(self) -> bytes:
-        """Return what was recorded.
-
-        Raises:
-            AdapterError: the program has ended.
-        """
+        """Return what was recorded; raises AdapterError when the program has ended."""
         self._listen()
         data = os.read(_file(self._process.stdout).fileno(), LIMITS.waiting * WIDTH)
         if not data:
@@ -209,11 +189,7 @@ class _Child:
         return data
 
     def write(self, data: bytes) -> None:
-        """Give it this to play; waits while it has enough.
-
-        Raises:
-            AdapterError: the program has ended, or takes nothing.
-        """
+        """Play this, waiting while it is full; AdapterError when it has ended or takes nothing."""
         left = memoryview(data)
         while left:
             self._listen()

@@ -33,11 +33,7 @@ class DeviceCamera:
         self._reader.stop()
 
     def read(self, timeout: float) -> Frame | None:
-        """Block for the next picture, at most `timeout` seconds; None when there was none.
-
-        Raises:
-            AdapterError: the camera is gone.
-        """
+        """Block for the next frame, for `timeout` s at most; None without one, or AdapterError."""
         newest = self._newest.take(timeout if not self._reader.failed else 0.0)
         if newest is None:
             self._reader.check()

@@ -35,11 +35,7 @@ class DeviceMicrophone:
         self._reader.stop()
 
     def read(self, timeout: float) -> npt.NDArray[np.int16] | None:
-        """Block for the next 20 ms, (960,), at most `timeout` seconds; None when there was nothing.
-
-        Raises:
-            AdapterError: the microphone is gone.
-        """
+        """Block for 20 ms, (960,), for `timeout` s at most; None without data, or AdapterError."""
         with self._news:
             self._news.wait_for(lambda: self._blocks, timeout if not self._reader.failed else 0.0)
             block = self._blocks.popleft() if self._blocks else None

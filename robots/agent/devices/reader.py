@@ -94,11 +94,7 @@ class DeviceReader:
         self._left_behind: list[threading.Thread] = []
 
     def start(self) -> None:
-        """Begin to read; idempotent while it runs.
-
-        Raises:
-            AdapterError: too many threads hang in the device.
-        """
+        """Begin to read; idempotent. Raises AdapterError when too many threads hang in it."""
         if self._run is not None:
             return
         self._left_behind = [thread for thread in self._left_behind if thread.is_alive()]

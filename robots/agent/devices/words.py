@@ -65,11 +65,7 @@ class DeviceSetting:
 
 
 def read(words: str, kind: Kind) -> DeviceSetting | None:
-    """Return the device that `words` name, None for an empty word and for `none`.
-
-    Raises:
-        DeviceWordsError: they name none.
-    """
+    """Return the device of `words`, None for "" and `none`; raises DeviceSettingError."""
     rest, options = _options(words.strip())
     if rest in {"", "none"}:
         return None

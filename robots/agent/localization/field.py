@@ -118,11 +118,7 @@ class DistanceField:
 
 
 def field_of(grid: OccupancyGrid) -> DistanceField:
-    """Return the field of a map.
-
-    Raises:
-        MapError: nowhere on it can a robot be, or nothing stands on it that a laser could see.
-    """
+    """Return the field of a map; MapError without free space, or without obstacles."""
     free, occupied = grid.free()[::-1], grid.occupied()[::-1]
     if not free.any():
         raise MapError("the map has no free space for a robot")

@@ -121,11 +121,7 @@ class Localizer:
     def __init__(
         self, grid: OccupancyGrid, rng: np.random.Generator, settings: Settings | None = None
     ) -> None:
-        """Read the map.
-
-        Raises:
-            MapError: it has no free space, or nothing stands on it.
-        """
+        """Read the map; raises MapError without free space or obstacles."""
         self.settings = settings or Settings()
         self.rng = rng
         self.field = field_of(grid)

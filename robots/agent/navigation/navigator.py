@@ -90,11 +90,7 @@ class Navigator:
     # --- tasks ------------------------------------------------------------------------------------
 
     def goto(self, x: float, y: float, theta: float | None = None) -> None:
-        """Go to a point, to end with a heading or with any.
-
-        Raises:
-            NoWayError: nothing stands free there.
-        """
+        """Go to a point, with a final heading or any; raises NoWayError when it is not free."""
         if theta is not None and not math.isfinite(theta):
             raise NoWayError("the heading of the goal is not a number")
         self._begin(self._journey([self._planner.goal(x, y)], theta))
@@ -114,11 +110,7 @@ class Navigator:
         self._begin(self._journey([*((float(x), float(y)) for x, y in drawn[fits]), end], None))
 
     def dock(self) -> None:
-        """Go to the robot's charging station and into it.
-
-        Raises:
-            NoWayError: there is none on the plan, or no room before it.
-        """
+        """Go into the robot's charging station; NoWayError without one, or without room."""
         dock = self.plan.dock_of(self.series) if self.plan else None
         if dock is None:
             raise NoWayError(f"no charging station for {self.series} is known")

@@ -82,11 +82,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def listen_address(text: str) -> tuple[str, int]:
-    """Return host and port.
-
-    Raises:
-        ValueError: not a loopback address: nothing here asks who is there.
-    """
+    """Return host and port; ValueError unless it is loopback: clients are not authenticated."""
     host, _, port = text.rpartition(":")
     if host not in LOOPBACK or not port.isdigit():
         raise ValueError(f"--listen takes a loopback address such as 127.0.0.1:0, not {text!r}")
@@ -94,11 +90,7 @@ def listen_address(text: str) -> tuple[str, int]:
 
 
 def moving_things(people: int, door_changes: float) -> dict[str, Any]:
-    """Return who and what moves in the site beside the robot.
-
-    Raises:
-        ValueError: a number that cannot be.
-    """
+    """Return the arguments for people and doors; raises ValueError."""
     if not 0 <= people <= MOST_PEOPLE:
         raise ValueError(f"--people takes 0 to {MOST_PEOPLE}, not {people}")
     if not 0.0 <= door_changes < math.inf:
@@ -107,11 +99,7 @@ def moving_things(people: int, door_changes: float) -> dict[str, Any]:
 
 
 def with_fps(model: RobotModel, fps: float | None) -> RobotModel:
-    """Return a model whose camera takes so many pictures a second; None leaves it as it is.
-
-    Raises:
-        ValueError: a number that cannot be.
-    """
+    """Return a model with so many frames a second, unless None; raises ValueError."""
     if fps is None:
         return model
     if not 0.0 < fps <= MOST_FPS:

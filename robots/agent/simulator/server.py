@@ -93,11 +93,7 @@ class Server:
         self._camera: CameraThread | None = None
 
     async def run(self, host: str, port: int, announce: Callable[[str], None]) -> None:
-        """Serve until the end; `announce` gets the address.
-
-        Raises:
-            OSError: the address cannot be bound.
-        """
+        """Serve until the end; `announce` gets the address. OSError when it cannot be bound."""
         server = await asyncio.start_server(self._serve, host, port)
         try:
             self._open_camera()
@@ -234,11 +230,7 @@ class Server:
             self._camera.watch(watched=self._has("camera"))
 
     def _take(self, client: SimulatorClient, message: wire.ToSimulator) -> None:
-        """Do what a client asks.
-
-        Raises:
-            WireError: not for its role.
-        """
+        """Do what a client asks; raises WireError for what is not of its role."""
         self.playback.advance(time.monotonic(), time.time())
         match message:
             case wire.SimulatorHello(role) if client.role is None:

@@ -190,20 +190,10 @@ _from_simulator: msgspec.msgpack.Decoder[Any] = msgspec.msgpack.Decoder(FromSimu
 
 
 def unpack_command(body: bytes) -> Any:
-    """Return what a client said, one of `ToSimulator`.
-
-    Raises:
-        WireError: it is no message.
-    """
     return framing.unpack(_to_simulator, body)
 
 
 def unpack_answer(body: bytes) -> Any:
-    """Return what the simulator said, one of `FromSimulator`.
-
-    Raises:
-        WireError: it is no message.
-    """
     return framing.unpack(_from_simulator, body)
 
 

@@ -8,11 +8,7 @@ from typing import Any
 
 
 def start_module(*command: str, **pipes: Any) -> subprocess.Popen[bytes]:
-    """Start `python -m` with this command; blocks for some milliseconds.
-
-    Raises:
-        OSError: it cannot be started.
-    """
+    """Start `python -m` with this command, in milliseconds; raises OSError."""
     # One thread for linear algebra: the matrices are small, and idle threads would spin beside the
     # agent.
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}

@@ -93,11 +93,7 @@ class PendingActions:
         self._tell = tell
 
     def own(self, pending: PendingAction) -> None:
-        """Take an action that is about to be sent and may move the base.
-
-        Raises:
-            ActionRefusedError: the end of an earlier one is not confirmed.
-        """
+        """Take an action to be sent; raises ActionRefusedError while another may move the base."""
         if self.drive is not None:
             raise ActionRefusedError("the robot has not confirmed the end of its last action")
         self.drive = pending

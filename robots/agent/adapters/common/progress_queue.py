@@ -27,11 +27,7 @@ class ProgressQueue:
         self._came.set()
 
     async def get(self) -> ActionProgress:
-        """Wait for the next news.
-
-        Raises:
-            AdapterError: that is what was put in.
-        """
+        """Wait for the next news; raises an AdapterError that was put in."""
         while not self._waiting:
             self._came.clear()
             await self._came.wait()

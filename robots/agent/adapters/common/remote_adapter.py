@@ -153,11 +153,7 @@ class RemoteAdapter(ABC):
 
     @abstractmethod
     async def _open(self) -> None:
-        """Reach the RCA and begin to listen.
-
-        Raises:
-            AdapterError, OSError, TimeoutError: it cannot be reached.
-        """
+        """Reach the RCA and subscribe; raises AdapterError, OSError or TimeoutError."""
 
     @abstractmethod
     async def _shut(self) -> None:
@@ -165,18 +161,10 @@ class RemoteAdapter(ABC):
 
     @abstractmethod
     def _drive(self, velocity: Velocity) -> None:
-        """Say a velocity, at once.
-
-        Raises:
-            AdapterError: the RCA does not take it.
-        """
+        """Send a velocity, at once; raises AdapterError when the RCA does not take it."""
 
     async def _ask(self) -> None:
-        """Ask the RCA something and wait for its answer: it has read then what it was told before.
-
-        Raises:
-            AdapterError: it is gone.
-        """
+        """Wait until the RCA has read what was sent; raises AdapterError when it is gone."""
 
     def _cut(self) -> None:
         """Throw away what the lost RCA was told and has not got yet; at once."""
@@ -293,11 +281,7 @@ class RemoteAdapter(ABC):
     # --- the contract -----------------------------------------------------------------------------
 
     async def connect(self) -> None:
-        """Reach the RCA, and hear where the robot is.
-
-        Raises:
-            AdapterError: it cannot be reached, or says nothing.
-        """
+        """Reach the RCA and wait for a reading; raises AdapterError."""
         await self._let_go("reconnecting")
         estop = self.readings.estop
         self.readings = Readings(self._battery)

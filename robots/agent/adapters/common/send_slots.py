@@ -29,22 +29,14 @@ class SendSlots(Generic[SlotMessage]):
         self._wake = asyncio.Event()
 
     def say(self, message: SlotMessage) -> None:
-        """Let a letter wait for its turn.
-
-        Raises:
-            AdapterError: too many do already.
-        """
+        """Queue a message; raises AdapterError when too many wait already."""
         if len(self._messages) >= MAX_MESSAGES:
             raise AdapterError("the robot control architecture does not accept messages")
         self._messages.append(message)
         self._wake.set()
 
     def drive(self, message: SlotMessage) -> None:
-        """Let a velocity wait, instead of the one before.
-
-        Raises:
-            AdapterError: velocities have not been taken for a while.
-        """
+        """Replace the waiting velocity; raises AdapterError when none was taken for a while."""
         now = time.monotonic()
         if self._velocity is None:
             self._waiting_since = now

@@ -84,11 +84,7 @@ class MoosClient:
         return answer.community
 
     def notify(self, key: str, value: Value) -> None:
-        """Say a variable.
-
-        Raises:
-            AdapterError: the database is gone, or does not read.
-        """
+        """Send a variable; raises AdapterError when the database is gone, or does not read."""
         self._send(Mail(wire.NOTIFY, key, value, time.time(), self.name, number=next(self._ids)))
 
     def register(self, key: str, interval: float = 0.0) -> None:

@@ -48,11 +48,7 @@ def milliseconds(unix: float) -> int:
 
 
 def unstamped(payload: bytes) -> tuple[str, float]:
-    """Return a payload without its time, and that in Unix seconds.
-
-    Raises:
-        DialectError: there is none in front.
-    """
+    """Return a payload without its time, and that in Unix seconds; raises DialectError."""
     stamp, bar, text = payload.decode("utf-8", "replace").partition("|")
     if not bar or not stamp.strip().isdecimal() or len(stamp) > LONGEST_STAMP:
         raise DialectError("payload without a timestamp")
@@ -83,11 +79,7 @@ def area(x: float, y: float, half_width: float, particles: int) -> str:
 
 
 def pose_of(text: str) -> Pose | None:
-    """Read `[x y phi]`, brackets and a suffix `deg` or not; None for what is unknown.
-
-    Raises:
-        DialectError: it is none.
-    """
+    """Read `[x y phi]`, also without brackets or with `deg`; None if unknown, or DialectError."""
     if text.strip() in {"", UNKNOWN}:
         return None
     parts = text.strip().strip("[]").replace("deg", "").split()

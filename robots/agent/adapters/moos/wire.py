@@ -56,11 +56,7 @@ def pack(mails: tuple[Mail, ...] | list[Mail]) -> bytes:
 
 
 def body_length(header: bytes) -> tuple[int, int]:
-    """Return how many bytes follow a header, and how many messages are in them.
-
-    Raises:
-        MoosWireError: it is no header, or of a compressed packet.
-    """
+    """Return how many bytes and messages follow a header; raises MoosWireError."""
     size, count, compressed = _PACKET.unpack(header)
     if compressed or not HEADER <= size <= LARGEST or count < 0:
         raise MoosWireError(
@@ -70,11 +66,7 @@ def body_length(header: bytes) -> tuple[int, int]:
 
 
 def unpack(body: bytes, count: int) -> list[Mail]:
-    """Return the messages of a packet.
-
-    Raises:
-        MoosWireError: it is none.
-    """
+    """Return the messages of a packet; raises MoosWireError when it is none."""
     found, offset = [], 0
     for _ in range(count):
         mail, offset = _unpack(body, offset)

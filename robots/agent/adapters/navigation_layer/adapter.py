@@ -146,22 +146,13 @@ class AutonomyAdapter:
             self._settle(area)
 
     async def connect(self) -> None:
-        """Reach the RCA, and start the navigation process without waiting for it.
-
-        Raises:
-            AdapterError: the RCA cannot be reached.
-        """
+        """Connect the RCA (raises AdapterError); start the navigation process without waiting."""
         await self.inner.connect()
         await self._memory.read()
         self._last = self._beams = None
         self.node.run()
 
     def apply(self, velocity: Velocity) -> Velocity:
-        """Send a velocity.
-
-        Raises:
-            AdapterError: the RCA is gone.
-        """
         return self.inner.apply(velocity)
 
     def wanted(self) -> Velocity | None:
@@ -229,11 +220,7 @@ class AutonomyAdapter:
         return await self.inner.cancel(action_id)
 
     async def states(self) -> AsyncIterator[RcaState]:
-        """Yield the RCA's states; `located` adds our pose and path.
-
-        Raises:
-            AdapterError: the RCA is gone.
-        """
+        """Yield the RCA's states; `located` adds our pose and path. Raises AdapterError."""
         try:
             async for reading in self.inner.states():
                 yield reading
@@ -241,11 +228,7 @@ class AutonomyAdapter:
             self._end_all("the robot was lost")
 
     async def progress(self) -> AsyncIterator[ActionProgress]:
-        """Yield news of actions, the RCA's and ours.
-
-        Raises:
-            AdapterError: the RCA's news have ended so.
-        """
+        """Yield news of actions, the RCA's and ours; raises the RCA's AdapterError."""
         pump = asyncio.ensure_future(self._pump())
         try:
             while True:

@@ -94,11 +94,7 @@ class NavigationProcess:
         return True
 
     async def order(self, action: Orderable) -> None:
-        """Begin an action and wait for the answer.
-
-        Raises:
-            AdapterError: it was refused, or the process does not answer.
-        """
+        """Begin an action and wait for the answer; raises AdapterError when refused or silent."""
         await self._until_ready()
         self._orders += 1
         answer = self._answers[self._orders] = asyncio.get_running_loop().create_future()
@@ -242,11 +238,6 @@ class NavigationProcess:
 
 
 def _launch(address: str, token: str) -> subprocess.Popen[bytes]:
-    """Start the process; blocks for some milliseconds.
-
-    Raises:
-        OSError: it cannot be started.
-    """
     child = start_module("robots.agent.autonomy", address, stdin=subprocess.PIPE)
     assert child.stdin is not None
     # it is dead already, which the silence on its socket tells

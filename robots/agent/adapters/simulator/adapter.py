@@ -87,11 +87,7 @@ log = structlog.stdlib.get_logger(__name__)
 
 
 def create(profile_name: str, options: Mapping[str, Any]) -> "SimulatorAdapter":
-    """Return an adapter for a simulated robot; nothing is started yet.
-
-    Raises:
-        AdapterError: no such profile, plan or option, in one sentence.
-    """
+    """Return an adapter, nothing started; AdapterError for a wrong profile, plan or option."""
     unknown = sorted(set(options) - set(OPTIONS))
     if unknown:
         raise AdapterError(
@@ -232,11 +228,7 @@ class SimulatorAdapter:
         return "" if self._address is None else f"{self._address[0]}:{self._address[1]}"
 
     async def connect(self) -> None:
-        """Start the simulator, or find the one that still runs, and say hello.
-
-        Raises:
-            AdapterError: it does not start, does not answer, or is another robot.
-        """
+        """Start the simulator or find the running one; raises AdapterError when it is another."""
         await self._drop("reconnecting")
         self._address = await self._find()
         try:

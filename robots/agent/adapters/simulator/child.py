@@ -21,11 +21,7 @@ log = structlog.stdlib.get_logger(__name__)
 
 
 def launch(series: str, options: Mapping[str, Any]) -> tuple[subprocess.Popen[bytes], str]:
-    """Start a simulator and wait for its address; blocks.
-
-    Raises:
-        AdapterError: it did not start; its own sentence stands on standard error.
-    """
+    """Start a simulator and wait for its address; blocks. Raises AdapterError."""
     linger = str(options.get("linger", LINGER))
     command = ["robots.agent.simulator", "--profile", series, "--tied", "--linger", linger]
     command += [

@@ -31,11 +31,7 @@ class MediaSocket:
     """A connection in one role; reads whole messages with a time-out."""
 
     def __init__(self, address: Address, role: wire.Role) -> None:
-        """Connect and say hello.
-
-        Raises:
-            OSError: nobody is there.
-        """
+        """Connect and send the role; raises OSError."""
         self._socket = socket.create_connection(address, timeout=CONNECT_TIME)
         self._socket.sendall(framing.pack(wire.SimulatorHello(role)))
         self._buffer = bytearray()
@@ -96,11 +92,7 @@ class _Source:
             line.close()
 
     def _next(self, timeout: float) -> Any:
-        """Return the next message, None after `timeout`; the caller holds the lock.
-
-        Raises:
-            AdapterError: the simulator is gone.
-        """
+        """Return the next message, None after `timeout`, holding the lock; raises AdapterError."""
         address = self._where()
         if address is None:  # the simulator is being started: nothing is wrong with the source
             time.sleep(max(timeout, 0.0))
@@ -129,11 +121,7 @@ class SimulatorCamera(_Source):
         self._ring: FrameReader | None = None
 
     def read(self, timeout: float) -> Frame | None:
-        """Return the newest picture that was not read before.
-
-        Raises:
-            AdapterError: the camera is gone; the next read tries again.
-        """
+        """Return the newest unread frame; raises AdapterError, and tries again on the next read."""
         if not self._running.wait(timeout):
             return None
         with self._lock:

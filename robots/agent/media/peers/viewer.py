@@ -111,11 +111,7 @@ class Viewer:
         self.takes_candidates = False
 
     async def answer(self, offer: SdpOffer) -> str:
-        """Answer the offer; return the SDP.
-
-        Raises:
-            BadOfferError: it cannot be used.
-        """
+        """Answer the offer; return the SDP. Raises BadOfferError."""
         self._watch()
         sdp = await self.page.answer(offer)
         self.takes_candidates = True

@@ -358,11 +358,7 @@ def install() -> None:
 
 
 def check() -> None:
-    """Refuse an aiortc that these hooks do not fit.
-
-    Raises:
-        UnsupportedAiortcError: with what is wrong.
-    """
+    """Raise UnsupportedAiortcError for an aiortc that these hooks do not fit."""
     if not aiortc.__version__.startswith("1.16."):
         raise UnsupportedAiortcError(
             f"aiortc {aiortc.__version__} is installed, but 1.16 is required"

@@ -31,11 +31,7 @@ class MediaLine:
 
 
 def media_lines(offer: str) -> tuple[MediaLine, ...]:
-    """Return the audio and video lines of an offer, in order.
-
-    Raises:
-        BadOfferError: not SDP, or too many lines.
-    """
+    """Return an offer's audio and video lines, in order; raises BadOfferError."""
     try:
         description = SessionDescription.parse(offer)
     except (

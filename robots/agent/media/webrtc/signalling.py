@@ -113,11 +113,7 @@ class PageConnection:
         return reports > 0.0 and now - max(reports, self._last_frame) > SILENCE
 
     async def answer(self, offer: SdpOffer) -> str:
-        """Answer an offer; return the SDP with all candidates.
-
-        Raises:
-            sdp.BadOfferError: the offer cannot be used, or the connection was closed meanwhile.
-        """
+        """Answer an offer with all candidates; BadOfferError when unusable, or closed by then."""
         async with self._opening:
             return await self._answer(offer)
 

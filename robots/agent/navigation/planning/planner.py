@@ -68,11 +68,7 @@ class Planner:
         )
 
     def goal(self, x: float, y: float) -> tuple[float, float]:
-        """Return where the map lets the robot stand for a goal: there, or nearby.
-
-        Raises:
-            NoWayError: the goal is no number, off the map, or too deep in something.
-        """
+        """Return a free place for a goal: there, or nearby; raises NoWayError."""
         if not (math.isfinite(x) and math.isfinite(y)):
             raise NoWayError("the goal's x or y is not a number")
         if not bool(self.costmap.cells(np.array([[x, y]]))[2][0]):

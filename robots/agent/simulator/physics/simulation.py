@@ -170,11 +170,7 @@ class Simulation:
             self.obstacles = self._standing()
 
     def carry_to(self, pose: Pose2D) -> None:
-        """Put the robot somewhere else; its odometry notices nothing.
-
-        Raises:
-            StartError: something or somebody stands there, or there is no room.
-        """
+        """Put the robot elsewhere, unnoticed by odometry; StartError where it is not free."""
         where = f"{pose.x:g},{pose.y:g},{pose.theta:g}"
         if self.plan.room_at(pose.x, pose.y) is None:
             raise StartError(f"{where} is not in a room")
@@ -370,11 +366,7 @@ def _wheels(motion: WheelMotion, dt: float) -> Pose2D:
 
 
 def start_pose(plan: FloorPlan, model: RobotModel, start: str) -> Pose2D:
-    """Return where a robot begins: `dock`, a named start or place, or `x,y,theta`.
-
-    Raises:
-        StartError: no such place.
-    """
+    """Return the pose of `dock`, a named start or place, or `x,y,theta`; raises StartError."""
     dock = plan.dock_of(model.series)
     if start == "dock" and dock is not None:
         return Pose2D(dock.x, dock.y, dock.theta)

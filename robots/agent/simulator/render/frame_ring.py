@@ -55,11 +55,7 @@ class FrameWriter(_Ring):
     """The camera's side. `begin` gives the picture to draw into, `commit` shows it."""
 
     def __init__(self, width: int, height: int, slots: int = SLOTS) -> None:
-        """Make the shared memory.
-
-        Raises:
-            OSError: there is no shared memory left.
-        """
+        """Make the shared memory; raises OSError when there is none left."""
         super().__init__(
             SharedMemory(create=True, size=slots * _slot_bytes(width, height)), width, height, slots
         )
@@ -90,11 +86,7 @@ class FrameReader(_Ring):
     """A viewer's side."""
 
     def __init__(self, name: str, width: int, height: int, slots: int) -> None:
-        """Map the memory that a writer made.
-
-        Raises:
-            OSError: it is gone.
-        """
+        """Map the memory that a writer made; raises OSError when it is gone."""
         super().__init__(_attach(name), width, height, slots)
 
     def copy(self, number: int) -> npt.NDArray[np.uint8] | None:
