@@ -46,7 +46,7 @@ log = structlog.stdlib.get_logger(__name__)
 
 VERSION = "0.1.0"
 LAST_SECONDS = 5.0  # after a second Ctrl-C, until the process ends whatever it waits for
-GLANCE = 0.2  # s between two looks at the control thread; a signal is answered as soon
+POLL_INTERVAL_S = 0.2  # between two checks of the control thread and of signals
 
 MakeAdapter = Callable[[AgentConfig], Adapter]
 MakeMedia = Callable[[Equipment, AgentConfig, ControlLoop], Media]
@@ -118,7 +118,7 @@ class Agent:
         urls = broker_urls(self._config, Backoff(self._rng, first=1.0, longest=30.0), self._pause)
         if urls is None:
             return
-        self._endpoints(urls)  # a wrong one is told at once
+        self._endpoints(urls)  # a wrong one fails at once
         backoff = Backoff(self._rng, first=1.0, longest=30.0)
         threading.Thread(target=self._keep_renewing, name="credentials", daemon=True).start()
         while not self._stopping.is_set():
@@ -129,8 +129,8 @@ class Agent:
                 raise
             except AdapterError as error:
                 raise ConfigError(str(error)) from error
-            # Broad, because this is the supervisor: a robot nobody can reach has to come back by
-            # itself, whatever went wrong.
+            # Broad, because this is the supervisor: an unreachable robot must recover by itself,
+            # whatever went wrong.
             except Exception:
                 log.exception("agent_crashed", robot=self._config.robot)
             if not self._stopping.is_set():
@@ -167,8 +167,8 @@ class Agent:
             log.info(
                 "agent_started", robot=self._config.robot, adapter=self._config.adapter, boot=boot
             )
-            hangs = HangDetector(round(HANG_S / GLANCE))
-            while not (self._stopping.is_set() or media.ended or control.wait(GLANCE)):
+            hangs = HangDetector(round(HANG_S / POLL_INTERVAL_S))
+            while not (self._stopping.is_set() or media.ended or control.wait(POLL_INTERVAL_S)):
                 if hangs.look(control.ticks):
                     end_process(control.thread, "control")
                 self._systemd.alive()
@@ -225,9 +225,8 @@ def new_boot(unix: float) -> str:
 def capabilities_of(adapter: Adapter, equipment: Equipment) -> tuple[Capability, ...]:
     """Return what the robot can do: the adapter's, and what the agent does by itself.
 
-    Assistance where a sensor tells of obstacles; picture and sound by what there is, photos with a
-    picture; words, calls and dots on what is shared, which every robot's screen can show; a worse
-    network for the driver.
+    Assistance with a sensor for obstacles; video and sound by what there is, photos with video;
+    messages, calls and pointers, which every robot's screen can show; a worse network.
     """
     sees: tuple[Capability, ...] = ("video", "photo") if equipment.video is not None else ()
     hears: tuple[Capability, ...] = ("audio",) if equipment.audio is not None else ()
@@ -240,7 +239,7 @@ def capabilities_of(adapter: Adapter, equipment: Equipment) -> tuple[Capability,
 def factsheet_of(
     adapter: Adapter, equipment: Equipment, config: AgentConfig, boot: str
 ) -> Factsheet:
-    """Return what everybody may know of the robot; where its camera looks only while it has one."""
+    """Return the public data of the robot; its camera's only while it has one."""
     profile = adapter.profile
     return Factsheet(
         name=config.robot,
@@ -281,8 +280,7 @@ def _check(config: AgentConfig) -> None:
 
 
 def run_until_signalled(agent: Agent) -> None:
-    """Run an agent in the main thread until Ctrl-C or the system's wish to end it; a second Ctrl-C
-    does not wait.
+    """Run an agent in the main thread until SIGINT or SIGTERM; a second one does not wait.
 
     Raises:
         ConfigError: as `Agent.run`.

@@ -1,5 +1,4 @@
-"""What an agent is told: by its command line, its environment, or a credentials file, in this
-order.
+"""An agent's settings: from command line, environment, or a credentials file, in this order.
 
 A credentials file is TOML, as the site hands it out when credentials are made: `robot`, `token`,
 and where to reach the server (`server`, or the broker itself as `mqtt_url`); it may also name `ca`,
@@ -301,7 +300,7 @@ def _usual_path(var: Path, robot: str) -> Path:
 
 
 def _credentials(path: Path, *, named: bool, robot: str) -> dict[str, Any]:
-    """Read a credentials file; only one that was named has to be there."""
+    """Read a credentials file; it may be missing unless it was named."""
     if not named and not path.exists():
         return {}
     try:

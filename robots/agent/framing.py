@@ -1,7 +1,4 @@
-"""Messages on a stream between processes of one robot: four bytes of length, then MessagePack.
-
-What the messages are, each wire says for itself.
-"""
+"""Messages between processes of one robot: four bytes of length, then MessagePack."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -18,7 +15,7 @@ _encoder = msgspec.msgpack.Encoder()
 
 
 class WireError(Exception):
-    """The other side said something that is no message."""
+    """The other side sent something that is no message."""
 
 
 def pack(message: msgspec.Struct) -> bytes:
@@ -40,7 +37,7 @@ def unpack(decoder: msgspec.msgpack.Decoder[Message], body: bytes) -> Message:
     try:
         return decoder.decode(body)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        # a text that is none is told so by Python, not by msgspec
+        # invalid text is refused by Python, not by msgspec
         raise WireError(str(error)) from error
 
 

@@ -10,7 +10,7 @@ from robots.api.messages import AssistLevel, LeaseLimits, Limits, Velocity
 
 ZERO = Velocity(linear=0.0, angular=0.0)
 
-# How long a robot that nobody steers any more may go on, in seconds.
+# How long a robot may go on without commands, in seconds.
 LONGEST_DEADMAN = 1.0
 LONGEST_WATCHDOG = 2.0
 # With assistance the robot keeps this much room (m) and never asks the visitor to creep slower than
@@ -48,8 +48,7 @@ def caps(limits: Limits, lease: LeaseLimits | None, assist_linear: float | None 
 
 
 def assist_speed(level: AssistLevel, clearance: float | None, limits: Limits) -> float | None:
-    """Return the speed in m/s from which the robot can stop within its clearance, None when nobody
-    assists.
+    """Return the speed in m/s from which the robot can stop within its clearance, None when "off".
 
     Without a measured clearance (m) half of the robot's own limit.
     """
@@ -101,7 +100,7 @@ def approach(
         slower = max(goal, speed - braking * dt)
         if slower > goal or goal == target * sign:
             return sign * slower + 0.0  # never -0.0, which JSON would show
-        # Reversing: what is left of the time after standing still goes into the other direction.
+        # Reversing: the time that remains after the stop goes into the other direction.
         return approach(
             0.0, target, acceleration, braking, dt=dt, dt_up=max(0.0, dt_up - speed / braking)
         )
@@ -109,8 +108,8 @@ def approach(
 
 
 def check_times(watchdog: float, limits: Limits) -> None:
-    """See to it that a robot which nobody steers any more stops soon, by one of two: the agent's
-    deadman, then the base's watchdog.
+    """Check that a robot without a driver stops soon: by the agent's deadman, then by the base's
+    watchdog.
 
     Args:
         watchdog: seconds after which the base stops by itself.

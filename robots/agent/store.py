@@ -1,8 +1,7 @@
-"""What an agent must not forget when it is restarted: a latched e-stop, and the newest lease it has
-seen.
+"""What an agent must keep across restarts: a latched e-stop, and the newest lease it has seen.
 
-Small JSON files, replaced whole. A latch that cannot be read counts as latched: the robot stays
-where it is until somebody looks.
+Small JSON files, replaced whole. A latch that cannot be read counts as latched, until
+it is released by hand.
 """
 
 import contextlib

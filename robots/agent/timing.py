@@ -1,6 +1,4 @@
-"""Time in the agent's loops: clocks that a test can turn, what is due every so often, and how long
-to wait before trying again.
-"""
+"""Time in the agent's loops: clocks that a test can turn, periods, and pauses before retries."""
 
 import random
 import time

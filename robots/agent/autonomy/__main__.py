@@ -1,8 +1,7 @@
-"""A mind in a process of its own: `python -m robots.agent.autonomy HOST:PORT`, with its token on
-the first line of standard input.
+"""The navigation process: `python -m robots.agent.autonomy HOST:PORT`, with its token on stdin.
 
-Thinking takes milliseconds, now and then tens of them, and a control loop cannot wait for that, nor
-share an interpreter with it. The process ends with its socket.
+A step of navigation takes milliseconds, now and then tens of them: a control loop cannot wait for
+that, nor share an interpreter with it. The process ends with its socket.
 """
 
 import logging
@@ -27,7 +26,7 @@ PIECE = 256 << 10
 
 
 class Conversation:
-    """One mind and the control loop that it belongs to; `send` puts a message on the socket."""
+    """Serves one control loop; `send` puts a message on the socket."""
 
     def __init__(self, send: Callable[[wire.NodeMessage], None]) -> None:
         self._send = send
@@ -35,8 +34,8 @@ class Conversation:
         self._beams: LaserScan | None = None
 
     def take(self, messages: Sequence[wire.ToNode]) -> None:
-        """Do what was said since the last time, in order; of several perceptions only the newest is
-        worth a thought.
+        """Do what was asked since the last time, in order; of several snapshots only the newest
+        counts.
 
         Raises:
             WireError: a message makes no sense.
@@ -97,7 +96,7 @@ def serve(link: socket.socket) -> None:
     buffer = bytearray()
     while piece := link.recv(PIECE):
         buffer += piece
-        # Take all that is there: a mind that fell behind catches up by leaving out moments.
+        # Take all that is there: after a delay, older snapshots are skipped.
         while select.select([link], [], [], 0.0)[0] and (piece := link.recv(PIECE)):
             buffer += piece
         conversation.take(frames(buffer))

@@ -1,4 +1,4 @@
-"""What goes into a mind and what comes out of it."""
+"""Inputs and outputs of the navigation node."""
 
 from dataclasses import dataclass, field
 
@@ -42,11 +42,10 @@ class SensorSnapshot:
 
 @dataclass(frozen=True)
 class NavigationOutput:
-    """What a mind makes of a perception.
+    """The navigation node's answer to a snapshot.
 
     `pose` in the map at `stamp`, when the odometry was `odometry`. `wanted` is None while no action
-    moves the robot. `news` tells of actions, `path` is what the robot follows, None when that has
-    not changed since the last thought.
+    moves the robot. `news` are of actions, `path` is what the robot follows, None when unchanged.
     """
 
     stamp: float

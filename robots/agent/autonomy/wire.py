@@ -1,8 +1,6 @@
-"""What the control loop and a mind in a process of its own say to each other, on a socket of this
-computer.
+"""Messages between the control loop and the navigation process, framed as framing.py says.
 
-Framed as framing.py says. First of all the mind says the token that it was started with, so that
-nobody else is taken for it.
+The process first sends the token that it was started with, so that no other can replace it.
 """
 
 import numpy as np
@@ -29,7 +27,7 @@ class NodeMessage(Struct, frozen=True, tag=True, array_like=True):
 
 
 class Settle(NodeMessage, frozen=True):
-    """Begin to be the mind of this robot in this site; `seed` of everything random."""
+    """Navigate this robot in this site; `seed` of everything random."""
 
     body: Body
     area: FloorPlanUpdate
@@ -37,7 +35,7 @@ class Settle(NodeMessage, frozen=True):
 
 
 class KnownPlace(NodeMessage, frozen=True):
-    """The robot is here, give or take metres and radians."""
+    """The robot is here, to within metres and radians."""
 
     pose: Pose2D
     spread: float
@@ -79,13 +77,13 @@ class Perceive(NodeMessage, frozen=True):
 
 
 class Token(NodeMessage, frozen=True):
-    """First word of a mind."""
+    """The process's first message."""
 
     token: str
 
 
 class Settled(NodeMessage, frozen=True):
-    """The mind thinks; or it cannot, and why."""
+    """The site is set up; or it cannot be, and why."""
 
     problem: str = ""
 
@@ -98,7 +96,7 @@ class OrderReply(NodeMessage, frozen=True):
 
 
 class Thinks(NodeMessage, frozen=True):
-    """What followed from the newest perception."""
+    """The output for the newest snapshot."""
 
     output: NavigationOutput
 

@@ -111,7 +111,7 @@ def _urls_in(answer: bytes, config: AgentConfig) -> tuple[str, ...]:
 
 
 def reason_of(error: urllib.error.HTTPError) -> str:
-    """Return what the server says about its refusal, in its words."""
+    """Return the server's own reason for its refusal."""
     try:
         content = json.loads(error.read(LARGEST_ANSWER))
         return str(content["detail"])[:300]

@@ -1,7 +1,6 @@
-"""How an agent comes by its credentials: once with a one-time token of its owner's, and anew with
-those that it has.
+"""How an agent gets its credentials: by its owner's one-time token, and later by renewal.
 
-Both are a POST to the server, over HTTPS; in the clear only to this very machine.
+Both are a POST to the server, over HTTPS; unencrypted only to this very machine.
 """
 
 import ipaddress
@@ -151,7 +150,7 @@ def keep_renewing(
             continue
         if fresh is not None:
             renewed(fresh)
-            return  # what we were told to start with is old; the next question is the next start's
+            return  # `config` is old by now; the next renewal follows the next start
 
 
 def check_private(server: str) -> None:

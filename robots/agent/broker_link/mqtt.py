@@ -61,7 +61,7 @@ class LinkInbox(Protocol):
         """Another agent says that it is this robot (its boot), or has gone (None)."""
 
     def is_needed(self) -> bool:
-        """Whether somebody drives or watches: a lost connection is then retried at once."""
+        """Whether the robot is in use: a lost connection is then retried at once."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def _fault_in(url: str) -> str:
         return "it names no host"
     if len(url.split()) != 1:
         return "it contains blanks"
-    try:  # what stands there may be of a password, with a slash that was not written as %2F
+    try:  # the port may be a password's part behind a slash that was not written as %2F
         return "the port must be from 1 to 65535" if parts.port == 0 else ""
     except ValueError:
         return "the port must be from 1 to 65535"
@@ -168,8 +168,7 @@ class MqttLink:
         self._wake, self._closing = asyncio.Event(), asyncio.Event()
         self._rival: str | None = None
         self._refused_since: float | None = None  # by the monotonic clock
-        # Nothing that anybody is told: with Mosquitto, whoever knows a client id takes its
-        # connection over.
+        # secret: with Mosquitto, a client that knows an id can take its connection over
         self._client_id = f"{factsheet.name[:40]}-{secrets.token_hex(8)}"
 
     def credentials_changed(self, username: str, password: str) -> None:
@@ -357,7 +356,7 @@ class MqttLink:
             log.debug("broker_again", after=round(seconds, 1))
 
     def _reason(self, error: BaseException) -> str:
-        """Return why there is no connection, and what to do where somebody has to do something."""
+        """Return why there is no connection, and what the owner can do about it."""
         if getattr(getattr(error, "rc", None), "value", None) not in REFUSALS:
             return reason_of(error)
         now = time.monotonic()

@@ -1,11 +1,10 @@
-"""Microphone and loudspeaker of Linux through arecord and aplay, as the contract wants them: see
-adapters/contract.
+"""Microphone and loudspeaker of Linux through arecord and aplay, as robot_interface.py wants them.
 
 A child process for each, and not FFmpeg's own ALSA. The one in PyAV's wheel has its folders
-compiled in under the temporary directory, where anybody may put a configuration, and code for it to
-load; and pointed at the system's plug-ins it hands them structures of another version of libasound.
-alsa-utils belongs to the system's libasound. A program that hangs is ended, and one that crashes
-leaves the robot driving.
+compiled in under the temporary directory, where any user may put a configuration, and code for it
+to load; and pointed at the system's plug-ins it hands them structures of another version of
+libasound. alsa-utils belongs to the system's libasound. A program that hangs is ended, and one that
+crashes leaves the robot driving.
 
     https://www.alsa-project.org/alsa-doc/alsa-lib/pcm_plugins.html -- what `plug` is: any device,
     in our rate and number of channels
@@ -54,7 +53,7 @@ class AlsaLimits:
     pipe: int = 2048  # written and not played: the smallest pipe that Linux makes, 43 ms
     opening: float = 5.0  # a sound server that wakes a device needs seconds
     full: float = 1.0  # a device that is open and takes nothing for so long hangs
-    ending: float = 0.5  # to play what is left, and to end
+    ending: float = 0.5  # to play the rest, and to end
     listing: float = 3.0  # to name the devices that there are
 
 
@@ -63,7 +62,7 @@ Program = Literal["arecord", "aplay"]
 
 
 class AlsaMicrophone:
-    """See contract.AudioSource. Belongs to one thread."""
+    """See robot_interface.AudioSource. Belongs to one thread."""
 
     def __init__(self, words: DeviceSetting) -> None:
         self._words = words
@@ -99,7 +98,7 @@ class AlsaMicrophone:
 
 
 class AlsaLoudspeaker:
-    """See contract.Speaker. Belongs to one thread."""
+    """See robot_interface.Speaker. Belongs to one thread."""
 
     def __init__(self, words: DeviceSetting) -> None:
         self._words = words
@@ -115,7 +114,7 @@ class AlsaLoudspeaker:
             self._child = _Child("aplay", "loudspeaker", self._words.address)
 
     def stop(self) -> None:
-        """Play what is left and let go of the device; idempotent."""
+        """Play the rest and close the device; idempotent."""
         child, self._child = self._child, None
         if child is not None:
             child.end()
@@ -132,7 +131,7 @@ class _Child:
 
     def __init__(self, program: Program, name: str, address: str) -> None:
         self._program, self._name, self._address = program, name, address
-        self._said = b""
+        self._output = b""
         self._began = time.monotonic()
         command = (
             program,
@@ -185,7 +184,7 @@ class _Child:
         self._listen()
         data = os.read(_file(self._process.stdout).fileno(), LIMITS.waiting * WIDTH)
         if not data:
-            raise self._gone()
+            raise self._failure()
         return data
 
     def write(self, data: bytes) -> None:
@@ -201,10 +200,10 @@ class _Child:
             except BlockingIOError:
                 continue
             except BrokenPipeError as error:
-                raise self._gone() from error
+                raise self._failure() from error
 
     def end(self) -> None:
-        """End it, by itself when it will."""
+        """End it, by force if it does not end by itself."""
         if self._process.stdin is not None:
             self._process.stdin.close()
         else:
@@ -225,29 +224,29 @@ class _Child:
             log.warning("device_hung", name=self._name, address=self._address)
 
     def _listen(self) -> None:
-        """Keep the end of what it says; a full pipe would stop it."""
+        """Keep the end of its messages; a full pipe would stop it."""
         assert self._process.stderr is not None
         try:
-            while said := os.read(self._process.stderr.fileno(), 4096):
-                self._said = (self._said + said)[-4096:]
+            while output := os.read(self._process.stderr.fileno(), 4096):
+                self._output = (self._output + output)[-4096:]
         except BlockingIOError:
             pass
 
-    def _gone(self) -> AdapterError:
+    def _failure(self) -> AdapterError:
         self._wait()
         self._listen()
-        reason = reason_in(self._said.decode(errors="replace")) or f"{self._program} has ended"
+        reason = reason_in(self._output.decode(errors="replace")) or f"{self._program} has ended"
         return AdapterError(
             f"the {self._name} {self._address} cannot be used: {reason}; "
             f"available: {', '.join(devices(self._program)) or 'none'}"
         )
 
 
-def reason_in(said: str) -> str:
+def reason_in(output: str) -> str:
     """Return the reason in what arecord or aplay said last, empty when it said none: `aplay:
     main:831: audio open error: Device or resource busy`.
     """
-    lines = [line for line in said.splitlines() if line.startswith(("arecord: ", "aplay: "))]
+    lines = [line for line in output.splitlines() if line.startswith(("arecord: ", "aplay: "))]
     reason = lines[-1].rpartition(": ")[2].strip(" :") if lines else ""
     return REASONS.get(reason, reason)
 
@@ -255,12 +254,12 @@ def reason_in(said: str) -> str:
 def devices(program: Program) -> tuple[str, ...]:
     """Return the devices that a person would choose; none when the listing fails."""
     try:
-        said = subprocess.run(
+        listing = subprocess.run(
             (program, "-L"), capture_output=True, text=True, timeout=LIMITS.listing, check=False
         ).stdout
     except (OSError, subprocess.TimeoutExpired):
         return ()
-    return tuple(line for line in said.splitlines() if line.startswith(CARDS))
+    return tuple(line for line in listing.splitlines() if line.startswith(CARDS))
 
 
 def _file(file: IO[bytes] | None) -> IO[bytes]:

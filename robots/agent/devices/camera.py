@@ -1,6 +1,4 @@
-"""A camera by device, file or address, as the contract wants one: see
-adapters/contract.VideoSource.
-"""
+"""A camera by device, file or address: a robot_interface.VideoSource."""
 
 from typing import Any
 
@@ -18,7 +16,7 @@ LARGEST = (1280, 960)  # pixels: more is scaled down at once, because no stream 
 
 
 class DeviceCamera:
-    """See contract.VideoSource. Of pictures that nobody fetched the newest counts."""
+    """See robot_interface.VideoSource. Of unread frames only the newest counts."""
 
     def __init__(self, words: DeviceSetting) -> None:
         self._reader = DeviceReader("camera", words, "video", self._take)

@@ -1,9 +1,8 @@
-"""Decodes one stream of a device, a file or an address, in a thread of its own: a device that hangs
-hangs nobody else.
+"""Decodes one stream of a device, a file or an address, in a thread of its own, which may hang.
 
-Each start has a thread and a state of its own. A thread that does not come back from its device is
-left behind, and whatever it still says counts for nothing. A few may be left behind, for a device
-that is reached again by another start; then the device counts as broken until one of them is back.
+Each start has a thread and a state of its own. A thread that hangs in its device is left behind,
+and its later output is ignored. A few may be left behind, for a device that another start reaches
+again; then the device counts as broken until one of them returns.
 """
 
 import errno
@@ -37,7 +36,7 @@ class ReaderLimits:
     ending: float = 0.5  # to wait for the thread's end
     # between a picture's own time and now, up to which its own is believed
     clocks_agree: float = 2.0
-    leap: float = 1.0  # a file whose times leap more is begun anew
+    leap: float = 1.0  # a file whose times leap more is restarted
     left_behind: int = 3  # threads that may hang in the device
 
 
@@ -45,7 +44,7 @@ LIMITS = ReaderLimits()
 
 
 class ReaderStage(Enum):
-    """How far the opening of a device has come; the value says what is missing."""
+    """How far the opening of a device is; the value names the missing step."""
 
     CALLED = "does not answer"
     OPENED = "answers but sends nothing"
@@ -132,7 +131,7 @@ class DeviceReader:
         return self._run is not None and bool(self._run.failure)
 
     def deliver(self, run: "_Run", frame: Any, stamp: float) -> None:
-        """Hand on what a run has read, unless it is one of before."""
+        """Hand on a frame, unless it is of an earlier run."""
         if run is self._run and not run.ending.is_set():
             run.stage = ReaderStage.SHOWN
             self._take(frame, stamp)

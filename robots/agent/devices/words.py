@@ -98,7 +98,7 @@ def read(words: str, kind: Kind) -> DeviceSetting | None:
 
 
 def _options(words: str) -> tuple[str, dict[str, str]]:
-    """Return what is before the options, and these; an address may have blanks in it."""
+    """Return the text before the options, and these; an address may contain blanks."""
     options: dict[str, str] = {}
     while found := OPTION.search(words):
         options[found.group(1)] = found.group(2)

@@ -1,4 +1,4 @@
-"""A bad line, as decisions: what is lost, what is late, and in which order the rest comes out.
+"""A bad line, as decisions: losses, delays, and the order of the rest.
 `now` is any monotonic clock in seconds.
 
 Each packet draws three numbers from the seeded generator, whatever becomes of it, so that one

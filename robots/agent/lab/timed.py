@@ -1,4 +1,4 @@
-"""A bad line on an event loop: what is offered comes out when its time has come."""
+"""A simulated network line on an event loop."""
 
 import asyncio
 import time
@@ -12,7 +12,7 @@ class TimedLine:
     """Belongs to the loop that it is made on, but for `report`.
 
     Args:
-        lab: what is put on the line.
+        lab: the impairments of the line.
         now: monotonic time in seconds.
     """
 
@@ -35,7 +35,7 @@ class TimedLine:
             self._timer.cancel()
 
     def report(self) -> LabReport:
-        """Return what is put on the line and what has become of its packets; from any thread."""
+        """Return the line's impairments and the fates of its packets; from any thread."""
         counts = self._line.counts
         return LabReport(
             lab=self._line.lab,

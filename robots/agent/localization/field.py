@@ -81,28 +81,26 @@ class DistanceField:
         return low + above * northwards, slope_x, northwards / self.resolution
 
     def cast(self, x: Floats, y: Floats, angles: Floats, reach: float | Floats) -> Floats:
-        """Return how far rays from (x, y) go before they meet a surface, at most `reach`; all of
-        one shape.
+        """Return how far rays from (x, y) go to a surface, at most `reach`; all of one shape.
 
-        Each step goes as far as the distance field says that nothing stands (sphere tracing); an
-        end may lie up to a cell in the wall. Rays that leave the map meet nothing; so no step has
-        to look whether it is still on it. The shorter the reach, the fewer steps: those close to a
-        surface are the shortest.
+        Each step goes as far as the distance field is free (sphere tracing); an end may lie up to
+        a cell in the wall. Rays that leave the map meet nothing, so no step checks its edge. The
+        shorter the reach, the fewer steps: those close to a surface are the shortest.
         """
         cosine, sine = np.cos(angles), np.sin(angles)
         columns, signed = self.signed.shape[1], self.signed.ravel()
         edge = np.minimum(self._leaves(x, y, cosine, sine), reach)
         x, y, cosine, sine = (part / self.resolution for part in (x, y, cosine, sine))  # in cells
-        gone, ahead = np.zeros(edge.shape), np.ones(edge.shape)
+        travelled, ahead = np.zeros(edge.shape), np.ones(edge.shape)
         for _ in range(STEPS):
-            cell = (y + gone * sine).astype(np.intp) * columns
-            cell += (x + gone * cosine).astype(np.intp)
+            cell = (y + travelled * sine).astype(np.intp) * columns
+            cell += (x + travelled * cosine).astype(np.intp)
             ahead = signed.take(cell, mode="clip")
-            going = (ahead > 0.0) & (gone < edge)
+            going = (ahead > 0.0) & (travelled < edge)
             if not going.any():
                 break
-            gone += ahead * going
-        return np.where((ahead <= 0.0) & (gone < edge), gone, reach)
+            travelled += ahead * going
+        return np.where((ahead <= 0.0) & (travelled < edge), travelled, reach)
 
     def _leaves(self, x: Floats, y: Floats, cosine: Floats, sine: Floats) -> Floats:
         """Return how far rays (n,) go before they leave the map, negative from outside of it."""

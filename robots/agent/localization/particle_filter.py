@@ -42,7 +42,7 @@ class ParticleSet:
         return ParticleSet(self.poses, weights / weights.sum())
 
     def is_depleted(self) -> bool:
-        """Tell whether so few guesses carry the weight that it is time to draw anew."""
+        """Tell whether so few particles carry the weight that resampling is due."""
         return bool(1.0 / (self.weights**2).sum() < 0.5 * len(self.weights))
 
     def drawn(self, sampling: Sampling, rng: np.random.Generator) -> "ParticleSet":
@@ -117,7 +117,7 @@ def places(
         near = (np.hypot(offset[:, 0], offset[:, 1]) < reach) & (
             np.abs(wrapped(offset[:, 2])) < turn
         )
-        near[0] = True  # what is not a number is near nothing
+        near[0] = True  # NaN is near nothing
         owner[left[near]] = len(best)
         best.append(int(left[0]))
         left = left[~near]

@@ -22,7 +22,7 @@ LARGEST_ID, LONGEST_ELEMENT = 14, 16  # of the one-byte form of header extension
 HISTORY = 256  # packets kept for retransmission: about 1.5 s of a 1.2 Mbit/s video
 # s in which a packet is not sent a second time; what it took to get there is not known here
 ASKED_AGAIN = 0.08
-# of what is sent, and octets, that are sent again in a second
+# share of the sent octets, and octets, that are sent again in a second
 AGAIN_SHARE, LEAST_AGAIN = 0.15, 4_000
 COPIED, MOST_COPIES = 16, 24  # of the newest packets, and how many copies go out at once
 
@@ -35,7 +35,7 @@ _TOLERANCE = 0.001  # s
 
 # ticks from the last of one source to the first of the next
 STEP: dict[Kind, int] = {"audio": 960, "video": 3000}
-ROUND = 1 << 32  # ticks after which a timestamp begins anew
+ROUND = 1 << 32  # ticks after which a timestamp wraps
 
 
 class Continuous:
@@ -83,30 +83,30 @@ class RtpClock:
 
 
 class ClockTeller:
-    """Decides when a page must be told again how RTP timestamps and capture stamps correspond.
+    """Decides when a page gets the relation of RTP timestamps and capture stamps.
 
-    Once a second, because the data channel may lose a message, and at once when a picture does not
-    fit what was told last.
+    Once a second, because the data channel may lose a message, and at once when a frame does not
+    fit the last one.
     """
 
     def __init__(self) -> None:
-        self._told: MediaClock | None = None
-        self._told_at = 0.0
+        self._sent: MediaClock | None = None
+        self._sent_at = 0.0
 
     def tell(self, rtp: int, stamp: float, now: float) -> MediaClock | None:
         """Return the message to send before the frame (rtp, stamp), or None."""
         if (
-            self._told is not None
-            and now - self._told_at < _TELL_EVERY
-            and abs(capture_stamp(self._told, rtp) - stamp) < _TOLERANCE
+            self._sent is not None
+            and now - self._sent_at < _TELL_EVERY
+            and abs(capture_stamp(self._sent, rtp) - stamp) < _TOLERANCE
         ):
             return None
-        self._told, self._told_at = MediaClock(rtp=rtp, stamp=stamp, rate=VIDEO_RATE), now
-        return self._told
+        self._sent, self._sent_at = MediaClock(rtp=rtp, stamp=stamp, rate=VIDEO_RATE), now
+        return self._sent
 
     def forget(self) -> None:
-        """Tell again with the next picture: there is a new channel."""
-        self._told = None
+        """Send it again with the next frame: there is a new channel."""
+        self._sent = None
 
 
 def capture_stamp(clock: MediaClock, rtp: int) -> float:
@@ -197,7 +197,7 @@ class RtpStream:
         in seconds.
 
         After a `key` frame nothing from before it is sent again: the page does not need it, and
-        asks for it all the same.
+        still asks for it.
         """
         if key:
             self._history.clear()

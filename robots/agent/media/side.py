@@ -114,7 +114,7 @@ class MediaSide:
         elif audio is not None:
             self._microphone = MicrophoneFeed(audio, self._sound_from_microphone)
         self._on_picture = on_picture
-        self._line: TimedLine | None = None  # what is put on the driver's picture and sound
+        self._line: TimedLine | None = None  # the lab's line for the driver's video and sound
         self._slow = (
             JpegFallback(self._camera.snapshot, self._send_slow, self._pages.drives)
             if self._camera and on_picture
@@ -219,7 +219,7 @@ class MediaSide:
 
     @property
     def camera_status(self) -> CameraStatus | None:
-        """Return what pages are told of the camera: nothing while it works or nobody wants it."""
+        """Return the camera's status for pages, None while it works or is not in use."""
         state = self.camera
         if state is None or state.status not in {"starting", "failed"}:
             return None
@@ -351,8 +351,7 @@ class MediaSide:
         if self._line is None:
             self._on_picture(payload, None)
             return
-        # Each gets a copy of their own, so that the driver's can be lost or late and nobody else's
-        # is.
+        # Each gets a copy of their own, so that only the driver's is lost or late.
         for peer in sorted(peers):
             if self._pages.drives(peer):
                 self._calls.post(self._send_slow_to_driver, payload, peer, most=MOST_FRAMES)

@@ -1,9 +1,7 @@
-"""Getting to places: plan, follow, plan again when something stands in the way, wait when there is
-no way, and say why at last.
+"""Getting to places: plan, follow, replan when blocked, wait without a way, and report why at last.
 
-Waiting is for people and for doors: while no way is known, or somebody walks before the robot, it
-stands and looks. What stands too close to move is got away from by backing off a little, where that
-is free.
+The robot waits for people and for doors: while no way is known, or somebody walks before it, it is
+at rest and looks. It backs off a little from what is too close to move, where that is free.
 """
 
 import math
@@ -36,8 +34,8 @@ class JourneyParams:
     shorter_by: float = 0.5  # m that a shorter route must save
     off_path: float = 0.4  # m beside the route, from which a new one is planned
     patience: float = 30.0  # s without a route until the action fails
-    patience_with_people: float = 90.0  # s, the same with somebody close before the robot
-    # s after which a place beside a goal that something stands on will do
+    patience_with_people: float = 90.0  # s, the same with a person close before the robot
+    # s after which a place beside an occupied goal will do
     beside_after: float = 5.0
     closer_looks: int = 6  # at what was seen in the way from afar
     retry_every: float = 1.0  # s between two searches for a route
@@ -50,7 +48,7 @@ class JourneyParams:
     back_offs: int = 4  # without getting a metre farther
     escape_turn_rates: tuple[float, ...] = (0.0, 0.3, -0.3)  # rad/s, tried in this order
     escape_gain: float = 0.01  # m by which another way out must be better
-    give_way_after: float = 5.0  # s face to face with somebody
+    give_way_after: float = 5.0  # s face to face with a person
     give_way: float = 0.4  # m to back off from them
     give_way_within: float = 0.6  # m: they are close
     no_progress: float = 40.0  # s without getting `farther`
@@ -269,7 +267,7 @@ class Journey:
         return sense.odometry.distance(held.odometry) > params.crept or turned > params.crept_turn
 
     def _give_way(self, sense: Sense) -> None:
-        """Back off from somebody who stands before the robot and may want to pass, now and then."""
+        """Back off from a person before the robot who may want to pass, now and then."""
         params = self._params
         if sense.now - self._gave_way >= params.give_way_after and self._face_to_face(sense):
             backward = Velocity(linear=-params.back_speed, angular=0.0)
@@ -285,7 +283,7 @@ class Journey:
         )
 
     def _way_out(self, sense: Sense) -> Velocity:
-        """Return the slow motion, back if possible, that leads away from what is near."""
+        """Return the slow motion, back if possible, away from near obstacles."""
         params = self._params
         backward = Velocity(linear=-params.back_speed, angular=0.0)
         best, most = backward, -math.inf
@@ -326,7 +324,7 @@ class Journey:
         )
 
     def _aim_beside(self, now: float) -> None:
-        """Aim for the nearest free place when something stands on the goal."""
+        """Aim for the nearest free place when the goal is occupied."""
         beside = self._planner.place_near(
             *self._over[-1], self._obstacle_map.clearance(now), PLANNER.goal_reach - self._beside
         )

@@ -195,7 +195,7 @@ class Navigator:
         return NavigationStep(None if standing else ZERO, self._last.status, self._last.reason)
 
     def _halted(self, estimate: Estimate, odometry: Pose2D, now: float) -> NavigationStep | None:
-        """Return why the robot must stand now, whatever it is doing; None when nothing is amiss."""
+        """Return why the robot must stop now; None when all is well."""
         assert self._began is not None
         seen = (
             self._beams.stamp
@@ -269,7 +269,7 @@ class Navigator:
         self._lost_obstacles.take(beams.stamp, odometry, self._walkers)
 
     def _take(self, step: NavigationStep) -> NavigationStep:
-        """Note how a step ended; what comes after an undocking is begun."""
+        """Note how a step ended; after an undocking, begin the journey."""
         self._asked = step.velocity or ZERO
         if step.status == "FINISHED" and self._then is not None:
             self._task, self._then = self._then, None

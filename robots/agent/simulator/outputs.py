@@ -1,6 +1,4 @@
-"""The simulated robot's loudspeaker and display: they make no noise, and can say what they were
-given.
-"""
+"""The simulated robot's loudspeaker and display: they measure what they are given."""
 
 import threading
 from collections import deque
@@ -9,12 +7,12 @@ import numpy as np
 import numpy.typing as npt
 
 RATE = 48_000
-KEPT = 0.5  # s of sound that is looked at
+KEPT = 0.5  # s of sound that are measured
 FULL_SCALE = 32_768.0
 
 
 class MeasuringSpeaker:
-    """See contract.Speaker. Keeps the last half second; may be asked from any thread."""
+    """See robot_interface.Speaker. Keeps the last half second; may be asked from any thread."""
 
     def __init__(self) -> None:
         self.running = False
@@ -54,7 +52,7 @@ class MeasuringSpeaker:
 
 
 class MeasuringDisplay:
-    """See contract.Display. Keeps the last picture."""
+    """See robot_interface.Display. Keeps the last picture."""
 
     def __init__(self) -> None:
         self.running = False

@@ -186,11 +186,11 @@ class Server:
 
     def _echoes(self) -> wire.Echoes:
         sounding = self.simulation.model.sonar.sounding(self._volley)
-        heard = (
+        distances = (
             distance if math.isfinite(distance) else None
             for distance in self.simulation.echoes(sounding)
         )
-        return wire.Echoes(self.playback.stamp(), tuple(zip(sounding, heard, strict=True)))
+        return wire.Echoes(self.playback.stamp(), tuple(zip(sounding, distances, strict=True)))
 
     def _sound(self) -> wire.Sound:
         if self._microphone is None:

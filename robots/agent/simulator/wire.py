@@ -117,7 +117,7 @@ class Ranges(SimulatorMessage, frozen=True):
 
 
 class Echoes(SimulatorMessage, frozen=True):
-    """What sonars have heard: which, and metres from it, None for nothing."""
+    """Echoes of sonars: which, and metres from it, None for none."""
 
     stamp: float
     echoes: tuple[tuple[int, float | None], ...]
@@ -130,7 +130,7 @@ class History(SimulatorMessage, frozen=True):
 
 
 class FrameRingOffer(SimulatorMessage, frozen=True):
-    """Where the pictures will be: a ring of slots in shared memory (see frames.py)."""
+    """Where the pictures will be: a ring of slots in shared memory (see frame_ring.py)."""
 
     name: str
     slots: int

@@ -30,11 +30,9 @@ Kind = Literal["goto", "dock", "undock", "tilt", "relocalize"]
 
 @dataclass(frozen=True)
 class ExpectedArea:
-    """Where a robot that was told so should find itself: a square in map metres, and a heading in
-    radians unless that was not told.
+    """Where the robot must find itself: a square in map metres, perhaps with a heading in radians.
 
-    `settles` is how many seconds after the order a pose counts: an RCA that says its pose all the
-    time says the old one first.
+    A pose counts `settles` seconds after the order: an RCA repeats the old pose first.
     """
 
     x: float

@@ -1,5 +1,6 @@
-"""What is wrong in a robot's profile, for whoever wrote it: the line, the key, what is there, and
-what should be. Pure: tomllib and msgspec know where, but speak of types.
+"""Errors in a robot's profile, for its author: line, key, value, and what the value must be.
+
+Pure. tomllib and msgspec know where an error is, but name it by Python types.
 """
 
 import re

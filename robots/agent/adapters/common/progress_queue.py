@@ -1,6 +1,4 @@
-"""How far actions are, until the agent has heard it. Nothing grows while nobody listens: of each
-action every status waits once.
-"""
+"""Progress of actions until the agent reads it; bounded: one entry per action and status."""
 
 import asyncio
 

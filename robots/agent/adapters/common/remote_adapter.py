@@ -54,8 +54,8 @@ from robots.logs import reason_of
 CONNECT_TIME = 5.0
 FIRST_READING = 5.0
 SILENCE = 1.0
-PERIOD = 0.08  # seconds after which a state is said again when the RCA has nothing new
-GLANCE = 0.05  # seconds between two looks after actions
+PERIOD = 0.08  # seconds after which a state is repeated without news
+GLANCE = 0.05  # seconds between two checks of actions
 CANCEL_AGAIN = 0.5  # seconds between two cancels of an action of which the end is not confirmed
 CANCEL_TIME = 1.0  # seconds for the first cancel of what an earlier connection has left
 BRAKING_TIME = 2.0
@@ -149,7 +149,7 @@ class RemoteAdapter(ABC):
         self._news = asyncio.Event()
         self._tasks: set[asyncio.Task[None]] = set()
 
-    # --- what a subclass says ---------------------------------------------------------------------
+    # --- what a subclass implements ---------------------------------------------------------------
 
     @abstractmethod
     async def _open(self) -> None:
@@ -157,7 +157,7 @@ class RemoteAdapter(ABC):
 
     @abstractmethod
     async def _shut(self) -> None:
-        """Let go of the RCA; called also when it was never reached, or lost."""
+        """Disconnect; called also when the RCA was never reached, or is lost."""
 
     @abstractmethod
     def _drive(self, velocity: Velocity) -> None:
@@ -167,10 +167,10 @@ class RemoteAdapter(ABC):
         """Wait until the RCA has read what was sent; raises AdapterError when it is gone."""
 
     def _cut(self) -> None:
-        """Throw away what the lost RCA was told and has not got yet; at once."""
+        """Discard what the lost RCA has not received yet; at once."""
 
     def _unheard(self) -> str:
-        """Return why nobody would hear a velocity, in a sentence, "" while somebody does."""
+        """Return why no velocity would be received, in a sentence, "" while one would."""
         return ""
 
     async def _settle(self) -> None:
@@ -181,7 +181,7 @@ class RemoteAdapter(ABC):
         return f"it is not connected after {self.connect_time or CONNECT_TIME:.0f} s"
 
     def _why_silent(self) -> str:
-        """Return why the RCA says nothing of what is vital, in a sentence, "" when nobody knows."""
+        """Return why `vital` readings are missing, in a sentence, "" when unknown."""
         return ""
 
     async def _order(self, action: Action) -> PendingAction:
@@ -212,7 +212,7 @@ class RemoteAdapter(ABC):
         """
 
     def _look(self, now: float) -> None:
-        """Look after what only time tells; called twenty times a second."""
+        """Check time-outs; called twenty times a second."""
 
     def _turn_head(self, angle: float) -> None:
         """Tilt the head to an angle in radians."""
@@ -241,7 +241,7 @@ class RemoteAdapter(ABC):
         self._drive(ZERO)
 
     def _lose(self, reason: str) -> None:
-        """Say that the RCA is gone, and why; the first reason counts."""
+        """Note that the RCA is lost, and why; the first reason counts."""
         if not self._failure:
             self._failure = reason
             log.warning("rca_lost", extra={"rca": self.profile.rca, "reason": reason})
@@ -249,7 +249,7 @@ class RemoteAdapter(ABC):
         self._news.set()
 
     def _run(self, work: Any) -> None:
-        """Run a coroutine for as long as the connection holds; it says itself when it fails."""
+        """Run a coroutine while connected; its failure ends the connection."""
         task = asyncio.ensure_future(work)
         self._tasks.add(task)
         task.add_done_callback(self._ended)
@@ -282,7 +282,7 @@ class RemoteAdapter(ABC):
 
     async def connect(self) -> None:
         """Reach the RCA and wait for a reading; raises AdapterError."""
-        await self._let_go("reconnecting")
+        await self._disconnect("reconnecting")
         estop = self.readings.estop
         self.readings = Readings(self._battery)
         self.readings.estop = estop  # the last known state counts until it is reported again
@@ -298,12 +298,12 @@ class RemoteAdapter(ABC):
             await self._settle()
             self._run(self._watch())
         except (OSError, TimeoutError) as error:
-            await self._let_go("not connected")
+            await self._disconnect("not connected")
             raise AdapterError(
                 f"{self.place} does not answer: {str(error) or self._why_late()}"
             ) from error
         except AdapterError:
-            await self._let_go("not connected")
+            await self._disconnect("not connected")
             raise
         log.info("rca_connected", extra={"rca": self.profile.rca, "place": self.place})
 
@@ -374,7 +374,7 @@ class RemoteAdapter(ABC):
         except BaseException as error:  # also when the caller has waited long enough
             expected.failure = str(error) or "the robot did not confirm it"
             raise
-        if self.pending_actions.of(action.action_id) is not None:  # it has not ended meanwhile
+        if self.pending_actions.of(action.action_id) is not None:  # it has not ended in between
             pending.failure = expected.failure
             pending.first_cancelled_at = expected.first_cancelled_at
             self.pending_actions.begin(pending)
@@ -426,7 +426,7 @@ class RemoteAdapter(ABC):
                     await self._cancel_again(drive)
 
     async def states(self) -> AsyncIterator[RcaState]:
-        """Yield a state for everything new that the RCA says, and at 12 Hz when it says the same.
+        """Yield a state for each reading, and at 12 Hz without news.
 
         Raises:
             AdapterError: the RCA is gone, or silent for a second.
@@ -489,7 +489,7 @@ class RemoteAdapter(ABC):
         """Ignore a `Config`: nothing in it is the RCA's."""
 
     def sever(self) -> None:
-        """Drop the connection as the death of the agent would (robot_interface.Severable)."""
+        """See robot_interface.Severable."""
         self._lose("the connection was cut on purpose")
         for task in self._tasks:
             task.cancel()
@@ -500,7 +500,7 @@ class RemoteAdapter(ABC):
             await self._cancel_pending()
             with contextlib.suppress(AdapterError, TimeoutError):
                 await self._stand()
-        await self._let_go("closed")
+        await self._disconnect("closed")
 
     async def _stand(self) -> None:
         async with asyncio.timeout(BRAKING_TIME):
@@ -511,7 +511,7 @@ class RemoteAdapter(ABC):
                 if abs(velocity.linear) < STANDSTILL and abs(velocity.angular) < STANDSTILL:
                     return
 
-    async def _let_go(self, why: str) -> None:
+    async def _disconnect(self, why: str) -> None:
         self._failure = why
         self._news.set()
         await cancel(*self._tasks)

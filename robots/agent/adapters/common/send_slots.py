@@ -1,8 +1,7 @@
-"""What waits to be said to an RCA over a connection that takes its time: of velocities the newest
-and never an old one.
+"""Messages that wait for a slow connection to an RCA; of velocities only the newest waits.
 
-A command that was held up here may not move the robot later: many RCAs obey whatever arrives,
-whenever it does.
+A velocity that was delayed here must not move the robot later: many RCAs obey a command whenever
+it arrives.
 """
 
 import asyncio
@@ -20,7 +19,7 @@ SlotMessage = TypeVar("SlotMessage")
 
 
 class SendSlots(Generic[SlotMessage]):
-    """Letters in order, and one place for a velocity that a newer one takes over. For one loop."""
+    """Messages in order, and one place for the newest velocity. For one loop."""
 
     def __init__(self) -> None:
         self._messages: deque[SlotMessage] = deque()
@@ -53,7 +52,7 @@ class SendSlots(Generic[SlotMessage]):
         self._velocity = None
 
     async def take(self) -> SlotMessage:
-        """Wait for the next letter; velocities go first."""
+        """Wait for the next message; velocities go first."""
         while True:
             if self._velocity is not None:
                 (at, message), self._velocity = self._velocity, None

@@ -26,7 +26,7 @@ from robots.api.messages import Battery, Pose, Scan, Velocity
 
 REMEMBERED = 200  # odometries: some seconds
 WINDOW = 0.3  # seconds over which poses become a velocity
-FASTEST, FASTEST_TURN = 3.0, 6.0  # m/s and rad/s: what is faster is a new fix, not a motion
+FASTEST, FASTEST_TURN = 3.0, 6.0  # m/s and rad/s: faster is a new fix, not a motion
 CLOCK_SKEW = 0.5  # seconds by which a stamp may differ from its arrival and still be believed
 TICK = 1e-4  # seconds: stamps grow, whatever clocks do
 
@@ -89,7 +89,7 @@ class Readings:
         self._fix = msgspec.structs.replace(NOWHERE, localized=True, score=score)
 
     def lost(self, now: float) -> None:
-        """Take that the RCA does not know where it is."""
+        """Note that the RCA has lost its pose."""
         self._fix, self._map_from_odometry, self.fixed_at = NOWHERE, None, now
 
     def scanned(self, scan: Scan) -> None:
@@ -135,9 +135,7 @@ class Readings:
         return msgspec.structs.replace(self._fix, x=x, y=y, theta=theta)
 
     def state(self, unix: float) -> RcaState:
-        """Return all of it; what obstacles were seen is told once. Stamps grow: what only repeats
-        what was known is stamped `unix`, now.
-        """
+        """Return all of it; obstacles once only. Stamps grow; a repeated state has `unix`."""
         stamp = self._said if self.fresh else unix
         self._stamp = max(stamp, self._stamp + TICK)
         self.fresh = False

@@ -1,6 +1,4 @@
-"""A client of a MOOSDB: variables said and heard over one connection, which the database ends after
-five seconds of silence.
-"""
+"""A client of a MOOSDB, which ends a connection after five seconds of silence."""
 
 import asyncio
 import contextlib
@@ -22,7 +20,7 @@ BACKLOG = 64 << 10  # bytes that may wait to be sent before the database counts 
 
 
 class MoosClient:
-    """One connection. `heard` gets every variable as it comes, `lost` why the connection ended;
+    """One connection. `heard` gets every variable that arrives, `lost` why the connection ended;
     both on the loop.
 
     Args:
@@ -51,7 +49,7 @@ class MoosClient:
 
         Raises:
             AdapterError: it refuses, or is something else.
-            OSError, TimeoutError: nobody is there.
+            OSError, TimeoutError: there is no answer.
         """
         async with asyncio.timeout(GREETING_TIME):
             reader, self._writer = await asyncio.open_connection(self._host, self._port)
@@ -88,13 +86,13 @@ class MoosClient:
         self._send(Mail(wire.NOTIFY, key, value, time.time(), self.name, number=next(self._ids)))
 
     def register(self, key: str, interval: float = 0.0) -> None:
-        """Hear a variable, at most every `interval` seconds; its last value comes at once."""
+        """Subscribe to a variable, at most every `interval` seconds; its last value comes first."""
         self._send(
             Mail(wire.REGISTER, key, interval, time.time(), self.name, number=next(self._ids))
         )
 
     async def ask(self) -> None:
-        """Wait until the database has read what it was told so far.
+        """Wait until the database has read what was sent so far.
 
         It answers a message of timing that leads a packet, behind all packets of before
         (ThreadedCommServer::ProcessClient).
@@ -108,12 +106,12 @@ class MoosClient:
         await answer
 
     def abort(self) -> None:
-        """Leave at once; what the database has not got yet it never gets."""
+        """Disconnect at once, discarding what was not received yet."""
         if self._writer is not None:
             self._writer.transport.abort()
 
     async def close(self) -> None:
-        """Leave, after the database has read the last word."""
+        """Disconnect, after the database has read the last message."""
         if self._writer is not None and not self._writer.transport.is_closing():
             with contextlib.suppress(AdapterError, TimeoutError):
                 async with asyncio.timeout(PARTING):
@@ -141,10 +139,10 @@ class MoosClient:
         writer.write(wire.pack([mail]))
 
     async def _beat(self) -> None:
-        """Speak before the silence is too long."""
-        with contextlib.suppress(AdapterError):  # who reads says that it is gone
+        """Send before the silence is too long."""
+        with contextlib.suppress(AdapterError):  # the reader reports that it is lost
             while True:
-                # nobody waits for it
+                # its answer is not awaited
                 self._asking.append(asyncio.get_running_loop().create_future())
                 self._say_time()
                 await asyncio.sleep(BEAT)

@@ -22,7 +22,7 @@ SETTING_OUT = 5.0  # seconds in which a journey begins
 
 
 class DialectError(ValueError):
-    """The robot said something that these words do not have."""
+    """A value of the robot that is not in this dialect."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ def status_of(text: str) -> OpenMoraStatus:
         raise DialectError(f"status with only {len(fields)} fields")
     pose, place, destination, mode, volts, charging = fields[:6]
     try:
-        # 0.00 is a variable that nobody has said yet
+        # 0.00 is a variable without a value yet
         voltage = None if volts in {"", UNKNOWN} else float(volts) or None
     except ValueError as error:
         raise DialectError(f"invalid voltage: {volts[:20]!r}") from error

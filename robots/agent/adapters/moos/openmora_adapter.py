@@ -53,7 +53,7 @@ class OpenMoraOptions(Struct, frozen=True, kw_only=True):
 
 
 class OpenMoraAdapter(RemoteAdapter):
-    """See robot_interface.Adapter. `name` stands for the robot in sentences."""
+    """See robot_interface.Adapter. `name` is the robot in sentences."""
 
     name = "this robot"
 

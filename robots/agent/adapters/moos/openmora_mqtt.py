@@ -190,7 +190,7 @@ class OpenMoraMqttAdapter(OpenMoraAdapter):
         self._outgoing.clear()
 
     async def close(self) -> None:
-        """Brake, end the session of the robot's logger, and let go."""
+        """Brake, end the session of the robot's logger, and disconnect."""
         if not self._failure:
             self._say_session("Stop")
         await super().close()
@@ -367,7 +367,7 @@ class OpenMoraMqttAdapter(OpenMoraAdapter):
 
 
 class _Head:
-    """Where the head should be by now; nobody knows before it was told."""
+    """Where the head should be by now; unknown before the first order."""
 
     def __init__(self, robot: RobotProfile) -> None:
         self._speed = robot.tilt.speed if robot.tilt else 1.0

@@ -31,7 +31,7 @@ Value = float | str | bytes
 
 
 class MoosWireError(ValueError):
-    """What arrived is not of this protocol."""
+    """Data that are not of this protocol."""
 
 
 @dataclass(frozen=True)
@@ -77,15 +77,15 @@ def unpack(body: bytes, count: int) -> list[Mail]:
 def _pack(mail: Mail) -> bytes:
     match mail.value:
         case str(text):
-            kind, said, number = b"S", text.encode(), -1.0
+            kind, content, number = b"S", text.encode(), -1.0
         case bytes(data):
-            kind, said, number = b"B", data, -1.0
+            kind, content, number = b"B", data, -1.0
         case number:
-            kind, said, number = b"D", mail.text.encode(), float(number)
+            kind, content, number = b"D", mail.text.encode(), float(number)
     names = b"".join(
         _string(name.encode()) for name in (mail.source, mail.helper, mail.community, mail.key)
     )
-    rest = names + _NUMBERS.pack(mail.time, number, mail.second) + _string(said)
+    rest = names + _NUMBERS.pack(mail.time, number, mail.second) + _string(content)
     return _MESSAGE.pack(_MESSAGE.size + len(rest), mail.number, mail.type, kind) + rest
 
 
@@ -105,11 +105,11 @@ def _unpack(body: bytes, offset: int) -> tuple[Mail, int]:
             name, at = _read_string(body, at, end)
             names.append(name.decode("utf-8", "replace"))
         stamp, value, second = _NUMBERS.unpack_from(body, at)
-        said, _ = _read_string(body, at + _NUMBERS.size, end)
+        data, _ = _read_string(body, at + _NUMBERS.size, end)
     except struct.error as error:
         raise MoosWireError(f"the message is cut off: {error}") from error
-    text = said.decode("utf-8", "replace")
-    content: Value = {b"D": value, b"B": said}.get(value_kind, text)
+    text = data.decode("utf-8", "replace")
+    content: Value = {b"D": value, b"B": data}.get(value_kind, text)
     source, helper, community, key = names
     return Mail(kind, key, content, stamp, source, helper, community, number, second, text), end
 

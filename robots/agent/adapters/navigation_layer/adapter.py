@@ -63,11 +63,11 @@ from robots.api.messages import (
 )
 from robots.world.sensing import Floats, LaserScan, beams_of
 
-THINKING = 0.1  # seconds between two snapshots for the navigation process
+SNAPSHOT_PERIOD = 0.1  # seconds, for the navigation process
 LATE = 0.3  # seconds without its output after which the robot stops
 # and after which the process is killed: while an action runs, while none does
 STUCK, STUCK_IDLE = 1.0, 3.0
-# how exactly somebody puts a robot where it begins
+# how exactly a robot is put where it begins
 START_SPREAD, START_TURN = 0.15, math.radians(8.0)
 # and how far it may have gone since it was known last
 AGAIN_SPREAD, AGAIN_TURN = 0.25, math.radians(15.0)
@@ -82,8 +82,7 @@ def wrapped(inner: Adapter, area: FloorPlanUpdate | None, memory: Path | None = 
     when that has both, or no laser.
 
     An RCA that localizes itself and goes nowhere by itself gets our navigation on its own pose.
-    `area` is the site it stands in, None when the server will say so; `memory` is the file that
-    keeps where it stood.
+    `area` is the site, None when the server will send it; `memory` is the file of the last pose.
     """
     profile = inner.profile
     if profile.laser is None or {"localization", "goto"} <= set(profile.capabilities):
@@ -122,16 +121,16 @@ class AutonomyAdapter:
         self._pose_buffer = PoseExtrapolator()
         self.node = NavigationProcess(
             Body(own.series, own.footprint, own.limits, self._localizes),
-            output=self._think,
+            output=self._take_output,
             settled=self._place,
         )
         self._area: FloorPlanUpdate | None = None
         self.dock: Station | None = None
         self._news = ProgressQueue()
-        self._due = Cadence(THINKING)
+        self._due = Cadence(SNAPSHOT_PERIOD)
         self._last: RcaState | None = None
         self._beams: LaserScan | None = None
-        self._told_sweep = -math.inf
+        self._sent_sweep = -math.inf
         self._path: tuple[Point, ...] = ()
         self._wish: Velocity | None = None
         self._starting: set[str] = set()  # actions that the navigation process is asked for
@@ -271,8 +270,8 @@ class AutonomyAdapter:
     # --- readings ---------------------------------------------------------------------------------
 
     def located(self, reading: RcaState, points: Floats) -> RcaState:
-        """Perceive a reading and what stands about, points (n, 2) in the robot's frame; return it
-        with our pose, path and complaints.
+        """Take a reading and obstacles (n, 2) in the robot's frame; return it with our pose, path
+        and errors.
 
         Raises:
             OSError, RuntimeError: why the task that restarts the process has ended.
@@ -308,9 +307,9 @@ class AutonomyAdapter:
                 points,
                 pose,
             )
-            new = self._beams is not None and self._beams.stamp != self._told_sweep
+            new = self._beams is not None and self._beams.stamp != self._sent_sweep
             if self.node.say(wire.perceive(moment, new=new)) and self._beams is not None:
-                self._told_sweep = self._beams.stamp
+                self._sent_sweep = self._beams.stamp
 
     def _complaints(self, reading: RcaState) -> tuple[str, ...]:
         if reading.odometry is None:
@@ -330,7 +329,7 @@ class AutonomyAdapter:
 
     def _place(self) -> None:
         """Tell a new process where the robot is: the last known pose, or where it begins."""
-        self._last_received_at, self._told_sweep = self._now(), -math.inf
+        self._last_received_at, self._sent_sweep = self._now(), -math.inf
         odometry = self._last.odometry if self._last else None
         known = self._pose_buffer.place(odometry) if self._pose_buffer.trusted else None
         if known is not None:
@@ -344,7 +343,7 @@ class AutonomyAdapter:
         ):
             self.node.say(wire.KnownPlace(kept, AGAIN_SPREAD, AGAIN_TURN))
 
-    def _think(self, output: NavigationOutput) -> None:
+    def _take_output(self, output: NavigationOutput) -> None:
         now = self._now()
         self._last_received_at, self._wish = now, output.wanted
         self._pose_buffer.take(output, now)

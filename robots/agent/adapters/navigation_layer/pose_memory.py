@@ -1,8 +1,7 @@
-"""Where the robot stood when the agent ended, so that the next one need not look for it on the
-whole map.
+"""The robot's last pose in a file, so that the next agent need not search the whole map for it.
 
-The robot may have been moved meanwhile, so the pose is only a first guess, which the laser confirms
-or refutes. A file that cannot be read or written counts as missing.
+The robot may have been moved since, so the pose is only a first guess, which the laser confirms or
+refutes. A file that cannot be read or written counts as missing.
 """
 
 import asyncio

@@ -118,12 +118,7 @@ def create(profile_name: str, options: Mapping[str, Any]) -> "SimulatorAdapter":
 
 
 def _start(plan: FloorPlan, model: RobotModel, options: Mapping[str, Any]) -> Pose2D | None:
-    """Return where a robot of ours begins: whoever puts a robot somewhere knows. One at an address
-    may be anywhere by now.
-
-    Raises:
-        AdapterError: nothing can stand there, in one sentence.
-    """
+    """Return where our own robot begins; one at an address may be anywhere. Raises AdapterError."""
     try:
         return (
             None
@@ -269,10 +264,10 @@ class SimulatorAdapter:
         return reader, writer
 
     def apply(self, velocity: Velocity) -> Velocity:
-        """Send a velocity within the base's limits; return the one that was last sent.
+        """Send a velocity within the base's limits; return the last one sent.
 
-        A simulator that hangs executes what is in its socket when it goes on. So each state permits
-        one velocity that moves, and when states stop coming, a zero follows.
+        A simulator that hangs executes its socket's content when it goes on. So each state permits
+        one velocity that moves, and when states stop arriving, a zero follows.
 
         Raises:
             AdapterError: the simulator is gone, or does not read any more.

@@ -1,8 +1,8 @@
 """Camera and microphone of the simulated robot, each on a blocking connection of its own, read by
 the media side's threads.
 
-Neither touches the control loop: a picture crosses over in shared memory, and only its number comes
-through the socket.
+Neither touches the control loop: a frame crosses in shared memory, only its number through the
+socket.
 """
 
 import contextlib
@@ -81,7 +81,7 @@ class _Source:
         self._running.set()
 
     def stop(self) -> None:
-        """Stop capturing; the simulator rests when nobody watches."""
+        """Stop capturing; without viewers the simulator draws nothing."""
         self._running.clear()
         with self._lock:
             self._hang_up()
@@ -94,7 +94,7 @@ class _Source:
     def _next(self, timeout: float) -> Any:
         """Return the next message, None after `timeout`, holding the lock; raises AdapterError."""
         address = self._where()
-        if address is None:  # the simulator is being started: nothing is wrong with the source
+        if address is None:  # the simulator is being started: the source is not at fault
             time.sleep(max(timeout, 0.0))
             return None
         try:
@@ -112,7 +112,7 @@ class _Source:
 
 
 class SimulatorCamera(_Source):
-    """See contract.VideoSource."""
+    """See robot_interface.VideoSource."""
 
     role: wire.Role = "camera"
 
@@ -165,7 +165,7 @@ class SimulatorCamera(_Source):
 
 
 class SimulatorMicrophone(_Source):
-    """See contract.AudioSource."""
+    """See robot_interface.AudioSource."""
 
     role: wire.Role = "microphone"
 

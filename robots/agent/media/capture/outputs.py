@@ -1,9 +1,8 @@
-"""The robot's own loudspeaker and display: what the visitor sends, decoded in a thread of its own.
+"""The robot's own loudspeaker and display: the visitor's media, decoded in a thread of its own.
 
 Decoding takes milliseconds, and a loudspeaker may block: neither belongs on an event loop. What
-cannot be played in time is dropped, the rest of its pictures with it until the next key frame: late
-words are worthless, and a picture with holes is rubbish. A device that fails is let go of, and
-tried again while something comes for it, after a pause that grows.
+cannot be played in time is dropped, and video up to the next key frame with it. A device that fails
+is closed, and tried again after a growing pause while there is something to play.
 """
 
 import queue
@@ -82,7 +81,7 @@ class OutputFeed:
         return self._speaker is not None
 
     def ring(self) -> None:
-        """Play the chime of somebody who knocks; dropped while others are speaking."""
+        """Play the chime of a knock; dropped while others are speaking."""
         if self._speaker is not None:
             self._put(("ring", b""))
 
@@ -159,7 +158,7 @@ class _Player:
 
     def play(self, data: bytes) -> None:
         try:
-            # Decoded also while the device pauses: what comes after builds on it.
+            # Decoded also while the device pauses: later frames build on it.
             frames = self._decoder.decode(av.Packet(data))
         except FAILURES as error:
             log.warning(

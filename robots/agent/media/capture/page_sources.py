@@ -1,9 +1,8 @@
-"""Picture and sound that the page of the robot's own screen gives, in the place of a camera and a
-microphone of the agent's.
+"""Video and sound from the page of the robot's own screen, instead of the agent's own devices.
 
-The robot's computer then runs a browser anyway, and the browser knows its camera. What arrives is
-encoded, and leaves as it came: nothing is encoded again, and there is one quality. When a picture
-was taken is not told; its time is that of the fastest picture's arrival.
+The robot's computer then runs a browser anyway, and the browser knows its camera. Media arrive
+encoded and are forwarded unchanged, in one quality. The page sends no capture times: a frame's time
+is that of the fastest frame's arrival.
 """
 
 import threading
@@ -26,7 +25,7 @@ SNAPSHOT_TIMEOUT, SNAPSHOT_ASKS = 3.0, 6
 DRIFT = 0.001
 MISSING_VIDEO = "no page on the robot's screen provides video"
 MISSING_SOUND = "no page on the robot's screen provides sound"
-OPENING = 5.0  # s in which the page of the robot's screen begins to give what somebody wants
+OPENING = 5.0  # s in which the page of the robot's screen begins to send
 
 
 class _PageSource:
@@ -102,7 +101,7 @@ class PageCamera(_PageSource):
         self._deliver(Picture(vp8_payloads(data), key, at % ROUND, self._stamp(at / VIDEO_RATE)))
 
     def snapshot(self) -> Frame | None:
-        """Return the next whole picture; None when none came in 3 s. Blocks meanwhile."""
+        """Return the next key frame; None after 3 s. Blocks."""
         with self._whole_came:
             self._whole = None
             for _ in range(SNAPSHOT_ASKS):

@@ -1,5 +1,4 @@
-"""One encoder a rung of quality: pictures in, VP8 cut into RTP payloads out, the same for every
-viewer.
+"""One encoder a layer of quality: frames in, VP8 cut into RTP payloads out, shared by all viewers.
 
 VP8 because every browser speaks it (Firefox has no H.264 of its own). libvpx in real-time mode, one
 pass, no lag, constant bit rate. Its denoiser is off: it takes half of the encoder's time and a
@@ -106,9 +105,9 @@ class PictureEncoder:
             return image
         # Same size needs only the colours, for which POINT is the fastest way; one thread, because
         # a pool costs more than it saves.
-        way = Interpolation.POINT if same else Interpolation.BILINEAR
+        interpolation = Interpolation.POINT if same else Interpolation.BILINEAR
         return self._reformatter.reformat(
-            image, *fit, format="yuv420p", interpolation=way, threads=1
+            image, *fit, format="yuv420p", interpolation=interpolation, threads=1
         )
 
     def _codec_for(self, width: int, height: int) -> Any:

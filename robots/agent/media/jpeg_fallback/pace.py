@@ -1,10 +1,9 @@
-"""When the next picture goes through the server, and how large it may be: decisions only. `now` is
-monotonic time in seconds.
+"""When the next JPEG goes through the server, and how large it may be: decisions only.
 
 A page that no WebRTC path reaches asks for each picture, and asks again when it has it: a request
-is an acknowledgement too. So one picture is on its way at most, whatever the network between does,
-and none is queued. A picture goes out once for everybody who waits; the driver sets the pace while
-there is one who asks, and nobody's slow network costs the driver anything.
+is an acknowledgement too. So at most one picture is under way, whatever the network between does,
+and none is queued. A picture is sent once for all pages that wait; a driver who asks sets the pace,
+and another page's slow network costs the driver nothing. `now` is monotonic time in seconds.
 """
 
 from collections.abc import Callable
@@ -15,7 +14,7 @@ from robots.agent.media.codecs.encoder import Tier
 FPS = 10
 PRESENT = 3.0  # s after its last request that a page still counts as watching
 MOST_PAGES = 64
-# s that the size of a picture may cost, and what leaves room for a larger one
+# s that a picture's size may cost at most; below FAST there is room for a larger one
 SLOW, FAST = 0.25, 0.08
 # pictures in a row that must have been fast before a larger one is tried
 PATIENCE, MOST_PATIENCE = 10, 320
@@ -48,7 +47,7 @@ FIRST = 2
 
 
 class StillQuality:
-    """The rung of the ladder, by how long pictures take."""
+    """The layer, by how long pictures take."""
 
     def __init__(self) -> None:
         self.layer = FIRST
@@ -57,7 +56,7 @@ class StillQuality:
         self._tried = False  # the last step was up
 
     def took(self, seconds: float) -> None:
-        """Hear how long a picture took longer than a small message."""
+        """Take how much longer a picture took than a small message."""
         if seconds > SLOW:
             self.too_large()
         elif seconds < FAST:
@@ -68,13 +67,13 @@ class StillQuality:
             self._fast = 0
 
     def too_large(self) -> None:
-        """Step down; a step up that came to nothing is tried again less and less often."""
+        """Step down; after a failed step up, the next trial waits longer."""
         self._patience = min(MOST_PATIENCE, 2 * self._patience) if self._tried else PATIENCE
         self.layer, self._fast, self._tried = min(len(LAYERS) - 1, self.layer + 1), 0, False
 
 
 class StillPace:
-    """Who asks, what is on its way, and what goes next.
+    """Which pages ask, and when the next picture is sent to whom.
 
     Args:
         is_driver: tells whether a peer drives at this moment.

@@ -1,9 +1,7 @@
-"""Pictures through the server, as JPEG, for pages that no WebRTC path reaches: a thread that sleeps
-while nobody asks.
+"""Pictures through the server, as JPEG, for pages that no WebRTC path reaches.
 
-See slow_pace.py for when and how large. The camera runs while somebody asks, as it does for
-viewers, and encoding has a thread of its own: it must delay neither commands nor the pictures of
-those whom WebRTC reaches.
+See pace.py for when and how large. A thread encodes while pages ask, so as to delay neither
+commands nor the video of pages on WebRTC; the camera runs as it does for viewers.
 """
 
 import threading

@@ -46,7 +46,7 @@ class Connections:
         make_viewer: makes the connection of (peer, role), with a name for this connection of theirs
             and what to call when it fails by itself.
         reply: called with (peer, message) for the page.
-        changed: called when somebody came, who may be the driver.
+        changed: called after a new page, which may be the driver's.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class Connections:
         self._count = itertools.count()
         self._viewers: dict[str, Viewer] = {}
         self._screens: set[str] = set()
-        # hidden operators, who are told of the robot by the server alone, and count for nobody
+        # hidden operators: the server alone sends them states, and they do not count as viewers
         self._wizards: set[str] = set()
         self._passed_on: dict[str, int] = {}  # of an SFU: how many watch through it
         self._flooded: dict[str, float] = {}  # pages that were sent away for it: refused until

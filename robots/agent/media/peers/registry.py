@@ -1,11 +1,11 @@
-"""Who is connected, and as what: decisions only.
+"""Which peers are connected, and in which role: decisions only.
 
 The lease says who drives, so it alone makes a peer the driver: one that was offered as driver and
 no longer holds the lease is an observer from that moment, and an observer who is given the lease
 drives without a new connection.
 
-A connection outlives the page's socket, by which the server says goodbye for it, so nobody stays by
-that alone: whoever has driven must offer anew to watch, and for whoever watches the server speaks
+A connection outlives the page's socket, by which the server says goodbye for it, so it ends unless
+it is confirmed: an earlier driver must offer anew to watch, and the server vouches for observers
 again and again.
 """
 
@@ -78,7 +78,7 @@ class PeerRegistry:
         return "observer" if offered == "driver" else offered
 
     def lease_changed(self, driver: str | None, now: float) -> None:
-        """Note who drives from now on; None is nobody. From any thread."""
+        """Note the driver's peer, or None. From any thread."""
         if self._driver is not None and driver != self._driver and self._driver in self._offered:
             # the lease spoke for it until now
             self._drove[self._driver] = self._vouched[self._driver] = now

@@ -1,4 +1,4 @@
-"""One connected page: what it is shown, what it hears, what it is told, and what it says."""
+"""One connected page: its video, sound and telemetry, and its commands."""
 
 import random
 import time
@@ -20,7 +20,7 @@ from robots.agent.timing import Cadence
 from robots.api.codec import encode_frame
 from robots.api.messages import CommandHeartbeat, SdpOffer
 
-NARROW = 2  # the first rung of a network that has no room to spare
+NARROW = 2  # the first layer of a network without room to spare
 # s between two of them there; five and fifteen a second would be as much as the picture
 SPARSE = {"scan": 0.95, "pose": 0.19}
 
@@ -42,7 +42,7 @@ class WatchedVideo(Protocol):
 
 
 class Sounds(Protocol):
-    """What a viewer hears: the microphone, or the visitor."""
+    """The sound of a viewer: the microphone's, or the visitor's."""
 
     def listen(self, number: int) -> None:
         """Say that `number` more listen."""
@@ -57,7 +57,7 @@ class Viewer:
         camera: what it watches from the offer on, so that the first picture is there when the
             connection is.
         microphone: what it hears.
-        on_command: called with what every frame from the page says that passed the gate.
+        on_command: called with every message of the page that passed the gate.
         on_end: called with the reason when the connection failed, was closed by the page, or the
             page floods.
         on_media, relays: see `PageConnection`.
@@ -167,7 +167,7 @@ class Viewer:
         }
 
     async def close(self) -> None:
-        """Close the connection and let go of camera and microphone; idempotent."""
+        """Close the connection and release camera and microphone; idempotent."""
         self._unwatch()
         await self.page.close()
 
@@ -188,19 +188,19 @@ class Viewer:
         if self._microphone is not None:
             self._microphone.listen(number)
 
-    # --- the ladder of qualities ------------------------------------------------------------------
+    # --- layers of quality ------------------------------------------------------------------------
 
     def _ask_camera(self, reason: Reason) -> None:
         if self._camera is not None:
             self._camera.ask_key_frame(reason, self._layer)
 
-    def _take(self, heard: ReceivedPacket) -> None:
-        if self._pictures is not None and isinstance(heard, CommandHeartbeat):
-            age, sent = heard.frame_age, self._pictures.rate
+    def _take(self, packet: ReceivedPacket) -> None:
+        if self._pictures is not None and isinstance(packet, CommandHeartbeat):
+            age, sent = packet.frame_age, self._pictures.rate
             if age is not None and sent is not None:
                 self._adapter.aged(time.monotonic(), age, sent)
                 self._move()
-        self._on_command(heard)
+        self._on_command(packet)
 
     def _lost(self, share: float) -> None:
         self._adapter.lost(time.monotonic(), share)

@@ -1,10 +1,9 @@
 """The visitor's voice and face on their way to the people at the robot.
 
-They arrive encoded on the driver's connection and leave as they came: a screen that shows the
-visitor is one more viewer, with the visitor's packets instead of the camera's (nothing is encoded
-again). While no screen is connected they are decoded for the robot's own loudspeaker and display,
-where it has them. Only what the lease's peer sends passes, and only what the call lets through; the
-rest is counted and dropped, and nothing is kept.
+They arrive encoded on the driver's connection and are forwarded unchanged: a screen that shows the
+visitor is one more viewer, with the visitor's packets instead of the camera's. While no screen is
+connected they are decoded for the robot's own loudspeaker and display, if it has them. Only media
+of the lease's peer pass, as far as the call allows; the rest is counted and dropped.
 """
 
 import time

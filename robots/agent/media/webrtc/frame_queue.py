@@ -11,9 +11,9 @@ from robots.agent.media.webrtc.aiortc_hooks import Detour, OutgoingFrame
 from robots.agent.media.webrtc.sender_queue import ViewerQueue
 
 MAX_SOUNDS = 10  # 200 ms
-PAUSE = 0.2  # s without a picture: what is old then is the camera's fault
+PAUSE = 0.2  # s without a frame: an older one is then the camera's fault
 LONGEST_GAP = 0.1  # s between two pictures for which packets are sent again
-# s; who falls behind more seldom than this was held up, and no narrow network makes it happen again
+# s; falling behind more rarely than this is a hold-up, not a narrow network
 ONCE = 5.0
 
 

@@ -1,10 +1,9 @@
-"""Reading a page's offer before aiortc does: which lines there are, and which of them the robot's
-picture and sound go to.
+"""Reads a page's offer before aiortc does: its lines, and those for the robot's video and sound.
 
-The page offers every line at once (the robot's picture and sound, its own, a screen's), because
-aiortc cannot renegotiate; a track is put into a line later without anybody noticing. The candidates
-are taken out and given to ICE afterwards: an mDNS name that nobody answers for takes a second to
-fail, and no answer should wait for it.
+The page offers every line at once (the robot's video and sound, its own, a screen's), because
+aiortc cannot renegotiate; a track is put into a line later, unnoticed. The candidates are taken out
+and given to ICE afterwards: an mDNS name without an answer takes a second to fail, and no answer
+should wait for it.
 """
 
 from dataclasses import dataclass
@@ -96,10 +95,10 @@ def robot_lines(lines: tuple[MediaLine, ...], has: frozenset[Kind]) -> dict[int,
 
 
 def visitor_lines(lines: tuple[MediaLine, ...], robot: dict[int, Kind]) -> dict[int, Kind]:
-    """Return {index: kind} of the lines on which the visitor's voice and face come.
+    """Return {index: kind} of the lines for the visitor's voice and face.
 
-    The first that gives sound, which may be the robot's own, and the first beside the robot's that
-    gives pictures; what a second one gives is nobody's.
+    The first that sends sound, which may be the robot's own, and the first beside the robot's that
+    sends video; a second one of a kind is ignored.
     """
     chosen: dict[int, Kind] = {}
     for index, line in enumerate(lines):

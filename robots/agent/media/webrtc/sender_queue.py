@@ -1,8 +1,8 @@
-"""What one viewer still has to be sent: a short queue that never has a hole.
+"""Frames to send to one viewer: a short queue without gaps.
 
-A viewer whose queue or socket fills up is emptied and begins again with a key frame. Late pictures
-are worthless to somebody who drives, and a decoder that misses a delta frame shows rubbish until
-the next key frame.
+A viewer whose queue or socket fills up is emptied and begins again with a key frame. Late frames
+are worthless to a driver, and a decoder that misses a delta frame shows garbage until the next key
+frame.
 """
 
 from collections import deque
@@ -21,7 +21,7 @@ class ViewerQueue:
     def __init__(self) -> None:
         self._pictures: deque[Picture] = deque()
         self._started = False
-        self._skipped = 1  # what comes before the first key frame needs no second one
+        self._skipped = 1  # frames before the first key frame ask for no second one
         self.restarts = 0
 
     def __len__(self) -> int:

@@ -65,13 +65,13 @@ class PageConnection:
 
     Args:
         peer: the peer id that the server made.
-        on_command: called with what every frame from the page says that passed the gate.
+        on_command: called with every message of the page that passed the gate.
         on_open: called when the page has opened a data channel.
         on_end: called with the reason when the connection failed, was closed by the page, or the
             page floods.
         on_media: called with (kind, what is encoded, RTP ticks from 0) for the visitor's voice and
             face; None drops them unread.
-        relays: what is known of relays, shared by all connections of a robot. An empty list of
+        relays: shared by all connections of a robot. An empty list of
             servers means none, where aiortc's default is a stranger's.
     """
 
@@ -274,9 +274,9 @@ class PageConnection:
 
     def _on_message(self, frame: str | bytes) -> None:
         self._last_frame = time.monotonic()
-        heard = self.gate.take(frame, self._last_frame)
-        if heard is not None:
-            self.on_command(heard)
+        packet = self.gate.take(frame, self._last_frame)
+        if packet is not None:
+            self.on_command(packet)
         elif self.gate.floods and not self._sent_away:
             self._sent_away = True
             log.warning("page_floods", peer=self.peer, counts=dict(self.gate.counts))

@@ -20,10 +20,10 @@ from robots.world.sensing import Floats, LaserScan, points_in_frame
 
 @dataclass(frozen=True)
 class StationParams:
-    """How the shape of a station is told in a sweep."""
+    """How the shape of a station is recognized in a sweep."""
 
     on_front: float = 0.035  # m from the line that count as on it
-    beyond_edges: float = 0.5  # m beyond either edge, up to which points are looked at
+    beyond_edges: float = 0.5  # m beyond either edge, up to which points count
     least_points: int = 8  # on the front
     least_share: float = 0.75  # of the front's width that must have been seen
     against: float = 1.0  # weight of a point that speaks against a pose

@@ -16,7 +16,7 @@ class ReasonParams:
     """Where it is looked for what blocks a route."""
 
     at_door: float = 0.8  # m from the middle of a doorway: the door is meant
-    routes: int = 4  # that are looked at
+    routes: int = 4  # that are examined
     one_thing: float = 0.8  # m about a blocked point that count as blocked for the same reason
     start_reach: float = 0.6  # m about a robot that has no room, for a place where it has
 
@@ -80,7 +80,7 @@ def _spots(
 
 
 def _at(obstacle_map: LocalObstacleMap, plan: FloorPlan | None, spot: Floats, now: float) -> str:
-    """Return what is in the way at a point (2,)."""
+    """Return the obstacle at a point (2,)."""
     x, y = float(spot[0]), float(spot[1])
     closed = obstacle_map.doors.closed(now)
     door = next(

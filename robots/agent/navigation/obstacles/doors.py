@@ -26,7 +26,7 @@ class DoorParams:
     near: float = 4.0  # m: doorways farther off are not judged
     in_line: float = 0.15  # m from the leaf's line, within which a beam that ends has met it
     behind: float = 0.3  # m behind it, from which a beam that ends has gone through
-    # share of the doorway left out at either side: frames and open leaves stand there
+    # share of the doorway left out at either side, for frames and open leaves
     frame: float = 0.15
     grazing: float = 0.3  # least sine of the angle between beam and leaf
     votes: int = 4  # beams of one sweep that decide
@@ -37,7 +37,7 @@ DOORS = DoorParams()
 
 
 class DoorWatch:
-    """What is known about the doors of a plan."""
+    """The doors of a plan that were seen closed."""
 
     def __init__(self, plan: FloorPlan | None) -> None:
         self.doors: tuple[Door, ...] = plan.doors if plan else ()

@@ -19,7 +19,7 @@ class LostObstacleParams:
     """Whom the robot remembers when they walk out of its sight."""
 
     hold: float = 2.5  # s
-    near: float = 1.6  # m from the robot, within which somebody is remembered
+    near: float = 1.6  # m from the robot, within which a person is remembered
     points: int = 12  # of a sweep, at most
 
 

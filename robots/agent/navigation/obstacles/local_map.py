@@ -3,7 +3,7 @@ the laser met them.
 
 A cell of the map is marked while something is seen in it, and free again when the laser looks
 through it. Out of sight, what stood there for long is remembered for long, and what was passing by
-is soon forgotten. What has not stood still for `settled` seconds may be somebody who walks.
+is soon forgotten. What has not been still for `settled` seconds may be a person who walks.
 """
 
 from dataclasses import dataclass
@@ -23,14 +23,14 @@ from robots.world.solids import leaf_end
 class LocalMapParams:
     """How what the laser sees becomes marks on the map, and for how long."""
 
-    on_map: float = 0.2  # m: what is seen so close to something of the map is that thing
+    on_map: float = 0.2  # m: points so close to something of the map are part of it
     marked: float = 4.0  # m up to which the laser is trusted to mark a cell
     seen_through: float = 0.15  # m before the end of a beam, from which its way counts as free
     nearest_cell: float = 0.05  # m: a cell that is nearer is taken to be seen from there
     sure: float = 2.0  # m: what was marked from farther off is worth a closer look
-    noted: float = 0.8  # m: what is so near may be what holds the robot
-    settled: float = 10.0  # s after which what stands still is a thing
-    flicker: float = 1.0  # s: a mark that comes back within this time was never away
+    noted: float = 0.8  # m: obstacles so near may hold the robot
+    settled: float = 10.0  # s after which a still obstacle counts as a thing
+    flicker: float = 1.0  # s: a mark that returns within this time was never away
     # s: the same of one that no beam has passed since; the edge of what counts as the map's falls
     # into the next cell at times
     unpassed: float = 5.0

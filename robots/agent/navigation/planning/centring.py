@@ -28,7 +28,7 @@ class CentringParams:
     step: float = 0.01  # m between two places that are tried
     alike: float = 0.001  # m of room that are worth no move
     blend: float = 0.2  # m along the path over which moves are made alike
-    fade: float = 0.5  # m before and behind a narrow place over which the path comes back
+    fade: float = 0.5  # m before and behind a narrow place over which the path returns
     from_end: float = 0.5  # m over which it leaves its ends, which stay where they are
     along: int = 3  # points to both sides from which the direction is taken
 
@@ -82,10 +82,10 @@ def _centred(
     enough = half_width + params.tight
     rooms = np.minimum(distances(tried.reshape(-1, 2)), enough).reshape(len(narrow), -1)
     most = rooms.max(axis=1)
-    # what leaves no room in the middle is before the robot, not beside it
+    # an obstacle that leaves no room in the middle is before the robot, not beside it
     shut = way[narrow][most <= half_width - params.too_tight]
     gap = _nearest(way[narrow], shut) > params.fade
-    # beside what stands on one side only there is the more room the farther away
+    # with an obstacle on one side only, room grows with the distance
     gap &= np.maximum(rooms[:, 0], rooms[:, -1]) < most - params.alike
     if not gap.any():
         return line

@@ -24,7 +24,7 @@ from robots.world.sensing import Floats
 class PlannerParams:
     """How a way is searched and made straight."""
 
-    goal_reach: float = 0.5  # m within which the nearest place stands for a goal in a wall
+    goal_reach: float = 0.5  # m within which the nearest place replaces a goal in a wall
     start_reach: float = 0.6  # m within which a robot that touches something looks for its way out
     dearer: float = 1.02  # times the cells that it replaces, which a straight line may cost
     smoothing_rounds: int = 40  # at most

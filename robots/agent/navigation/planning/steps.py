@@ -1,4 +1,4 @@
-"""What navigation is told at each step, and what it answers."""
+"""Inputs and outputs of a step of navigation."""
 
 from dataclasses import dataclass, field
 from typing import Literal

@@ -188,7 +188,7 @@ class Obstacles:
         dt: float,
         others: tuple[Shape, ...] = (),
     ) -> ContactMove:
-        """Drive for `dt` seconds; what stands in the way stops the robot or lets it slide along."""
+        """Drive for `dt` seconds; obstacles stop the robot or let it slide along."""
         reach = self._reach_of(footprint)
         travel = (abs(motion.linear) + abs(motion.angular) * reach) * dt
         if not others and self.free_about(pose.x, pose.y) > reach + travel + SKIN:

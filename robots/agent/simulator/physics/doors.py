@@ -1,11 +1,10 @@
 """Doors that swing: each leaf turns about its hinge at a steady speed, once all of its way is free.
 
-Whoever moves a door looks where it goes: while somebody stands in its way it waits, and when
-somebody comes into its way it turns back, so that nobody is caught between leaf and frame. It never
-comes nearer to them than a hand.
+A leaf waits while somebody is in its way, and turns back when somebody steps into it, so that it
+catches nobody. It never comes nearer to them than a hand.
 
 A leaf at rest is open or closed; between the two it has a share of its swing, from 0, closed, to 1,
-open. Before the world has begun to move, doors are set at once: they stood so from the beginning.
+open. Before the world has begun to move, doors are set at once: they were so from the beginning.
 """
 
 import math
@@ -15,7 +14,7 @@ from robots.api.floorplan import Door, DoorState, FloorPlan
 from robots.world.solids import Floats, Opening, leaf_solid
 
 SPEED = 1.2  # rad/s: as people close doors behind them
-# metres from a robot, or from somebody's body, at which whoever moves a door holds it
+# metres from a robot or a person at which a leaf stops
 KEPT_OFF = 0.1
 LOOKS = 0.1  # radians of the way between two looks whether it is free
 RESTS: dict[DoorState, float] = {"closed": 0.0, "open": 1.0}
@@ -42,11 +41,11 @@ class Doors:
         return tuple(door for door in self.plan.doors if door.name not in self._on_the_way)
 
     def want(self, doors: dict[str, DoorState]) -> None:
-        """Take what somebody wants; unknown names are ignored."""
+        """Take wanted states; unknown names are ignored."""
         self._wanted |= {name: state for name, state in doors.items() if name in self.states}
 
     def set_at_once(self, in_the_way: list[Floats]) -> bool:
-        """Put every leaf where it is wanted and nothing is in the way; tell whether any moved."""
+        """Put every leaf where it is wanted, if that is free; tell whether any moved."""
         changed = [
             door for door in self.plan.doors if self._wanted[door.name] != self.states[door.name]
         ]

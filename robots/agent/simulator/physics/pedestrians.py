@@ -20,18 +20,18 @@ from robots.world.solids import Floats
 
 PACES = (0.5, 1.2)  # m/s
 STAYS = (1.0, 8.0)  # seconds at a goal
-PATIENCE = (1.5, 4.0)  # seconds before somebody who cannot go on turns round
-AT_WALL = 5.0  # times as soon does somebody turn round whom a wall keeps from going on
+PATIENCE = (1.5, 4.0)  # seconds before a person who is blocked turns round
+AT_WALL = 5.0  # times sooner a person turns round who is blocked by a wall
 SPEEDING_UP = 1.5  # m/s²
 TURNING = 3.0  # rad/s
 ARRIVED = 0.12
 TWO_STEPS = 1.3  # metres in which the legs come round
 SPREAD = 3  # random goals in each room, beside the plan's places
 FROM_DOCK = 1.0  # metres that people keep from charging stations when they stop somewhere
-FROM_ROBOT = 1.2  # metres from a robot where nobody stands at the start
+FROM_ROBOT = 1.2  # metres from a robot that are free of people at the start
 WIDE = 1.1  # metres ahead at which people go round each other
 ASIDE = 0.7  # radians they turn for it
-NEAR = 0.75  # metres from the robot's middle within which somebody may touch it
+NEAR = 0.75  # metres from the robot's middle within which a person may touch it
 APART = 0.45  # metres between two people's middles
 
 
@@ -63,7 +63,7 @@ class Pedestrians:
         plan: where.
         count: how many; fewer when there is no floor for them.
         doors: their states at the start.
-        robot: x, y of the robot, near which nobody stands at the start.
+        robot: its x, y, kept free of people at the start.
         rng: decides everything.
     """
 
@@ -213,7 +213,7 @@ class Pedestrians:
         return False
 
     def _meets_another(self, walker: _Walker, x: float, y: float) -> bool:
-        """Tell whether a step leads nearer to somebody who is too near already."""
+        """Tell whether a step leads nearer to a person who is too near already."""
         for other in self._walkers:
             apart = math.hypot(other.x - x, other.y - y)
             if (

@@ -32,7 +32,7 @@ class RandomDoors:
         return changes
 
     def leave(self, names: set[str]) -> None:
-        """Let somebody else decide about these doors from now on."""
+        """Move these doors no more."""
         self._doors = tuple(door for door in self._doors if door not in names)
         if self._closed in names:
             self._closed = None

@@ -1,8 +1,8 @@
-"""A simulation that keeps up with the clock on the wall, and remembers what happened.
+"""A simulation in real time, with a history.
 
-Steps have one fixed length, so that a run depends on when commands came and on nothing else. After
-a pause of the whole process (a suspended laptop, SIGSTOP) the lost time is dropped: a robot that
-nobody simulated has not moved.
+Steps have one fixed length, so that a run depends only on when commands came. After a pause of the
+whole process (a suspended laptop, SIGSTOP) the lost time is dropped: a robot that was not simulated
+has not moved.
 """
 
 from collections import deque

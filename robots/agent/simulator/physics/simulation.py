@@ -46,15 +46,15 @@ from robots.world.sensing import LaserScan
 from robots.world.sites import with_doors
 from robots.world.solids import Floats, Opening, fixed_solids, leaf_solid
 
-NEAR = 0.1  # metres beyond touch at which somebody is looked at; more than anybody moves in a step
+NEAR = 0.1  # metres beyond touch at which people are checked; more than they move in a step
 ANYBODY = shape(solid(Person(0.0, 0.0, 0.0, 0.0, 0, 0.0)))
-AT_DOCK = 1.0  # metres from a dock beyond which nobody asks how exactly
-# seconds in which a robot that somebody walked into is not at fault when it pushes on
+AT_DOCK = 1.0  # metres from a dock beyond which the exact pose does not matter
+# seconds in which a robot that was walked into is not at fault when it pushes on
 BUMP_TIME = 1.0
 
 
 class StartError(ValueError):
-    """The robot cannot begin where it was told to, in one sentence."""
+    """The robot cannot be put there; the message is one sentence."""
 
 
 class TrueState(NamedTuple):
@@ -71,7 +71,7 @@ class TrueState(NamedTuple):
 
 
 class Simulation:
-    """The robot. Attributes are the truth at `time`; nobody but `step` changes them."""
+    """The robot. Attributes are the truth at `time`; only `step` changes them."""
 
     def __init__(
         self,
@@ -90,7 +90,7 @@ class Simulation:
         (0: never).
 
         Raises:
-            StartError: no such place, or something stands there.
+            StartError: no such place, or it is occupied.
         """
         self.model, self.plan = model, plan
         streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6)]
@@ -144,7 +144,7 @@ class Simulation:
 
     @property
     def bumped(self) -> int:
-        """How often somebody walked into the robot; `contacts` counts what the robot ran into."""
+        """How often people walked into the robot; `contacts` counts what the robot ran into."""
         return self._pedestrians.bumped if self._pedestrians else 0
 
     def outline(self) -> Floats:
@@ -158,11 +158,10 @@ class Simulation:
         return self.commanded
 
     def set_doors(self, doors: dict[str, DoorState]) -> None:
-        """Let doors swing open or closed; a leaf that the robot or somebody stands in the way of
-        waits until they are gone.
+        """Swing doors open or closed; a leaf waits while a robot or person is in its way.
 
         Unknown names are ignored. These doors move no more by themselves. Before the first step
-        they stand there at once.
+        they are set at once.
         """
         self._random_doors.leave(set(doors))
         self._doors.want(doors)
@@ -261,7 +260,7 @@ class Simulation:
         return TrueState(self.time, *self.commanded, *self.motion, *self.pose)
 
     def errors(self) -> tuple[str, ...]:
-        """Return what is wrong with the robot, in words for its owner."""
+        """Return the robot's errors, for its owner."""
         return ("battery empty",) if self.charge <= 0.0 else ()
 
     def _target(self) -> WheelMotion:

@@ -286,7 +286,7 @@ class Canvas:
         np.add(height, np.float32((eye.height - item.bottom) * item.density + 1.0), out=height)
         np.copyto(index, height, casting="unsafe")
         np.subtract(index, np.int32(1), out=index)
-        # what is negative is very large
+        # negative numbers become very large
         np.less(index.view(np.uint32), np.uint32(item.rows), out=mask)
         if stencil is not None:
             np.logical_and(mask, stencil[where], out=mask)

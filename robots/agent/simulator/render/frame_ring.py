@@ -2,7 +2,7 @@
 overtaken.
 
 The writer makes a slot's guard odd, draws, and makes it 2 x number + 2; a reader copies and looks
-whether the guard is still that. Nobody waits for anybody, and pixels never pass through a socket. A
+whether the guard is still that. Neither waits for the other; pixels never pass through a socket. A
 picture is (height * 3 / 2, width): the rows of Y, then U and V at half the size.
 
 The writer owns the memory and unlinks it. When the writer is killed, Python's resource tracker, a

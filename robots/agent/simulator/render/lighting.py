@@ -25,7 +25,7 @@ STRENGTH = 2.1
 SOFTNESS = 1.2
 DISPLAY = 1.0 / 2.2
 COARSE = 0.1  # metres between computed points
-HALF = 3  # texels of a floor between distances to what stands on it
+HALF = 3  # texels of a floor between distances to solids
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,9 +129,9 @@ def light_floor(
         lights: of the site.
         x: (columns,) metres of the picture's texels.
         y: (rows,) metres of the picture's texels.
-        solid: (rows, columns), True where something stands on it.
+        solid: (rows, columns), True where it is occupied.
         height: metres.
-        upwards: which side is looked at.
+        upwards: which side is seen.
     """
     step = max(1, round(COARSE / float(x[1] - x[0])))
     coarse_x, coarse_y = x[::step], y[::step]

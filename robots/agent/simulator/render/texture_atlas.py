@@ -119,7 +119,7 @@ def _narrower(picture: Picture) -> Picture:
     one, other = even[0::2], even[1::2]
     halved: Picture = (one + other) * np.float32(0.5)
     holes = np.isnan(halved)
-    if holes.any():  # what is next to a hole stays, so that stalks and arms do not vanish far away
+    if holes.any():  # keep texels next to a hole, so that stalks and arms do not vanish far away
         return np.where(holes, np.where(np.isnan(one), other, one), halved)
     blurred: Picture = ndimage.uniform_filter1d(halved, 2, axis=1)
     return blurred

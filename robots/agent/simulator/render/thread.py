@@ -1,6 +1,4 @@
-"""Draws pictures into shared memory while somebody looks, in a thread of its own: numpy lets go of
-the interpreter as it draws.
-"""
+"""Draws frames into shared memory while there are viewers, in a thread: numpy releases the GIL."""
 
 import threading
 import time
@@ -52,7 +50,7 @@ class CameraThread:
         ring: where the pictures go.
         fps: pictures a second.
         view: the newest moment of the simulation.
-        ready: told of each picture: its number, and the Unix time at which the world was sampled.
+        ready: called with each frame's number and capture stamp (Unix seconds).
     """
 
     def __init__(
@@ -80,7 +78,7 @@ class CameraThread:
             self._watched.clear()
 
     def close(self) -> None:
-        """End the thread; waits for the picture at hand, not for textures in the making."""
+        """End the thread; waits for the present frame, not for textures."""
         self._ended.set()
         self._watched.set()
         self._thread.join(timeout=LONGEST_PICTURE)

@@ -33,7 +33,7 @@ from robots.world.solids import Floats
 
 NEAR = 0.05  # metres before the lens within which a corner cannot be projected
 SORTED = 8  # every so manyth ray decides what stands before what
-SMALLEST = 4  # rows, of which one is rounding: what is lower is not drawn
+SMALLEST = 4  # rows, of which one is rounding: lower things are not drawn
 
 
 class PictureWindow(NamedTuple):
@@ -92,7 +92,7 @@ class ItemSight(NamedTuple):
 def look(
     things: Things, lens: Lens, eye: Eye, walls: Distances, within: PictureWindow
 ) -> list[ItemSight]:
-    """Return what is in the picture of an eye, what hides coming after what is hidden.
+    """Return an eye's sights, the hidden before what hides them.
 
     Rays along a side divide by zero and miss it; the caller ignores numpy's warnings about that.
 
@@ -223,7 +223,7 @@ class _Pool:
     def sights(
         self, edges: Floats, lens: Lens, height: float, within: PictureWindow
     ) -> list[ItemSight]:
-        """Return what is met at all in a part of the picture, far to near."""
+        """Return the sights in a part of the frame, far to near."""
         met = self._entry < np.float32(FAR)
         seen = np.flatnonzero(met.any(axis=1))
         met, entry, number = met[seen], self._entry[seen], self._kept[seen]
@@ -273,9 +273,9 @@ def _thinned(entry: Distances) -> Distances:
 
 
 def far_to_near(nearest: Distances, group: Places, vertical: list[float]) -> list[int]:
-    """Return the order in which to draw, so that what hides comes after what is hidden.
+    """Return the order in which to draw: the hidden before what hides them.
 
-    Groups stand on disjoint convex outlines, more or less: where the same ray meets two of them,
+    Groups have disjoint convex outlines, more or less: where the same ray meets two of them,
     the nearer one hides the other, and within half a turn that has no cycles. Inside a group the
     parts lie one above the other: those further from the eye's height first, then the far ones.
 
