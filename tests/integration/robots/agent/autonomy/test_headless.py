@@ -104,7 +104,7 @@ def test_it_is_told_where_it_is_with_and_without_a_heading():
     assert robot.error() < 0.1
 
 
-def test_what_cannot_be_done_is_refused_with_a_sentence():
+def test_impossible_action_is_refused_with_a_sentence():
     robot = HeadlessRobot()
     for action, words in (
         (goto("the moon"), "'the moon'"),

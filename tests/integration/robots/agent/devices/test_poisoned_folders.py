@@ -121,7 +121,7 @@ def test_no_process_of_the_product_reads_them(tmp_path, command):
     assert read_by(tmp_path, *command) == []
 
 
-def test_nothing_but_the_package_robots_loads_av():
+def test_only_the_package_robots_loads_av():
     """`robots/__init__.py` comes before it there."""
     others = {".venv", "tests", "benchmarks", "var", "node_modules"}
     sources = [

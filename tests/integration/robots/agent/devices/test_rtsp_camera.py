@@ -120,7 +120,7 @@ def test_a_wrong_password_is_said_and_no_password_is_told(protected, way, caplog
     assert SECRET not in caplog.text
 
 
-def test_what_is_not_there_is_said(server):
+def test_missing_camera_is_reported(server):
     there = f"the camera rtsp://127.0.0.1:{server.port} cannot be read: "
     assert (
         reason_for(server.url.replace("/stream", "/stream2"))

@@ -243,7 +243,7 @@ def test_a_computer_without_alsa_utils_is_told_what_to_install(tmp_path, monkeyp
         device.stop()
 
 
-def test_nothing_is_left_running_when_the_devices_are_let_go_of(pulseaudio, tmp_path):
+def test_closed_devices_leave_no_process(pulseaudio, tmp_path):
     found = equipment(tmp_path, microphone="alsa:default", loudspeaker="alsa:default")
     before = children()
     found.audio.start()

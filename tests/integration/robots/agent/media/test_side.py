@@ -301,7 +301,7 @@ async def test_a_driver_whose_lease_ended_speaks_as_observer_from_the_next_frame
 
 
 @pytest.mark.nightly
-async def test_who_watches_is_sent_away_when_the_server_speaks_for_them_no_more(
+async def test_observer_is_sent_away_when_the_server_vouches_no_more(
     media, exchange, new_page, monkeypatch
 ) -> None:
     """A connection lives without the page's socket, over which the server would end it."""
@@ -411,7 +411,7 @@ async def test_a_heartbeat_tells_each_page_its_own_echo_alone(media, new_page) -
         )
 
 
-async def test_where_one_side_points_is_told_to_the_other_alone(media, new_page) -> None:
+async def test_pointer_reaches_the_other_side_alone(media, new_page) -> None:
     driver, watcher, screen = pages = [
         new_page(peer, decode=False) for peer in ("p1", "p2", "screen")
     ]

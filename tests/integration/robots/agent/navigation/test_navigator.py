@@ -99,7 +99,7 @@ def test_a_door_that_closes_on_the_way_is_gone_round() -> None:
     assert made.sim.distance > 15.0
 
 
-def test_where_no_way_is_left_the_robot_waits_and_then_names_the_door() -> None:
+def test_robot_without_a_way_waits_and_then_names_the_door() -> None:
     made = rig("2.0,1.0,0.5")
     made.sim.set_doors({"lab-door": "closed", "lounge-door": "closed"})
     made.navigator.goto(3.2, 4.6)
@@ -208,7 +208,7 @@ def test_a_laser_that_measures_nothing_but_nan_stops_the_robot(
     assert made.sim.motion == STILL
 
 
-def test_who_does_not_know_where_it_is_stops_and_says_so() -> None:
+def test_lost_robot_stops_and_reports_it() -> None:
     made = rig("corridor-centre")
     made.navigator.goto(8.4, 1.0)
     made.run(3.0)

@@ -45,7 +45,7 @@ async def test_a_task_that_forgot_its_end_is_ended_again(adapter):
 
 
 @on_virtual_time
-async def test_what_sends_to_the_broker_ends_though_its_cancellation_was_forgotten(adapter):
+async def test_sender_to_the_broker_ends_after_a_forgotten_cancellation(adapter):
     forgetful = Forgetful()
     adapter._failure = ""
     sending = asyncio.ensure_future(adapter._send(forgetful))

@@ -67,7 +67,7 @@ async def test_letters_are_bounded(clock):
     assert len(waiting) == 0
 
 
-async def test_who_waits_is_woken():
+async def test_new_message_wakes_the_waiting_sender():
     waiting = SendSlots()
     taking = asyncio.ensure_future(waiting.take())
     await asyncio.sleep(0)

@@ -184,7 +184,7 @@ def test_without_a_word_from_the_page_nothing_changes():
     assert adapter.layer == 0
 
 
-def test_where_there_is_one_quality_it_stays():
+def test_single_layer_never_changes():
     adapter = BitrateAdapter((0,), 0.0)
     for n in range(10):
         adapter.aged(0.2 * n, 0.1 * n, 1e6)
