@@ -344,7 +344,7 @@ class RcaConformance(AdapterConformance):
             await again(adapter)
             await cancelled(adapter, "g")
         else:
-            await adapter._let_go("the agent died")
+            await adapter._disconnect("the agent died")
             async with connected(self.make()):
                 await self.has_stopped()
         assert self.rig.world.cancels > before

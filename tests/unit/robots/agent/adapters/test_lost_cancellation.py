@@ -40,7 +40,7 @@ async def test_a_task_that_forgot_its_end_is_ended_again(adapter):
     adapter._run(work())
     await forgetful.publishing.wait()
     async with asyncio.timeout(5.0):
-        await adapter._let_go("closed")
+        await adapter._disconnect("closed")
     assert not adapter._tasks
 
 
