@@ -61,24 +61,42 @@ LIMITS = AlsaLimits()
 Program = Literal["arecord", "aplay"]
 
 
-class AlsaMicrophone:
-    """See robot_interface.AudioSource. Belongs to one thread."""
+class _AlsaDevice:
+    program: Program
+    name: str
 
     def __init__(self, words: DeviceSetting) -> None:
         self._words = words
         self._child: _Child | None = None
-        self._recorded = bytearray()
 
     def start(self) -> None:
-        """Begin to capture; idempotent. Raises AdapterError without arecord."""
+        """Open the device; idempotent. Other faults than a missing program show on its use.
+
+        Raises:
+            AdapterError: the program that does it is not installed.
+        """
         if self._child is None:
-            self._recorded.clear()
-            self._child = _Child("arecord", "microphone", self._words.address)
+            self._child = _Child(self.program, self.name, self._words.address)
 
     def stop(self) -> None:
+        """Play the rest, if it plays, and close the device; idempotent."""
         child, self._child = self._child, None
         if child is not None:
             child.end()
+
+
+class AlsaMicrophone(_AlsaDevice):
+    """See robot_interface.AudioSource. Belongs to one thread."""
+
+    program, name = "arecord", "microphone"
+
+    def __init__(self, words: DeviceSetting) -> None:
+        super().__init__(words)
+        self._recorded = bytearray()
+
+    def stop(self) -> None:
+        super().stop()
+        self._recorded.clear()
 
     def read(self, timeout: float) -> npt.NDArray[np.int16] | None:
         """Block for 20 ms, (960,), for `timeout` s at most; None without data, or AdapterError."""
@@ -97,32 +115,15 @@ class AlsaMicrophone:
         return block
 
 
-class AlsaLoudspeaker:
+class AlsaLoudspeaker(_AlsaDevice):
     """See robot_interface.Speaker. Belongs to one thread."""
 
-    def __init__(self, words: DeviceSetting) -> None:
-        self._words = words
-        self._child: _Child | None = None
-
-    def start(self) -> None:
-        """Open the device; idempotent. What is wrong with it is known when it is played to.
-
-        Raises:
-            AdapterError: the program that does it is not there.
-        """
-        if self._child is None:
-            self._child = _Child("aplay", "loudspeaker", self._words.address)
-
-    def stop(self) -> None:
-        """Play the rest and close the device; idempotent."""
-        child, self._child = self._child, None
-        if child is not None:
-            child.end()
+    program, name = "aplay", "loudspeaker"
 
     def play(self, samples: npt.NDArray[np.int16]) -> None:
         """Play (n,) mono at 48 kHz, waiting while the device is full; raises AdapterError."""
         if self._child is None:
-            raise AdapterError(f"the loudspeaker {self._words.address} is not open")
+            raise AdapterError(f"the {self.name} {self._words.address} is not open")
         self._child.write(samples.astype("<i2").tobytes())
 
 

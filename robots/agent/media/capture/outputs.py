@@ -9,6 +9,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 import av
@@ -44,17 +45,20 @@ class OutputFeed:
 
     def __init__(self, speaker: Speaker | None, display: Display | None) -> None:
         self.volume = 1.0
-        self._speaker, self._display = speaker, display
         self._waiting: queue.Queue[tuple[str, bytes] | None] = queue.Queue(DEPTH)
         self._whole = False  # the pictures in the queue begin with a key frame and have no hole
         self._thread: threading.Thread | None = None
         self._players: dict[str, _Player] = {}
+        if speaker is not None:
+            self._players["audio"] = _Player("libopus", speaker, partial(self._play, speaker))
+        if display is not None:
+            self._players["video"] = _Player("vp8", display, partial(_show, display))
         self.dropped = 0
 
     @property
     def errors(self) -> tuple[str, ...]:
         """Return why loudspeaker and display failed when last used, a sentence each."""
-        return tuple(player.failure for player in tuple(self._players.values()) if player.failure)
+        return tuple(player.failure for player in self._players.values() if player.failure)
 
     def start(self) -> None:
         """Start the thread, again after it died; devices start with the first thing for them."""
@@ -73,21 +77,21 @@ class OutputFeed:
 
     def hear(self, opus: bytes) -> None:
         """Play 20 ms of Opus."""
-        if self._speaker is not None:
+        if self.has_speaker:
             self._put(("audio", opus))
 
     @property
     def has_speaker(self) -> bool:
-        return self._speaker is not None
+        return "audio" in self._players
 
     def ring(self) -> None:
         """Play the chime of a knock; dropped while others are speaking."""
-        if self._speaker is not None:
+        if self.has_speaker:
             self._put(("ring", b""))
 
     def see(self, vp8: bytes, *, key: bool) -> bool:
         """Show a VP8 frame; False when it is dropped and a key frame must follow."""
-        if self._display is None:
+        if "video" not in self._players:
             return True
         self._whole = (self._whole or key) and self._put(("video", vp8))
         return self._whole
@@ -114,35 +118,20 @@ class OutputFeed:
                 return
             kind, data = what
             if kind == "ring":
-                self._player_of("audio").give([_audio_frame(chime())])
+                self._players["audio"].give([_audio_frame(chime())])
             else:
-                self._player_of(kind).play(data)
+                self._players[kind].play(data)
 
     def _rest(self) -> None:
         for player in self._players.values():
             player.rest()
 
-    def _player_of(self, kind: str) -> "_Player":
-        if kind not in self._players:
-            self._players[kind] = self._new_player(kind)
-        return self._players[kind]
+    def _play(self, speaker: Speaker, frame: av.AudioFrame) -> None:
+        speaker.play((_mono(frame) * self.volume).astype(np.int16))
 
-    def _new_player(self, kind: str) -> "_Player":
-        if kind == "audio":
-            assert self._speaker is not None
-            return _Player("libopus", self._speaker, self._play)
-        assert self._display is not None
-        return _Player("vp8", self._display, self._show)
 
-    def _play(self, frame: av.AudioFrame) -> None:
-        assert self._speaker is not None
-        samples = _mono(frame)
-        self._speaker.play((samples * self.volume).astype(np.int16))
-
-    def _show(self, frame: av.VideoFrame) -> None:
-        assert self._display is not None
-        image = frame.to_ndarray(format="rgb24").astype(np.uint8, copy=False)
-        self._display.show(image)
+def _show(display: Display, frame: av.VideoFrame) -> None:
+    display.show(frame.to_ndarray(format="rgb24").astype(np.uint8, copy=False))
 
 
 class _Player:

@@ -112,7 +112,7 @@ class Viewer:
 
     async def answer(self, offer: SdpOffer) -> str:
         """Answer the offer; return the SDP. Raises BadOfferError."""
-        self._watch()
+        self._watch(watching=True)
         sdp = await self.page.answer(offer)
         self.takes_candidates = True
         return sdp
@@ -168,20 +168,14 @@ class Viewer:
 
     async def close(self) -> None:
         """Close the connection and release camera and microphone; idempotent."""
-        self._unwatch()
+        self._watch(watching=False)
         await self.page.close()
 
-    def _watch(self) -> None:
-        if not self._watching:
-            self._watching = True
-            self._change(1)
-
-    def _unwatch(self) -> None:
-        if self._watching:
-            self._watching = False
-            self._change(-1)
-
-    def _change(self, number: int) -> None:
+    def _watch(self, *, watching: bool) -> None:
+        if watching == self._watching:
+            return
+        self._watching = watching
+        number = 1 if watching else -1
         if self._camera is not None:
             for layer in {self._layer, self._coming}:
                 self._camera.watch(number, layer)

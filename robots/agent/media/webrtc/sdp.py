@@ -14,6 +14,8 @@ from aiortc.sdp import SessionDescription, candidate_from_sdp
 from robots.agent.media.rtp import Kind
 
 MAX_LINES = 12
+# what aiortc raises about an offer that it cannot read
+UNREADABLE = (ValueError, LookupError, AssertionError, AttributeError, TypeError)
 
 
 class BadOfferError(ValueError):
@@ -33,14 +35,7 @@ def media_lines(offer: str) -> tuple[MediaLine, ...]:
     """Return an offer's audio and video lines, in order; raises BadOfferError."""
     try:
         description = SessionDescription.parse(offer)
-    except (
-        ValueError,
-        LookupError,
-        AssertionError,
-        AttributeError,
-        TypeError,
-        StopIteration,
-    ) as error:
+    except (*UNREADABLE, StopIteration) as error:
         raise BadOfferError(f"not SDP: {type(error).__name__}") from error
     if (wrong := _what_is_wrong(description)) is not None:
         raise BadOfferError(wrong)

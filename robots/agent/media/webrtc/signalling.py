@@ -47,16 +47,7 @@ _CODECS = {"video": "video/VP8", "audio": "audio/opus"}
 
 # What aiortc raises about an offer that it cannot use.
 _AIORTC_SAYS = (InternalError, InvalidAccessError, InvalidStateError, OperationError)
-UNUSABLE = (
-    ValueError,
-    LookupError,
-    AssertionError,
-    AttributeError,
-    TypeError,
-    RuntimeError,
-    OSError,
-    *_AIORTC_SAYS,
-)
+UNUSABLE = (*sdp.UNREADABLE, RuntimeError, OSError, *_AIORTC_SAYS)
 
 
 @dataclass
