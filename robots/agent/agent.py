@@ -78,13 +78,7 @@ def _nothing() -> None:
 
 class Agent:
     """One robot's agent. `run` blocks; `stop` may be called from any thread, and from a signal
-    handler.
-
-    Args:
-        config: who we are and where to go.
-        make_adapter: builds the adapter; again after a crash.
-        make_media: builds the media side, likewise.
-        rng: spreads the attempts of many robots.
+    handler. Adapter and media side are made again after a crash; `rng` spreads many robots.
     """
 
     def __init__(

@@ -16,11 +16,7 @@ MOST_FRAMES = 60  # of video and sound: late ones are useless
 
 
 class LoopCalls:
-    """The calls that wait for one loop; `loop` is None before it runs and after it has ended.
-
-    Args:
-        name: of the loop, for the log.
-    """
+    """The calls that wait for one loop; `loop` is None before it runs and after it has ended."""
 
     def __init__(self, name: str) -> None:
         self.loop: asyncio.AbstractEventLoop | None = None

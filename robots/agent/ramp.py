@@ -109,14 +109,7 @@ def approach(
 
 def check_times(watchdog: float, limits: Limits) -> None:
     """Check that a robot without a driver stops soon: by the agent's deadman, then by the base's
-    watchdog.
-
-    Args:
-        watchdog: seconds after which the base stops by itself.
-        limits: with the deadman, the seconds of silence after which the agent brakes.
-
-    Raises:
-        ValueError: one of them is too long, or the watchdog would strike first; one sentence.
+    `watchdog` (seconds). Raises ValueError with one sentence.
     """
     deadman = limits.deadman
     if not deadman <= LONGEST_DEADMAN:

@@ -68,15 +68,9 @@ Take = Callable[[Any, float], None]
 
 
 class DeviceReader:
-    """Reads one stream while it runs.
+    """Reads one stream while it runs; `name` is for sentences, such as `camera`.
 
-    Args:
-        name: for sentences, such as `camera`.
-        words: what to read.
-        kind: which of its streams.
-        take: called in the reader's thread with each decoded frame and the Unix time when it was
-            captured.
-        limits: how long it may take.
+    `take` is called in the reader's thread with each decoded frame and its capture time (Unix s).
     """
 
     def __init__(

@@ -35,13 +35,7 @@ CLEAN = Networks()
 
 
 def in_force(lease: Lease | None, config: Config | None, own: Networks) -> Networks:
-    """Return the driver's networks.
-
-    Args:
-        lease: the live one, or None.
-        config: what the server has set.
-        own: what the agent's command line says.
-    """
+    """Return the driver's networks: of the server's `config`, else `own`, the command line's."""
     if lease is None:
         return CLEAN
     applies = config is not None and config.network_session in {None, lease.session}

@@ -9,12 +9,7 @@ from robots.api.messages import LabReport, NetworkLab
 
 
 class TimedLine:
-    """Belongs to the loop that it is made on, but for `report`.
-
-    Args:
-        lab: the impairments of the line.
-        now: monotonic time in seconds.
-    """
+    """Belongs to the loop that it is made on, but for `report`; `now` gives monotonic seconds."""
 
     def __init__(self, lab: NetworkLab, now: Callable[[], float] = time.monotonic) -> None:
         self._line, self._now = NetworkLine(lab), now

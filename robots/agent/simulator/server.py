@@ -58,14 +58,9 @@ class SimulatorClient:
 
 
 class Server:
-    """Serves one simulation.
+    """Serves one simulation; without `make_renderer` it has no camera.
 
-    Args:
-        simulation: the robot.
-        make_renderer: builds the camera's renderer, or None for a robot without pictures.
-        linger: seconds after its last driver that the process lives on; None for ever.
-        seed: of the microphone.
-        sonar: whether it has sonars, and says what they hear.
+    `linger` is how many seconds after its last driver the process lives on, None for ever.
     """
 
     def __init__(

@@ -144,15 +144,10 @@ class PendingActions:
         pose: Pose = NOWHERE,
         fixed_at: float = -math.inf,
     ) -> None:
-        """End what was reached or takes too long; an action that moves the base gets a `failure`
-        instead, to be cancelled.
+        """End what was reached or is late; one that moves the base gets a `failure`, to cancel it.
 
-        Args:
-            now: monotonic seconds.
-            dock: whether the robot is docked, and whether its contacts meet.
-            tilt: the head's angle in radians, None when unknown.
-            pose: where the robot says that it is.
-            fixed_at: when its localization said so last, monotonic seconds.
+        `now` and `fixed_at`, the last report of the localization, are monotonic seconds; `tilt` is
+        in radians, None when unknown.
         """
         self._watch_head(now, tilt)
         self._watch_position(now, pose, fixed_at)

@@ -60,13 +60,8 @@ def unreadable(text: str, error: tomllib.TOMLDecodeError) -> str:
 def refused(
     text: str, content: Any, error: msgspec.ValidationError, named: Callable[[str], str] = str
 ) -> str:
-    """Return what the value must be that msgspec refuses.
-
-    Args:
-        text: the file.
-        content: what was converted.
-        error: of the conversion.
-        named: gives the key of the file for a field.
+    """Return what the value must be that msgspec refuses in `content`, converted from `text`;
+    `named` gives the file's key of a field.
     """
     place, lacks = PLACE.search(str(error)), LACKS.search(str(error))
     fields: KeyPath = tuple(

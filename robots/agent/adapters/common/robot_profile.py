@@ -118,14 +118,9 @@ def nearest(word: str, known: Collection[str]) -> str:
 
 
 def load_profile(name: str, folder: Path = SHIPPED) -> RobotProfile:
-    """Return a robot by its shipped name or by the path of its file.
+    """Return a robot by its shipped name, such as `giraff`, or by a path that ends in `.toml`.
 
-    Args:
-        name: such as `giraff`, or a path that ends in `.toml`.
-        folder: where an adapter of another package keeps the profiles that it brings.
-
-    Raises:
-        AdapterError: no such file, or something in it cannot be; one sentence.
+    `folder` is where an adapter of another package keeps its profiles. Raises AdapterError.
     """
     path = Path(name) if name.endswith(".toml") else folder / f"{name}.toml"
     try:

@@ -20,12 +20,8 @@ BACKLOG = 64 << 10  # bytes that may wait to be sent before the database counts 
 
 
 class MoosClient:
-    """One connection. `heard` gets every variable that arrives, `lost` why the connection ended;
-    both on the loop.
-
-    Args:
-        name: who we are to the database; it knows each name once.
-        host, port: where the database is.
+    """One connection under a `name` unique at the database. `heard` gets every variable that
+    arrives, `lost` why the connection ended; both on the loop.
     """
 
     def __init__(

@@ -33,11 +33,7 @@ Orderable = Goto | Follow | Dock | Undock | Relocalize
 class NavigationProcess:
     """One process after the other, for one robot. All methods run on the control loop, none blocks.
 
-    Args:
-        body: what the process must know about the robot.
-        output: called with every output.
-        settled: called when a new process is ready, and does not know where the robot is.
-        seed: of everything random.
+    `output` gets every output, `settled` is called when a new process needs the robot's pose.
     """
 
     def __init__(

@@ -46,13 +46,10 @@ class _Layer:
 
 
 class CameraFeed(Capture):
-    """Reads and encodes frames while there are viewers, once for all of a layer.
+    """Reads and encodes frames while there are viewers, once for all of a layer, the best first.
 
-    Args:
-        source: the camera.
-        clock: gives frames their RTP timestamps, the same in every layer.
-        deliver: called in the camera's thread with every encoded frame.
-        layers: the qualities, the best first.
+    `clock` gives frames RTP timestamps, the same in every layer; `deliver` is called in the
+    camera's thread with every encoded frame.
     """
 
     def __init__(

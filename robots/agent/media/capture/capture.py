@@ -64,17 +64,11 @@ class CaptureState:
 
 
 class Capture:
-    """Runs a source while it is wanted.
+    """Runs a source while it is wanted, in a thread of its own, in which `begin` and `step` may
+    raise any of FAILURES.
 
-    Args:
-        name: for the log and the thread.
-        source: the camera or microphone.
-        begin: called before each start, to open a fresh encoder.
-        step: reads once, at most the given seconds, and uses what it read; False when there was
-            nothing.
-        limits: how long it may take.
-
-    `begin` and `step` run in the capture's own thread and may raise any of FAILURES.
+    `begin` is called before each start, to open a fresh encoder; `step` reads once, at most the
+    given seconds, and uses the data; it returns False without any.
     """
 
     def __init__(

@@ -35,13 +35,7 @@ FAILURES = (AdapterError, av.FFmpegError, OSError, ValueError)
 
 
 class OutputFeed:
-    """Plays sounds and shows pictures while they come. `hear` and `see` return at once; one thread
-    of the caller's.
-
-    Args:
-        speaker: where sound goes, or None.
-        display: where pictures go, or None.
-    """
+    """Plays sounds and shows frames as they arrive; `hear` and `see` of one thread never block."""
 
     def __init__(self, speaker: Speaker | None, display: Display | None) -> None:
         self.volume = 1.0

@@ -60,10 +60,7 @@ class _PageSource:
 
 class PageCamera(_PageSource):
     """Takes the place of camera.CameraFeed. On the media loop, but for `snapshot` and `state`.
-
-    Args:
-        ask: asks the page for a whole picture; from any thread.
-        deliver: called with each picture.
+    `ask` asks the page for a key frame, from any thread.
     """
 
     rates = (0,)

@@ -68,10 +68,8 @@ def _open_opus() -> Any:
 class MicrophoneFeed(Capture):
     """Reads, encodes and delivers sound while there are listeners.
 
-    Args:
-        source: the microphone.
-        deliver: called in the microphone's thread with (payload, RTP ticks) of every 20 ms that are
-            not silent.
+    `deliver` is called in the microphone's thread with (payload, RTP ticks) of every 20 ms that are
+    not silent.
     """
 
     def __init__(self, source: AudioSource, deliver: Callable[[bytes, int], None]) -> None:

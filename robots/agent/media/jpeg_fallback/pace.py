@@ -73,11 +73,7 @@ class StillQuality:
 
 
 class StillPace:
-    """Which pages ask, and when the next picture is sent to whom.
-
-    Args:
-        is_driver: tells whether a peer drives at this moment.
-    """
+    """Which pages ask, and when the next picture is sent to whom."""
 
     def __init__(self, is_driver: Callable[[str], bool]) -> None:
         self.quality = StillQuality()

@@ -29,11 +29,8 @@ CLOSE_TIMEOUT = 4.0  # s
 class JpegFallback:
     """Sends a picture when one was asked for. All methods may be called from any thread.
 
-    Args:
-        snapshot: returns a fresh frame of the camera, or None after a while; blocks.
-        send: called in the pictures' thread with each picture as it goes on the wire, and the peers
-            who wait for it.
-        is_driver: tells whether a peer drives at this moment.
+    `snapshot` blocks for a fresh frame, or None; `send` is called in the pictures' thread with each
+    packed picture and the peers who wait for it.
     """
 
     def __init__(

@@ -50,12 +50,7 @@ BITRATE = BitrateParams()
 
 
 class BitrateAdapter:
-    """One viewer's place. All times are monotonic seconds.
-
-    Args:
-        rates: of the layers in bit/s, the best first.
-        now: when it begins, on the best one.
-    """
+    """One viewer's layer, at first the best; `rates` are in bit/s, times monotonic seconds."""
 
     def __init__(self, rates: Sequence[int], now: float, params: BitrateParams = BITRATE) -> None:
         self._params = params

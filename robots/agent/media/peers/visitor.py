@@ -21,14 +21,8 @@ log = structlog.stdlib.get_logger(__name__)
 
 
 class VisitorMedia:
-    """All of it on the media loop, but for `let_through`.
-
-    Args:
-        drives: tells whether a peer is the one that the lease names.
-        ask: asks the driver's page for a key frame.
-        show: gives a picture to the screens.
-        sound: gives a sound to the screens.
-        outputs: the robot's own loudspeaker and display, or None.
+    """All of it on the media loop, but for `let_through`. `drives` tells whether a peer has the
+    lease; `ask` asks its page for a key frame; `show` and `sound` serve the screens.
     """
 
     def __init__(

@@ -39,13 +39,10 @@ class SentRate:
 
 
 class FrameQueue:
-    """The pictures for one viewer; belongs to the media loop.
+    """The frames for one viewer; belongs to the media loop.
 
-    Args:
-        ask_key_frame: called with why this viewer needs a key frame.
-        before: called with each picture before it is sent, so that its clock reading travels ahead
-            of it.
-        lost: called with the share of packets that the viewer says were lost.
+    `before` gets each frame before it is sent, so that its clock reading arrives first; `lost` gets
+    the share of packets that the viewer reports as lost.
     """
 
     def __init__(

@@ -39,11 +39,7 @@ Probe = Callable[[RTCIceServer], Awaitable[bool]]
 
 async def answers(server: RTCIceServer, trust: ssl.SSLContext | None = None) -> bool:
     """Tell whether the server's only address answers: a relay with a relayed address, an address
-    server with anything.
-
-    Args:
-        server: of one address.
-        trust: whose certificates are believed over TLS, the system's when None.
+    server with anything. `trust` are the certificates for TLS, the system's when None.
     """
     try:
         asked = connection_kwargs([server])
@@ -106,13 +102,7 @@ class _Ear(asyncio.DatagramProtocol):
 
 
 class Relays:
-    """The reachable relays and address servers. Belongs to the media loop.
-
-    Args:
-        probe: finds out whether one answers.
-        clock: monotonic seconds.
-        trust: as in `answers`.
-    """
+    """The relays and address servers that `probe` reaches. Belongs to the media loop."""
 
     def __init__(
         self,

@@ -62,13 +62,8 @@ class Sighting:
 def find(
     beams: LaserScan, expected: Pose2D, station: Station, window: SearchWindow
 ) -> Sighting | None:
-    """Return where the front of a station is, or None when nothing of its shape is there.
-
-    Args:
-        beams: one sweep.
-        expected: the pose of the middle of the front, in the robot's frame at the sweep.
-        station: its shape.
-        window: how far from there it may be.
+    """Return the front of a station in a sweep, or None; `expected` is its middle's pose in the
+    robot's frame at the sweep, `window` how far from there it may be.
     """
     points = beams.points()
     reach = station.width / 2.0 + window.aside + window.along + STATION.beyond_edges

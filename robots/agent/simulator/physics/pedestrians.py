@@ -56,15 +56,8 @@ class _Walker:
 
 
 class Pedestrians:
-    """`count` people in a plan, moved by `step`. `people` are they as they are now, `bumped` how
-    often one walked into the robot.
-
-    Args:
-        plan: where.
-        count: how many; fewer when there is no floor for them.
-        doors: their states at the start.
-        robot: its x, y, kept free of people at the start.
-        rng: decides everything.
+    """Up to `count` people in a plan, moved by `step`, if there is floor. They start away from
+    the `robot` (x, y). `bumped` is how often one has walked into it.
     """
 
     def __init__(

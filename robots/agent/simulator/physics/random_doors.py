@@ -12,10 +12,7 @@ from robots.api.floorplan import DoorState
 class RandomDoors:
     """Says which door moves when. Pure: the same generator gives the same times.
 
-    Args:
-        doors: names of those that may move.
-        mean: seconds between two changes, on average (exponentially distributed); 0 for never.
-        rng: decides.
+    `mean` seconds are between two changes, on average (exponentially distributed); 0 for never.
     """
 
     def __init__(self, doors: tuple[str, ...], mean: float, rng: np.random.Generator) -> None:

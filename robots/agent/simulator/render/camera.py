@@ -71,15 +71,8 @@ class SceneCamera:
         people: tuple[Person, ...],
         out: Image,
     ) -> None:
-        """Draw into `out`, (height * 3 / 2, width), contiguous: Y, U, V; what stands as it stood
-        before is not drawn again.
-
-        Args:
-            pose: of the robot.
-            tilt: of its head, radians, positive looks down.
-            doors: how each door stands, by name.
-            people: who is there.
-            out: the picture.
+        """Draw into `out`, (height * 3 / 2, width), contiguous: Y, U, V; an unchanged scene is not
+        drawn again. `tilt` is in radians, positive looks down.
         """
         if self._shown != (pose, tilt, doors, people):
             walls = self._draw_all(pose, tilt, doors, people)

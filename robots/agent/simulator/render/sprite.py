@@ -31,12 +31,8 @@ class Sprite:
 
 
 def draw(limbs: list[Limb], bearing: float, height: float) -> Sprite:
-    """Return what one sees of a body.
-
-    Args:
-        limbs: in the body's frame.
-        bearing: of the viewer in that frame, radians: 0 before it, pi / 2 at its left.
-        height: metres of the picture.
+    """Return a body as seen from `bearing` in its frame, radians: 0 before it, pi / 2 at its left;
+    `height` is that of the picture in metres.
     """
     columns, rows = round(2.0 * REACH * DENSITY), round(height * DENSITY)
     picture = np.full((columns, rows, 3), np.nan, dtype=np.float32)

@@ -43,14 +43,9 @@ def pose_at(view: CameraView, stamp: float) -> Pose2D:
 
 
 class CameraThread:
-    """Starts with the first viewer, rests with the last.
+    """Draws while there are viewers; `make` builds the renderer in the thread, in a second.
 
-    Args:
-        make: builds the renderer, which takes a second; called in the thread.
-        ring: where the pictures go.
-        fps: pictures a second.
-        view: the newest moment of the simulation.
-        ready: called with each frame's number and capture stamp (Unix seconds).
+    `ready` is called with each frame's number and capture stamp (Unix seconds).
     """
 
     def __init__(

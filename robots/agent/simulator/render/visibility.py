@@ -92,16 +92,10 @@ class ItemSight(NamedTuple):
 def look(
     things: Things, lens: Lens, eye: Eye, walls: Distances, within: PictureWindow
 ) -> list[ItemSight]:
-    """Return an eye's sights, the hidden before what hides them.
+    """Return an eye's sights within a part of the frame, the hidden before what hides them; `walls`
+    (RAYS,) is how far it sees.
 
     Rays along a side divide by zero and miss it; the caller ignores numpy's warnings about that.
-
-    Args:
-        things: what there is.
-        lens: the tables of the pitch.
-        eye: where one looks from.
-        walls: (RAYS,) how far it sees.
-        within: the part of the picture that matters.
     """
     if not things.items or within.is_empty:
         return []
