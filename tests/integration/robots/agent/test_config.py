@@ -1,4 +1,4 @@
-"""What an agent is told, and the one sentence it says when that is not enough."""
+"""An agent's settings, and the one sentence when they are not enough."""
 
 import argparse
 import random

@@ -1,4 +1,4 @@
-"""The agent's connection to a real Mosquitto: made again for ever, and nothing is missing then."""
+"""The agent's connection to a real Mosquitto: restored without losing records."""
 
 import asyncio
 import contextlib

@@ -362,7 +362,7 @@ async def test_oversized_and_too_many_frames_are_dropped_and_counted(
 async def test_a_page_that_floods_is_sent_away_and_may_come_again_after_a_while(
     media, exchange, new_page
 ) -> None:
-    for refusals in (300, 0):  # on two connections, for to connect again does not begin anew
+    for refusals in (300, 0):  # on two connections: a new one does not reset the limits
         page = new_page("p1", decode=False)
         await page.connect()
         for _ in range(450):

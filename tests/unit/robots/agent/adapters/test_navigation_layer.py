@@ -28,7 +28,7 @@ FORWARD = Velocity(linear=0.3, angular=0.0)
 
 
 class Node:
-    """A navigation process that answers when it is told to."""
+    """A navigation process that answers on request of the test."""
 
     def __init__(self):
         self.said, self.answer = [], None

@@ -110,7 +110,7 @@ def test_a_command_that_the_network_has_made_too_old_is_refused_as_ever(rig):
 
 
 def test_delayed_velocities_move_nothing_after_a_stop(rig):
-    # so long that the stop is said meanwhile also by a driver who is held up
+    # long enough for the stop of a driver who is held up
     impaired(rig, m.NetworkLab(delay=0.8))
     for _ in range(4):
         rig.push(0.5)

@@ -232,7 +232,7 @@ def test_the_angle_of_a_head_that_nobody_has_turned_is_unknown_and_known_once_it
     head = openmora_mqtt._Head(load_profile("giraff"))
     assert head.angle(0.0) is None
     head.turn_to(0.5, 10.0)
-    assert head.angle(10.5) is None  # it turns from nobody knows where
+    assert head.angle(10.5) is None  # it turns from an unknown angle
     assert head.angle(13.0) == 0.5
     head.turn_to(0.1, 20.0)
     assert head.angle(20.25) == pytest.approx(0.3)

@@ -213,7 +213,7 @@ def test_each_mirror_has_its_own_side_however_alike_their_numbers_are(
 
 
 def test_left_in_the_mirror_is_left(camera: SceneCamera) -> None:
-    """A mirror does not swap sides: what stands at the robot's left appears at the left."""
+    """A mirror does not swap sides: a thing at the robot's left appears at the left."""
     mirror = PLAN.mirrors[0]
     pose = Pose2D(8.4, 3.4, math.pi)
     image = picture(camera, tuple(pose), 0.15).astype(int)

@@ -57,7 +57,7 @@ def changed(
 
 
 def box(mask: np.ndarray) -> Box:
-    """Return top, bottom, left, right of what is set."""
+    """Return top, bottom, left, right of the pixels that are set."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     return int(rows[0]), int(rows[-1]), int(columns[0]), int(columns[-1])
 

@@ -1,4 +1,4 @@
-"""What waits to be said: velocities never late, letters in order."""
+"""Waiting messages: velocities never late, the others in order."""
 
 import asyncio
 

@@ -43,7 +43,7 @@ class Network:
     best: float = 1.0
 
     def run(self, seconds: float, *, moving: float = 1.0) -> "Network":
-        """`moving` is how much of its rung's rate the picture needs: a still one needs little."""
+        """`moving` is the share of its layer's rate that a frame needs: a still one little."""
         for n in range(round(seconds / STEP)):
             self.now += STEP
             own = 0.0 if self.adapter.pauses(self.now) else moving * RATES[self.adapter.layer]

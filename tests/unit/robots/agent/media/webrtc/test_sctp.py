@@ -1,4 +1,4 @@
-"""How often a page is told what it need not wait for."""
+"""How often FORWARD TSN is sent."""
 
 from types import SimpleNamespace
 

@@ -31,7 +31,7 @@ def sweep(sim: Simulation, stamp: float = 0.0) -> LaserScan:
 
 
 def with_thing(beams: LaserScan, bearing: float, distance: float) -> LaserScan:
-    """A sweep in which something of 20 cm stands at a distance from the laser."""
+    """A sweep with an obstacle of 20 cm at a distance from the laser."""
     ranges = beams.ranges.copy()
     ranges[np.abs(beams.angles - bearing) <= 0.1 / distance] = distance
     return LaserScan(

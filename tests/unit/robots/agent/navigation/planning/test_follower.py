@@ -1,4 +1,4 @@
-"""Where a follower steers between what stands on both sides of the robot."""
+"""Where a follower steers between obstacles on both sides of the robot."""
 
 import numpy as np
 import pytest
