@@ -1,7 +1,7 @@
 """What an adapter is: the one place where this project meets a robot control architecture (RCA).
 
-An adapter translates and nothing more. It never decides what is safe (the safety kernel has done so
-before `apply`), and never sees MQTT or WebRTC. To connect a new robot, write one class with these
+An adapter only translates. It never decides on safety (the safety kernel has done so before
+`apply`), and never sees MQTT or WebRTC. To connect a new robot, write one class with these
 members: docs/howto/write-an-adapter.md says how.
 
 Times: `stamp` is Unix time in seconds of the robot's computer. Lengths in metres, angles in
@@ -56,8 +56,8 @@ class Sonar(Struct, frozen=True, forbid_unknown_fields=True):
     """A sensor that measures the distance of the nearest thing in a cone: ultrasound, or infrared.
 
     It sits at `x`, `y` in the robot's frame and looks along `theta`; `width` is the whole angle of
-    its cone, in radians. It measures nothing beyond `farthest` metres, and what is nearer than
-    `nearest` as that.
+    its cone, in radians. It measures nothing beyond `farthest` metres, and `nearest` for
+    anything nearer.
     """
 
     x: float
@@ -80,19 +80,17 @@ class DepthCamera(Struct, frozen=True, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class Profile:
-    """What is fixed about a robot, known before `connect()`: the adapter's share of the factsheet.
+    """A robot's fixed data, known before `connect()`: the adapter's share of the factsheet.
 
     `footprint` is a convex polygon of (x, y) in the robot's frame; `watchdog` the seconds after
     which the base stops by itself when the agent is dead or stuck. An adapter without a watchdog is
     refused.
 
-    What else a robot gets follows from what is named here, one by one: who names sensors for
-    obstacles gets a collision monitor and assistance (obstacle_sources.py), and who names a `laser`
-    gets the localization and the navigation that it lacks (navigation_layer/). Sensors for
-    obstacles are `laser` (readings have `scan`), `sonars` (`sonar`), `bumper` (`bumper`) and
-    `depth` (`points`).
-    `plan` is the site where such a robot stands, a shipped name or a folder, and `start` where it
-    stands there when it is connected first; both are empty when the RCA cannot know.
+    A robot with sensors for obstacles gets a collision monitor and assistance
+    (obstacle_sources.py), one with a `laser` also the localization and the navigation that it lacks
+    (navigation_layer/). Sensors for obstacles are `laser` (readings have `scan`), `sonars`
+    (`sonar`), `bumper` (`bumper`) and `depth` (`points`). `plan` is the robot's site, by name or
+    folder, and `start` its pose at the first connection; both are empty when unknown.
 
     A robot that is measured slower than `standstill_linear` (m/s) and `standstill_angular` (rad/s)
     is at rest. `navigation_control` is None for a robot whose RCA does not move it by itself.
@@ -146,10 +144,10 @@ class RcaState:
     the collisions that began since connect(), `distance` the metres driven since then. `estop` is
     true while the robot's own emergency button is pressed, None until that is reported. `path` is
     what the robot follows by itself, in map metres, () when that is nothing, None when unknown.
-    `scan`, `sonar` and `points` are what is new since the reading before. `bumper` has the
+    `scan`, `sonar` and `points` are new since the reading before. `bumper` has the
     directions, in radians in the robot's frame, in which something touches the robot now: ()
-    nothing, None when that is not known. `assist_why` and `assist_point` say what the assistance of
-    an RCA that has one minds, as in `messages.State`. `battery` and `tilt` have None for what the
+    nothing, None when that is not known. `assist_why` and `assist_point` are those of
+    an RCA's own assistance, as in `messages.State`. `battery` and `tilt` have None for what the
     robot does not know: never a guess.
     """
 
@@ -214,7 +212,7 @@ class VideoSource(Protocol):
         """Begin to capture; idempotent."""
 
     def stop(self) -> None:
-        """Stop capturing, because nobody watches; idempotent."""
+        """Stop capturing, without viewers; idempotent."""
 
     def read(self, timeout: float) -> Frame | None:
         """Block for the next frame, for `timeout` s at most; None without one, or AdapterError."""
@@ -240,7 +238,7 @@ class Speaker(Protocol):
         """Get ready to play; idempotent. Raises AdapterError when it is gone."""
 
     def stop(self) -> None:
-        """Be silent, because nobody speaks; idempotent."""
+        """Be silent; idempotent."""
 
     def play(self, samples: npt.NDArray[np.int16]) -> None:
         """Play samples, (n,): mono, 48 kHz. Raises AdapterError when it is gone."""
@@ -253,7 +251,7 @@ class Display(Protocol):
         """Get ready to show; idempotent. Raises AdapterError when it is gone."""
 
     def stop(self) -> None:
-        """Show nobody; idempotent."""
+        """Show no visitor; idempotent."""
 
     def show(self, image: npt.NDArray[np.uint8]) -> None:
         """Show the visitor, (height, width, 3) RGB. Raises AdapterError when it is gone."""
@@ -318,7 +316,7 @@ class Adapter(Protocol):
         """Take a `Config` message; what does not concern the RCA is ignored."""
 
     async def close(self) -> None:
-        """Leave the robot standing and let go of it."""
+        """Leave the robot at rest and disconnect."""
 
 
 @runtime_checkable

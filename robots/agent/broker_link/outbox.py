@@ -86,7 +86,7 @@ class Outbox:
         self._sent.pop(id(message), None)
 
     def disconnected(self) -> None:
-        """Put unacknowledged records back in front, in order, and drop what is no record."""
+        """Put unacknowledged records back in front, in order, and drop the rest."""
         everything = [*self._sent.values(), *self._waiting]
         self._sent.clear()
         self._waiting.clear()

@@ -157,7 +157,7 @@ class MediaSide:
         self._calls.post(self._pages.take_signal, peer, message)
 
     def lease_changed(self, driver_peer: str | None) -> None:
-        """Note which peer the lease names; None means that nobody drives."""
+        """Note which peer the lease names; None without a driver."""
         # At once and not through the loop: the next frame of the old driver must already come as an
         # observer's.
         self._pages.lease_changed(driver_peer)
@@ -205,7 +205,7 @@ class MediaSide:
 
     @property
     def audible(self) -> bool:
-        """Return whether a knock can be heard: by a connected display, or a loudspeaker."""
+        """Return whether a knock is audible: at a connected display, or a loudspeaker."""
         return self.screens > 0 or (self._outputs is not None and self._outputs.has_speaker)
 
     def ring(self) -> None:

@@ -1,7 +1,7 @@
 """Getting to places: plan, follow, replan when blocked, wait without a way, and report why at last.
 
-The robot waits for people and for doors: while no way is known, or somebody walks before it, it is
-at rest and looks. It backs off a little from what is too close to move, where that is free.
+The robot waits for people and for doors: while no way is known, or a person walks before it, it
+stops and looks. It backs off a little from obstacles that are too close, where that is free.
 """
 
 import math

@@ -1,9 +1,10 @@
 """What a simulated robot and its clients say to each other over TCP, framed as framing.py says.
 
-A connection has one role, said in `SimulatorHello`: the driver moves the robot and hears its state,
-an observer only looks (tests and benchmarks read the truth there), an operator injects faults
-(carries the robot away, breaks it, moves doors), a camera is told of pictures in shared memory, a
-microphone gets sound. Each is a connection of its own, so that media never wait before a velocity.
+A connection has one role, given in `SimulatorHello`: the driver moves the robot and receives its
+state, an observer only looks (tests and benchmarks read the truth there), an operator injects
+faults (carries the robot away, breaks it, moves doors), a camera gets the numbers of frames in
+shared memory, a microphone gets sound. Each is a connection of its own, so that media never wait
+before a velocity.
 """
 
 import asyncio

@@ -114,8 +114,8 @@ class CameraFeed(Capture):
             raise ValueError(f"stamp {frame.stamp} is not a time")
         ticks = self._clock.tick(frame.stamp)
         now = time.monotonic()
-        # Who waits for a key frame to change over is given it before the same picture of the old
-        # rung, which has the same time.
+        # A viewer that waits for a key frame to change layers gets it before the same frame of the
+        # old layer, which has the same time.
         for layer in sorted(self._layers, key=lambda layer: not layer.needs_key(now)):
             if layer.viewers > 0:
                 self._encode(layer, frame, ticks, now)

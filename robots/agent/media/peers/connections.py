@@ -74,7 +74,7 @@ class Connections:
     # --- any thread -------------------------------------------------------------------------------
 
     def lease_changed(self, driver_peer: str | None) -> None:
-        """Note which peer the lease names, the only driver; None means that nobody drives."""
+        """Note which peer the lease names, the only driver; None without a driver."""
         self._registry.lease_changed(driver_peer, time.monotonic())
 
     def role(self, peer: str) -> Role:

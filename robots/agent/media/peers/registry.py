@@ -5,7 +5,7 @@ no longer holds the lease is an observer from that moment, and an observer who i
 drives without a new connection.
 
 A connection outlives the page's socket, by which the server says goodbye for it, so it ends unless
-it is confirmed: an earlier driver must offer anew to watch, and the server vouches for observers
+it is confirmed: an earlier driver must offer again to watch, and the server vouches for observers
 again and again.
 """
 

@@ -68,8 +68,7 @@ class VisitorMedia:
         else:
             self._take_picture(data, at)
 
-    # --- for a screen, which asks as a viewer asks a camera or a microphone (viewer.Pictures,
-    # viewer.Sounds) ---------------
+    # --- for a screen, as viewer.WatchedVideo and viewer.Sounds -----------------------------------
 
     @property
     def rates(self) -> tuple[int, ...]:

@@ -2,7 +2,7 @@
 and a robot without network.
 
 `PacketSender` takes the place of aiortc's RTCRtpSender. The original asks a track for frames,
-encodes them for its one viewer and draws a random RTP origin that nobody can read; ours is handed
+encodes them for its one viewer and draws a random RTP origin that cannot be read; ours is handed
 payloads that were encoded once for everybody, with their RTP timestamps. DTLS, SRTP, ICE, RTCP
 reports and SDP stay aiortc's. The project pins 1.16.x, `check()` refuses anything that lacks a name
 used here, and a test runs all of it against a real connection.

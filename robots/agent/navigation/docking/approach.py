@@ -456,7 +456,7 @@ class Undocking:
         )
 
     def _face_away(self, away: float, sense: Sense) -> NavigationStep:
-        """Turn; done as well without room, or with somebody in the way: the robot is out."""
+        """Turn; done as well without room, or with a person in the way: the robot is out."""
         params = self._params
         assert self._turn is not None
         error = wrap_angle(away - sense.odometry.theta)

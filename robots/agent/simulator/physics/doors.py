@@ -1,7 +1,7 @@
 """Doors that swing: each leaf turns about its hinge at a steady speed, once all of its way is free.
 
-A leaf waits while somebody is in its way, and turns back when somebody steps into it, so that it
-catches nobody. It never comes nearer to them than a hand.
+A leaf waits while a person is in its way, and turns back when one steps into it, so that it catches
+no one. It never comes nearer to them than a hand.
 
 A leaf at rest is open or closed; between the two it has a share of its swing, from 0, closed, to 1,
 open. Before the world has begun to move, doors are set at once: they were so from the beginning.
