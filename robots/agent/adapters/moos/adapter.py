@@ -43,11 +43,7 @@ from robots.agent.adapters.common.robot_profile import RobotProfile, load_profil
 from robots.agent.adapters.common.state_builder import stamp_of
 from robots.agent.adapters.moos import openmora
 from robots.agent.adapters.moos.client import MoosClient
-from robots.agent.adapters.moos.openmora_adapter import (
-    OpenMoraAdapter,
-    OpenMoraOptions,
-    is_plan,
-)
+from robots.agent.adapters.moos.openmora_adapter import OpenMoraAdapter, OpenMoraOptions, is_plan
 from robots.agent.adapters.moos.wire import Mail
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import AdapterError

@@ -40,11 +40,7 @@ from robots.agent.adapters.common.send_slots import SendSlots
 from robots.agent.adapters.common.sockets import options as socket_options
 from robots.agent.adapters.common.state_builder import stamp_of
 from robots.agent.adapters.moos import openmora
-from robots.agent.adapters.moos.openmora_adapter import (
-    OpenMoraAdapter,
-    OpenMoraOptions,
-    is_plan,
-)
+from robots.agent.adapters.moos.openmora_adapter import OpenMoraAdapter, OpenMoraOptions, is_plan
 from robots.agent.broker_link.mqtt import Endpoint, subscribe
 from robots.agent.robot_interface import ActionRefusedError, AdapterError
 from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Velocity

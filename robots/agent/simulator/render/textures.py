@@ -12,15 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from robots.agent.simulator.render.bitmap_font import letters
-from robots.agent.simulator.render.materials import (
-    Picture,
-    Plane,
-    metres,
-    noise,
-    plain,
-    rgb,
-    wood,
-)
+from robots.agent.simulator.render.materials import Picture, Plane, metres, noise, plain, rgb, wood
 
 PALETTES = (
     ("#1f3a5f", "#e3b04b", "#f4efe6", "#c8553d"),
