@@ -21,7 +21,7 @@ REFUSALS = (HTTPStatus.UNAUTHORIZED, HTTPStatus.FORBIDDEN)
 
 
 class ServerAwayError(Exception):
-    """The server could not be asked now; the message is one sentence."""
+    """The server did not answer; the message is one sentence."""
 
 
 def broker_urls(

@@ -1,10 +1,10 @@
-"""What all adapters of an RCA outside of the agent have in common: everything but its protocol.
+"""The base of adapters for an RCA outside of the agent: everything but its protocol.
 
 A subclass connects (`_open`, `_shut`, `_cut`), sends a velocity (`_drive`), checks that the RCA
 reads what it is sent (`_ask`), and starts and cancels actions (`_order`, `_withdraw`,
-`_cancel_leftovers`, `_turn_head`). What it receives goes into `readings`, the progress of actions
-into `pending_actions`, the loss of the connection into `_lose`. velocity_gate.py decides when a
-velocity may be sent.
+`_cancel_leftovers`, `_turn_head`). It puts received values into `readings`, the progress of
+actions into `pending_actions`, and calls `_lose` when the connection is lost. velocity_gate.py
+decides when a velocity may be sent.
 
 Longer than most files: it is every member of the contract, in its order.
 """
@@ -207,8 +207,8 @@ class RemoteAdapter(ABC):
         raise NotImplementedError
 
     async def _cancel_leftovers(self) -> None:
-        """Cancel what an earlier run of the agent has left at the RCA; called after `_open`, before
-        anything else is sent. What is pending of this run is cancelled anyway.
+        """Cancel the actions of an earlier run of the agent; called after `_open`, before anything
+        else is sent. Those of this run are cancelled anyway.
         """
 
     def _look(self, now: float) -> None:

@@ -1,5 +1,4 @@
-"""From what an RCA says, piece by piece and at its own pace, to one `RcaState`. Pure: times are
-given.
+"""Builds one `RcaState` from an RCA's readings, which arrive one by one. Pure: times are given.
 
 Where the RCA localizes itself now and then (amcl only while the robot moves) and counts its wheels
 always, the pose is carried on by the odometry: at the moment of a fix, map_from_odometry = fix *

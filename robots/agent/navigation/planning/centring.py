@@ -2,7 +2,7 @@
 
 In a gap that is hardly wider than the robot, half a cell decides whether it touches, and so do a
 few centimetres of error in its pose. There each point of a path is moved across it to where the
-least distance to what stands on both sides is largest: the ridge of the clearance. What stands on
+least distance to obstacles on both sides is largest: the ridge of the clearance. An obstacle on
 one side only draws nothing aside. A plan is moved so between the squares of the occupied cells,
 and once more, while it is driven, between what the laser sees.
 """

@@ -1,7 +1,7 @@
 """Where a robot may be, and what it costs to be there: a map seen with the eyes of one footprint.
 
 The clearance of a cell is the distance from its centre to the nearest thing. A robot's centre can
-never stand where the clearance is smaller than the footprint's inscribed radius; beyond that it
+never be where the clearance is smaller than the footprint's inscribed radius; beyond that it
 becomes cheaper with more room, until there is plenty.
 """
 

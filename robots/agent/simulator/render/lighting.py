@@ -1,7 +1,7 @@
 """Light that is painted into the pictures once: warm lamps at the ceiling, a cool remainder from
 everywhere, dark corners.
 
-A lamp gives cos(incidence) / (distance² + c) of its strength to what looks at it and stands in its
+A lamp gives cos(incidence) / (distance² + c) of its strength to surfaces that face it in its
 room; shadows of furniture are soft stains on the floor. Pictures are multiplied in display values,
 so a light L counts as L to the power of 1 / 2.2.
 """

@@ -1,7 +1,7 @@
 """The rays of one eye against upright faces: which ray meets which face, how far away, and where
 along it.
 
-Every face is cast only with the rays between its two ends, and all of these pairs stand in one long
+Every face is cast only with the rays between its two ends, and all of these pairs form one long
 row.
 """
 

@@ -1,8 +1,8 @@
 """Which things an eye meets, where in the picture, and how far away: everything about things that
 does not touch a pixel.
 
-All things are placed in the picture by their corners, what is left over is cast, and what no ray
-meets before it meets a wall is left out.
+All things are placed in the picture by their corners, the rest is cast, and things that no ray
+meets before a wall are left out.
 
 Longer than most files: the steps from corners to sights share their arrays.
 """
