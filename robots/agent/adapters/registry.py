@@ -24,11 +24,7 @@ from robots.world.sites import SiteError, load_site
 
 
 def adapter_names() -> tuple[str, ...]:
-    """Return the names that `create` knows.
-
-    Raises:
-        AdapterError: two installed packages use one name.
-    """
+    """Return the names that `create` knows; AdapterError when two packages use one name."""
     try:
         return known_names()
     except AmbiguousAdapterError as error:
@@ -72,9 +68,7 @@ def create(
 
 
 def _module(name: str) -> ModuleType:
-    """Return the module of an adapter: a file, ours, an installed package's, or any other by its
-    dotted name.
-    """
+    """Return an adapter's module: a file, ours, an installed package's, or a dotted name."""
     if name.endswith(".py"):
         return _module_of_file(name)
     if name in OURS:

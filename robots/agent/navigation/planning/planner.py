@@ -24,7 +24,7 @@ from robots.world.sensing import Floats
 class PlannerParams:
     """How a way is searched and made straight."""
 
-    goal_reach: float = 0.5  # m within which the nearest place stands for a goal in a wall
+    goal_reach: float = 0.5  # m within which the nearest place replaces a goal in a wall
     start_reach: float = 0.6  # m within which a robot that touches something looks for its way out
     dearer: float = 1.02  # times the cells that it replaces, which a straight line may cost
     smoothing_rounds: int = 40  # at most
@@ -54,9 +54,7 @@ class Planner:
     def place_near(
         self, x: float, y: float, clearance: Floats, reach: float
     ) -> tuple[float, float] | None:
-        """Return the point itself when a robot can stand there, else the nearest cell within
-        `reach` metres, or None.
-        """
+        """Return a free point, else the nearest free cell within `reach` metres, or None."""
         if float(self.costmap.sample(clearance, np.array([[x, y]]))[0]) >= self.costmap.least:
             return x, y
         centres = self.costmap.centres(self._rows, self._columns)
@@ -70,11 +68,7 @@ class Planner:
         )
 
     def goal(self, x: float, y: float) -> tuple[float, float]:
-        """Return where the map lets the robot stand for a goal: there, or nearby.
-
-        Raises:
-            NoWayError: the goal is no number, off the map, or too deep in something.
-        """
+        """Return a free place for a goal: there, or nearby; raises NoWayError."""
         if not (math.isfinite(x) and math.isfinite(y)):
             raise NoWayError("the goal's x or y is not a number")
         if not bool(self.costmap.cells(np.array([[x, y]]))[2][0]):
@@ -89,9 +83,7 @@ class Planner:
     def plan(
         self, start: tuple[float, float], goal: tuple[float, float], clearance: Floats
     ) -> PlannedPath | None:
-        """Return the way from start to goal through `clearance` (h, w), or None
-        when there is none.
-        """
+        """Return the way from start to goal through `clearance` (h, w), or None."""
         begin = self.place_near(*start, clearance, PLANNER.start_reach)
         if (
             begin is None
@@ -121,7 +113,6 @@ class Planner:
         return bool((self.costmap.sample(clearance, line) >= self.costmap.least).all())
 
     def line(self, start: tuple[float, float], goal: tuple[float, float]) -> PlannedPath:
-        """Return the straight line between two points, as it is."""
         return PlannedPath(resampled(np.array([start, goal])))
 
     def _cheapest(
@@ -143,9 +134,7 @@ class Planner:
         return self.costmap.centres(self._rows[way], self._columns[way])
 
     def _straightened(self, line: Floats, cost: Floats) -> Floats:
-        """Return the corners (m, 2) of a line with straight legs instead of many cells, where that
-        costs no more.
-        """
+        """Return corners (m, 2) with straight legs instead of cells, if that costs no more."""
         here_cost = self.costmap.sample(cost, line)
         steps = np.hypot(*np.diff(line, axis=0).T) * (here_cost[:-1] + here_cost[1:]) / 2.0
         prices = np.concatenate([[0.0], np.cumsum(steps)])
@@ -170,9 +159,7 @@ class Planner:
         return float(cost[rows, columns].mean()) * math.dist(start, end)
 
     def _rounded(self, corners: Floats, cost: Floats) -> Floats:
-        """Return the line with points every 10 cm, its corners rounded where the floor beside them
-        is no dearer.
-        """
+        """Return the line every 10 cm, corners rounded where the floor there is no dearer."""
         line = resampled(corners, 0.1)
         for _ in range(PLANNER.smoothing_rounds if len(line) > 2 else 0):
             moved = line.copy()
@@ -195,9 +182,7 @@ class Planner:
         return path if self._misfits(line, clearance).any() else PlannedPath(resampled(line))
 
     def _misfits(self, line: Floats, clearance: Floats) -> Bools:
-        """Tell for points (n, 2) of a line whether the footprint, looking along it, stands in
-        something there.
-        """
+        """Tell at which points (n, 2) of a line the footprint, heading along it, does not fit."""
         tight = self.costmap.sample(clearance, line) < self.costmap.circumscribed
         # A robot may begin and end beside something, where it turns as it must; what it would touch
         # there stops it (safety/collision/braking.py).
@@ -239,18 +224,14 @@ class _Edges:
             lengths.append(np.full(2 * int(joined.sum()), math.hypot(down, right) * resolution))
         begin, end = np.concatenate(first), np.concatenate(second)
         order = np.lexsort((end, begin))
-        self._begin, self._end, self._halves = (
-            begin[order],
-            end[order].astype(np.int32),
-            np.concatenate(lengths)[order] / 2.0,
-        )
+        self._begin = begin[order]
+        self._end = end[order].astype(np.int32)
+        self._halves = np.concatenate(lengths)[order] / 2.0
         self._count = int(node.max()) + 1
         self._rows = np.searchsorted(self._begin, np.arange(self._count + 1)).astype(np.int32)
 
     def graph(self, price: Floats) -> csr_matrix:
-        """Return what it costs to go from each free cell to its neighbours, at prices (n,) a metre
-        in each.
-        """
+        """Return the costs from each free cell to its neighbours, at prices (n,) a metre."""
         weights = self._halves * (price[self._begin] + price[self._end])
         return csr_matrix((weights, self._end, self._rows), shape=(self._count, self._count))
 

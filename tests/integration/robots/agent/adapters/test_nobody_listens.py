@@ -146,7 +146,7 @@ async def test_topics_that_nobody_publishes_are_named_with_their_options():
     )
 
 
-def test_what_nobody_hears_is_not_recorded_as_applied_and_the_reason_is_reported(tmp_path):
+def test_unreceived_velocity_is_not_recorded_and_the_reason_is_reported(tmp_path):
     """What a page shows to somebody who presses and is not moved is the first error
     (static/js/view/hud/stuck.js).
     """

@@ -26,7 +26,7 @@ RIGS = {
 
 @contextmanager
 def agent(rca, directory):
-    """An agent whose robot stands behind a real protocol."""
+    """An agent whose robot is reached by a real protocol."""
     rig = ThreadedControlRig(directory, robot=rca.adapter())
     rig.control.start(rig.media)
     try:

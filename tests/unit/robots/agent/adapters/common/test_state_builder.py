@@ -135,7 +135,7 @@ def test_a_contact_begins_when_a_bumper_is_pressed():
     assert readings.state(1.0).contacts == 2
 
 
-def test_where_a_bumper_is_pressed_is_told_for_as_long_as_it_lasts_and_only_where_it_is_known():
+def test_bumper_bearings_are_reported_while_pressed_if_known():
     readings = Readings()
     assert readings.state(1.0).bumper is None
     readings.bumped(touching=True, bearings=(0.1,))
@@ -156,7 +156,7 @@ def test_echoes_and_points_are_told_once():
     assert (again.sonar, again.points) == ((), None)
 
 
-def test_what_comes_out_is_sound():
+def test_states_are_sound():
     readings = driven(Readings())
     readings.scanned(SCAN)
     readings.charged(voltage=25.0, charge=0.5)

@@ -1,6 +1,4 @@
-"""A whole robot's autonomy without threads, processes or clocks: for studies, benchmarks and robots
-that have no visitor.
-"""
+"""A whole robot's autonomy without threads, processes or clocks, for tests and benchmarks."""
 
 from dataclasses import replace
 
@@ -64,7 +62,7 @@ class Headless:
         """Begin a goto, follow, dock, undock or relocalize.
 
         Raises:
-            OrderError: it cannot be done, with the reason.
+            ActionError: it cannot be done, with the reason.
         """
         self.node.begin(action)
 
