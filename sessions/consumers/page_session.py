@@ -116,18 +116,15 @@ class PageSession:
         match taken:
             case store.TakeGranted():
                 self._granted(taken)
-            case store.TakeQueued(session, place, minutes, reason):
+            case protocol.Queued(session=session):
                 self._follow(session)
                 self.authorization.wait(session)
-                self.sender.notify(
-                    protocol.Queued(session=session, place=place, minutes=minutes, reason=reason)
-                )
-            case store.TakeRefused(reason, session, since):
-                outcome = await self._how_it_ended(session) if reason == "ended" else ""
-                self.sender.post(
-                    "session/refused",
-                    protocol.Refused(reason=reason, session=session, outcome=outcome, since=since),
-                )
+                self.sender.notify(taken)
+            case protocol.Refused(reason="ended", session=session):
+                outcome = await self._how_it_ended(session)
+                self.sender.post("session/refused", msgspec.structs.replace(taken, outcome=outcome))
+            case protocol.Refused():
+                self.sender.post("session/refused", taken)
 
     async def _how_it_ended(self, session: str | None) -> str:
         """Return the outcome of a session whose page was not there to hear it; empty when it is not

@@ -22,6 +22,7 @@ from sessions.consumers.authorization import Operator
 from sessions.leases import store as turns
 from sessions.leases import terms
 from sessions.models import Lease, Session
+from sessions.protocol import Refused
 
 Answer = Literal["welcome", "signed_out", "not_allowed"]
 
@@ -173,7 +174,7 @@ def take(
     robot.refresh_from_db()
     verdict = may_drive(user, robot)
     if not verdict:
-        return turns.TakeRefused(verdict.reason)  # type: ignore[arg-type]
+        return Refused(reason=verdict.reason)  # type: ignore[arg-type]
     held = turns.holder_of(robot, user)
     if held is not None and turns.is_free_drive(held) and terms.claims(user, robot):
         # What was driven for oneself is no part of what begins now, and the robot goes home in
@@ -182,7 +183,7 @@ def take(
         held = session = None
     reason = terms.why_not(user, robot, now)
     if reason and held is None:  # whoever drives already may finish
-        return turns.TakeRefused(reason)  # type: ignore[arg-type]
+        return Refused(reason=reason)  # type: ignore[arg-type]
     return turns.take(
         robot,
         user,

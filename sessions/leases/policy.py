@@ -15,8 +15,9 @@ Times are Unix seconds, durations seconds.
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from sessions.protocol import Refused
+
 State = Literal["waiting", "connecting", "driving", "reconnecting"]
-Refusal = Literal["offline", "disabled", "elsewhere", "ended", "closed", "reserved", "full"]
 
 # A page's web process says every PAGE_SEEN_EVERY seconds that the page is open; after
 # PAGE_GONE_SECONDS without, it counts as gone.
@@ -192,19 +193,13 @@ class Wait:
     reason: str = ""
 
 
-@dataclass(frozen=True)
-class Deny:
-    """No. `session` names the session that is meant, if any."""
-
-    reason: Refusal
-    session: str | None = None
-
-
-def decide_take(scene: Scene, ask: Ask, rules: Rules, now: float) -> Grant | Resume | Wait | Deny:
+def decide_take(
+    scene: Scene, ask: Ask, rules: Rules, now: float
+) -> Grant | Resume | Wait | Refused:
     """Answer a page that asks to drive."""
     own = next((session for session in scene.sessions if session.visitor == ask.visitor), None)
     if ask.session is not None and (own is None or own.id != ask.session):
-        return Deny("ended", ask.session)
+        return Refused(reason="ended", session=ask.session)
     if own is not None and own is scene.holder:
         return _come_back(scene, own, ask, now)
     is_ready = (
@@ -213,7 +208,7 @@ def decide_take(scene: Scene, ask: Ask, rules: Rules, now: float) -> Grant | Res
     if is_ready and _may_begin(scene, own, rules, now, operator=ask.operator):
         return Grant(own.id if own else None)
     if own is None and not (scene.enabled and scene.online):
-        return Deny("offline" if scene.enabled else "disabled")
+        return Refused(reason="offline" if scene.enabled else "disabled")
     place = place_in_queue(scene, own.id if own else None, now)
     return Wait(
         own.id if own else None,
@@ -223,7 +218,7 @@ def decide_take(scene: Scene, ask: Ask, rules: Rules, now: float) -> Grant | Res
     )
 
 
-def _come_back(scene: Scene, own: ActiveSession, ask: Ask, now: float) -> Grant | Resume | Deny:
+def _come_back(scene: Scene, own: ActiveSession, ask: Ask, now: float) -> Grant | Resume | Refused:
     """Answer a page of the visitor who holds the lease.
 
     A reload has closed its socket and remembers its session; a second tab has no session to
@@ -240,7 +235,7 @@ def _come_back(scene: Scene, own: ActiveSession, ask: Ask, now: float) -> Grant 
             "reconnecting" if own.state in {"driving", "reconnecting"} else "connecting",
             returning=True,
         )
-    return Deny("elsewhere", own.id)
+    return Refused(reason="elsewhere", session=own.id)
 
 
 def _may_begin(

@@ -42,10 +42,8 @@ from sessions.leases.policy import (
     PAGE_GONE_SECONDS,
     ActiveSession,
     Ask,
-    Deny,
     Grant,
     Hold,
-    Refusal,
     Resume,
     Rules,
     Scene,
@@ -56,6 +54,7 @@ from sessions.leases.policy import (
 from sessions.leases.readiness import STOPPED
 from sessions.leases.terms import FREE, Terms, UnreadableTerms
 from sessions.models import AT_THE_WHEEL, Lease, Session
+from sessions.protocol import Queued, Refused
 
 LIVE = (Session.State.WAITING, *AT_THE_WHEEL)
 # Every failed attempt means that another process changed the lease in between, so that this bound
@@ -92,28 +91,7 @@ class TakeGranted:
     shown: dict[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class TakeQueued:
-    """The page waits at `place` (1 is next) for about `minutes`; `reason` says why a free robot is
-    not ready.
-    """
-
-    session: str
-    place: int
-    minutes: float
-    reason: str = ""
-
-
-@dataclass(frozen=True)
-class TakeRefused:
-    """No; `reason` is one of sessions.protocol.Refused."""
-
-    reason: Refusal
-    session: str | None = None
-    since: float | None = None
-
-
-Taken = TakeGranted | TakeQueued | TakeRefused
+Taken = TakeGranted | Queued | Refused
 
 
 def is_study(session: str) -> bool:
@@ -178,14 +156,18 @@ class _Asker:
     now: datetime.datetime
 
 
-def _carry_out(decision: Grant | Resume | Wait | Deny, scene: Scene, asker: _Asker) -> Taken | None:
+def _carry_out(
+    decision: Grant | Resume | Wait | Refused, scene: Scene, asker: _Asker
+) -> Taken | None:
     """Return what the page is told, or None when another process was quicker and the question must
     be asked again.
     """
     match decision:
-        case Deny(reason, session):
-            own = Session.objects.filter(pk=session).first() if reason == "elsewhere" else None
-            return TakeRefused(reason, session, began(own))
+        case Refused(reason="elsewhere", session=session):
+            own = Session.objects.filter(pk=session).first()
+            return msgspec.structs.replace(decision, since=began(own))
+        case Refused():
+            return decision
         case Resume(session):
             seen({session}, asker.now)
             return _granted(scene, scene.hold, asker, resumed=True)
@@ -194,7 +176,7 @@ def _carry_out(decision: Grant | Resume | Wait | Deny, scene: Scene, asker: _Ask
             if session is None:
                 return None
             seen({session}, asker.now)
-            return TakeQueued(session, place, minutes, reason)
+            return Queued(session=session, place=place, minutes=minutes, reason=reason)
         case Grant():
             return _grant(decision, scene, asker)
 
@@ -220,7 +202,7 @@ def _join(asker: _Asker) -> str | None:
     return str(made.pk)
 
 
-def _grant(grant: Grant, scene: Scene, asker: _Asker) -> TakeGranted | TakeRefused | None:
+def _grant(grant: Grant, scene: Scene, asker: _Asker) -> TakeGranted | Refused | None:
     session = _join(asker) if grant.session is None else grant.session
     if session is None:
         return None
@@ -240,7 +222,7 @@ def _grant(grant: Grant, scene: Scene, asker: _Asker) -> TakeGranted | TakeRefus
         fix_terms(session, asker.now)
     except terms.NotGranted as refusal:
         end(session, Session.Outcome.CANCELLED, str(refusal), asker.now)
-        return TakeRefused(str(refusal), session)  # type: ignore[arg-type]
+        return Refused(reason=str(refusal), session=session)  # type: ignore[arg-type]
     changes: dict[str, Any] = {
         "state": grant.state,
         "seen_at": asker.now,

@@ -186,7 +186,7 @@ def test_the_turn_is_limited_in_the_grant_when_others_wait(giraff, ana, ben):
 
 def test_an_offline_robot_is_refused_by_its_row(giraff, ana):
     giraff.presence.connection = "OFFLINE"
-    assert store.take(giraff, ana, "peer-1", now=NOW) == store.TakeRefused("offline")
+    assert store.take(giraff, ana, "peer-1", now=NOW) == store.Refused(reason="offline")
     assert not Session.objects.exists()
 
 
@@ -410,7 +410,7 @@ def test_the_queue_is_offered_the_robot_in_order(giraff, ana, ben):
     assert tick(giraff, link, after(1)) == (
         Offered(session=queued.session, seconds=settings.START_SECONDS),
     )
-    assert isinstance(store.take(giraff, ana, "peer-1", now=after(2)), store.TakeQueued)
+    assert isinstance(store.take(giraff, ana, "peer-1", now=after(2)), store.Queued)
     store.seen({queued.session}, after(70))
     assert Ended(session=queued.session, outcome="cancelled", reason="turn_not_taken") in tick(
         giraff, link, after(70)
@@ -504,7 +504,7 @@ def test_two_tabs_that_queue_at_once_have_one_place(giraff, ana, ben, monkeypatc
 def test_of_two_visitors_who_ask_at_once_one_drives_and_one_waits(giraff, ana, ben, monkeypatch):
     meanwhile(monkeypatch, "load_scene", lambda: store.take(giraff, ana, "peer-1", now=NOW))
     taken = store.take(giraff, ben, "peer-2", now=NOW)
-    assert isinstance(taken, store.TakeQueued)
+    assert isinstance(taken, store.Queued)
     assert Lease.objects.get().peer == "peer-1"
 
 

@@ -121,7 +121,7 @@ def test_a_free_visit_has_no_terms(provider, giraff, ana):
 
 def test_a_visit_that_must_not_begin_is_ended_and_says_why(provider, giraff, ana):
     provider.refusal = "full"
-    assert take(giraff, ana) == store.TakeRefused("full", str(Session.objects.get().pk))
+    assert take(giraff, ana) == store.Refused(reason="full", session=str(Session.objects.get().pk))
     row = Session.objects.get()
     assert (row.state, row.outcome, row.outcome_reason) == ("ended", "cancelled", "full")
     assert Lease.objects.get().session is None
@@ -146,7 +146,7 @@ def test_a_reason_against_a_visit_is_asked_for_before_but_whoever_drives_may_com
 
     granted = take(giraff, ana, "peer-ana")
     provider.reason = "closed"
-    assert ask(ben) == store.TakeRefused("closed")
+    assert ask(ben) == store.Refused(reason="closed")
     assert not Session.objects.filter(visitor=ben).exists()
     assert ask(ana).session == granted.session
 

@@ -150,7 +150,7 @@ def test_a_robot_that_was_stopped_between_visits_is_given_to_a_new_driver(
 
 def test_the_queue_of_a_robot_that_was_stopped_between_visits_goes_on(giraff, ana, ben, situation):
     robot = a_visit_ends(giraff, ana)
-    assert isinstance(store.take(robot, ben, "p2", now=after(1)), store.TakeQueued)
+    assert isinstance(store.take(robot, ben, "p2", now=after(1)), store.Queued)
     situation.says(after(2), docked=False, safety=STOPPED)
     situation.look(after(2))
     acts = tick(Robot.objects.get(), RobotLink(), after(3))
@@ -162,7 +162,7 @@ def test_nobody_is_given_a_robot_on_its_way_home_and_everybody_is_told_why(
 ):
     robot = a_visit_ends(giraff, ana)
     queued = store.take(robot, ben, "p2", now=after(1))
-    assert isinstance(queued, store.TakeQueued)
+    assert isinstance(queued, store.Queued)
     assert queued.reason == "returning: dock"
     assert queued.minutes > 0
     assert not [act for act in tick(robot, RobotLink(), after(2)) if isinstance(act, Offered)]

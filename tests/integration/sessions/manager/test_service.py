@@ -609,14 +609,14 @@ async def test_when_others_wait_the_turn_ends_and_the_next_in_the_queue_is_asked
         notices = Notices(web)
         ana = await drive(visitors["ana"], robot)
         ben, cem = await take(visitors["ben"]), await take(visitors["cem"])
-        assert [type(taken) for taken in (ben, cem)] == [store.TakeQueued, store.TakeQueued]
+        assert [type(taken) for taken in (ben, cem)] == [store.Queued, store.Queued]
         assert (await notices.of(cem.session, protocol.Queued)).place == 2
         assert (await notices.of(ana, protocol.TurnWarning)).remaining <= 2.5
         ended = await notices.of(ana, protocol.Ended)
         assert (ended.outcome, ended.reason) == ("timed_out", "turn_over")
         offered = await notices.of(ben.session, protocol.Offered)
         assert offered.seconds == settings.START_SECONDS
-        assert isinstance(await take(visitors["cem"]), store.TakeQueued)
+        assert isinstance(await take(visitors["cem"]), store.Queued)
         assert isinstance(await take(visitors["ben"]), store.TakeGranted)
         await state_of(ben.session, "driving")
         await notices.of(cem.session, protocol.Queued, lambda published: published.place == 1)
@@ -638,7 +638,7 @@ async def test_a_driver_who_gives_no_sign_is_asked_and_makes_room_for_the_next(
         notices = Notices(web)
         ana = await drive(visitors["ana"], robot)
         ben = await take(visitors["ben"])
-        assert isinstance(ben, store.TakeQueued)
+        assert isinstance(ben, store.Queued)
         assert (await notices.of(ana, protocol.AskedThere)).seconds == 1.0
         ended = await notices.of(ana, protocol.Ended)
         assert (ended.outcome, ended.reason) == ("timed_out", "idle")
