@@ -164,8 +164,6 @@ class PageSession:
         if session is not None and self.authorization.standing == "driver":
             chosen = await query(
                 queries.choose_assist,
-                self.robot,
-                self.user,
                 session,
                 verb.level,
                 peer=self.authorization.peer,
@@ -313,7 +311,6 @@ class PageSession:
             standing = await query(
                 queries.session_status_of,
                 self.robot,
-                self.user,
                 session,
                 epoch=self.authorization.epoch,
                 peer=self.authorization.peer,

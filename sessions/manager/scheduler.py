@@ -30,10 +30,9 @@ from sessions.leases.policy import PAGE_GONE_SECONDS, Scene, minutes_until_turn,
 from sessions.leases.store import (
     LIVE,
     count_renewal,
-    hold_of,
-    lease_message,
     load_scene,
     load_scenes,
+    message_of,
     rules_of,
 )
 from sessions.leases.transitions import (
@@ -374,42 +373,28 @@ class Scheduler:
 
     def _renew_one(self, lease: Lease, now: datetime.datetime, early: float) -> None:
         """Publish a lease; the next renewal comes so many seconds sooner."""
-        renewal = self._count_renewal(lease)
-        if renewal is None:
-            return
-        self._leases[lease.robot.name] = (lease.epoch, now.timestamp() - early)
-        hold = hold_of(lease)
-        session = lease.session
-        assert session is not None
-        fixed, who = terms.of(session), session.visitor.sent_name
-        message = lease_message(
-            lease.robot,
-            who,
-            hold,
-            renewal=renewal,
-            stamp=now.timestamp(),
-            assist=session.assist,
-            fixed=fixed,
-        )
-        self._publish_lease(lease.robot.name, codec.encode(message))
+        if self._count_renewal(lease):
+            self._leases[lease.robot.name] = (lease.epoch, now.timestamp() - early)
+            self._publish_lease(lease.robot.name, codec.encode(message_of(lease, now)))
 
-    def _count_renewal(self, lease: Lease) -> int | None:
-        """Return the number of the next copy, None when the lease has changed meanwhile.
+    def _count_renewal(self, lease: Lease) -> bool:
+        """Give the next copy its number; False when the lease has changed since it was read.
 
-        A full disk takes no numbers, and nobody else can get the lease either: they are counted
-        here until there is room.
+        A full disk stores no numbers, and for the same reason no other process can change the
+        lease: until there is room, the numbers are counted in memory.
         """
         epoch, counted = self._counted.get(lease.robot.name, (lease.epoch, 0))
         renewal: int = max(lease.renewal, counted if epoch == lease.epoch else 0) + 1
         try:
             ours = self._ownership.condition(lease.robot.name)
-            if count_renewal(lease, renewal, ours) is None:
-                return None
+            if not count_renewal(lease, renewal, ours):
+                return False
         except DatabaseError as error:
             if not is_disk_full(error):
                 raise
+            lease.renewal = renewal
         self._counted[lease.robot.name] = (lease.epoch, renewal)
-        return renewal
+        return True
 
     def _publish_lease(self, robot: str, payload: bytes) -> None:
         # Before all news: whoever drives without a lease would go on for as long as those take.

@@ -15,7 +15,7 @@ from accounts.models import User
 from robots.api import messages as m
 from robots.models import Robot
 from sessions.leases import terms
-from sessions.leases.store import LIVE, hold_of, lease_message
+from sessions.leases.store import LIVE, message_of
 from sessions.models import Lease, Session, SessionEvent
 
 Refusal = Literal["occupied", "ended", "refused"]
@@ -93,18 +93,8 @@ def _change(lease: Lease, peer: str, user: User | None) -> bool:
 
 
 def _message(session: str, now: datetime.datetime) -> m.Lease:
-    lease = Lease.objects.select_related("robot", "session__visitor").get(session_id=session)
-    row = lease.session
-    assert row is not None
-    return lease_message(
-        lease.robot,
-        row.visitor.sent_name,
-        hold_of(lease),
-        renewal=lease.renewal,
-        stamp=now.timestamp(),
-        assist=row.assist,
-        fixed=terms.of(row),
-    )
+    rows = Lease.objects.select_related("robot", "session__visitor")
+    return message_of(rows.get(session_id=session), now)
 
 
 def note(session: str, kind: str, user: User, now: datetime.datetime, **data: Any) -> None:

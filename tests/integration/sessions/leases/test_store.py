@@ -534,8 +534,8 @@ def test_a_lease_that_changes_under_every_attempt_is_an_error(giraff, ana, monke
 def test_a_page_that_drives_no_more_chooses_no_assistance(giraff, ana):
     first = store.take(giraff, ana, "peer-1", now=NOW)
     assert store.set_assist(first.session, "slow", peer="peer-2") is None
-    hold, renewal = store.set_assist(first.session, "slow", peer="peer-1")
-    assert (hold.session, renewal) == (first.session, 1)
+    lease = store.set_assist(first.session, "slow", peer="peer-1")
+    assert (str(lease.session_id), lease.renewal) == (first.session, 1)
     Session.objects.update(state="ended")
     assert store.set_assist(first.session, "steer", peer="peer-1") is None
     assert Session.objects.get().assist == "slow"

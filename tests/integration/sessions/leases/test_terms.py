@@ -230,21 +230,16 @@ def test_a_turn_of_the_terms_ends_only_when_somebody_waits(provider, giraff, ana
 def test_a_fixed_level_of_assistance_cannot_be_changed(provider, giraff, ana):
     provider.terms = STUDY
     session = take(giraff, ana).session
-    assert (
-        queries.choose_assist(giraff, ana, session, "steer", peer="peer-1", now=after(1)) == "fixed"
-    )
+    assert queries.choose_assist(session, "steer", peer="peer-1", now=after(1)) == "fixed"
     assert Session.objects.get().assist == ""
 
 
 def test_a_free_level_of_assistance_keeps_the_other_terms(provider, giraff, ana):
     provider.terms = terms.Terms(controllers=("keyboard",))
     session = take(giraff, ana).session
-    lease = queries.choose_assist(giraff, ana, session, "steer", peer="peer-1", now=after(1))
+    lease = queries.choose_assist(session, "steer", peer="peer-1", now=after(1))
     assert (lease.assist, lease.methods) == ("steer", ("keyboard",))
-    assert (
-        queries.choose_assist(giraff, ana, session, "off", peer="another", now=after(1))
-        == "not_driver"
-    )
+    assert queries.choose_assist(session, "off", peer="another", now=after(1)) == "not_driver"
 
 
 class TestFirstDrive:
@@ -259,7 +254,7 @@ class TestFirstDrive:
     def test_a_visitor_who_has_never_driven_is_helped_until_they_choose(self, giraff, ana):
         taken = take(giraff, ana)
         assert taken.lease.assist == "slow"
-        queries.choose_assist(giraff, ana, taken.session, "off", peer="peer-1", now=after(1))
+        queries.choose_assist(taken.session, "off", peer="peer-1", now=after(1))
         assert take(giraff, ana).lease.assist == "off"
 
     def test_a_visitor_who_has_driven_before_has_the_robots_own_level(self, giraff, ana):
@@ -272,7 +267,7 @@ class TestFirstDrive:
     def test_the_next_drive_begins_with_the_level_of_the_last(self, giraff, ana, chosen, next_time):
         session = take(giraff, ana).session
         if chosen:
-            queries.choose_assist(giraff, ana, session, chosen, peer="peer-1", now=after(1))
+            queries.choose_assist(session, chosen, peer="peer-1", now=after(1))
         Session.objects.update(first_motion_at=after(2))
         store.leave(session, peer="peer-1", now=after(9))
         Lease.objects.all().delete()
