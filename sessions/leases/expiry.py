@@ -34,8 +34,8 @@ WAITING = Session.State.WAITING
 def tick(
     robot: Robot, link: RobotLink, now: datetime.datetime, scene: Scene | None = None
 ) -> tuple[Act, ...]:
-    """Do what is due at one robot and return what was really done. `scene` is given by a caller
-    that has read the scenes of many robots together.
+    """Carry out the transitions that are due at one robot, and return those that happened. A caller
+    that has read the scenes of many robots together passes `scene`.
     """
     scene = load_scene(robot, now) if scene is None else scene
     return tuple(

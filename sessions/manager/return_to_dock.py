@@ -153,19 +153,19 @@ def _condition(
         or last_received.state_at is None
         or now - last_received.state_at > STATE_SILENCE
     ):
-        return RobotCondition(heard=False)
+        return RobotCondition(is_current=False)
     level = (
         known.tilt_home is None or state.tilt is None or abs(state.tilt - known.tilt_home) <= LEVEL
     )
     return RobotCondition(
-        let_go=state.session is None,
-        prompt=last_received.is_prompt(now),
-        sees=known.sees,
+        driver_released=state.session is None,
+        is_responsive=last_received.is_prompt(now),
+        has_camera=known.sees,
         estop=state.safety.estop,
         stopped=state.session is None and state.safety.inhibited == "stopped",
         docked=state.docked,
         localized=state.pose.localized,
-        level=level,
+        head_is_level=level,
         charge=state.battery.charge,
         charge_limit=robot.charge_limit,
     )

@@ -628,7 +628,7 @@ async def test_a_driver_who_gives_no_sign_is_asked_and_makes_room_for_the_next(
 ):
     settings.IDLE_SECONDS = 1.0
     monkeypatch.setattr("sessions.leases.transitions.ANSWER_SECONDS", 1.0)
-    monkeypatch.setattr("sessions.leases.transitions.ON_THE_WAY", 0.5)
+    monkeypatch.setattr("sessions.leases.transitions.ROUND_TRIP_MARGIN_S", 0.5)
     async with (
         running_manager(broker.url),
         ScriptedRobot("giraff", broker.url) as robot,

@@ -34,7 +34,7 @@ def test_a_robot_that_is_away_is_told_to_dock_once():
 
 @pytest.mark.parametrize(
     ("condition", "order"),
-    [(replace(HOME, localized=False), "relocalize"), (replace(HOME, level=False), "level")],
+    [(replace(HOME, localized=False), "relocalize"), (replace(HOME, head_is_level=False), "level")],
 )
 def test_a_docked_robot_is_told_what_it_lacks(condition, order):
     turnaround, kind = decide(Readiness(), condition, 0.0)
@@ -85,7 +85,7 @@ def test_somebody_who_pushes_the_robot_home_ends_the_attempt():
 
 def test_after_docking_the_head_has_attempts_of_its_own():
     docked = told(replace(Readiness(), attempts=2, tried_at=0.0), "dock", 1.0, "FINISHED")
-    turnaround, kind = decide(docked, replace(HOME, level=False), 2.0)
+    turnaround, kind = decide(docked, replace(HOME, head_is_level=False), 2.0)
     assert (turnaround.attempts, kind) == (0, "level")
 
 
@@ -110,12 +110,12 @@ def test_a_released_stop_is_the_begin_of_new_attempts_whatever_was_tried_before(
 
 
 def test_nothing_is_ordered_of_a_robot_that_is_not_heard():
-    turnaround, kind = decide(Readiness(), replace(AWAY, heard=False), 0.0)
+    turnaround, kind = decide(Readiness(), replace(AWAY, is_current=False), 0.0)
     assert (turnaround.phase, turnaround.reason, kind) == ("returning", "offline", None)
 
 
 def test_a_robot_with_a_camera_is_ready_once_it_gave_a_picture_at_home():
-    seeing = replace(HOME, sees=True)
+    seeing = replace(HOME, has_camera=True)
     turnaround, kind = decide(Readiness(), seeing, 0.0)
     assert (turnaround.phase, turnaround.reason, kind) == ("returning", "picture", "picture")
     assert decide(told(turnaround, "picture", 0.0, "RUNNING"), seeing, 1.0)[0].phase == "returning"
@@ -132,18 +132,18 @@ def test_a_robot_with_a_camera_is_ready_once_it_gave_a_picture_at_home():
 def test_a_camera_without_pictures_pauses_the_queue_and_is_tried_again():
     turnaround, now, orders = Readiness(), 0.0, 0
     for _ in range(100):
-        turnaround, kind = decide(turnaround, replace(HOME, sees=True), now)
+        turnaround, kind = decide(turnaround, replace(HOME, has_camera=True), now)
         if kind is not None:
             orders += 1
             turnaround = told(turnaround, kind, now, "FAILED", "no_picture")
         now += 1.0
     assert (turnaround.phase, turnaround.reason, orders) == ("paused", "no_picture", ATTEMPTS)
-    again, kind = decide(turnaround, replace(HOME, sees=True), now + PAUSE)
+    again, kind = decide(turnaround, replace(HOME, has_camera=True), now + PAUSE)
     assert (again.phase, kind) == ("paused", "picture")
     assert (
         decide(
             told(again, "picture", now + PAUSE, "FINISHED"),
-            replace(HOME, sees=True),
+            replace(HOME, has_camera=True),
             now + PAUSE + 1,
         )[0].phase
         == "ready"
@@ -151,16 +151,16 @@ def test_a_camera_without_pictures_pauses_the_queue_and_is_tried_again():
 
 
 def test_no_picture_is_asked_for_while_the_robot_still_has_its_last_driver():
-    held = replace(HOME, sees=True, let_go=False)
+    held = replace(HOME, has_camera=True, driver_released=False)
     turnaround, kind = decide(Readiness(), held, 0.0)
     assert (turnaround.phase, kind) == ("returning", None)
-    assert decide(turnaround, replace(held, let_go=True), 1.0)[1] == "picture"
+    assert decide(turnaround, replace(held, driver_released=True), 1.0)[1] == "picture"
 
 
 def test_a_picture_from_before_it_was_pushed_out_of_its_station_does_not_count():
-    seeing = replace(HOME, sees=True)
+    seeing = replace(HOME, has_camera=True)
     turnaround, _ = decide(
-        told(Readiness(), "picture", 0.0, "FINISHED"), replace(seeing, prompt=False), 1.0
+        told(Readiness(), "picture", 0.0, "FINISHED"), replace(seeing, is_responsive=False), 1.0
     )
     assert decide(turnaround, seeing, 2.0)[0].phase == "ready"
     away, kind = decide(turnaround, replace(seeing, docked=False), 2.0)
@@ -169,18 +169,18 @@ def test_a_picture_from_before_it_was_pushed_out_of_its_station_does_not_count()
 
 
 def test_a_robot_that_answers_too_late_is_waited_for_and_pauses_the_queue_in_the_end():
-    late = replace(HOME, sees=True, prompt=False)
+    late = replace(HOME, has_camera=True, is_responsive=False)
     turnaround, kind = decide(Readiness(), late, 100.0)
     assert (turnaround.phase, turnaround.reason, kind) == ("returning", "network", None)
     turnaround, _ = decide(turnaround, late, 100.0 + LATE)
     assert (turnaround.phase, turnaround.reason) == ("paused", "network")
-    assert decide(turnaround, replace(late, prompt=True), 200.0)[1] == "picture"
-    assert decide(turnaround, replace(late, sees=False, prompt=True), 200.0)[0] == Readiness(
-        "ready"
-    )
+    assert decide(turnaround, replace(late, is_responsive=True), 200.0)[1] == "picture"
+    assert decide(turnaround, replace(late, has_camera=False, is_responsive=True), 200.0)[
+        0
+    ] == Readiness("ready")
 
 
-@pytest.mark.parametrize("condition", [AWAY, HOME, replace(HOME, level=False)])
+@pytest.mark.parametrize("condition", [AWAY, HOME, replace(HOME, head_is_level=False)])
 def test_a_stop_between_visits_pauses_until_it_is_released(condition):
     running = told(Readiness(), "dock", 0.0, "CANCELLED")
     stopped, order = decide(running, replace(condition, stopped=True), 1.0)

@@ -8,7 +8,7 @@ from sessions.leases.policy import Grant, Wait
 from sessions.leases.transitions import (
     ANSWER_SECONDS,
     IDLE,
-    ON_THE_WAY,
+    ROUND_TRIP_MARGIN_S,
     ROBOT_SILENCE,
     Free,
     Move,
@@ -302,7 +302,7 @@ def test_who_does_nothing_is_asked_and_then_the_next_in_the_queue_gets_the_robot
         asking, ASKING.idle - 1.0
     )
     assert AskedThere(session=session, seconds=ANSWER_SECONDS) in pass_time(asking, 1.5)
-    acts = pass_time(asking, ANSWER_SECONDS + ON_THE_WAY + 1.0)
+    acts = pass_time(asking, ANSWER_SECONDS + ROUND_TRIP_MARGIN_S + 1.0)
     assert [act for act in acts if isinstance(act, Ended | Offered)] == [
         Ended(session=session, outcome="timed_out", reason=IDLE),
         Offered(session=asking.session_of("ben").id, seconds=RULES.start),
@@ -325,7 +325,7 @@ def test_a_sign_in_the_last_moment_keeps_the_robot_though_question_and_answer_ta
     asking,
 ):
     session = asking.session_of("ana").id
-    pass_time(asking, ASKING.idle + ANSWER_SECONDS + ON_THE_WAY - 1.0)
+    pass_time(asking, ASKING.idle + ANSWER_SECONDS + ROUND_TRIP_MARGIN_S - 1.0)
     asking.signs[session] = asking.now
     assert asking.tick() == (FoundThere(session=session),)
     assert not [act for act in pass_time(asking, ASKING.idle - 1.0) if isinstance(act, Ended)]
@@ -334,7 +334,8 @@ def test_a_sign_in_the_last_moment_keeps_the_robot_though_question_and_answer_ta
 def test_a_sign_of_another_visit_keeps_nothing(asking):
     asking.signs["s0"] = asking.now + ASKING.idle
     assert [
-        type(act) for act in pass_time(asking, ASKING.idle + ANSWER_SECONDS + ON_THE_WAY + 1.0)
+        type(act)
+        for act in pass_time(asking, ASKING.idle + ANSWER_SECONDS + ROUND_TRIP_MARGIN_S + 1.0)
     ] == [AskedThere, Ended]
 
 
@@ -382,7 +383,7 @@ def test_terms_of_a_visit_have_it_asked_sooner(asking):
 def test_a_lost_visitor_is_not_asked_but_has_the_grace_period(asking):
     session = asking.session_of("ana").id
     asking.connected.clear()
-    acts = pass_time(asking, ASKING.idle + ANSWER_SECONDS + ON_THE_WAY)
+    acts = pass_time(asking, ASKING.idle + ANSWER_SECONDS + ROUND_TRIP_MARGIN_S)
     assert [type(act) for act in acts] == [Move, Ended]
     assert acts[-1] == Ended(session=session, outcome="connection_lost", reason="visitor_silent")
 
