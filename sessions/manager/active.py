@@ -1,9 +1,8 @@
-"""The session manager that has a slot: it records, keeps time, and connects to the broker again
-and again.
+"""The session manager that has a slot: it records, keeps time, and reconnects to the broker.
 
-The broker keeps what comes for a slot while its process restarts. While other members live, they
-hear what the slot's robots say, so that what the broker has kept is forgotten: by the process that
-takes the slot, or by the owner of the site's shard when nobody does.
+The broker queues messages for a slot while its process restarts. While other members live, they
+receive the messages of the slot's robots, and the queue must be discarded: by the process that
+takes the slot, or else by the owner of the site's shard.
 """
 
 import asyncio
@@ -41,7 +40,7 @@ from sessions.recording.recorder import Recorder
 logger = structlog.stdlib.get_logger(__name__)
 
 FLUSH_SECONDS = 20.0
-RELEASE_SECONDS = 5.0  # for which shards wait that are given away while the database is slow
+RELEASE_SECONDS = 5.0  # longest wait for a slow database before shards are handed over
 
 
 class RecorderDied(RuntimeError):
@@ -49,15 +48,15 @@ class RecorderDied(RuntimeError):
 
 
 class ActiveManager:
-    """Lives while this process has its slot; make it in the event loop, and `close` it.
+    """Lives while this process has its slot; create it in the event loop, and `close` it.
 
     Args:
-        nodes: where the broker is; more than one when it is a cluster.
-        credentials: user and password there.
+        nodes: addresses of the broker; more than one for a cluster.
+        credentials: user and password of the broker.
         rng: spreads reconnections.
         clock: Unix seconds.
-        health: is told how steps in the database go.
-        connected: is set while there is a connection that serves.
+        health: receives the outcome of steps in the database.
+        connected: is set while a connection serves.
         membership: of the process, which has a slot.
     """
 
@@ -108,10 +107,10 @@ class ActiveManager:
         self._serving = loop.create_task(self._serve_for_ever())
 
     def check(self) -> None:
-        """Raise what has ended this manager's work, if anything has.
+        """Raise the error that has ended this manager's work, if one has.
 
         Raises:
-            RecorderDied: nothing is recorded any more.
+            RecorderDied: the recorder's thread has ended.
         """
         if not self.recorder.is_alive:
             raise RecorderDied
@@ -119,8 +118,8 @@ class ActiveManager:
             self._serving.result()
 
     def report(self) -> dict[str, Any]:
-        """Return how this process does, in words that hold nothing personal; `prepared` are the
-        slots by whose division it has subscribed last.
+        """Return the state of this process, without personal data; `prepared` are the slots by
+        whose division it subscribed last.
         """
         if self._connection is not None:
             self._prepared = self._connection.prepared
@@ -134,23 +133,23 @@ class ActiveManager:
         }
 
     def wake(self) -> None:
-        """Have the scheduler look at once: other robots are ours."""
+        """Run the scheduler at once: our share of the robots has changed."""
         self._work.due.set()
 
     async def release(self, shards: frozenset[int]) -> None:
-        """Return when everything that was known of the robots of these shards, which are not ours
-        any more, is written.
+        """Return when all data of the robots of these shards, which are not ours any more, is
+        written.
         """
-        await self._work.thread.run(tuple)  # a tick that runs now ends first
+        await self._work.thread.run(tuple)  # a running tick ends first
         written = asyncio.Event()
-        say = functools.partial(self._loop.call_soon_threadsafe, written.set)
-        self.recorder.put(ReleaseItem(shards, say))
+        done = functools.partial(self._loop.call_soon_threadsafe, written.set)
+        self.recorder.put(ReleaseItem(shards, done))
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(RELEASE_SECONDS):
                 await written.wait()
 
     def forget_departed(self, slots: Collection[int]) -> None:
-        """Have the broker forget what it keeps for slots that were left."""
+        """Discard the broker's queues of slots that were left."""
         for slot in slots if self._ownership.owns_site else ():
             task = self._loop.create_task(self._forget(slot))
             self._forgetting.add(task)
@@ -169,7 +168,7 @@ class ActiveManager:
             logger.info("broker_session_kept", slot=slot, reason=str(error))
 
     async def close(self) -> None:
-        """Leave the broker, and write what is there."""
+        """Disconnect, and write the rest of the record."""
         self._ending = True
         await cancel(self._serving)
         for task in list(self._forgetting):
@@ -182,7 +181,7 @@ class ActiveManager:
         logger.info("session_manager_stopped", counts=dict(counts))
 
     async def _serve_for_ever(self) -> None:
-        while not self._ending:  # leaving a lost broker turns a cancellation into an MqttError
+        while not self._ending:  # disconnecting from a lost broker hides a cancellation
             try:
                 await self._serve()
             except aiomqtt.MqttError as error:

@@ -14,14 +14,14 @@ from robots.api import codec
 from robots.api.messages import NetworkLab
 from robots.models import FloorPlan, Robot, RobotPresence
 from sessions.leases import store, terms
-from sessions.manager.desired_state import LOOK_SECONDS, DesiredState
+from sessions.manager.desired_state import READ_ALL_SECONDS, DesiredState
 from sessions.models import Session
 from sessions.shards.hashing import shard_of
 from sessions.shards.ownership import Ownership
 
 pytestmark = pytest.mark.django_db
 NOW = timezone.now()
-LATER, LATEST = (NOW + datetime.timedelta(seconds=n * LOOK_SECONDS) for n in (1, 2))
+LATER, LATEST = (NOW + datetime.timedelta(seconds=n * READ_ALL_SECONDS) for n in (1, 2))
 
 
 @pytest.fixture

@@ -209,7 +209,7 @@ def test_driving_a_call_a_way_of_its_own_a_stop_there_and_a_touch_of_the_page_ar
 
     def last_sign():
         return max(
-            intake.last_received["giraff"].link(0.0).active_at or 0.0,
+            intake.liveness["giraff"].link(0.0).active_at or 0.0,
             intake.signs.get(session, 0.0),
         )
 

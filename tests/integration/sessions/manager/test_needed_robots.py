@@ -7,8 +7,8 @@ from django.utils import timezone
 
 from accounts.models import User
 from robots.models import Robot, RobotPresence
-from sessions.manager.desired_state import LOOK_SECONDS, DesiredState
-from sessions.manager.needed_robots import needed_robots
+from sessions.manager.desired_state import READ_ALL_SECONDS, DesiredState
+from sessions.manager.scheduler import needed_robots
 from sessions.models import Session
 
 pytestmark = pytest.mark.django_db
@@ -53,7 +53,7 @@ def test_what_robots_are_told_takes_as_many_queries_for_many_as_for_few(
 ):
     robots(*(f"robot-{number}" for number in range(30)))
     desired, now = DesiredState(), timezone.now()
-    later = now + datetime.timedelta(seconds=LOOK_SECONDS)
+    later = now + datetime.timedelta(seconds=READ_ALL_SECONDS)
     with django_assert_max_num_queries(4):
         assert len(list(desired.tick(now))) == 30
     with django_assert_max_num_queries(3):

@@ -62,24 +62,24 @@ class Situation:
     """The robot as the session manager hears it."""
 
     def __init__(self):
-        self.return_to_dock, self.last_received, self.seq = ReturnToDock(), RobotLiveness(), 0
+        self.return_to_dock, self.liveness, self.seq = ReturnToDock(), RobotLiveness(), 0
         self.outbox = deque()
 
     def says(self, now, *, trip=0.05, **changes):
         """A state, and an answer to the server's beat that was under way for so many seconds."""
         self.seq += 1
-        self.last_received.take(words.state(self.seq, **{"tilt": 0.28, **changes}), now.timestamp())
+        self.liveness.take(words.state(self.seq, **{"tilt": 0.28, **changes}), now.timestamp())
         sent = now.timestamp() - trip
         echo = m.Echo(peer="server", n=self.seq, stamp=sent, received=sent + trip / 2)
-        self.last_received.heartbeat(
+        self.liveness.heartbeat(
             m.Heartbeat(n=self.seq, stamp=sent + trip / 2, echoes=(echo,)),
             now.timestamp(),
             now.timestamp(),
         )
 
     def look(self, now):
-        heard = {"giraff": self.last_received}
-        self.outbox.extend(self.return_to_dock.tick(heard, now, now.timestamp()))
+        liveness = {"giraff": self.liveness}
+        self.outbox.extend(self.return_to_dock.tick(liveness, now, now.timestamp()))
         said = [codec.decode("command/action", one.payload, "to_robot") for one in self.outbox]
         self.outbox.clear()
         return said
@@ -104,7 +104,7 @@ def test_a_robot_that_was_left_somewhere_is_sent_home_by_the_server(giraff, ana,
     assert (dock.role, dock.session, dock.stamp) == ("server", None, after(1).timestamp())
     assert situation.look(after(2)) == [], "it is on its way"
     situation.says(after(40), docked=True, tilt=0.5)
-    situation.last_received.answer(
+    situation.liveness.answer(
         m.ActionStatus(action_id=dock.action_id, status="FINISHED", stamp=1.0)
     )
     (tilt,) = situation.look(after(40))
@@ -123,7 +123,7 @@ def test_a_robot_that_is_stopped_on_its_way_is_ordered_nothing(giraff, ana, situ
     situation.says(after(1), docked=False)
     (dock,) = situation.look(after(1))
     cancelled = m.ActionStatus(action_id=dock.action_id, status="CANCELLED", stamp=1.0)
-    situation.last_received.answer(cancelled)
+    situation.liveness.answer(cancelled)
     for second in range(2, 400):
         situation.says(after(second), docked=False, safety=STOPPED)
         assert situation.look(after(second)) == []
@@ -241,7 +241,7 @@ def test_a_robot_that_cannot_get_home_pauses_the_queue_and_says_why_and_is_tried
     for second in range(1, 60):
         situation.says(after(second), docked=False)
         for action in situation.look(after(second)):
-            situation.last_received.answer(
+            situation.liveness.answer(
                 m.ActionStatus(
                     action_id=action.action_id,
                     status="FAILED",
@@ -307,7 +307,7 @@ def test_a_robot_is_ready_only_after_its_camera_gave_a_picture(giraff, ana, situ
     )
     assert store.pause_of(giraff) == "returning: picture"
     situation.says(after(3), docked=True)
-    situation.last_received.answer(
+    situation.liveness.answer(
         m.ActionStatus(action_id=photo.action_id, status="FINISHED", stamp=1.0)
     )
     assert situation.look(after(3)) == []
@@ -330,6 +330,6 @@ def test_a_robot_that_answers_too_late_pauses_the_queue_until_its_network_is_bet
 
 def test_a_robot_that_answers_no_beat_is_not_ready(giraff, ana, situation):
     a_visit_ends(giraff, ana)
-    situation.last_received.take(words.state(1, tilt=0.28, docked=True), after(1).timestamp())
+    situation.liveness.take(words.state(1, tilt=0.28, docked=True), after(1).timestamp())
     situation.look(after(1))
     assert store.pause_of(giraff) == "returning: network"

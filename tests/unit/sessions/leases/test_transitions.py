@@ -8,8 +8,8 @@ from sessions.leases.policy import Grant, Wait
 from sessions.leases.transitions import (
     ANSWER_SECONDS,
     IDLE,
-    ROUND_TRIP_MARGIN_S,
     ROBOT_SILENCE,
+    ROUND_TRIP_MARGIN_S,
     Free,
     Move,
     RobotLink,
