@@ -24,7 +24,7 @@ from robots.api.errors import Rejection
 from sessions import protocol
 from sessions.leases.readiness import ORDERED
 from sessions.manager.robot_liveness import RobotLiveness
-from sessions.recording.builder import EARLY_SECONDS, MOST_EARLY
+from sessions.recording.builder import EARLY_SECONDS, MAX_EARLY
 from sessions.recording.items import ActionItem, EventItem, PageItem, PhotoItem, StateItem
 from sessions.recording.recorder import Recorder
 from sessions.shards.ownership import EVERYTHING, Ownership
@@ -177,7 +177,7 @@ class Intake:
         self._early_bytes += len(message.payload)
         oldest = message.received_at - EARLY_SECONDS
         while self._early[0].received_at < oldest or (
-            len(self._early) > MOST_EARLY or self._early_bytes > EARLY_BYTES
+            len(self._early) > MAX_EARLY or self._early_bytes > EARLY_BYTES
         ):
             self._early_bytes -= len(self._early.popleft().payload)
 

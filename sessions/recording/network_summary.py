@@ -1,4 +1,4 @@
-"""A visitor's connection in a few numbers, from its samples of one second each."""
+"""The summary of a visitor's connection, from its samples of one second each."""
 
 import statistics
 from collections import Counter

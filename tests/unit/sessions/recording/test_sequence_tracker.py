@@ -9,8 +9,8 @@ from hypothesis import given
 from sessions.recording.sequence_tracker import (
     ASKING_SECONDS,
     ATTEMPTS,
+    FIRST_REQUEST_S,
     HEAD,
-    PATIENCE,
     REPEAT,
     Intervals,
     SequenceTracker,
@@ -66,11 +66,11 @@ def test_a_state_that_comes_twice_is_new_once(tracker):
 
 def test_a_hole_is_asked_for_after_a_moment_and_again_until_it_is_filled(tracker):
     tracker.arrive(14, "s", 0.0)
-    assert due(tracker, PATIENCE / 2) == ([], [])
-    assert due(tracker, PATIENCE) == ([(11, 13)], [])
-    assert due(tracker, PATIENCE + REPEAT / 2) == ([], [])
+    assert due(tracker, FIRST_REQUEST_S / 2) == ([], [])
+    assert due(tracker, FIRST_REQUEST_S) == ([(11, 13)], [])
+    assert due(tracker, FIRST_REQUEST_S + REPEAT / 2) == ([], [])
     tracker.arrive(12, "s", 2.0)
-    assert due(tracker, PATIENCE + REPEAT) == ([(11, 11), (13, 13)], [])
+    assert due(tracker, FIRST_REQUEST_S + REPEAT) == ([(11, 11), (13, 13)], [])
     tracker.arrive(11, "s", 7.0)
     tracker.arrive(13, "s", 7.0)
     assert due(tracker, 100.0) == ([], [])
@@ -90,7 +90,7 @@ def asked_in_vain(tracker, hole, *, first_at):
 
 def test_a_hole_that_is_never_filled_is_a_loss_of_the_sessions_that_it_touches(tracker):
     tracker.arrive(13, "t", 0.0)
-    losses = asked_in_vain(tracker, (11, 12), first_at=PATIENCE)
+    losses = asked_in_vain(tracker, (11, 12), first_at=FIRST_REQUEST_S)
     assert [(loss.ranges, loss.sessions, loss.count) for loss in losses] == [
         (((11, 12),), frozenset("st"), 2)
     ]
