@@ -84,8 +84,7 @@ async def tell(group: str, event: Event) -> bool:
 
 
 async def listen(groups: tuple[str, ...], handle: Callable[[Event], None]) -> None:
-    """Pass every event of these groups to `handle`, until cancelled; retry while the layer is away.
-    """
+    """Pass every event of these groups to `handle`; retry while the layer is away."""
     layer = _layer()
     while True:
         channel = ""

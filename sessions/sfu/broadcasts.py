@@ -18,7 +18,7 @@ def is_set_up() -> bool:
 
 
 def broadcast_of(robot: str, bridge: Bridge) -> Broadcast:
-    """Return the broadcast of a robot, begun for the first page that watches it so."""
+    """Return the broadcast of a robot, started for its first page."""
     found = _broadcasts.get(robot)
     if found is None:
         found = _broadcasts[robot] = Broadcast(

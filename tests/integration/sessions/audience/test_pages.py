@@ -274,7 +274,7 @@ async def test_in_a_study_there_is_no_box(bridge, robot, people):
         async with Page("giraff", ada) as driver, Page("giraff", bob) as page:
             session = (await driver.take()).session
             await observe(page)
-            await until(lambda: audiences.audience_of("giraff", bridge)._looked == session)
+            await until(lambda: audiences.audience_of("giraff", bridge)._begun == session)
             await ask(page)
             assert (await page.expect("denied")).reason == "closed"
             assert not any(told.open for told in page.told("audience") + driver.told("audience"))

@@ -144,7 +144,7 @@ async def test_a_robot_without_a_place_turns_the_pages_away(janus, monkeypatch):
 
 
 async def test_two_web_processes_share_one_stream_and_the_second_takes_over(rig, monkeypatch):
-    monkeypatch.setattr(module, "UNSIGNED_SECONDS", 2.0)
+    monkeypatch.setattr(module, "HEARTBEAT_TIMEOUT_S", 2.0)
     first = rig.broadcast()
     one = rig.page(first)
     await one.watch()
