@@ -1,5 +1,6 @@
 """Sessions and their records: who drove which robot when, how it ended, and what happened."""
 
+import datetime
 import json
 import uuid
 from typing import Any
@@ -197,6 +198,26 @@ class SessionEvent(models.Model):
 
     def __str__(self) -> str:
         return f"{self.type} · {self.stamp:.3f}"
+
+    @classmethod
+    def of_server(
+        cls, session: str, kind: str, now: datetime.datetime, data: dict[str, Any]
+    ) -> "SessionEvent":
+        """Return an event that the server decides, not stored yet."""
+        stamp = now.timestamp()
+        return cls(
+            session_id=session,
+            source=cls.Source.SERVER,
+            type=kind,
+            stamp=stamp,
+            received_at=stamp,
+            data=data,
+        )
+
+    @classmethod
+    def server_events(cls, session: Any, *kinds: str) -> "models.QuerySet[SessionEvent]":
+        """Return the events of these kinds that the server has decided."""
+        return cls.objects.filter(session=session, source=cls.Source.SERVER, type__in=kinds)
 
 
 class NetworkSample(models.Model):

@@ -150,10 +150,8 @@ def _absences(stored: list[tuple[str, dict[str, Any]]]) -> Iterator[ServerAbsenc
 
 def _absent_since(session: str) -> float | None:
     """Return since when the web process is away by the last stored event; None when it is not."""
-    notes = SessionEvent.objects.filter(
-        session=session, source=SessionEvent.Source.SERVER, type__in=(ABSENT, BACK)
-    ).order_by("-stamp")
-    for kind, data in notes.values_list("type", "data"):
+    events = SessionEvent.server_events(session, ABSENT, BACK).order_by("-stamp")
+    for kind, data in events.values_list("type", "data"):
         if data.get("part") == WEB:
             return data["since"] if kind == ABSENT else None
     return None

@@ -293,7 +293,7 @@ class Scheduler:
 
     def _call_staff(self, robot: Robot, session: str, reason: str, now: datetime.datetime) -> None:
         """Call the staff once for each session and reason, across restarts of this process."""
-        called = _recorded(session, "staff_called").values_list("data", flat=True)
+        called = SessionEvent.server_events(session, "staff_called").values_list("data", flat=True)
         if reason in {data.get("reason") for data in called}:
             return
         self._note(session, "staff_called", now, reason=reason)
@@ -317,14 +317,7 @@ class Scheduler:
 
     @staticmethod
     def _note(session: str, kind: str, now: datetime.datetime, **data: Any) -> None:
-        SessionEvent.objects.create(
-            session_id=session,
-            source=SessionEvent.Source.SERVER,
-            type=kind,
-            stamp=now.timestamp(),
-            received_at=now.timestamp(),
-            data=data,
-        )
+        SessionEvent.of_server(session, kind, now, data).save(force_insert=True)
 
     # --- leases -----------------------------------------------------------------------------------
 
@@ -427,7 +420,7 @@ class Scheduler:
     def _publish_end(self, session: Session, now: datetime.datetime) -> None:
         for known in (self._last_notice, self._unready):
             known.pop(str(session.pk), None)
-        if _recorded(str(session.pk), "ended").exists():
+        if SessionEvent.server_events(session, "ended").exists():
             return  # by a previous session manager
         ended = Ended(
             session=str(session.pk), outcome=session.outcome, reason=session.outcome_reason
@@ -445,16 +438,9 @@ class Scheduler:
         )
 
 
-def _recorded(session: str, kind: str) -> Any:
-    """Return the events of this kind that this or previous session managers have recorded."""
-    return SessionEvent.objects.filter(
-        session=session, source=SessionEvent.Source.SERVER, type=kind
-    )
-
-
 def _is_warned(session: str, ends_at: int) -> bool:
     """Tell whether the warning that the turn ends at this time has been recorded."""
-    warnings = _recorded(session, protocol.NOTICE_NAMES[TurnWarning])
+    warnings = SessionEvent.server_events(session, protocol.NOTICE_NAMES[TurnWarning])
     ends = (stamp + data["remaining"] for stamp, data in warnings.values_list("stamp", "data"))
     return any(abs(end - ends_at) <= 1 for end in ends)
 

@@ -103,15 +103,7 @@ class RecordBuilder:
     def _state(self, item: StateItem) -> None:
         state = item.state
         session = self._own(item.robot, state.session, item.received_at)
-        tracker = self._runs.tracker(item.robot, state.boot, session, item.received_at)
-        self._runs.note(
-            item.robot,
-            state.boot,
-            item.received_at,
-            session=session,
-            fresh=tracker.reached is None or state.seq > tracker.reached,
-        )
-        if not tracker.arrive(state.seq, session, item.received_at):
+        if not self._runs.take(item.robot, state, session, item.received_at):
             self.counts["duplicates"] += 1
         elif session is not None:
             self.counts["states"] += 1
@@ -136,19 +128,13 @@ class RecordBuilder:
 
     def _event(self, item: EventItem) -> None:
         """Record an event in its session, if that is this robot's, and log those of LOGGED in any
-        case. `lease_taken` and `session_closed` also say which states the session has, so that lost
-        ones at its ends are noticed. All reading comes first (see the top).
+        case. All reading comes first (see the top).
         """
         event, now = item.event, item.received_at
         session = self._own(item.robot, event.session, now)
         robot_key = self._store.robot_key(item.robot) if event.type in LOGGED else None
-        if session is not None and event.type in {"lease_taken", "session_closed"}:
-            tracker = self._runs.tracker(item.robot, event.boot, session, now)
-            if event.type == "lease_taken":
-                tracker.begins(event.seq, session, now)
-            elif event.last_seq is not None:
-                tracker.ends(event.last_seq, session, now)
         if session is not None:
+            self._runs.on_event(item.robot, event, session, now)
             self._session_event(
                 session,
                 SessionEvent.Source.ROBOT,

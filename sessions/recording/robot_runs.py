@@ -5,6 +5,7 @@ runs were seen and are owed.
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
+from robots.api.messages import Event, State
 from sessions.recording.items import CloseItem
 from sessions.recording.sequence_tracker import Loss, Range, SequenceTracker, StoredStates
 from sessions.recording.store import RecordStore
@@ -48,9 +49,27 @@ class RobotRuns:
         self._audited: set[str] = set()
         self._last: dict[str, _LastState] = {}
 
-    def tracker(self, robot: str, boot: str, session: str | None, now: float) -> SequenceTracker:
-        """Return the tracker of a run; the first time that the run names a session, the tracker
-        learns which states of that session are stored.
+    def take(self, robot: str, state: State, session: str | None, now: float) -> bool:
+        """Note a state of this robot's `session`; False when it was seen before."""
+        tracker = self._tracker(robot, state.boot, session, now)
+        last = self._last.setdefault(robot, _LastState(state.boot, now))
+        last.at = now
+        if tracker.reached is None or state.seq > tracker.reached:
+            last.boot, last.session, last.session_at = state.boot, session, now
+        return tracker.arrive(state.seq, session, now)
+
+    def on_event(self, robot: str, event: Event, session: str, now: float) -> None:
+        """Note the numbers of a session's first and last state, which its events carry, so that
+        lost states at its ends are noticed.
+        """
+        if event.type == "lease_taken":
+            self._tracker(robot, event.boot, session, now).begins(event.seq, session, now)
+        elif event.type == "session_closed" and event.last_seq is not None:
+            self._tracker(robot, event.boot, session, now).ends(event.last_seq, session, now)
+
+    def _tracker(self, robot: str, boot: str, session: str | None, now: float) -> SequenceTracker:
+        """Return the tracker of a run. The first time that the run names a session, the stored
+        states of that session are read, before anything changes.
         """
         stored = (
             None
@@ -69,13 +88,6 @@ class RobotRuns:
         for oldest in list(runs)[: max(0, len(runs) - RUNS)]:
             del runs[oldest]
         return tracker
-
-    def note(self, robot: str, boot: str, now: float, *, session: str | None, fresh: bool) -> None:
-        """Note a state; `fresh` when it is newer than all before."""
-        known = self._last.setdefault(robot, _LastState(boot, now))
-        known.at = now
-        if fresh:
-            known.boot, known.session, known.session_at = boot, session, now
 
     def audit(self, ended: Iterable[CloseItem], now: float) -> None:
         """Find states of ended sessions that an earlier session manager received and did not store:

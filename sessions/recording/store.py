@@ -280,9 +280,7 @@ class RecordStore:
             .values_list("boot", "states")
             .iterator(chunk_size=200)
         )
-        lost = SessionEvent.objects.filter(
-            session=session, source=SessionEvent.Source.SERVER, type="states_missing"
-        ).values_list("data", flat=True)
+        lost = SessionEvent.server_events(session, "states_missing").values_list("data", flat=True)
         summary = summarise(chunks, missing=sum(data["count"] for data in lost))
         summary["snapshots"] = Snapshot.objects.filter(session=session).count()
         summary["network_samples"] = NetworkSample.objects.filter(session=session).count()

@@ -100,24 +100,15 @@ def note(session: str, kind: str, user: User, now: datetime.datetime, **data: An
     """Record an action of a session's operator; `by` is the operator's key, which datasets have as
     a pseudonym.
     """
-    stamp = now.timestamp()
-    SessionEvent.objects.create(
-        session_id=session,
-        source=SessionEvent.Source.SERVER,
-        type=kind,
-        stamp=stamp,
-        received_at=stamp,
-        data={**data, "by": str(user.pk)},
-    )
+    event = SessionEvent.of_server(session, kind, now, {**data, "by": str(user.pk)})
+    event.save(force_insert=True)
 
 
 def steps_done(session: str) -> list[tuple[float, str]]:
     """Return (Unix seconds, key) of the steps begun in a session, in order, without those that
     could not be sent.
     """
-    rows = SessionEvent.objects.filter(
-        session=session, source=SessionEvent.Source.SERVER, type=STEP
-    ).order_by("stamp")
+    rows = SessionEvent.server_events(session, STEP).order_by("stamp")
     return [
         (stamp, str(data.get("step", "")))
         for stamp, data in rows.values_list("stamp", "data")
