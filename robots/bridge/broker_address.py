@@ -1,5 +1,5 @@
-"""Where the broker is, by one URL: mqtt://, mqtts://, ws:// or wss://, with a user and password in
-it or without.
+"""The address of the broker, as one URL: mqtt://, mqtts://, ws:// or wss://, optionally with a user
+and password.
 """
 
 import math
@@ -14,8 +14,7 @@ import aiomqtt
 
 PORTS = {"mqtt": 1883, "mqtts": 8883, "ws": 80, "wss": 443}
 CONNECT_SECONDS = 5.0
-# Far above what a web process has on its way at any moment; beyond it the bridge refuses instead of
-# queueing.
+# Far more than a web process ever has in flight; beyond it the bridge refuses instead of queueing.
 MAX_INFLIGHT = 1000
 REFUSED = 0x80
 
@@ -74,10 +73,10 @@ def client(
     keepalive_seconds: int,
     clean_session: bool = True,
 ) -> aiomqtt.Client:
-    """Return a client; a user named in the URL goes before `credentials`. Call it inside the loop.
+    """Return a client; a user in the URL overrides `credentials`. Call it inside the loop.
 
-    `queue` is the class that takes what arrives (see `aiomqtt.Client.queue_type`). Without
-    `clean_session` the broker keeps subscriptions, and what comes for them at QoS 1, while the
+    `queue` is the class for received messages (`aiomqtt.Client.queue_type`). Without
+    `clean_session`, the broker keeps subscriptions and queues their messages at QoS 1 while the
     client is away.
     """
     username, password = (address.username, address.password) if address.username else credentials
@@ -103,17 +102,15 @@ def client(
 def backoff(attempt: int, chance: float, *, first: float = 0.2, ceiling: float = 0.8) -> float:
     """Return how many seconds to wait before attempt number `attempt` (0 is the first retry).
 
-    Doubles up to the ceiling, which is low, because a server has few processes and a lease that is
-    not renewed for ten seconds ends a drive; `chance` in [0, 1) spreads clients over the upper
-    half, so that a restarted broker is not met by all of them at once.
+    It doubles up to the ceiling, which is low, because a server has few processes and a lease that
+    is not renewed for ten seconds ends a drive. `chance` in [0, 1) spreads clients over the upper
+    half, so that they do not all connect to a restarted broker at once.
     """
     whole = min(ceiling, first * math.pow(2.0, min(attempt, 30)))
     return whole * (0.5 + 0.5 * chance)
 
 
 def check_subscribed(answers: Iterable[Any]) -> None:
-    """Raise MqttError when the broker refused a subscription, which it says in the answer and not
-    by an error.
-    """
+    """Raise MqttError when the broker refused a subscription: aiomqtt only returns its answer."""
     if any(int(getattr(answer, "value", answer)) >= REFUSED for answer in answers):
         raise aiomqtt.MqttError("the broker refused a subscription")

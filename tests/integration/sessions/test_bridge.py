@@ -367,9 +367,7 @@ def liars(site):
     ],
 )
 @given(bad=BAD, forged=FORGED)
-def test_nothing_malformed_and_nothing_forged_comes_through_a_real_socket_and_stops_always_do(
-    liars, bad, forged
-):
+def test_a_real_socket_passes_all_stops_and_no_malformed_or_forged_frame(liars, bad, forged):
     liars.portal.run(liars.try_one(bad, forged))
 
 

@@ -97,7 +97,7 @@ def test_an_unknown_battery_is_absent_on_the_wire_and_reads_as_unknown():
         ({"charge": 1.0, "voltage": 27.0, "charging": True}, (1.0, 27.0, True)),
     ],
 )
-def test_what_older_agents_say_means_what_it_meant(said, meant):
+def test_states_of_older_agents_keep_their_meaning(said, meant):
     content = {**json.loads(codec.encode(state(UNKNOWN))), "battery": said}
     battery = codec.decode("state", json.dumps(content).encode()).battery
     assert (battery.charge, battery.voltage, battery.charging) == meant

@@ -14,8 +14,8 @@ from tests.support.paths import ROOT
 
 
 def test_no_suffix_of_the_page_is_one_of_the_robot_api():
-    # `signal/reply` looks like the signal of a peer called reply; peers are called by the server,
-    # in random letters.
+    # `signal/reply` looks like the signal of a peer called reply, but the server gives peers random
+    # names.
     ours = {*protocol.TO_SERVER, *protocol.TO_PAGE, protocol.SIGNAL} - {"signal/reply"}
     assert all(topics.find(suffix) is None for suffix in ours)
 
@@ -69,7 +69,7 @@ def test_a_page_report_keeps_the_pages_own_words():
         ("signal", '{"type":"stay"}'),
     ],
 )
-def test_what_is_not_a_word_of_the_page_is_malformed(suffix, payload):
+def test_frames_of_other_shapes_are_malformed(suffix, payload):
     with pytest.raises(Rejection) as rejected:
         protocol.decode(suffix, payload)
     assert rejected.value.reason == "malformed"

@@ -74,7 +74,7 @@ def test_a_grant_names_everything_that_page_and_robot_need(giraff, ana):
     )
 
 
-def test_who_asked_before_the_robot_was_free_has_it_from_when_it_was(giraff, ana, ben):
+def test_a_request_from_before_the_release_is_granted_as_of_the_release(giraff, ana, ben):
     """A database that answers late must not make the record say that two had it."""
     first = store.take(giraff, ana, "peer-1", now=NOW)
     store.leave(first.session, peer="peer-1", now=after(10.123456))
@@ -425,7 +425,7 @@ LOST = {"safety": {"inhibited": "fault"}, "errors": ["adapter_lost: no answer"]}
 @pytest.mark.parametrize(
     ("report", "reason"), [(STOPPED, "estop"), (FAULTY, "fault"), (LOST, "not_connected")]
 )
-def test_nobody_is_called_to_a_robot_that_nobody_can_drive_and_places_are_kept(
+def test_a_robot_that_cannot_drive_is_offered_to_none_and_places_are_kept(
     giraff, ana, ben, report, reason
 ):
     RobotPresence.objects.update(report=report)
@@ -445,7 +445,7 @@ def test_nobody_is_called_to_a_robot_that_nobody_can_drive_and_places_are_kept(
     assert (again.place, again.reason) == (1, f"paused: {reason}")
 
 
-def test_who_drives_a_robot_when_it_is_stopped_keeps_it_also_over_a_reload(giraff, ana):
+def test_a_driver_keeps_a_stopped_robot_even_after_a_reload(giraff, ana):
     granted = store.take(giraff, ana, "peer-1", now=NOW)
     RobotPresence.objects.update(report=STOPPED)
     back = store.take(
@@ -454,14 +454,14 @@ def test_who_drives_a_robot_when_it_is_stopped_keeps_it_also_over_a_reload(giraf
     assert isinstance(back, store.TakeGranted)
 
 
-def test_who_operates_a_stopped_robot_may_take_it_to_release_it(giraff, ana, ben):
+def test_an_operator_may_take_a_stopped_robot_to_release_it(giraff, ana, ben):
     update_robots(report=STOPPED, owner=ben)
     giraff.refresh_from_db()
     store.take(giraff, ana, "peer-1", now=NOW)
     assert isinstance(store.take(giraff, ben, "peer-2", now=after(1)), store.TakeGranted)
 
 
-# --- somebody else is quicker ---------------------------------------------------------------------
+# --- another process is quicker -------------------------------------------------------------------
 
 
 def meanwhile(monkeypatch, name, happens):

@@ -339,7 +339,7 @@ async def test_a_page_is_told_the_terms_and_where_the_task_stands_whenever_it_ta
     assert {lease.assist for _, lease in bridge.leases} == {"off"}
 
 
-def test_what_is_stored_of_a_task_is_a_notice_and_nonsense_is_none():
+def test_a_stored_task_becomes_a_notice_and_a_malformed_one_none():
     task = protocol.task_of("s1", {"cue": "dock_now", "passed": [1, 2], "remaining": 30.5}, 5.0)
     assert (task.stamp, task.passed, task.remaining, task.outcome) == (5.0, (1, 2), 30.5, "")
     assert protocol.task_of("s1", {"passed": "all"}, 5.0) is None

@@ -1,4 +1,4 @@
-"""What each robot is told to be like, retained: by its row, and by the terms of whoever has it."""
+"""The retained settings of robots: from their rows, and from the terms of their sessions."""
 
 import contextlib
 import datetime
@@ -73,7 +73,7 @@ def test_a_robot_is_told_assistance_doors_and_map_once(giraff):
     assert look(orders, NOW) == []
 
 
-def test_what_is_changed_in_the_administration_is_told_and_nothing_else(giraff, office):
+def test_only_changes_in_the_administration_are_published(giraff, office):
     orders = DesiredState()
     look(orders, NOW)
     Robot.objects.update(doors={"lab-door": "open"})

@@ -1,4 +1,4 @@
-"""What the session manager hears of a session besides states: recorded, and told to other apps."""
+"""Messages of a session besides states: recorded, and sent to other apps."""
 
 import msgspec
 import pytest
@@ -118,7 +118,7 @@ def test_a_picture_that_only_showed_that_the_camera_works_is_not_kept(intake, se
     ] == ["p1", "p1"]
 
 
-def test_what_is_repeated_many_times_a_second_is_not_recorded_as_an_action(intake, session):
+def test_frequently_repeated_actions_are_not_recorded(intake, session):
     from_robot(intake, "state", words.state(1, session=session, epoch=1))
     for kind in ("stop", "estop", "resend_states", ""):
         from_robot(
@@ -191,7 +191,7 @@ def test_a_state_that_comes_late_is_told_as_such(intake, session):
     ]
 
 
-def test_what_is_told_of_a_task_waits_for_the_next_look():
+def test_notices_of_a_task_wait_for_the_next_tick():
     notices.drain()
     task = protocol.Task(session="s1", stamp=NOW, cue="dock_now")
     notices.publish(task)

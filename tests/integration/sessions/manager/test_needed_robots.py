@@ -48,7 +48,7 @@ def test_robots_with_a_session_a_queue_or_a_way_home_are_needed_and_no_others(
     assert needed_robots() == frozenset()
 
 
-def test_what_robots_are_told_takes_as_many_queries_for_many_as_for_few(
+def test_the_desired_state_of_many_robots_takes_no_more_queries_than_of_few(
     django_assert_max_num_queries,
 ):
     robots(*(f"robot-{number}" for number in range(30)))

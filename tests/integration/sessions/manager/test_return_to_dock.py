@@ -1,5 +1,5 @@
-"""Robots that are brought home between two visits: what is ordered, who may drive meanwhile, and
-what stands in the database.
+"""Robots that return to their dock between two sessions: their orders, who may drive them, and what
+the database has.
 """
 
 import datetime
@@ -157,7 +157,7 @@ def test_the_queue_of_a_robot_that_was_stopped_between_visits_goes_on(giraff, an
     assert [type(act) for act in acts] == [Offered]
 
 
-def test_nobody_is_given_a_robot_on_its_way_home_and_everybody_is_told_why(
+def test_a_returning_robot_is_given_to_none_and_waiting_visitors_learn_why(
     giraff, ana, ben, situation
 ):
     robot = a_visit_ends(giraff, ana)
@@ -207,16 +207,14 @@ def test_an_operator_may_take_a_robot_that_is_stuck_and_what_was_ordered_is_take
 
 
 def away(execute, sql, *args):
-    """Stand for a database that takes nothing: for `execute_wrapper`."""
+    """Refuse all writes, as a database that is away: for `execute_wrapper`."""
     if sql.startswith(("UPDATE", "INSERT")):
         raise OperationalError
     return execute(sql, *args)
 
 
 @pytest.mark.django_db(transaction=True)
-def test_what_is_taken_back_is_said_though_the_database_goes_away_meanwhile(
-    taken_on_its_way, situation
-):
+def test_a_cancelled_order_is_published_even_if_the_database_fails(taken_on_its_way, situation):
     with connection.execute_wrapper(away), pytest.raises(OperationalError):
         situation.look(after(3))
     (cancel,) = situation.look(after(4))

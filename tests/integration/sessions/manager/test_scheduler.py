@@ -29,7 +29,7 @@ def after(seconds):
 
 @pytest.fixture
 def driven():
-    """The session of somebody who drives, while somebody else waits."""
+    """The session of a driver, while another visitor waits."""
     giraff = create_robot(
         name="giraff", title="Giraff", connection="ONLINE", last_seen_at=after(1000)
     )
@@ -42,15 +42,15 @@ def driven():
 
 @pytest.fixture
 def offered(driven, settings):
-    """The session of somebody who waited, and to whom the robot has just been offered."""
+    """The session of a waiting visitor to whom the robot has just been offered."""
     settings.START_SECONDS = 60.0
     assert store.leave(driven, peer="p1", now=after(1))
     return str(Session.objects.get(state="waiting").pk)
 
 
 def said(scheduler, seconds, kind=Offered, **heard):
-    """Let it look once, having heard this of the robot; return what it has said of this kind since
-    the last time.
+    """Run one tick with these messages of the robot; return the notices of this kind since the
+    previous one.
     """
     scheduler.tick({}, RobotLink(since=NOW.timestamp(), **heard), after(seconds))
     frames = [letter.payload.decode() for letter in scheduler.outbox if not letter.retain]
@@ -113,7 +113,7 @@ def test_whose_offer_was_taken_back_is_told_their_place_again(offered):
 
 @pytest.fixture
 def warned(driven, settings):
-    """What is heard of a robot whose driver is to be told that the turn ends."""
+    """The link of a robot whose driver is to be warned of the end of the turn."""
     settings.TURN_WARNING_SECONDS, settings.IDLE_SECONDS = 10_000.0, 0.0
     Session.objects.update(seen_at=after(1000))
     at = after(1).timestamp()
@@ -147,7 +147,7 @@ def test_a_driver_is_asked_and_found_after_the_database_refused_to_record_it(dri
     assert refused_then_said(scheduler, 7, FoundThere, **back) == [FoundThere(session=driven)]
 
 
-def test_who_is_being_granted_a_robot_that_was_idle_does_not_lose_it_for_its_silence(driven):
+def test_a_grant_of_an_idle_robot_is_not_ended_by_the_robots_silence(driven):
     """A web process has changed the lease, and not yet the session: an idle robot says something
     every half a minute.
     """

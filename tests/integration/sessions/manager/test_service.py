@@ -129,7 +129,7 @@ async def test_a_drive_is_recorded_whole_from_the_first_state_to_the_last(broker
         )
         assert await leave(session, visitors["ana"])
         await complete(session, robot)
-        # A state that came late has the record closed anew.
+        # After a late state, the record is closed again.
         whole = len(robot.sent[session])
         closed = await wait_for(
             lambda: Session.objects.filter(
@@ -217,8 +217,8 @@ async def test_states_reach_the_signal_once_and_in_order(broker, giraff, visitor
 async def test_a_robot_that_is_taken_during_the_first_look_keeps_its_lease(
     broker, giraff, visitors
 ):
-    """Busy computers take seconds for it, and that nobody drove when the manager came is old news
-    by then.
+    """On a busy computer this takes seconds, and the manager's first reading, without a driver, is
+    out of date by then.
     """
     first = iter([True])
 
@@ -311,7 +311,7 @@ async def test_a_disk_that_answers_nobody_holds_up_neither_leases_nor_the_heartb
 async def test_a_robot_going_home_gets_heartbeats_and_no_order_after_a_stop(
     broker, giraff, visitors, monkeypatch
 ):
-    """By these beats the robot knows that somebody could still stop it."""
+    """These heartbeats tell the robot that it could still be stopped."""
     monkeypatch.setattr(readiness, "AGAIN", 0.2)
     looking, may_look = threading.Event(), threading.Event()
     may_look.set()
@@ -358,7 +358,7 @@ async def test_a_robot_going_home_gets_heartbeats_and_no_order_after_a_stop(
         await wait_for(lambda: len(robot.ordered) > ordered, what="the next order to dock")
 
 
-# --- nothing is missing ---------------------------------------------------------------------------
+# --- complete records -----------------------------------------------------------------------------
 
 
 @pytest.mark.nightly
@@ -402,7 +402,7 @@ async def test_states_that_are_delivered_twice_are_stored_once(broker, giraff, v
 
 
 @pytest.mark.nightly
-async def test_what_an_agent_cannot_send_again_is_counted_as_missing(broker, giraff, visitors):
+async def test_states_that_an_agent_no_longer_has_are_counted_as_missing(broker, giraff, visitors):
     async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
         session = await drive(visitors["ana"], robot)
         first = robot.seq + 2
@@ -442,7 +442,7 @@ async def test_a_session_manager_that_ends_in_mid_drive_leaves_no_hole_and_the_d
             await wait_for(lambda: len(robot.sent[session]) > 30)
             getattr(first, how)()
             before = len(robot.leases)
-            await wait_for(lambda: len(robot.sent[session]) > 50)  # nobody listens
+            await wait_for(lambda: len(robot.sent[session]) > 50)  # without a session manager
             with ManagerProcess(broker.url) as second:
                 await second.connected()
                 await wait_for(lambda: len(robot.leases) > before + 1, 15, "renewals")
@@ -569,7 +569,7 @@ async def test_the_operators_stop_ends_the_session_and_takes_the_lease_back(
 
 
 class Notices:
-    """What a web process hears of sessions, in whatever order that of several sessions comes."""
+    """The notices that a web process receives, by session."""
 
     def __init__(self, client: aiomqtt.Client) -> None:
         self._client = client

@@ -41,7 +41,7 @@ def signals(bridge, peer):
     return [message for _, suffix, message in bridge.sent if suffix == f"signal/{peer}"]
 
 
-async def test_who_comes_when_the_places_are_taken_watches_through_the_sfu(bridge, robot, people):
+async def test_a_page_watches_through_the_sfu_when_all_places_are_taken(bridge, robot, people):
     async with Page("giraff", people[0]) as one, Page("giraff", people[1]) as two:
         peer = (await two.expect("hello")).peer
         assert not (await watch(one)).sfu

@@ -40,7 +40,7 @@ def asks(board, user, stamp=1.0, text="Why?"):
 
 
 def talk(*boards, now=1.0):
-    """Let each tell the others what is new until nothing is."""
+    """Exchange updates until no board changes."""
     before = None
     while (versions := [board.version for board in boards]) != before:
         before = versions
@@ -179,7 +179,7 @@ def test_two_processes_have_one_list():
     assert not one.view("ada").raised
 
 
-def test_who_has_a_hand_up_takes_it_down_from_another_process():
+def test_a_visitor_lowers_their_hand_from_another_process():
     one, two = opened("a"), opened("b")
     raises(one, "ada")
     talk(one, two)
@@ -194,14 +194,14 @@ def test_a_process_that_comes_late_or_missed_something_learns_all():
     key = asks(one, "ada")
     talk(one, two)
     one.mark(key, "answering")
-    one.update()  # which nobody hears
+    one.update()  # which is lost
     raises(one, "bob")
     talk(one, two, late)
     assert states(one) == states(two) == states(late) == [("Why?", "answering")]
     assert names(late) == ("Bob",)
 
 
-def test_what_is_heard_again_is_no_news():
+def test_a_repeated_update_changes_nothing():
     one, two = opened("a"), opened("b")
     raises(one, "ada")
     asks(one, "ada")

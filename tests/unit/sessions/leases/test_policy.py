@@ -116,7 +116,7 @@ def test_a_robot_that_is_not_there_is_not_given(world, online, enabled, reason):
     assert world.take("ana") == Refused(reason=reason)
 
 
-def test_whoever_waits_goes_on_waiting_while_the_robot_is_offline(world):
+def test_the_queue_is_kept_while_the_robot_is_offline(world):
     world.take("ana")
     world.take("ben")
     world.online = False
@@ -131,7 +131,7 @@ def test_a_free_robot_is_for_the_first_in_the_queue(world):
     assert isinstance(world.take("ben"), Grant)
 
 
-def test_who_waits_with_a_closed_page_does_not_block_the_others_and_keeps_the_place(world):
+def test_a_waiting_session_with_a_closed_page_keeps_its_place_and_blocks_no_other(world):
     world.take("ana")
     world.take("ben")
     world.change(world.session_of("ben").id, seen_at=None, lost_at=world.now)
@@ -140,7 +140,7 @@ def test_who_waits_with_a_closed_page_does_not_block_the_others_and_keeps_the_pl
     assert world.take("ben").place == 1
 
 
-def test_who_has_closed_the_page_is_counted_by_nobody_behind_them(world):
+def test_sessions_with_a_closed_page_do_not_count_for_those_behind_them(world):
     world.take("ana")
     world.take("ben")
     assert world.take("cem").place == 2
@@ -248,12 +248,12 @@ class Everybody(RuleBasedStateMachine):
         assert epochs == sorted(set(epochs))
 
     @invariant()
-    def a_visitor_has_one_visit_at_most(self):
+    def a_visitor_has_one_session_at_most(self):
         visitors = [session.visitor for session in self.world.sessions.values()]
         assert len(visitors) == len(set(visitors))
 
     @invariant()
-    def one_turn_at_most_is_offered_and_never_while_somebody_drives(self):
+    def at_most_one_turn_is_offered_and_none_during_a_drive(self):
         offers = [
             session
             for session in self.world.scene.queue
@@ -263,8 +263,8 @@ class Everybody(RuleBasedStateMachine):
         assert not (offers and self.world.scene.holder)
 
     def teardown(self):
-        """Whoever waits patiently, and takes the turn when it comes, is served within a turn for
-        everybody ahead.
+        """A visitor who waits, and takes the turn when it is offered, gets the robot within one
+        turn for each visitor ahead.
         """
         self.world.online = True
         patient = [session.visitor for session in self.world.scene.queue]

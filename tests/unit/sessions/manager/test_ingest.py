@@ -24,7 +24,7 @@ class Kept(list):
 
 
 class Manager:
-    """An intake with a clock, and nobody's robots until `own` names some."""
+    """An intake with a clock, without robots until `own` names some."""
 
     def __init__(self):
         self.now, self.recorded, self.woken = 1000.0, Kept(), 0
@@ -67,7 +67,7 @@ def event(seq):
     return m.Event(stamp=1.0, boot="b1", seq=seq, type="docked")
 
 
-def test_what_a_robot_has_just_said_is_taken_when_it_becomes_ours(manager):
+def test_recent_messages_of_a_robot_are_taken_when_it_becomes_ours(manager):
     manager.robot_says("event", event(1))
     manager.now += EARLY_SECONDS - 1.0
     manager.robot_says("event", event(2))
@@ -83,7 +83,7 @@ def test_what_a_robot_has_just_said_is_taken_when_it_becomes_ours(manager):
     assert len(manager.recorded) == 3
 
 
-def test_what_it_said_longer_ago_is_not(manager):
+def test_older_messages_are_not_taken(manager):
     manager.robot_says("event", event(1))
     manager.now += EARLY_SECONDS + 1.0
     manager.robot_says("event", event(2), robot="rhodon")
@@ -137,7 +137,7 @@ def test_a_robot_that_sends_nonsense_for_ever_fills_no_log(manager, caplog):
         (protocol.page_reports("s1"), b"x" * (protocol.MAX_FRAME + 1), "oversized"),
     ],
 )
-def test_what_is_no_message_of_ours_is_counted_by_its_reason(manager, topic, payload, reason):
+def test_malformed_messages_are_counted_by_reason(manager, topic, payload, reason):
     manager.hear(topic, payload)
     assert manager.intake.counts == {reason: 1}
 
@@ -151,7 +151,7 @@ def test_only_a_session_that_a_web_process_has_ended_wakes_the_scheduler(manager
     assert manager.woken == 1
 
 
-def test_what_robots_said_of_themselves_comes_again_in_order_when_it_was_not_stored(manager):
+def test_presence_that_was_not_stored_is_repeated_in_order(manager):
     manager.own("giraff")
     sheet = words.factsheet()
     manager.robot_says("connection", ONLINE)

@@ -35,7 +35,7 @@ def messages(count):
     return deque(ManagerMessage(f"t/{number}", b"x") for number in range(count))
 
 
-async def test_what_the_broker_did_not_confirm_is_published_again_in_order_and_nothing_else():
+async def test_only_unconfirmed_messages_are_published_again_in_order():
     broker, outbox = Broker(lost="t/2"), messages(5)
     with pytest.raises(aiomqtt.MqttError, match="gone"):
         await publish_all(outbox, broker)

@@ -37,7 +37,7 @@ def test_robots_do_not_get_each_others_photos():
     assert photos.jpeg("other", "a", b"1", 0.0) is None
 
 
-def test_what_waits_too_long_or_is_too_much_is_forgotten():
+def test_halves_that_wait_too_long_or_are_too_many_are_dropped():
     photos = Photos()
     for number in range(MAX_WAITING + 3):
         photos.jpeg("r", f"a{number}", b"1", float(number) / 100)
