@@ -9,7 +9,8 @@ import asyncio
 import contextlib
 import functools
 import random
-from collections.abc import Callable, Collection
+import time
+from collections.abc import Collection
 from typing import Any
 
 import aiomqtt
@@ -54,7 +55,6 @@ class ActiveManager:
         nodes: addresses of the broker; more than one for a cluster.
         credentials: user and password of the broker.
         rng: spreads reconnections.
-        clock: Unix seconds.
         health: receives the outcome of steps in the database.
         connected: is set while a connection serves.
         membership: of the process, which has a slot.
@@ -65,14 +65,12 @@ class ActiveManager:
         nodes: tuple[BrokerAddress, ...],
         credentials: tuple[str, str],
         rng: random.Random,
-        clock: Callable[[], float],
         health: ManagerHealth,
         connected: asyncio.Event,
         membership: Membership,
     ) -> None:
         self._failover = Failover(nodes, rng)
         self._credentials = credentials
-        self._clock = clock
         self._connected = connected
         self._connection: BrokerConnection | None = None
         self._ending = False
@@ -82,14 +80,14 @@ class ActiveManager:
         self._forgetting: set[asyncio.Task[None]] = set()
         self._prepared: tuple[int, ...] = ()
         self._loop = loop = asyncio.get_running_loop()
-        self.recorder = Recorder(self._ask_from_its_thread, clock=clock, ownership=ownership)
+        self.recorder = Recorder(self._ask_from_its_thread, ownership=ownership)
         due, received = asyncio.Event(), asyncio.Event()
         self._work = Work(
             recorder=self.recorder,
             ownership=ownership,
             ingest=Intake(
                 self.recorder,
-                clock,
+                time.time,
                 wake_signals=received.set,
                 wake_scheduler=due.set,
                 ownership=ownership,
@@ -214,7 +212,7 @@ class ActiveManager:
             clean_session=False,
         ) as client:
             read_quickly(client)
-            connection = BrokerConnection(client, self._work, self._clock, self._failover.qos(1))
+            connection = BrokerConnection(client, self._work, time.time, self._failover.qos(1))
             await connection.begin()
             self._connected.set()
             node = self._failover.node

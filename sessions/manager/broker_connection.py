@@ -16,7 +16,7 @@ import time
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 import aiomqtt
 import structlog
@@ -358,15 +358,8 @@ def _every_topic() -> set[str]:
     return set(dict(filters(["+", *Robot.objects.values_list("name", flat=True)])))
 
 
-class Publishing(Protocol):
-    """The part of aiomqtt.Client that publishes."""
-
-    async def publish(self, topic: str, payload: bytes, qos: int, retain: bool) -> None:
-        """Return when the broker has the message, or raise MqttError."""
-
-
 async def publish_all(
-    outbox: deque[ManagerMessage], client: Publishing, may_act: Callable[[], bool] = lambda: True
+    outbox: deque[ManagerMessage], client: aiomqtt.Client, may_act: Callable[[], bool]
 ) -> None:
     """Publish the outbox in order; a message leaves it only when the broker has it. None is
     published while this process may not act.

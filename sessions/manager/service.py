@@ -12,8 +12,6 @@ nothing would be recorded any more.
 
 import asyncio
 import random
-import time
-from collections.abc import Callable
 
 import structlog
 from django.conf import settings
@@ -33,20 +31,12 @@ class SessionManager:
         url: the broker's address, or those of its nodes, comma-separated.
         credentials: user and password there.
         rng: spreads reconnections.
-        clock: Unix seconds.
     """
 
-    def __init__(
-        self,
-        url: str,
-        credentials: tuple[str, str],
-        rng: random.Random,
-        clock: Callable[[], float] = time.time,
-    ) -> None:
+    def __init__(self, url: str, credentials: tuple[str, str], rng: random.Random) -> None:
         self._nodes = parse_nodes(url)
         self._credentials = credentials
         self._rng = rng
-        self._clock = clock
         self._health = ManagerHealth()
         self._membership = Membership(settings.VAR_DIR, self._health)
         self._stopping = asyncio.Event()
@@ -84,7 +74,6 @@ class SessionManager:
             self._nodes,
             self._credentials,
             self._rng,
-            self._clock,
             self._health,
             self.connected,
             membership,

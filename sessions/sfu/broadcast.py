@@ -14,15 +14,15 @@ import secrets
 import time
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import structlog
 
 from robots.api.messages import Bye, Candidate, SdpAnswer, SdpOffer
-from robots.bridge.delivery import Listener, ReceivedMessage
-from robots.bridge.known import KnownRobot
+from robots.bridge.bridge import Bridge
+from robots.bridge.delivery import ReceivedMessage
 from sessions.protocol import WantOffer
-from sessions.sfu import janus, robot_leg
+from sessions.sfu import janus
 from sessions.sfu.mountpoint import (
     CANNOT_CREATE,
     MOUNTPOINT_EXISTS,
@@ -47,16 +47,6 @@ SFU_LOST, FULL = "sfu_lost", "full"
 
 ToSfu = WantOffer | SdpAnswer | Candidate | Bye
 Send = Callable[[SdpOffer | Bye], None]
-
-
-class ListeningBridge(robot_leg.SendingBridge, Protocol):
-    """The part of robots.bridge.bridge.Bridge that is used here."""
-
-    def listen(self, robot: str, listener: Listener) -> KnownRobot:
-        """Deliver a robot's messages to a listener."""
-
-    def ignore(self, robot: str, listener: Listener) -> None:
-        """Stop delivering them."""
 
 
 @dataclass(eq=False)
@@ -84,7 +74,7 @@ class Broadcast:
         self,
         robot: str,
         mountpoint: Mountpoint,
-        bridge: ListeningBridge,
+        bridge: Bridge,
         open_session: Callable[[], contextlib.AbstractAsyncContextManager[janus.JanusSession]],
         on_over: Callable[[], None],
     ) -> None:

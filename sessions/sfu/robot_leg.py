@@ -3,11 +3,11 @@
 import secrets
 import time
 from collections.abc import Callable
-from typing import Protocol
 
 import structlog
 
 from robots.api.messages import Bye, Message, SdpAnswer, SdpOffer, Stay
+from robots.bridge.bridge import Bridge
 from robots.ice import ice_servers
 from sessions.protocol import SIGNAL
 from sessions.sfu import janus
@@ -20,13 +20,6 @@ CONNECT_SECONDS = 10.0  # from the offer
 STAY_SECONDS = 60.0  # the robot ends a connection without a Stay for 150 s
 
 
-class SendingBridge(Protocol):
-    """The part of robots.bridge.bridge.Bridge that is used here."""
-
-    def send(self, robot: str, suffix: str, message: Message) -> bool:
-        """Publish a message to a robot; False when it cannot be."""
-
-
 class RobotLeg:
     """One connection, from Janus' offer to its end. `boot` is the run of the robot's agent, empty
     while unknown. `ended` is the reason of the end, None before; `on_change` is called when the
@@ -34,7 +27,7 @@ class RobotLeg:
     """
 
     def __init__(
-        self, robot: str, boot: str, bridge: SendingBridge, on_change: Callable[[], None]
+        self, robot: str, boot: str, bridge: Bridge, on_change: Callable[[], None]
     ) -> None:
         self.peer = secrets.token_urlsafe(12)
         self.is_up = False
