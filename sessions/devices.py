@@ -21,15 +21,10 @@ _SYSTEMS = (
     ("Mac OS X|Macintosh", "Mac OS"),
     ("Linux|X11", "Linux"),
 )
-_PLATFORMS = {
-    "Windows": "Windows",
-    "macOS": "Mac OS",
-    "Linux": "Linux",
-    "Android": "Android",
-    "iOS": "iOS",
-}
 # Table 3's names, of systems and of browsers.
 SYSTEMS = frozenset(name for _, name in _SYSTEMS)
+# by the client hint Sec-CH-UA-Platform
+_PLATFORMS = {name: name for name in SYSTEMS} | {"macOS": "Mac OS"}
 # In this order: browsers also claim to be those further down.
 _AGENTS = (
     (r"(?:OPR|Opera|OPT|OPiOS)/([\d.]+)", "Opera"),

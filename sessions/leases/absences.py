@@ -17,6 +17,7 @@ from dataclasses import replace
 from typing import Any
 
 import msgspec
+from django.db.models import Q
 
 from sessions.leases.fault_side import (
     MANAGER,
@@ -61,20 +62,10 @@ class WebAbsences:
 
 def note_manager_absence(since: datetime.datetime, until: datetime.datetime) -> None:
     """Store in every session that was driven then that no session manager ran."""
-    living = Session.objects.filter(state__in=AT_THE_WHEEL, granted_at__lt=until)
-    ended = Session.objects.filter(
-        state=Session.State.ENDED, granted_at__lt=until, ended_at__gte=since
-    )
-    for rows in (living, ended):
-        for key in rows.values_list("pk", flat=True):
-            _note(
-                str(key),
-                ABSENT,
-                until,
-                part=MANAGER,
-                since=since.timestamp(),
-                until=until.timestamp(),
-            )
+    lived = Q(state__in=AT_THE_WHEEL) | Q(state=Session.State.ENDED, ended_at__gte=since)
+    ends = {"since": since.timestamp(), "until": until.timestamp()}
+    for key in Session.objects.filter(lived, granted_at__lt=until).values_list("pk", flat=True):
+        _note(str(key), ABSENT, until, part=MANAGER, **ends)
 
 
 def note_page_closed(session: str, code: int, now: datetime.datetime) -> None:

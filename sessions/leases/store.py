@@ -290,20 +290,24 @@ def _granted(scene: Scene, hold: Hold, asker: _Asker, *, resumed: bool) -> TakeG
     """
     assert hold.session is not None
     session, now, key = Session.objects.get(pk=hold.session), asker.now.timestamp(), hold.session
-    fixed = terms.of(session)
+    session.visitor, fixed = asker.visitor, terms.of(session)
     before = next((each for each in scene.sessions if each.id == key and each.granted_at), None)
     holder = before or ActiveSession(
         key, str(asker.visitor.pk), "connecting", now, granted_at=now, turn=fixed.turn_seconds
     )
     limited = fixed.turn_always or any(waiting.id != key for waiting in scene.queue)
     turn_seconds = max(0.0, turn_end(holder, rules_of(asker.robot), now) - now) if limited else None
-    renewal = (
-        Lease.objects.values_list("renewal", flat=True).get(robot=asker.robot) if resumed else 0
+    row = Lease(
+        robot=asker.robot,
+        session=session,
+        epoch=hold.epoch,
+        peer=hold.peer,
+        wizard_peer=hold.wizard_peer,
+        wizard_epoch=hold.wizard_epoch,
     )
-    who = asker.visitor.sent_name
-    lease = lease_message(
-        asker.robot, who, hold, renewal=renewal, stamp=now, assist=session.assist, fixed=fixed
-    )
+    if resumed:
+        row.renewal = Lease.objects.values_list("renewal", flat=True).get(robot=asker.robot)
+    lease = message_of(row, asker.now)
     return TakeGranted(
         key, hold.epoch, hold.peer, resumed, turn_seconds, lease, fixed, terms.shown(key)
     )
@@ -477,67 +481,44 @@ def rules_of(robot: Robot) -> Rules:
     )
 
 
-def lease_message(
-    robot: Robot,
-    who: str,
-    hold: Hold,
-    *,
-    renewal: int,
-    stamp: float,
-    assist: str = "",
-    fixed: Terms = FREE,
-) -> m.Lease:
-    """Return the message that grants a robot to `who`. `assist` is the visitor's choice, if any,
-    `fixed` the terms of the session, which override it.
+def message_of(lease: Lease, now: datetime.datetime) -> m.Lease:
+    """Return the message of a lease that a session holds. The session's terms override the robot's
+    settings and the visitor's choice.
     """
-    assert hold.session is not None
-    limits = m.LeaseLimits(
-        linear=_least(robot.max_linear, fixed.linear),
-        angular=_least(robot.max_angular, fixed.angular),
-    )
-    lease = m.Lease(
-        session=hold.session,
-        epoch=hold.epoch,
-        peer=hold.peer,
-        who=who[:120],
-        renewal=renewal,
-        stamp=stamp,
+    robot, session = lease.robot, lease.session
+    assert session is not None
+    fixed = terms.of(session)
+    message = m.Lease(
+        session=str(session.pk),
+        epoch=lease.epoch,
+        peer=lease.peer,
+        who=session.visitor.sent_name[:120],
+        renewal=lease.renewal,
+        stamp=now.timestamp(),
         ttl=settings.LEASE_TTL_SECONDS,
-        limits=limits,
-        assist=fixed.assist or assist or None,
+        limits=m.LeaseLimits(
+            linear=_least(robot.max_linear, fixed.linear),
+            angular=_least(robot.max_angular, fixed.angular),
+        ),
+        assist=fixed.assist or session.assist or None,
         methods=fixed.controllers,
         ways=None if fixed.control_way == "any" else (fixed.control_way,),
         actions=fixed.actions,
         private=fixed.private,
     )
-    return lease if fixed.driver == "visitor" else _for_wizard(lease, hold)
+    return message if fixed.driver == "visitor" else _for_wizard(message, lease)
 
 
-def message_of(lease: Lease, now: datetime.datetime) -> m.Lease:
-    """Return the message of a lease that a session holds."""
-    session = lease.session
-    assert session is not None
-    return lease_message(
-        lease.robot,
-        session.visitor.sent_name,
-        hold_of(lease),
-        renewal=lease.renewal,
-        stamp=now.timestamp(),
-        assist=session.assist,
-        fixed=terms.of(session),
-    )
-
-
-def _for_wizard(lease: m.Lease, hold: Hold) -> m.Lease:
+def _for_wizard(message: m.Lease, lease: Lease) -> m.Lease:
     """Return the lease of a session that a hidden operator drives. Limits and assistance apply to
     the operator, too; input methods and actions are restricted for the visitor alone. The
     operator's commands pass through the server, which records them as script or as deviations.
     """
     return msgspec.structs.replace(
-        lease,
+        message,
         kind="wizard",
-        wizard=hold.wizard_peer or None,
-        wizard_epoch=hold.wizard_epoch,
+        wizard=lease.wizard_peer or None,
+        wizard_epoch=lease.wizard_epoch,
         methods=None,
         ways=("mqtt",),
         actions=None,

@@ -80,7 +80,7 @@ class ActiveManager:
         self._forgetting: set[asyncio.Task[None]] = set()
         self._prepared: tuple[int, ...] = ()
         self._loop = loop = asyncio.get_running_loop()
-        self.recorder = Recorder(self._ask_from_its_thread, ownership=ownership)
+        self.recorder = Recorder(self._request_states, ownership=ownership)
         due, received = asyncio.Event(), asyncio.Event()
         self._work = Work(
             recorder=self.recorder,
@@ -223,9 +223,7 @@ class ActiveManager:
             finally:
                 self._connection = None
 
-    def _ask_from_its_thread(self, robot: str, boot: str, first: int, last: int) -> None:
-        self._loop.call_soon_threadsafe(self._ask_again, robot, boot, first, last)
-
-    def _ask_again(self, robot: str, boot: str, first: int, last: int) -> None:
-        if self._connection is not None:
-            self._connection.ask_again(robot, boot, first, last)
+    def _request_states(self, robot: str, boot: str, first: int, last: int) -> None:
+        """Request lost states. In the recorder's thread."""
+        if (connection := self._connection) is not None:
+            self._loop.call_soon_threadsafe(connection.ask_again, robot, boot, first, last)
