@@ -211,9 +211,7 @@ class SessionAdmin(OwnersRows):
         ]
 
     def has_delete_permission(self, request: HttpRequest, obj: Model | None = None) -> bool:
-        """Allow the deletion of an ended session with its record, one by one: visitors have a right
-        to it.
-        """
+        """Allow it for ended sessions, one by one: visitors have a right to it."""
         ended = isinstance(obj, Session) and obj.state == Session.State.ENDED
         return ended and bool(request.user.has_perm("telepresence_sessions.delete_session"))
 
@@ -300,9 +298,7 @@ class SessionAdmin(OwnersRows):
 
     @admin.action(description=_("Stop these sessions now"), permissions=["stop"])
     def stop_sessions(self, request: HttpRequest, queryset: QuerySet[Session]) -> None:
-        """End sessions as stopped by the operator; the session manager withdraws the lease from the
-        robot within half a second.
-        """
+        """End sessions; the session manager withdraws their leases within half a second."""
         now, stopped = timezone.now(), 0
         for session in queryset.exclude(state=Session.State.ENDED):
             if store.end(
@@ -500,9 +496,7 @@ class ManagerBeatAdmin(ReadOnlyAdmin):
 
 
 def last_sessions(request: HttpRequest, robot: Robot) -> SafeString:
-    """Return the newest sessions of a robot as a table, for its own page. Names and replays are for
-    users who may see sessions.
-    """
+    """Return a table of a robot's newest sessions; for owners without names and replays."""
     sees_all = request.user.has_perm(VIEW)
     rows = (
         Session.objects.filter(robot=robot, granted_at__isnull=False)

@@ -9,9 +9,7 @@ from django.utils.translation import gettext_lazy as _
 
 
 class TelepresenceSessionsConfig(AppConfig):
-    """Sessions with robots. The label differs from the package because Django has an app of the
-    name sessions.
-    """
+    """Sessions with robots. The label differs because Django has an app `sessions`."""
 
     name = "sessions"
     label = "telepresence_sessions"

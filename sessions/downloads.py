@@ -48,9 +48,7 @@ def as_csv(sessions: QuerySet[Session], name: str) -> StreamingHttpResponse:
 
 
 def as_json(sessions: QuerySet[Session], name: str) -> StreamingHttpResponse:
-    """Return a download with one JSON document: a list of sessions, each with its events and with
-    its states as the robot sent them.
-    """
+    """Return a download with one JSON document: sessions, each with its states and events."""
     return _download(_json_parts(sessions), f"{name}.json", "application/json")
 
 

@@ -169,9 +169,7 @@ class StateChunk(models.Model):
 
 
 class SessionEvent(models.Model):
-    """An event of a session: reported by the robot, the page or a laboratory's streams, or decided
-    by the session manager.
-    """
+    """An event reported by robot, page or laboratory, or decided by the session manager."""
 
     class Source(models.TextChoices):
         """The origin of the event."""
@@ -264,9 +262,7 @@ class Snapshot(models.Model):
 
 
 class SystemLog(models.Model):
-    """An entry of the system log, the paper's fourth collection: an event name with fields, never a
-    sentence.
-    """
+    """An entry of the system log, the paper's fourth collection: an event name with fields."""
 
     class Severity(models.TextChoices):
         """The level of the entry."""
@@ -297,9 +293,7 @@ class SystemLog(models.Model):
 
 
 class ApiKey(models.Model):
-    """A key with which a program of the owner uses one robot (sessions/api/views.py); only its hash
-    is stored.
-    """
+    """A key for programs to use one robot (sessions/api/views.py); only its hash is stored."""
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     robot = models.ForeignKey(

@@ -93,9 +93,7 @@ Detail = Annotated[str, Meta(max_length=200)]
 
 
 class PageEvent(Message, frozen=True, kw_only=True):
-    """`page/event`: an event of the page for the record, such as a controller chosen or a tab
-    hidden.
-    """
+    """`page/event`: an event for the record, such as a controller chosen or a tab hidden."""
 
     stamp: Stamp
     type: Id
@@ -108,9 +106,7 @@ HERE = "here"
 
 
 class PageNetwork(Message, frozen=True, kw_only=True):
-    """`page/network`: one second of the connection, measured by the browser; times in s, rates in
-    bit/s.
-    """
+    """`page/network`: one second of the connection, by the browser; times in s, rates in bit/s."""
 
     stamp: Stamp
     way: Literal["datachannel", "mqtt"]
@@ -131,9 +127,7 @@ class WantOffer(Message, frozen=True, kw_only=True, tag_field="type", tag="want"
 
 
 class Direct(Message, frozen=True, kw_only=True):
-    """`page/direct`: whether the robot's messages also arrive over the data channel, so that the
-    server can leave most of them out.
-    """
+    """`page/direct`: whether the robot's messages also arrive over the data channel."""
 
     direct: bool
 
@@ -205,9 +199,7 @@ class GrantedTerms(Message, frozen=True, kw_only=True):
 
 
 class Granted(Message, frozen=True, kw_only=True):
-    """`session/granted`: you drive. `resumed` when epoch and peer are unchanged, so that a living
-    data channel stays bound.
-    """
+    """`session/granted`: you drive. `resumed`: with the same epoch, peer and data channel."""
 
     session: Id
     epoch: Count
@@ -424,9 +416,7 @@ class OperatorMessage(Notice, frozen=True, kw_only=True):
 
 
 class Ended(Notice, frozen=True, kw_only=True):
-    """The session is over, with one of sessions.models.Session.Outcome, or `moved` to another
-    tab.
-    """
+    """The session is over; `outcome` as in sessions.models, or `moved` to another tab."""
 
     outcome: Name
     reason: Reason = ""

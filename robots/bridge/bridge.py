@@ -268,9 +268,7 @@ class Bridge:
         return self._delivery.known[robot]
 
     async def _subscribe(self, client: aiomqtt.Client, robot: str) -> None:
-        """Subscribe to a robot, and retry while the broker refuses, as a cluster does for seconds
-        after the loss of a node.
-        """
+        """Subscribe to a robot; retry while a cluster refuses after the loss of a node."""
         while client is self._client and robot in self._delivery.robots:
             try:
                 broker_address.check_subscribed(await client.subscribe(self._filters(robot)))
@@ -308,9 +306,7 @@ class Bridge:
     # --- publishing -------------------------------------------------------------------------------
 
     def send(self, robot: str, suffix: str, message: Message) -> bool:
-        """Publish a message to a robot by the topic table; False when the broker is away or does
-        not keep up.
-        """
+        """Publish a message to a robot; False when the broker is away or does not keep up."""
         line = topics.find(suffix)
         assert line is not None
         assert line.direction == "to_robot"

@@ -1,6 +1,4 @@
-"""The listeners of robots and sessions, and the delivery of messages to them: without a connection
-or a clock of its own.
-"""
+"""The listeners of robots and sessions; has neither a connection nor a clock."""
 
 import math
 from dataclasses import dataclass
@@ -30,9 +28,7 @@ _status = msgspec.json.Decoder(ManagerStatus)
 
 @dataclass(frozen=True)
 class ReceivedMessage:
-    """A message for listeners: decoded once for all of them, and as the frame for pages (binary for
-    a picture).
-    """
+    """A message, decoded once for all listeners, and as the frame for pages."""
 
     suffix: str
     message: Any

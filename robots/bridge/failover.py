@@ -60,9 +60,7 @@ class Failover:
         return 0 if self.has_nodes else wanted
 
     def ended(self, *, was_up: bool) -> float:
-        """Move to the next node after a connection (`was_up`) or an attempt; return the seconds to
-        wait before it.
-        """
+        """Move to the next node after a connection (`was_up`) or attempt; return the wait in s."""
         self.attempt = 0 if was_up else self.attempt + 1
         self._index = (self._index + 1) % len(self._nodes)
         return backoff(self.attempt // len(self._nodes), self._rng.random())

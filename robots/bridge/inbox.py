@@ -10,9 +10,7 @@ log = structlog.stdlib.get_logger(__name__)
 
 
 class Inbox(asyncio.Queue[aiomqtt.Message]):
-    """Calls `receive` for every message, which saves a task and a turn of the loop for each
-    (measured: a quarter of the CPU).
-    """
+    """Calls `receive` at once, without a task for each message (saves a quarter of the CPU)."""
 
     def __init__(self, receive: Callable[[aiomqtt.Message], None], maxsize: int = 0) -> None:
         super().__init__(maxsize)

@@ -63,9 +63,7 @@ class KnownRobot:
         return bool(self.online) and now - max(self.last_received_at, self.needed_since) >= seconds
 
     def take(self, suffix: str, message: Any, now: float) -> bool:
-        """Note a message of the robot or a server; False when it is out of date, and must not be
-        passed on.
-        """
+        """Note a message; False when it is out of date, and must not be passed on."""
         if suffix != "lease":
             self.last_received_at = now
         match message:
@@ -91,9 +89,7 @@ class KnownRobot:
         return True
 
     def refutation(self, now: float, stamp: float) -> Connection | None:
-        """Return an ONLINE if the robot was reported offline and sends a heartbeat now, with its
-        `stamp`.
-        """
+        """Return an ONLINE if the robot was reported offline and sends a heartbeat now."""
         if self.connection is None:
             return None
         return refutation(self.connection.boot, self.offline_at, now, stamp)
@@ -122,9 +118,7 @@ class KnownRobot:
         )
 
     def lease_at(self, now: float) -> Lease | None:
-        """Return the lease while it is renewed; a retained copy of a dead one counts for its ttl at
-        most.
-        """
+        """Return the lease while it is renewed; a retained copy counts for its ttl at most."""
         return (
             self.lease
             if self.lease is not None and now - self.renewed_at < self.lease.ttl

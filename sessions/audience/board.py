@@ -62,9 +62,7 @@ class BoardUpdate(msgspec.Struct, frozen=True):
 
 
 def sanitize(text: str) -> str:
-    """Return a question on one line, without control characters; empty when it has no visible
-    character.
-    """
+    """Return a question on one line, without control characters; empty if not visible."""
     line = "".join(
         character
         for character in " ".join(text.split())
@@ -207,9 +205,7 @@ class Board:
         )
 
     def merge(self, update: BoardUpdate, now: float) -> bool:
-        """Take the update of another process; True when that process lacks questions. `now` is
-        monotonic seconds.
-        """
+        """Take an update at `now`, monotonic seconds; True when its process lacks questions."""
         if update.process == self.process or update.session != self.session:
             return False
         before, _ = self._others.get(update.process, ((), 0.0))

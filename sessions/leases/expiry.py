@@ -95,9 +95,7 @@ def _move(move: Move, session: ActiveSession, now: datetime.datetime) -> bool:
 
 
 def _terms_fixed(session: str, now: datetime.datetime) -> bool:
-    """Store the terms of a session whose granting process died before it could; False when the
-    session is ended instead.
-    """
+    """Store the terms if the granting process died before it could; False if they refuse."""
     try:
         fix_terms(session, now)
     except NotGranted as refusal:

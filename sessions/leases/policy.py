@@ -88,9 +88,7 @@ class ActiveSession:
 
 @dataclass(frozen=True)
 class Hold:
-    """The lease: its epoch, its session and page, and the page and epoch of the hidden operator,
-    who drives in sessions of such terms.
-    """
+    """The lease: its epoch, session and page, and the hidden operator's page and epoch."""
 
     epoch: int
     session: str | None = None
@@ -163,9 +161,7 @@ class Ask:
 
 @dataclass(frozen=True)
 class Grant:
-    """Give the lease to `session` (None: a new one), whose next state is `state`; `returning` is
-    whether it held the lease before.
-    """
+    """Give the lease to `session` (None: a new one); `returning`: it held the lease before."""
 
     session: str | None
     state: Literal["connecting", "reconnecting"] = "connecting"
@@ -254,9 +250,7 @@ def _may_begin(
 
 
 def ready(session: ActiveSession, now: float) -> bool:
-    """Tell whether a waiting session can be offered a turn: its page is open and it has no offer,
-    not even one that has lapsed.
-    """
+    """Tell whether the page is open and has no offer, not even one that has lapsed."""
     return session.page_open(now) and session.offered_at is None
 
 
@@ -274,9 +268,7 @@ def place_in_queue(scene: Scene, session: str | None, now: float) -> int:
 
 
 def minutes_until_turn(scene: Scene, place: int, rules: Rules, now: float) -> float:
-    """Estimate the wait in minutes: the rest of the running turn, and a whole turn for each visitor
-    ahead.
-    """
+    """Estimate the wait in minutes: the rest of the turn, and a turn for each visitor ahead."""
     holder = scene.holder
     left = (
         max(0.0, turn_end(holder, rules, now) - now)

@@ -65,9 +65,7 @@ class RobotCondition:
 
 @dataclass(frozen=True)
 class Order:
-    """An action that the robot was sent at `at`; `status` and `reason` as in ActionStatus, empty
-    before the first.
-    """
+    """An action sent at `at`; `status` and `reason` of its last ActionStatus, if any."""
 
     action_id: str
     kind: Kind

@@ -157,9 +157,7 @@ class _Asker:
 def _carry_out(
     decision: Grant | Resume | Wait | Refused, scene: Scene, asker: _Asker
 ) -> Taken | None:
-    """Return the answer to the page, or None when another process was quicker and the decision
-    must be made again.
-    """
+    """Return the answer, or None when another process was quicker, to decide again."""
     match decision:
         case Refused(reason="elsewhere", session=session):
             own = Session.objects.filter(pk=session).first()
@@ -361,9 +359,7 @@ def seen(sessions: Collection[str], now: datetime.datetime) -> set[str]:
 
 
 def page_gone(session: str, peer: str, now: datetime.datetime, code: int = CLOSED) -> None:
-    """Store that a page closed its socket with this code; ignored when another page of the visitor
-    has taken over.
-    """
+    """Store that a page closed its socket, unless another page has taken over."""
     if Lease.objects.filter(session_id=session).exclude(peer=peer).exists():
         return
     living = Session.objects.filter(pk=session, state__in=LIVE)
@@ -418,9 +414,7 @@ def end(session: str, outcome: str, reason: str, now: datetime.datetime, **only_
 
 
 def send_home(robot: Robot, now: datetime.datetime) -> bool:
-    """Have a robot return to its dock before the next session; False when it never does, or is
-    already returning.
-    """
+    """Have a robot return to its dock; False when it never does, or already returns."""
     if not robot.can_go_home:
         return False
     ready = RobotPresence.objects.filter(robot=robot, turnaround=Robot.Turnaround.READY)
@@ -482,9 +476,7 @@ def rules_of(robot: Robot) -> Rules:
 
 
 def message_of(lease: Lease, now: datetime.datetime) -> m.Lease:
-    """Return the message of a lease that a session holds. The session's terms override the robot's
-    settings and the visitor's choice.
-    """
+    """Return the message of a held lease; terms override the robot's and visitor's settings."""
     robot, session = lease.robot, lease.session
     assert session is not None
     fixed = terms.of(session)
@@ -535,9 +527,7 @@ def load_scene(robot: Robot, now: datetime.datetime) -> Scene:
 
 
 def load_scenes(robots: Sequence[Robot], now: datetime.datetime) -> dict[Any, Scene]:
-    """Read the scenes of robots, by the robots' keys, in as many queries as for one: sessions
-    first, then leases (see the top).
-    """
+    """Read scenes by the robots' keys: sessions first, then leases (see the top)."""
     keys = [robot.pk for robot in robots]
     living = Session.objects.filter(robot__in=keys, state__in=LIVE).defer("device", "summary")
     sessions = {session.pk: session for session in living}

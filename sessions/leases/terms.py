@@ -86,9 +86,7 @@ class Provider:
     """
 
     def why_not(self, user: "User", robot: "Robot", now: datetime.datetime) -> str:
-        """Return why this visitor may not ask for the robot now, as a code that the page has a
-        sentence for; empty when they may.
-        """
+        """Return why this visitor may not ask for the robot now, as a code; empty when allowed."""
         return ""
 
     def not_ready(self, user: "User", robot: "Robot", now: datetime.datetime) -> str:
@@ -111,15 +109,11 @@ class Provider:
         return False
 
     def may_watch(self, user: "User", session: str) -> bool:
-        """Tell whether a user who neither drives nor operates the robot may watch a private session
-        of this provider.
-        """
+        """Tell whether a user may watch this private session of another."""
         return False
 
     def shown(self, session: str) -> dict[str, Any]:
-        """Return the data of the session's newest `task` notice, for a page that reconnects; empty
-        when there is none.
-        """
+        """Return the data of the newest `task` notice, for a page that reconnects."""
         return {}
 
 
@@ -140,9 +134,7 @@ def why_not(user: "User", robot: "Robot", now: datetime.datetime) -> str:
 
 
 def not_ready(user: "User", robot: "Robot", now: datetime.datetime) -> str:
-    """Return why a robot does not yet meet a session's terms, in the form of Scene.pause; empty
-    when it does.
-    """
+    """Return why a robot does not yet meet a session's terms, as in Scene.pause, or nothing."""
     return next(
         (
             f"{START}: {reason}"

@@ -1,6 +1,4 @@
-"""Who drives and who waits at robots, and how long a new visitor would wait: for pages that show
-robots before a visitor asks for one.
-"""
+"""Who drives and waits at robots, and for how long, for pages that list robots."""
 
 import datetime
 from collections.abc import Iterable
@@ -24,9 +22,7 @@ def living_sessions(robots: Iterable[Robot]) -> dict[Any, list[ActiveSession]]:
 def traffic_at(
     robot: Robot, sessions: list[ActiveSession], now: datetime.datetime, user: Any = None
 ) -> Traffic:
-    """Return who is at a robot, given its living sessions, and whether and how long `user` waits
-    for it, or would.
-    """
+    """Return who is at a robot with these sessions, and how long `user` waits, or would."""
     own = None if user is None else next((s for s in sessions if s.visitor == str(user.pk)), None)
     holder = next((session for session in sessions if session.state in AT_THE_WHEEL), None)
     scene = Scene(Hold(0, holder.id if holder else None), tuple(sessions))

@@ -167,9 +167,7 @@ def decide_tick(scene: Scene, link: RobotLink, rules: Rules, now: float) -> tupl
 
 
 def _orphans(scene: Scene) -> Iterator[Act]:
-    """End sessions that drive without the lease, which a process leaves behind only if it is killed
-    half-way.
-    """
+    """End sessions that drive without the lease, after a process was killed half-way."""
     for session in scene.sessions:
         if session.state != "waiting" and session.id != scene.hold.session:
             yield Ended(session=session.id, outcome="connection_lost", reason="lease_gone")
@@ -232,9 +230,7 @@ def _fault(scene: Scene, holder: ActiveSession, link: RobotLink, now: float) -> 
 
 
 def visitor_here(hold: Hold, holder: ActiveSession, link: RobotLink, now: float) -> bool | None:
-    """Tell whether the driver is connected to the robot; None when the robot is silent and the page
-    is open.
-    """
+    """Tell whether the driver is connected; None while the robot is silent, the page open."""
     if link.state_at is None or now - link.state_at > STATE_SILENCE:
         return None if holder.page_open(now) else False
     return (

@@ -116,9 +116,7 @@ class ActiveManager:
             self._serving.result()
 
     def report(self) -> dict[str, Any]:
-        """Return the state of this process, without personal data; `prepared` are the slots by
-        whose division it subscribed last.
-        """
+        """Return the state of this process; `prepared`: the slots of its last subscription."""
         if self._connection is not None:
             self._prepared = self._connection.prepared
         return {
@@ -135,9 +133,7 @@ class ActiveManager:
         self._work.due.set()
 
     async def release(self, shards: frozenset[int]) -> None:
-        """Return when all data of the robots of these shards, which are not ours any more, is
-        written.
-        """
+        """Return when everything received of these shards' robots is written."""
         await self._work.thread.run(tuple)  # a running tick ends first
         written = asyncio.Event()
         done = functools.partial(self._loop.call_soon_threadsafe, written.set)

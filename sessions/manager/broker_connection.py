@@ -256,9 +256,7 @@ class BrokerConnection:
     # --- heartbeats and status --------------------------------------------------------------------
 
     async def _heartbeat_for_ever(self) -> None:
-        """Send heartbeats to robots that are needed, and to others that a web process keeps awake,
-        to measure their clocks.
-        """
+        """Beat for robots that are needed, and for others that are awake, to know their clocks."""
         due = time.monotonic()
         while True:
             needed, now = self._needed, time.monotonic()
@@ -277,9 +275,7 @@ class BrokerConnection:
             await asyncio.sleep(due - time.monotonic())
 
     async def _publish_status_for_ever(self) -> None:
-        """Publish that the owner of the site is alive, and its faults; from the loop, which neither
-        database nor disk can block.
-        """
+        """Publish faults of the site, from the loop: database and disk may block their threads."""
         published_at, faults = -STATUS_SECONDS, self._faults()
         while True:
             before, faults, now = faults, self._faults(), time.monotonic()
@@ -315,9 +311,7 @@ class BrokerConnection:
                     self._work.due.set()
 
     def ask_again(self, robot: str, boot: str, first: int, last: int) -> None:
-        """Request states from an agent. The recorder repeats a request without an answer, so that
-        none is remembered here.
-        """
+        """Request states from an agent. The recorder repeats it until they come."""
         action = messages.ResendStates(
             action_id=f"resend-{secrets.token_hex(8)}",
             stamp=self._clock(),
@@ -381,8 +375,6 @@ async def publish_all(
 
 
 async def _end_of(client: aiomqtt.Client) -> None:
-    """Return, or raise MqttError, when the connection ends; the messages themselves take another
-    path (robots/bridge/inbox.py).
-    """
+    """Return or raise MqttError at the end; for messages see robots/bridge/inbox.py."""
     async for _ in client.messages:
         pass

@@ -23,9 +23,7 @@ class ClockOffset:
         self._newest = -1
 
     def on_heartbeat(self, beat: Heartbeat, received: float) -> bool:
-        """Take a robot's heartbeat that arrived at `received` by our clock; False when it has no
-        new echo.
-        """
+        """Take a heartbeat that arrived at `received`; False when it has no new echo."""
         is_new = False
         for echo in beat.echoes:
             if echo.peer == self._peer and echo.n != self._newest:

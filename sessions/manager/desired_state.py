@@ -134,9 +134,7 @@ def _update(plan: Any) -> bytes:
 
 
 def _doors_before(robot: Robot) -> set[str]:
-    """Return the doors of the terms of the robot's last session, whose end this session manager may
-    have missed.
-    """
+    """Return the doors of the last session's terms; its end may have been missed."""
     last = (
         Session.objects.filter(robot=robot, granted_at__isnull=False)
         .order_by("-granted_at")

@@ -1,6 +1,4 @@
-"""What the session manager has received of sessions, sent to the apps above as signals. In the
-scheduler's thread.
-"""
+"""Sends what was received of sessions to the apps above, in the scheduler's thread."""
 
 import uuid
 from collections.abc import Iterable, Mapping
@@ -21,9 +19,7 @@ logger = structlog.stdlib.get_logger(__name__)
 def send_all(
     items: Iterable[Fresh], offsets: Mapping[str, float | None], ownership: Ownership = EVERYTHING
 ) -> None:
-    """Send the signals of items of our robots; `offsets` has each robot's clock minus ours, in
-    seconds.
-    """
+    """Send the signals of our robots' items; `offsets` in seconds, as state_received has it."""
     for item in items:
         if ownership.is_whole and isinstance(item, PageItem):
             _send_item(item, offsets)

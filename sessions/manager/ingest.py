@@ -182,9 +182,7 @@ class Intake:
             self._early_bytes -= len(self._early.popleft().payload)
 
     def follow_ownership(self) -> None:
-        """Forget robots that are not ours any more, and take the kept messages of those that have
-        become ours.
-        """
+        """Forget robots that were ours, and take kept messages of those that have become ours."""
         if self._version == self._ownership.version:
             return
         self._version = self._ownership.version
@@ -299,16 +297,12 @@ class Intake:
             self._note_presence(one)
 
     def fresh(self) -> list["Fresh"]:
-        """Return the items of sessions since the last call; states are in order of seq, except for
-        late ones.
-        """
+        """Return the items since the last call; states are in order of seq, but for late ones."""
         return [self._fresh.popleft() for _ in range(len(self._fresh))]
 
 
 def _is_ordered(action_id: str | None) -> bool:
-    """Tell whether this answers an order between two sessions, whose picture is a test of the
-    camera.
-    """
+    """Tell whether this answers an order between two sessions, a test of the camera."""
     return (action_id or "").startswith(ORDERED)
 
 

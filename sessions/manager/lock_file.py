@@ -30,9 +30,7 @@ BOOT = Path("/proc/sys/kernel/random/boot_id")  # changes with every start of th
 
 
 class LockFile:
-    """The file of one slot, as one process uses it. Nothing here raises: without the file, a
-    takeover only takes longer.
-    """
+    """The file of a slot. Never raises: without the file, a takeover only takes longer."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

@@ -1,6 +1,4 @@
-"""What the session manager has received of robots, in memory: newest states, signs of their
-drivers, and their clocks.
-"""
+"""The newest state, signs of the driver, and clock of each robot, in memory."""
 
 import math
 from collections.abc import Mapping
@@ -26,9 +24,7 @@ BY_ITSELF = frozenset({"goto", "docking"})
 
 @dataclass
 class RobotLiveness:
-    """One robot. Times of receipt in seconds of a monotonic clock, so that a jump of the server's
-    clock makes no robot silent.
-    """
+    """One robot. Times are monotonic seconds: jumps of the clock make no robot silent."""
 
     last_received_at: float = -math.inf
     boot: str = ""
@@ -46,9 +42,7 @@ class RobotLiveness:
     answers: dict[str, ActionStatus] = field(default_factory=dict)
 
     def connection(self, message: Connection, now: float) -> None:
-        """Note that the robot went online or offline; a new run of the agent may have another
-        clock.
-        """
+        """Note ONLINE or OFFLINE; a new run of the agent may have another clock."""
         if message.state == "ONLINE":
             self.last_received_at, self.offline_at = now, None
             self._new_run(message.boot)
@@ -119,9 +113,7 @@ class RobotLiveness:
         return now - self.beat_at < AWAKE_SECONDS
 
     def is_prompt(self, now: float) -> bool:
-        """Tell whether the robot answers our heartbeats, with a least round trip that is short
-        enough to be driven.
-        """
+        """Tell whether the robot echoes our heartbeats soon enough to be driven."""
         trip = self.offset.round_trip
         return trip is not None and trip <= ROUND_TRIP and now - self.echoed_at <= ECHO_SECONDS
 

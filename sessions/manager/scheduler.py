@@ -394,9 +394,7 @@ class Scheduler:
     # --- ends -------------------------------------------------------------------------------------
 
     def _finish(self, now: datetime.datetime) -> list[CloseItem]:
-        """Publish the end of sessions, whichever process has ended them, and return the records to
-        close.
-        """
+        """Publish the end of sessions, by any process; return the records to close."""
         items, published, closing = [], self._published, self._closing
         self._published, self._closing = set(), {}  # forgets closed ones
         for session in Session.objects.filter(

@@ -116,9 +116,7 @@ class RecordBuilder:
             self.rows.append(row_of(chunk))
 
     def _own(self, robot: str, session: str | None, now: float) -> str | None:
-        """Return the session that a robot's message names, if it is this robot's: no robot may
-        write into another one's record.
-        """
+        """Return a message's session, if it is this robot's: a robot cannot write other records."""
         if session is None or self._store.robot_of(session, now) == robot:
             return session
         self.counts["foreign_session"] += 1
@@ -348,9 +346,7 @@ class RecordBuilder:
             self._keep(chunk)
 
     def write(self, *, careful: bool = False) -> None:
-        """Store the gathered rows; they are kept when it fails. For `careful` see
-        RecordStore.insert.
-        """
+        """Store the gathered rows; on failure they are kept. See RecordStore.insert."""
         if self.rows:
             self._store.insert(self.rows, careful=careful)
             self.rows = []

@@ -19,9 +19,7 @@ MAX_STATES = 64
 
 @dataclass
 class Chunk:
-    """Some states of one session and one run of the agent, next to each other in seq; times in Unix
-    seconds.
-    """
+    """Consecutive states of one session and one run of the agent; times in Unix seconds."""
 
     session: str
     boot: str
@@ -62,9 +60,7 @@ class Chunks:
         return closed
 
     def ripe(self, now: float) -> Iterator[Chunk]:
-        """Close and return the chunks that have waited long enough; `now` by the clock of
-        `received_at`.
-        """
+        """Close and return the chunks that have waited long enough at `now`, Unix seconds."""
         yield from self._close(
             [key for key, chunk in self._open.items() if now - chunk.received_at >= MAX_WAIT]
         )

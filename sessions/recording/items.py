@@ -72,9 +72,7 @@ class CloseItem:
 
 @dataclass(frozen=True, slots=True)
 class ReleaseItem:
-    """Another session manager gets these shards: write everything about their robots, forget it,
-    and call `done`.
-    """
+    """Write and forget everything about these shards' robots, and call `done`."""
 
     shards: frozenset[int]
     done: Callable[[], object]

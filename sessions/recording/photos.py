@@ -1,6 +1,4 @@
-"""Joins the two messages of a photo, in either order: the JPEG, and the event with its session and
-SHA-256.
-"""
+"""Joins the two messages of a photo, which arrive in either order: JPEG and event."""
 
 import hashlib
 from dataclasses import dataclass
@@ -52,9 +50,7 @@ class Photos:
         return RecordedPhoto(key[0], event, jpeg, hashlib.sha256(jpeg).hexdigest())
 
     def forgotten(self, now: float) -> list[tuple[str, str]]:
-        """Remove halves that have waited too long, or are too many, and return their keys; oldest
-        first.
-        """
+        """Remove and return the keys of halves that waited too long, or are too many."""
         keys: list[tuple[str, str]] = []
         for halves in (self._events, self._jpegs):
             late = [key for key, (since, _) in halves.items() if now - since > PAIR_TIMEOUT_S]

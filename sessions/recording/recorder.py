@@ -31,9 +31,7 @@ BATCH = 2000
 
 @dataclass(frozen=True)
 class BufferLimits:
-    """Limits of the buffer: items; bytes of memory, in total and of one robot or session; and the
-    bytes of one batch.
-    """
+    """Limits: items; bytes in total, of one robot or session (`each`), and of one batch."""
 
     items: int = LIMIT
     total: int = 256 * MIB
@@ -132,9 +130,7 @@ class Recorder:
 
     @property
     def counts(self) -> Counter[str]:
-        """Totals since the start: rows by kind, states, duplicates, foreign sessions, refused rows,
-        dropped items.
-        """
+        """Totals since the start: rows by kind, states, and everything that was dropped."""
         return self._store.counts + self._builder.counts + Counter(dropped=self._dropped)
 
     @property

@@ -1,6 +1,4 @@
-"""The robots whose record is written: the newest run and session of each, and which states of its
-runs were seen and are owed.
-"""
+"""The runs of robots' agents, and which of their states were seen and are owed."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -59,9 +57,7 @@ class RobotRuns:
         return tracker.arrive(state.seq, session, now)
 
     def on_event(self, robot: str, event: Event, session: str, now: float) -> None:
-        """Note the numbers of a session's first and last state, which its events carry, so that
-        lost states at its ends are noticed.
-        """
+        """Note a session's first or last state number, so that lost states there are noticed."""
         if event.type == "lease_taken":
             self._tracker(robot, event.boot, session, now).begins(event.seq, session, now)
         elif event.type == "session_closed" and event.last_seq is not None:

@@ -25,9 +25,7 @@ Range = tuple[int, int]
 
 
 class Intervals:
-    """A set of whole numbers, kept as disjoint ranges with both ends included; growing at the end
-    is cheap.
-    """
+    """A set of whole numbers, as disjoint inclusive ranges; growing at the end is cheap."""
 
     def __init__(self) -> None:
         self._firsts: list[int] = []

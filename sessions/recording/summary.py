@@ -1,6 +1,4 @@
-"""The summary of a session, made once when its record is complete, so that no list must read the
-states.
-"""
+"""The summary of a complete record, so that no list must read the states."""
 
 from collections import Counter
 from collections.abc import Iterable

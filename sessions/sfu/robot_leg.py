@@ -71,9 +71,7 @@ class RobotLeg:
                 self.ended = reason or "left"
 
     def is_lost(self, boot: str, now: float) -> bool:
-        """Tell whether a new connection is needed; `boot` is the present run of the robot's agent,
-        `now` monotonic seconds.
-        """
+        """Tell whether a new connection is needed, with the agent in run `boot`; `now` in s."""
         # Janus does not notice the end of a robot that could not say goodbye.
         if self._boot and boot != self._boot:
             self.ended = self.ended or "robot_restarted"

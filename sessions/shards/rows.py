@@ -41,9 +41,7 @@ def members() -> list[ManagerSlot]:
 
 
 def occupy(slot: int, before: ManagerSlot | None, holder: str, now: datetime.datetime) -> bool:
-    """Take a slot from the member that was read in it, None for a slot without a row; False when
-    the row has changed since.
-    """
+    """Take a slot from the member read in it (None: no row); False when it has changed."""
     if before is None:
         try:
             with transaction.atomic():

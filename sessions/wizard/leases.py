@@ -97,17 +97,13 @@ def _message(session: str, now: datetime.datetime) -> m.Lease:
 
 
 def note(session: str, kind: str, user: User, now: datetime.datetime, **data: Any) -> None:
-    """Record an action of a session's operator; `by` is the operator's key, which datasets have as
-    a pseudonym.
-    """
+    """Record an action of a session's operator, whose key datasets replace by a pseudonym."""
     event = SessionEvent.of_server(session, kind, now, {**data, "by": str(user.pk)})
     event.save(force_insert=True)
 
 
 def steps_done(session: str) -> list[tuple[float, str]]:
-    """Return (Unix seconds, key) of the steps begun in a session, in order, without those that
-    could not be sent.
-    """
+    """Return (Unix seconds, key) of the steps that were begun and sent, in order."""
     rows = SessionEvent.server_events(session, STEP).order_by("stamp")
     return [
         (stamp, str(data.get("step", "")))

@@ -66,9 +66,7 @@ class FreeLine(Message, frozen=True, kw_only=True):
 
 
 class Reached(Message, frozen=True, kw_only=True):
-    """`wizard/reached`: the robot received a step `latency` seconds after the button was pressed,
-    by both clocks.
-    """
+    """`wizard/reached`: the robot received a step `latency` s after the press, by both clocks."""
 
     action_id: Id
     latency: Annotated[float, Meta(ge=0.0, le=60.0)]
