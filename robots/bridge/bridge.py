@@ -39,7 +39,6 @@ from robots.api.messages import Action, CommandHeartbeat, Lease, Message
 from robots.bridge import broker_address
 from robots.bridge.delivery import LINK, Delivery, Listener, ReceivedMessage
 from robots.bridge.failover import Failover, parse_nodes
-from robots.bridge.inbox import Inbox
 from robots.bridge.known import KnownRobot
 from robots.bridge.quick_reading import read_quickly
 from robots.bridge.quick_writing import QuickWriter, writer_of
@@ -188,14 +187,8 @@ class Bridge:
         Raises:
             MqttError: it was lost, refused or never established.
         """
-        inbox = functools.partial(Inbox, self._receive)
-        async with broker_address.client(
-            self._failover.node,
-            self._credentials,
-            f"web-{secrets.token_hex(8)}",
-            inbox,
-            keepalive_seconds=self._failover.keepalive_seconds,
-        ) as client:
+        identifier = f"web-{secrets.token_hex(8)}"
+        async with self._failover.client(self._credentials, identifier, self._receive) as client:
             client.pending_calls_threshold = MAX_IN_FLIGHT
             read_quickly(client, chunk=PIECE)
             self._client, self._writer = client, writer_of(client)
@@ -207,10 +200,7 @@ class Bridge:
                 ]
                 broker_address.check_subscribed(await client.subscribe(wanted))
                 self._arrive()
-                async for _ in client.messages:
-                    # Never reached: the inbox passes messages on by itself, and this waits for the
-                    # end of the connection.
-                    pass
+                await broker_address.until_lost(client)
             finally:
                 self._depart()
 

@@ -2,6 +2,8 @@
 and password.
 """
 
+import asyncio
+import functools
 import math
 import socket
 import ssl
@@ -11,6 +13,9 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 import aiomqtt
+import structlog
+
+log = structlog.stdlib.get_logger(__name__)
 
 PORTS = {"mqtt": 1883, "mqtts": 8883, "ws": 80, "wss": 443}
 CONNECT_SECONDS = 5.0
@@ -64,20 +69,36 @@ def parse(url: str) -> BrokerAddress:
     )
 
 
+class _Inbox(asyncio.Queue[aiomqtt.Message]):
+    """Calls `receive` at once, without a task for each message (saves a quarter of the CPU)."""
+
+    def __init__(self, receive: Callable[[aiomqtt.Message], None], maxsize: int = 0) -> None:
+        super().__init__(maxsize)
+        self._receive = receive
+
+    def put_nowait(self, item: aiomqtt.Message) -> None:
+        """Pass a message on. aiomqtt would end the connection for an exception, and the next one
+        would receive a retained message again.
+        """
+        try:
+            self._receive(item)
+        except Exception:
+            log.exception("message_failed", topic=str(item.topic))
+
+
 def client(
     address: BrokerAddress,
     credentials: tuple[str, str],
     identifier: str,
-    queue: Callable[..., Any] | None = None,
+    receive: Callable[[aiomqtt.Message], None] | None = None,
     *,
     keepalive_seconds: int,
     clean_session: bool = True,
 ) -> aiomqtt.Client:
     """Return a client; a user in the URL overrides `credentials`. Call it inside the loop.
 
-    `queue` is the class for received messages (`aiomqtt.Client.queue_type`). Without
-    `clean_session`, the broker keeps subscriptions and queues their messages at QoS 1 while the
-    client is away.
+    `receive` is called with every message. Without `clean_session`, the broker keeps subscriptions
+    and queues their messages at QoS 1 while the client is away.
     """
     username, password = (address.username, address.password) if address.username else credentials
     return aiomqtt.Client(
@@ -86,7 +107,7 @@ def client(
         username=username,
         password=password,
         identifier=identifier,
-        queue_type=queue,  # type: ignore[arg-type]
+        queue_type=functools.partial(_Inbox, receive) if receive else None,  # type: ignore[arg-type]
         clean_session=clean_session,
         timeout=CONNECT_SECONDS,
         keepalive=keepalive_seconds,
@@ -108,6 +129,12 @@ def backoff(attempt: int, chance: float, *, first: float = 0.2, ceiling: float =
     """
     whole = min(ceiling, first * math.pow(2.0, min(attempt, 30)))
     return whole * (0.5 + 0.5 * chance)
+
+
+async def until_lost(connected: aiomqtt.Client) -> None:
+    """Return, or raise MqttError, when the connection of a client with `receive` ends."""
+    async for _ in connected.messages:
+        pass  # never reached: `receive` gets the messages
 
 
 def check_subscribed(answers: Iterable[Any]) -> None:

@@ -1,4 +1,4 @@
-"""The node of the broker to connect to, and the wait before: pure.
+"""The node of the broker to connect to, and the wait before.
 
 The nodes of a cluster have one address each, and all are equivalent. A client stays at its node
 while that answers, and tries the next one when the connection is lost or refused. Every node is
@@ -6,8 +6,11 @@ tried once before the waits become longer.
 """
 
 import random
+from collections.abc import Callable
 
-from robots.bridge.broker_address import BrokerAddress, backoff, parse
+import aiomqtt
+
+from robots.bridge.broker_address import BrokerAddress, backoff, client, parse
 
 # A node that stops answering is noticed after 1.5 to 2 of these. A single node has the longer one:
 # an earlier notice would be of no use, and a slow moment would end the connection.
@@ -58,6 +61,24 @@ class Failover:
         robot; over one TCP connection, QoS 1 only adds acknowledgements.
         """
         return 0 if self.has_nodes else wanted
+
+    def client(
+        self,
+        credentials: tuple[str, str],
+        identifier: str,
+        receive: Callable[[aiomqtt.Message], None] | None = None,
+        *,
+        clean_session: bool = True,
+    ) -> aiomqtt.Client:
+        """Return a client for the present node; see robots/bridge/broker_address.py."""
+        return client(
+            self.node,
+            credentials,
+            identifier,
+            receive,
+            keepalive_seconds=self.keepalive_seconds,
+            clean_session=clean_session,
+        )
 
     def ended(self, *, was_up: bool) -> float:
         """Move to the next node after a connection (`was_up`) or attempt; return the wait in s."""

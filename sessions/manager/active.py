@@ -19,10 +19,8 @@ from django.conf import settings
 from django.db import DatabaseError, InterfaceError
 
 from robots.api.disk_space import DiskSpace
-from robots.bridge import broker_address
 from robots.bridge.broker_address import BrokerAddress
 from robots.bridge.failover import Failover
-from robots.bridge.inbox import Inbox
 from robots.bridge.quick_reading import read_quickly
 from robots.cancellation import cancel
 from robots.enrol.credentials import server_client_id
@@ -151,12 +149,8 @@ class ActiveManager:
 
     async def _forget(self, slot: int) -> None:
         try:
-            async with broker_address.client(
-                self._failover.node,
-                self._credentials,
-                server_client_id("session-manager", slot),
-                keepalive_seconds=self._failover.keepalive_seconds,
-            ):
+            identifier = server_client_id("session-manager", slot)
+            async with self._failover.client(self._credentials, identifier):
                 logger.info("broker_session_forgotten", slot=slot)
         except aiomqtt.MqttError as error:
             logger.info("broker_session_kept", slot=slot, reason=str(error))
@@ -198,13 +192,10 @@ class ActiveManager:
         if self._forgets:
             await self._forget(self._slot)
             self._forgets = False
-        inbox = functools.partial(Inbox, self._work.ingest.receive)
-        async with broker_address.client(
-            self._failover.node,
+        async with self._failover.client(
             self._credentials,
             server_client_id("session-manager", self._slot),
-            inbox,
-            keepalive_seconds=self._failover.keepalive_seconds,
+            self._work.ingest.receive,
             clean_session=False,
         ) as client:
             read_quickly(client)

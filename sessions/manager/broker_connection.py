@@ -161,7 +161,7 @@ class BrokerConnection:
             self._heartbeat_for_ever(),
             self._signal_for_ever(),
             self._publish_status_for_ever(),
-            _end_of(self._client),
+            broker_address.until_lost(self._client),
         )
 
     # --- the scheduler ----------------------------------------------------------------------------
@@ -372,9 +372,3 @@ async def publish_all(
         for outcome in await asyncio.gather(*map(publish, batch), return_exceptions=True):
             if outcome is not None:
                 raise outcome
-
-
-async def _end_of(client: aiomqtt.Client) -> None:
-    """Return or raise MqttError at the end; for messages see robots/bridge/inbox.py."""
-    async for _ in client.messages:
-        pass

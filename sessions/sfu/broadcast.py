@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import structlog
+from django.conf import settings
 
 from robots.api.messages import Bye, Candidate, SdpAnswer, SdpOffer
 from robots.bridge.bridge import Bridge
@@ -29,6 +30,7 @@ from sessions.sfu.mountpoint import (
     NO_SUCH_MOUNTPOINT,
     Mountpoint,
     MountpointInfo,
+    mountpoint_of,
     read_info,
     some_port,
 )
@@ -364,3 +366,25 @@ def _candidate(message: Candidate) -> dict[str, Any]:
         else {"sdpMLineIndex": message.sdp_m_line_index or 0}
     )
     return {"candidate": message.candidate, **place}
+
+
+_broadcasts: dict[str, Broadcast] = {}  # of this process, by robot
+
+
+def has_sfu() -> bool:
+    """Tell whether this site has an SFU."""
+    return bool(settings.JANUS_URL)
+
+
+def broadcast_of(robot: str, bridge: Bridge) -> Broadcast:
+    """Return the broadcast of a robot, started for its first page."""
+    found = _broadcasts.get(robot)
+    if found is None:
+        found = _broadcasts[robot] = Broadcast(
+            robot,
+            mountpoint_of(settings.SECRET_KEY, robot),
+            bridge,
+            functools.partial(janus.open_session, settings.JANUS_URL, settings.JANUS_SECRET),
+            functools.partial(_broadcasts.pop, robot, None),
+        )
+    return found
