@@ -149,8 +149,8 @@ def test_the_csv_leaves_it_empty(session):
 
 async def test_the_api_says_null_and_the_metrics_say_nothing(robot, settings):
     settings.METRICS_TOKEN = "t" * 40
-    told = (await AsyncClient().get("/api/v1/robots/giraff/")).json()["robot"]
-    assert (told["charge"], told["charging"], told["docked"]) == (None, None, False)
+    shown = (await AsyncClient().get("/api/v1/robots/giraff/")).json()["robot"]
+    assert (shown["charge"], shown["charging"], shown["docked"]) == (None, None, False)
     metrics = (
         await AsyncClient().get(
             "/metrics", headers={"authorization": f"Bearer {settings.METRICS_TOKEN}"}
@@ -162,8 +162,8 @@ async def test_the_api_says_null_and_the_metrics_say_nothing(robot, settings):
 
 def test_a_robot_that_does_not_charge_says_so_in_the_api_though_its_state_left_it_out(robot):
     RobotPresence.objects.update(report=stored(messages.Battery(charge=0.5)))
-    told = Client().get("/api/v1/robots/giraff/").json()["robot"]
-    assert (told["charge"], told["charging"], told["docked"]) == (0.5, False, False)
+    shown = Client().get("/api/v1/robots/giraff/").json()["robot"]
+    assert (shown["charge"], shown["charging"], shown["docked"]) == (0.5, False, False)
 
 
 def test_home_assistant_is_told_unknown_and_not_off():

@@ -315,22 +315,22 @@ def test_robots_that_were_taken_together_are_renewed_apart_and_each_in_time(ana,
     for robot in robots:
         assert isinstance(store.take(robot, ana, f"peer-{robot.name}", now=NOW), store.TakeGranted)
     Session.objects.update(state="driving", driving_at=NOW, first_motion_at=NOW, seen_at=NOW)
-    keeper, told = Scheduler(), {robot.name: [] for robot in robots}
+    keeper, reasons = Scheduler(), {robot.name: [] for robot in robots}
     for look in range(21):
         seconds = look * 0.5
         while keeper.renew(after(seconds)):
-            for letter in keeper.outbox:
-                robot, suffix = topics.parse(letter.topic)
+            for outbound in keeper.outbox:
+                robot, suffix = topics.parse(outbound.topic)
                 assert suffix == "lease"
-                told[robot].append(seconds)
+                reasons[robot].append(seconds)
             keeper.outbox.clear()
-    assert all(at[0] == 0.0 for at in told.values())
+    assert all(at[0] == 0.0 for at in reasons.values())
     assert all(
         0.0 < later - at <= settings.LEASE_RENEWAL_SECONDS
-        for moments in told.values()
+        for moments in reasons.values()
         for at, later in pairwise(moments)
     )
-    assert len({tuple(moments) for moments in told.values()}) > 1, "all at once for ever"
+    assert len({tuple(moments) for moments in reasons.values()}) > 1, "all at once for ever"
 
 
 def test_that_nobody_drives_is_told_before_the_news_of_what_has_ended(giraff, ana):
@@ -344,7 +344,7 @@ def test_that_nobody_drives_is_told_before_the_news_of_what_has_ended(giraff, an
     assert keeper.renew(after(1))
     first, *others = keeper.outbox
     assert (first.topic, first.payload, first.retain) == (topics.of("giraff", "lease"), b"", True)
-    assert topics.session_notices(granted.session) in [letter.topic for letter in others]
+    assert topics.session_notices(granted.session) in [outbound.topic for outbound in others]
 
 
 def test_a_turn_has_an_end_while_somebody_waits_and_none_when_they_have_left(giraff, ana, ben):
@@ -432,7 +432,7 @@ def test_a_robot_that_cannot_drive_is_offered_to_none_and_places_are_kept(
     giraff.refresh_from_db()
     first = store.take(giraff, ana, "peer-1", now=NOW)
     second = store.take(giraff, ben, "peer-2", now=after(1))
-    assert [(told.place, told.reason) for told in (first, second)] == [
+    assert [(reasons.place, reasons.reason) for reasons in (first, second)] == [
         (1, f"paused: {reason}"),
         (2, f"paused: {reason}"),
     ]

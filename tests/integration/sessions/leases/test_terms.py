@@ -54,12 +54,12 @@ def provider():
 @pytest.fixture
 def giraff():
     # not NOW: between that and the test lie all tests before it
-    heard = timezone.now() + datetime.timedelta(hours=1)
+    calls = timezone.now() + datetime.timedelta(hours=1)
     return create_robot(
         name="giraff",
         title="Giraff",
         connection="ONLINE",
-        last_seen_at=heard,
+        last_seen_at=calls,
         max_linear=0.3,
         max_angular=0.5,
     )
@@ -101,9 +101,9 @@ def test_the_session_manager_renews_a_lease_with_its_terms(provider, giraff, ana
     keeper.begin()
     assert keeper.renew(after(1))
     leases = [
-        msgspec.json.decode(letter.payload, type=m.Lease)
-        for letter in keeper.outbox
-        if letter.topic.endswith("/lease") and letter.payload
+        msgspec.json.decode(outbound.payload, type=m.Lease)
+        for outbound in keeper.outbox
+        if outbound.topic.endswith("/lease") and outbound.payload
     ]
     assert [(lease.methods, lease.limits.linear) for lease in leases] == [(("keyboard",), 0.2)]
 

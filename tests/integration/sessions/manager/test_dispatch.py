@@ -228,27 +228,27 @@ def test_driving_a_call_a_way_of_its_own_a_stop_there_and_a_touch_of_the_page_ar
             from_robot(intake, suffix, message)
         return last_sign() == now[0] != before
 
-    said = {"session": session, "epoch": 1}
+    sent = {"session": session, "epoch": 1}
     command = m.AppliedCommand(
         seq=1, stamp=1.0, method="keyboard", way="mqtt", age=0.1, linear=0.2, angular=0.0
     )
     from_robot(intake, "state", words.state(1))
-    assert sign_after("state", words.state(2, **said))  # a page has come
-    assert not sign_after("state", words.state(3, **said))
-    assert sign_after("state", words.state(4, applied=(command,), **said))
-    assert sign_after("state", words.state(5, mode="goto", **said))
-    assert sign_after("state", words.state(6, call=m.CallState(status="accepted"), **said))
-    assert not sign_after("state", words.state(7, **said))
-    assert sign_after("state", words.state(8, safety=m.Safety(estop=True), **said)), (
+    assert sign_after("state", words.state(2, **sent))  # a page has come
+    assert not sign_after("state", words.state(3, **sent))
+    assert sign_after("state", words.state(4, applied=(command,), **sent))
+    assert sign_after("state", words.state(5, mode="goto", **sent))
+    assert sign_after("state", words.state(6, call=m.CallState(status="accepted"), **sent))
+    assert not sign_after("state", words.state(7, **sent))
+    assert sign_after("state", words.state(8, safety=m.Safety(estop=True), **sent)), (
         "a driver who waits for somebody to release the stop can do nothing"
     )
-    assert not sign_after("state", words.state(9, **said))
+    assert not sign_after("state", words.state(9, **sent))
     assert sign_after("page", protocol.PageEvent(stamp=1.0, type=protocol.HERE))
     assert not sign_after("page", protocol.PageEvent(stamp=1.0, type="blur"))
     assert not sign_after("state", words.state(10))  # its lease lapsed
     assert sign_after("page", protocol.PageEvent(stamp=1.0, type=protocol.HERE)), (
         "whatever the robot says of the visit just now"
     )
-    assert not sign_after("state", words.state(11, **said))
+    assert not sign_after("state", words.state(11, **sent))
     # the page was loaded again
     assert sign_after("state", words.state(12, session=session, epoch=2))

@@ -33,11 +33,11 @@ def session(robot, state, **fields):
 def test_robots_with_a_session_a_queue_or_a_way_home_are_needed_and_no_others(
     django_assert_num_queries,
 ):
-    driven, waited, recorded, over, away, _idle = robots(
+    driving, waited, recorded, over, away, _idle = robots(
         "driven", "waited", "recorded", "over", "away", "idle"
     )
     now = timezone.now()
-    session(driven, Session.State.DRIVING)
+    session(driving, Session.State.DRIVING)
     session(waited, Session.State.WAITING)
     session(recorded, Session.State.ENDED)
     session(over, Session.State.ENDED, closed_at=now)

@@ -80,9 +80,9 @@ class Situation:
     def look(self, now):
         liveness = {"giraff": self.liveness}
         self.outbox.extend(self.return_to_dock.tick(liveness, now, now.timestamp()))
-        said = [codec.decode("command/action", one.payload, "to_robot") for one in self.outbox]
+        published = [codec.decode("command/action", one.payload, "to_robot") for one in self.outbox]
         self.outbox.clear()
-        return said
+        return published
 
 
 @pytest.fixture
@@ -90,14 +90,14 @@ def situation():
     return Situation()
 
 
-def a_visit_ends(robot, visitor, now=NOW):
+def a_session_ends(robot, visitor, now=NOW):
     granted = store.take(robot, visitor, "p1", now=now)
     assert store.leave(granted.session, peer="p1", now=now)
     return Robot.objects.get(pk=robot.pk)
 
 
 def test_a_robot_that_was_left_somewhere_is_sent_home_by_the_server(giraff, ana, situation):
-    a_visit_ends(giraff, ana)
+    a_session_ends(giraff, ana)
     situation.says(after(1), docked=False)
     (dock,) = situation.look(after(1))
     assert isinstance(dock, m.Dock)
@@ -119,7 +119,7 @@ STOPPED = m.Safety(inhibited="stopped")
 
 
 def test_a_robot_that_is_stopped_on_its_way_is_ordered_nothing(giraff, ana, situation):
-    a_visit_ends(giraff, ana)
+    a_session_ends(giraff, ana)
     situation.says(after(1), docked=False)
     (dock,) = situation.look(after(1))
     cancelled = m.ActionStatus(action_id=dock.action_id, status="CANCELLED", stamp=1.0)
@@ -138,7 +138,7 @@ def test_a_robot_that_is_stopped_on_its_way_is_ordered_nothing(giraff, ana, situ
 def test_a_robot_that_was_stopped_between_visits_is_given_to_a_new_driver(
     giraff, ana, ben, situation
 ):
-    robot = a_visit_ends(giraff, ana)
+    robot = a_session_ends(giraff, ana)
     situation.says(after(1), docked=False, safety=STOPPED)
     assert situation.look(after(1)) == []
     assert store.pause_of(robot) == ""
@@ -149,7 +149,7 @@ def test_a_robot_that_was_stopped_between_visits_is_given_to_a_new_driver(
 
 
 def test_the_queue_of_a_robot_that_was_stopped_between_visits_goes_on(giraff, ana, ben, situation):
-    robot = a_visit_ends(giraff, ana)
+    robot = a_session_ends(giraff, ana)
     assert isinstance(store.take(robot, ben, "p2", now=after(1)), store.Queued)
     situation.says(after(2), docked=False, safety=STOPPED)
     situation.look(after(2))
@@ -160,7 +160,7 @@ def test_the_queue_of_a_robot_that_was_stopped_between_visits_goes_on(giraff, an
 def test_a_returning_robot_is_given_to_none_and_waiting_visitors_learn_why(
     giraff, ana, ben, situation
 ):
-    robot = a_visit_ends(giraff, ana)
+    robot = a_session_ends(giraff, ana)
     queued = store.take(robot, ben, "p2", now=after(1))
     assert isinstance(queued, store.Queued)
     assert queued.reason == "returning: dock"
@@ -188,9 +188,9 @@ def test_an_offer_is_taken_back_when_the_robot_is_not_ready_after_all(giraff, an
 
 
 @pytest.fixture
-def taken_on_its_way(giraff, ana, ben, situation):
+def taken_while_returning(giraff, ana, ben, situation):
     """What a robot was ordered that an operator has taken while it goes home."""
-    robot = a_visit_ends(giraff, ana)
+    robot = a_session_ends(giraff, ana)
     situation.says(after(1), docked=False)
     (dock,) = situation.look(after(1))
     RobotPermit.objects.create(robot=robot, user=ben, kind="operator")
@@ -199,10 +199,10 @@ def taken_on_its_way(giraff, ana, ben, situation):
 
 
 def test_an_operator_may_take_a_robot_that_is_stuck_and_what_was_ordered_is_taken_back(
-    taken_on_its_way, situation
+    taken_while_returning, situation
 ):
     (cancel,) = situation.look(after(3))
-    assert (type(cancel), cancel.target) == (m.Cancel, taken_on_its_way.action_id)
+    assert (type(cancel), cancel.target) == (m.Cancel, taken_while_returning.action_id)
     assert Robot.objects.get().presence.turnaround == "ready"
 
 
@@ -214,16 +214,18 @@ def away(execute, sql, *args):
 
 
 @pytest.mark.django_db(transaction=True)
-def test_a_cancelled_order_is_published_even_if_the_database_fails(taken_on_its_way, situation):
+def test_a_cancelled_order_is_published_even_if_the_database_fails(
+    taken_while_returning, situation
+):
     with connection.execute_wrapper(away), pytest.raises(OperationalError):
         situation.look(after(3))
     (cancel,) = situation.look(after(4))
-    assert (type(cancel), cancel.target) == (m.Cancel, taken_on_its_way.action_id)
+    assert (type(cancel), cancel.target) == (m.Cancel, taken_while_returning.action_id)
 
 
 @pytest.mark.django_db(transaction=True)
 def test_an_order_that_the_database_refused_is_given_at_the_next_look(giraff, ana, situation):
-    a_visit_ends(giraff, ana)
+    a_session_ends(giraff, ana)
     RobotPresence.objects.update(turnaround_reason="")
     situation.says(after(1), docked=False)
     with connection.execute_wrapper(away), pytest.raises(OperationalError):
@@ -235,7 +237,7 @@ def test_an_order_that_the_database_refused_is_given_at_the_next_look(giraff, an
 def test_a_robot_that_cannot_get_home_pauses_the_queue_and_says_why_and_is_tried_again(
     giraff, ana, situation
 ):
-    a_visit_ends(giraff, ana)
+    a_session_ends(giraff, ana)
     for second in range(1, 60):
         situation.says(after(second), docked=False)
         for action in situation.look(after(second)):
@@ -258,7 +260,7 @@ def test_a_robot_that_cannot_get_home_pauses_the_queue_and_says_why_and_is_tried
 
 
 def test_a_session_manager_that_starts_anew_goes_on_with_robots_under_way(giraff, ana, situation):
-    a_visit_ends(giraff, ana)
+    a_session_ends(giraff, ana)
     situation.says(after(1), docked=False)
     assert situation.look(after(1))
     situation.return_to_dock = ReturnToDock()
@@ -271,7 +273,7 @@ def test_a_session_manager_that_starts_anew_goes_on_with_robots_under_way(giraff
 def test_a_robot_that_need_not_or_cannot_go_home_is_free_at_once(giraff, ana, ben, change):
     update_robots(**change)
     giraff.refresh_from_db()
-    robot = a_visit_ends(giraff, ana)
+    robot = a_session_ends(giraff, ana)
     assert robot.presence.turnaround == "ready"
     assert isinstance(store.take(robot, ben, "p2", now=after(1)), store.TakeGranted)
 
@@ -291,7 +293,7 @@ def test_a_robot_is_ready_only_after_its_camera_gave_a_picture(giraff, ana, situ
     RobotPresence.objects.update(
         factsheet={**FACTS, "capabilities": ["velocity", "dock", "tilt", "photo"]}
     )
-    a_visit_ends(giraff, ana)
+    a_session_ends(giraff, ana)
     situation.says(after(1), docked=True, session="s1")
     assert situation.look(after(1)) == [], (
         "it still has its last driver, whose record the picture would be in"
@@ -315,7 +317,7 @@ def test_a_robot_is_ready_only_after_its_camera_gave_a_picture(giraff, ana, situ
 def test_a_robot_that_answers_too_late_pauses_the_queue_until_its_network_is_better(
     giraff, ana, situation
 ):
-    a_visit_ends(giraff, ana)
+    a_session_ends(giraff, ana)
     for second in (1, 2, 2 + LATE):
         situation.says(after(second), docked=True, trip=0.9)
         situation.look(after(second))
@@ -327,7 +329,7 @@ def test_a_robot_that_answers_too_late_pauses_the_queue_until_its_network_is_bet
 
 
 def test_a_robot_that_answers_no_beat_is_not_ready(giraff, ana, situation):
-    a_visit_ends(giraff, ana)
+    a_session_ends(giraff, ana)
     situation.liveness.take(words.state(1, tilt=0.28, docked=True), after(1).timestamp())
     situation.look(after(1))
     assert store.pause_of(giraff) == "returning: network"

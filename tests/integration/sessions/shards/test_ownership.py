@@ -65,7 +65,7 @@ def take_away():
 
 
 def state(session: str, seq: int) -> StateItem:
-    said = messages.State(
+    published = messages.State(
         stamp=float(seq),
         boot="b",
         seq=seq,
@@ -75,7 +75,7 @@ def state(session: str, seq: int) -> StateItem:
         velocity=messages.Velocity(linear=0, angular=0),
         battery=messages.Battery(charge=1),
     )
-    return StateItem("giraff", said, codec.encode(said), NOW.timestamp() + seq, None)
+    return StateItem("giraff", published, codec.encode(published), NOW.timestamp() + seq, None)
 
 
 def test_a_takeover_counts_up_the_epochs_of_what_it_takes_alone(owner):
