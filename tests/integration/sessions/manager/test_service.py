@@ -409,11 +409,7 @@ async def test_states_that_an_agent_no_longer_has_are_counted_as_missing(broker,
         # however soon it is asked, it is killed before it answers
         robot.loses, robot.answers = (lambda seq: first <= seq < first + 4), False
         await wait_for(lambda: robot.seq > first + 6)
-        robot.presence.boot, robot.seq, robot.buffer = (
-            "boot-2",
-            0,
-            {},
-        )  # the agent was killed and is back
+        robot.boot, robot.seq, robot.buffer = "boot-2", 0, {}  # the agent was killed and is back
         robot.loses, robot.answers = (lambda _seq: False), True
         missing = await wait_for(
             lambda: SessionEvent.objects.filter(session=session, type="states_missing").first(),
