@@ -9,16 +9,14 @@ from django.utils.translation import gettext_lazy as _
 
 
 class TelepresenceSessionsConfig(AppConfig):
-    """Visits to robots. The label differs from the package because Django has an app called
-    sessions.
-    """
+    """Sessions with robots. The label differs because Django has an app `sessions`."""
 
     name = "sessions"
     label = "telepresence_sessions"
     verbose_name = _("Sessions with robots")
 
     def ready(self) -> None:
-        """Have open pages look again whether they may stay when what allows it has changed."""
+        """Have open pages check whether they may stay when permissions may have changed."""
         from accounts.models import User
         from robots.access import register_guest_rule
         from robots.models import Robot, RobotPermit

@@ -1,9 +1,9 @@
-"""Which profile of the drive page somebody is offered first. What each shows stands in
-static/js/view/display/profiles.js, under the same names.
+"""The profile of the drive page that a visitor gets first. static/js/view/display/profiles.js has
+their contents, under the same names.
 
-`standard` is the page as a robot's owner has set it up: what a study compares with, and what a
-visitor gets of whom nothing is known. This app knows no questionnaires; one above it that does
-registers a rule (in its AppConfig.ready).
+`standard` is the page as the robot's owner has set it up, the baseline of studies and the profile
+of unknown visitors. This app knows no questionnaires; one above it that does registers a rule (in
+its AppConfig.ready).
 """
 
 from collections.abc import Callable
@@ -20,13 +20,11 @@ _rules: list[Rule] = []
 
 
 def suggest_by(rule: Rule) -> None:
-    """Have a rule asked from now on; registering twice does nothing."""
+    """Add a rule; registering twice has no effect."""
     if rule not in _rules:
         _rules.append(rule)
 
 
 def suggested_to(user: "User") -> Interface | None:
-    """Return what the first rule with an opinion suggests to a visitor; None when
-    nobody has one.
-    """
+    """Return the suggestion of the first rule that has one for a visitor; None without one."""
     return next((found for rule in _rules if (found := rule(user)) is not None), None)

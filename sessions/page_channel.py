@@ -1,9 +1,9 @@
-"""What Django code, in whatever web process it runs, tells open pages through the channel layer.
+"""Messages of Django code, in any web process, to open pages through the channel layer.
 
-A page is in the group of its robot and in that of its visitor. It is told to look again whether it
-may stay, or a notice for its session. What robots and the session manager say comes by the broker
-instead; and what the layer loses, because Redis is away or the sender is a process without one, a
-page finds by itself when it looks into the database, a minute later at most.
+A page is in the group of its robot and in that of its visitor. It receives requests to check
+whether it may stay, and notices of its session. Messages of robots and of the session manager take
+the broker instead. If the layer loses a message, because Redis is away or the sender is a process
+without it, the page's own check of the database has the same effect within a minute.
 """
 
 import asyncio
@@ -49,8 +49,8 @@ def visitor_group(user: Any) -> str:
 
 
 def check_pages(group: str, *, session: str | None = None) -> None:
-    """Have pages look again whether they may stay, and where their session stands, as soon as what
-    was changed in the database is there for all; only the page of `session` when that is given.
+    """Have pages check whether they may stay, and the state of their session, as soon as the
+    present transaction is committed; only the page of `session` when that is given.
     """
     transaction.on_commit(functools.partial(_send, group, {"type": CHECK, "session": session}))
 
@@ -62,7 +62,7 @@ def send_notice(robot: str, notice: protocol.Notice) -> bool:
 
 
 async def send_words(robot: str, session: str, frame: str) -> None:
-    """Send words of a session that waits to its page and to the robot's displays."""
+    """Send a chat message of a waiting session to its page and to the robot's displays."""
     event = {"type": WORDS, "session": session, "frame": frame}
     for group in (robot_group(robot), screen_group(robot)):
         await tell(group, event)
@@ -84,9 +84,7 @@ async def tell(group: str, event: Event) -> bool:
 
 
 async def listen(groups: tuple[str, ...], handle: Callable[[Event], None]) -> None:
-    """Hand every event of these groups to `handle`, until cancelled; while the layer is away, try
-    again and again.
-    """
+    """Pass every event of these groups to `handle`; retry while the layer is away."""
     layer = _layer()
     while True:
         channel = ""
@@ -107,7 +105,7 @@ async def listen(groups: tuple[str, ...], handle: Callable[[Event], None]) -> No
 def _hand(handle: Callable[[Event], None], event: Event) -> None:
     try:
         handle(event)
-    except Exception:  # the page must get the events that follow
+    except Exception:  # the page must receive later events
         log.exception("event_failed", kind=event.get("type"))
 
 

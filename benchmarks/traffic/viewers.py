@@ -20,7 +20,7 @@ from robots.agent.media.webrtc.aiortc_hooks import ask_key_frame
 from robots.api import messages as m
 from robots.api.codec import encode_frame
 from sessions import protocol
-from sessions.sfu.broadcast import Tell, ToSfu
+from sessions.sfu.broadcast import Send, ToSfu
 from tests.support.media.sfu_rig import SfuPage
 
 BLIND = 2.0  # s without another picture, or since the SFU hung up, until the next attempt
@@ -100,7 +100,7 @@ class LightViewer:
 
     # --- what a page asks of its server -----------------------------------------------------------
 
-    def join(self, _peer: str, tell: Tell) -> None:
+    def join(self, _peer: str, tell: Send) -> None:
         """Have the page told what the SFU says."""
         self._tell = tell
 
@@ -136,7 +136,7 @@ class Viewers:
         return len(self._viewers)
 
     def all_saw(self, since: float) -> bool:
-        """Tell whether each of them has seen a picture after a moment."""
+        """Send whether each of them has seen a picture after a moment."""
         return all(viewer.page.seen[-1:] > [since] for viewer in self._viewers)
 
     def seen(self) -> list[list[float]]:

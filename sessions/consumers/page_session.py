@@ -33,8 +33,7 @@ from sessions.consumers.sender import Sender
 from sessions.leases import store
 from sessions.leases.terms import Terms
 from sessions.models import Session
-from sessions.sfu import broadcasts
-from sessions.sfu.broadcast import ToSfu
+from sessions.sfu.broadcast import ToSfu, broadcast_of, has_sfu
 
 log = structlog.stdlib.get_logger(__name__)
 MAX_WAITING_VERBS = 5
@@ -116,18 +115,15 @@ class PageSession:
         match taken:
             case store.TakeGranted():
                 self._granted(taken)
-            case store.TakeQueued(session, place, minutes, reason):
+            case protocol.Queued(session=session):
                 self._follow(session)
                 self.authorization.wait(session)
-                self.sender.notify(
-                    protocol.Queued(session=session, place=place, minutes=minutes, reason=reason)
-                )
-            case store.TakeRefused(reason, session, since):
-                outcome = await self._how_it_ended(session) if reason == "ended" else ""
-                self.sender.post(
-                    "session/refused",
-                    protocol.Refused(reason=reason, session=session, outcome=outcome, since=since),
-                )
+                self.sender.notify(taken)
+            case protocol.Refused(reason="ended", session=session):
+                outcome = await self._how_it_ended(session)
+                self.sender.post("session/refused", msgspec.structs.replace(taken, outcome=outcome))
+            case protocol.Refused():
+                self.sender.post("session/refused", taken)
 
     async def _how_it_ended(self, session: str | None) -> str:
         """Return the outcome of a session whose page was not there to hear it; empty when it is not
@@ -167,8 +163,6 @@ class PageSession:
         if session is not None and self.authorization.standing == "driver":
             chosen = await query(
                 queries.choose_assist,
-                self.robot,
-                self.user,
                 session,
                 verb.level,
                 peer=self.authorization.peer,
@@ -192,7 +186,7 @@ class PageSession:
         by_sfu = self.authorization.by_sfu
         if not self.authorization.watches:
             operates = self.authorization.operator is not None
-            sfu = broadcasts.is_set_up()
+            sfu = has_sfu()
             by_sfu = sfu and not self.peers.has_place_beside_sfu(self.known, operates=operates)
             if not sfu and not self.peers.has_place(self.known):
                 self.sender.post("session/refused", protocol.Refused(reason="observers_full"))
@@ -202,7 +196,7 @@ class PageSession:
     def _watch(self, *, by_sfu: bool) -> None:
         self.authorization.observe(by_sfu=by_sfu)
         if by_sfu:
-            broadcast = broadcasts.broadcast_of(self.robot.name, self.bridge)
+            broadcast = broadcast_of(self.robot.name, self.bridge)
             broadcast.join(self.authorization.peer, self._tell_of_sfu)
         observing = protocol.Observing(ice_servers=self._ice_servers(), sfu=by_sfu)
         self.sender.post("session/observing", observing)
@@ -217,13 +211,13 @@ class PageSession:
         is_ours = inbound.suffix == f"{protocol.SIGNAL}/{page.peer}/reply"
         if not is_ours or not page.watches or page.by_sfu:
             return False
-        if broadcasts.is_set_up():
+        if has_sfu():
             self._watch(by_sfu=True)
         return page.by_sfu
 
     def tell_sfu(self, message: ToSfu) -> None:
         """Tell the SFU what the page says to it."""
-        broadcast = broadcasts.broadcast_of(self.robot.name, self.bridge)
+        broadcast = broadcast_of(self.robot.name, self.bridge)
         # it may be another one than that which the page came to
         broadcast.join(self.authorization.peer, self._tell_of_sfu)
         broadcast.take(self.authorization.peer, message)
@@ -233,7 +227,7 @@ class PageSession:
 
     def _leave_sfu(self) -> None:
         if self.authorization.by_sfu:
-            broadcast = broadcasts.broadcast_of(self.robot.name, self.bridge)
+            broadcast = broadcast_of(self.robot.name, self.bridge)
             broadcast.leave(self.authorization.peer)
 
     async def _leave(self, verb: protocol.Leave) -> None:
@@ -316,7 +310,6 @@ class PageSession:
             standing = await query(
                 queries.session_status_of,
                 self.robot,
-                self.user,
                 session,
                 epoch=self.authorization.epoch,
                 peer=self.authorization.peer,

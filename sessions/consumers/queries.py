@@ -22,6 +22,7 @@ from sessions.consumers.authorization import Operator
 from sessions.leases import store as turns
 from sessions.leases import terms
 from sessions.models import Lease, Session
+from sessions.protocol import Refused
 
 Answer = Literal["welcome", "signed_out", "not_allowed"]
 
@@ -173,7 +174,7 @@ def take(
     robot.refresh_from_db()
     verdict = may_drive(user, robot)
     if not verdict:
-        return turns.TakeRefused(verdict.reason)  # type: ignore[arg-type]
+        return Refused(reason=verdict.reason)  # type: ignore[arg-type]
     held = turns.holder_of(robot, user)
     if held is not None and turns.is_free_drive(held) and terms.claims(user, robot):
         # What was driven for oneself is no part of what begins now, and the robot goes home in
@@ -182,7 +183,7 @@ def take(
         held = session = None
     reason = terms.why_not(user, robot, now)
     if reason and held is None:  # whoever drives already may finish
-        return turns.TakeRefused(reason)  # type: ignore[arg-type]
+        return Refused(reason=reason)  # type: ignore[arg-type]
     return turns.take(
         robot,
         user,
@@ -196,7 +197,7 @@ def take(
 
 
 def session_status_of(
-    robot: Robot, user: User, session: str, *, epoch: int, peer: str, now: datetime.datetime
+    robot: Robot, session: str, *, epoch: int, peer: str, now: datetime.datetime
 ) -> SessionStatus:
     """Return where a session stands, for a page that thinks it drives (with `epoch` and `peer`) or
     waits (epoch 0).
@@ -204,7 +205,8 @@ def session_status_of(
     row = Session.objects.filter(pk=session).first()
     if row is None or row.state == Session.State.ENDED:
         return SessionStatus("ended", row.outcome if row else "", row.outcome_reason if row else "")
-    lease = Lease.objects.filter(robot=robot, session=session).first()
+    rows = Lease.objects.select_related("robot", "session__visitor")
+    lease = rows.filter(robot=robot, session=session).first()
     if lease is None:
         left = (
             None
@@ -214,22 +216,11 @@ def session_status_of(
         return SessionStatus(row.state, seconds=left if left is not None and left > 0.0 else None)
     if (lease.epoch, lease.peer) != (epoch, peer):
         return SessionStatus(row.state, moved=True)
-    hold = turns.hold_of(lease)
-    who, fixed = user.sent_name, terms.of(row)
-    message = turns.lease_message(
-        robot,
-        who,
-        hold,
-        renewal=lease.renewal,
-        stamp=now.timestamp(),
-        assist=row.assist,
-        fixed=fixed,
-    )
-    return SessionStatus(row.state, lease=message)
+    return SessionStatus(row.state, lease=turns.message_of(lease, now))
 
 
 def choose_assist(
-    robot: Robot, user: User, session: str, level: str, *, peer: str, now: datetime.datetime
+    session: str, level: str, *, peer: str, now: datetime.datetime
 ) -> m.Lease | Literal["not_driver", "fixed"]:
     """Note how much help a driver wants, and return the lease that says so; or why not: this page
     does not drive, or has no choice.
@@ -238,20 +229,8 @@ def choose_assist(
     fixed = terms.FREE if row is None else terms.of(row)
     if fixed.assist is not None:
         return "fixed"
-    chosen = turns.set_assist(session, level, peer=peer)
-    if chosen is None:
-        return "not_driver"
-    hold, renewal = chosen
-    robot.refresh_from_db()
-    return turns.lease_message(
-        robot,
-        user.sent_name,
-        hold,
-        renewal=renewal,
-        stamp=now.timestamp(),
-        assist=level,
-        fixed=fixed,
-    )
+    lease = turns.set_assist(session, level, peer=peer)
+    return "not_driver" if lease is None else turns.message_of(lease, now)
 
 
 def outcome_of(session: str) -> tuple[str, str]:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from experiments.analysis.dataset.records import Columns, Floats
 from experiments.analysis.metrics.path import DrivenPath, driven_path, turned
-from sessions.recording.sequence_tracker import WIDEST
+from sessions.recording.sequence_tracker import MAX_GAP
 
 STANDING, GOING = 0.02, 0.05  # m/s
 TURNING = 0.05  # rad/s
@@ -69,7 +69,7 @@ class Trajectory:
         """
         skipped = np.diff(self.states["seq"]) - 1.0
         alike = np.diff(self.states["boot"]) == 0.0
-        return int(skipped[alike & (skipped > 0.0) & (skipped < WIDEST)].sum())
+        return int(skipped[alike & (skipped > 0.0) & (skipped < MAX_GAP)].sum())
 
     def share_seen(self, seconds: float) -> float:
         """Return the share of a time, in seconds, of which there are states; NaN of no time."""

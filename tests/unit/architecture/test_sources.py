@@ -112,7 +112,7 @@ def test_broad_excepts_stand_only_where_a_loop_must_outlive_everything():
     listeners = {
         "robots/bridge/bridge.py",
         "robots/bridge/delivery.py",
-        "robots/bridge/inbox.py",
+        "robots/bridge/broker_address.py",
         "sessions/consumers/robot_page.py",
         "sessions/page_channel.py",
     }

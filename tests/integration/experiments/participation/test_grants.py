@@ -220,7 +220,7 @@ def test_when_every_place_is_taken_nobody_new_may_ask(robot):
     ada, ben, cem = comers(study, 3)
     drives(robot, ada)
     drives(robot, ben)
-    assert take(robot, cem.user) == store.TakeRefused("full")
+    assert take(robot, cem.user) == store.Refused(reason="full")
     assert not Session.objects.filter(visitor=cem.user).exists()
 
 
@@ -242,14 +242,14 @@ def test_a_study_that_is_closed_at_this_hour_lets_nobody_begin(robot):
     yesterday = (timezone.now().weekday() + 3) % 7
     hours = [{"days": [yesterday], "start": "09:00", "end": "09:01"}]
     participant = p.comer(p.published(small_study(), opening_hours=hours), person("ada"))
-    assert take(robot, participant.user) == store.TakeRefused("closed")
+    assert take(robot, participant.user) == store.Refused(reason="closed")
 
 
 def test_an_exclusive_study_keeps_its_robot_from_everybody_else(robot):
     study = p.published(small_study(), exclusive=True)
     participant, stranger, operator = p.comer(study, person("ada")), person("ben"), person("olga")
     RobotPermit.objects.create(robot=robot, user=operator, kind="operator")
-    assert take(robot, stranger) == store.TakeRefused("reserved")
+    assert take(robot, stranger) == store.Refused(reason="reserved")
     assert isinstance(take(robot, operator), store.TakeGranted)
     store.end(str(Session.objects.get().pk), "cancelled", "left", timezone.now())
     RobotPresence.objects.update(turnaround="ready")
@@ -331,7 +331,7 @@ def test_a_drive_that_was_driven_is_not_driven_again(robot, study):
     participant = p.comer(study, person("ada"))
     drive = drives(robot, participant)
     Drive.objects.filter(pk=drive.pk).update(exposed=True)
-    assert take(robot, participant.user) == store.TakeRefused("not_allowed")
+    assert take(robot, participant.user) == store.Refused(reason="not_allowed")
 
 
 def test_a_draft_is_for_pilots_and_bots(robot, study):
@@ -378,7 +378,7 @@ def test_who_drives_for_themselves_and_then_takes_part_begins_anew_from_the_stat
     Session.objects.filter(pk=free).update(state="driving", first_motion_at=timezone.now())
     p.comer(study, user)
     queued = take(robot, user)
-    assert isinstance(queued, store.TakeQueued)
+    assert isinstance(queued, store.Queued)
     assert queued.reason.startswith("returning")
     before = Session.objects.get(pk=free)
     assert (before.state, before.outcome, before.outcome_reason, before.terms) == (

@@ -245,7 +245,7 @@ def test_a_held_robot_lets_its_driver_go_on_and_gives_nobody_else_a_turn(client,
     assert store.pause_of(robot) == "held: a new carpet"
     store.end(str(drive.session_id), "completed", "", timezone.now())
     waiting = store.take(Robot.objects.get(), person("bob"), "peer", now=timezone.now())
-    assert isinstance(waiting, store.TakeQueued)
+    assert isinstance(waiting, store.Queued)
     assert waiting.reason == "held: a new carpet"
     assert act(client, act="release", robot="giraff").status_code == 200
     assert store.pause_of(robot) == ""

@@ -36,7 +36,7 @@ class Kept(list):
 
 
 class Look:
-    """A connection without its client, whose clock stands still."""
+    """A connection without its client, and with a stopped clock."""
 
     def __init__(self):
         self.now, self.ownership = 1000.0, Ownership(lambda: self.now)
@@ -129,7 +129,7 @@ def test_the_presence_of_a_robot_that_is_anothers_by_now_is_left_to_its_owner(lo
     look.ownership.become({n: epoch for n, epoch in look.epochs.items() if n != GIRAFF})
     look.tick()
     assert connection_of_giraff() != "ONLINE"
-    RobotPresence.objects.update(connection="ONLINE", boot="b1")  # by its owner meanwhile
+    RobotPresence.objects.update(connection="ONLINE", boot="b1")  # by its owner
     look.ownership.become(look.epochs)
     look.hear(words.broken())
     look.tick()
@@ -140,7 +140,7 @@ def test_a_row_is_read_anew_when_shards_changed_hands_while_there_was_no_connect
     look.hear(words.online())
     look.tick()
     look.ownership.become({n: epoch for n, epoch in look.epochs.items() if n != GIRAFF})
-    RobotPresence.objects.update(connection="CONNECTIONBROKEN")  # by its owner meanwhile
+    RobotPresence.objects.update(connection="CONNECTIONBROKEN")  # by its owner
     look.ownership.become(look.epochs)
     look.reconnect()
     look.hear(words.online())
@@ -154,7 +154,7 @@ def test_a_row_is_read_anew_although_the_database_was_away_when_shards_changed_h
     look.hear(words.online())
     look.tick()
     look.ownership.become({n: epoch for n, epoch in look.epochs.items() if n != GIRAFF})
-    RobotPresence.objects.update(connection="CONNECTIONBROKEN")  # by its owner meanwhile
+    RobotPresence.objects.update(connection="CONNECTIONBROKEN")  # by its owner
     look.ownership.become(look.epochs)
 
     def away(*_, **__):
