@@ -5,8 +5,10 @@
 
 import { unixNow } from "../lib/clock.js";
 import { freshId } from "../lib/ids.js";
+import { toRead } from "../lib/reading_time.js";
 import { ClockSync } from "../protocol/clock_sync.js";
 import { CommandStream } from "../protocol/command_stream.js";
+import { wordOfDenial } from "../protocol/denials.js";
 import { Link } from "../protocol/link.js";
 import { createNetworkReport } from "../protocol/network_report.js";
 import { Peer } from "../protocol/peer.js";
@@ -32,6 +34,8 @@ const ROUND_TRIPS = 5;
 const newSlice = () => ({
   /** what fails, as the server says: sessions/protocol.py Fault */
   faults: /** @type {ShownFault[]} */ ([]),
+  /** what the server has just denied, and for how long that is read; null for nothing */
+  denial: /** @type {ReturnType<typeof toRead> | null} */ (null),
   /** whether a WebSocket that is open brings nothing any more */
   serverSilent: false,
   /**
@@ -77,11 +81,16 @@ const setUp = (page) => {
       denied: (/** @type {any} */ message) => {
         count(`${message.suffix} ${message.reason}`);
         page.session.dispatch({ type: "denied", message });
+        const word = wordOfDenial(message);
+        if (word) {
+          store.update({ denial: toRead(page.words, word), now: unixNow() });
+        }
       },
       event: () => undefined, // for the record that others keep
     },
     on: {
       granted: () => (grantedAt = unixNow()),
+      phase: () => store.update({ denial: null }),
       linkOpening: () => {
         clockSync.reset("datachannel");
         network.begin();

@@ -12,6 +12,8 @@
  * new link is opened until one lives.
  */
 
+import { isPassing } from "./denials.js";
+
 /**
  * @typedef {"connecting" | "lobby" | "taking" | "queued" | "turn" | "driving" | "watching"
  *   | "elsewhere" | "refused" | "ended" | "closed"} Phase
@@ -59,6 +61,8 @@
  * @property {number | null} turnEnds Unix time at which the turn ends, once the server has warned
  * @property {{session: string, peer?: string} | null} unsaid a visit that was left and whose end
  *   the server has not confirmed
+ * @property {boolean} observesAgain whether video was denied while the visitor waits, and is asked
+ *   for again
  * @property {string} reason why it was refused, ended or closed, in one of the server's words
  */
 
@@ -98,6 +102,7 @@ export const newVisit = () => ({
   signingUntil: null,
   turnEnds: null,
   unsaid: null,
+  observesAgain: false,
   reason: "",
 });
 
@@ -190,6 +195,7 @@ const OVER = /** @type {const} */ ({
   sfu: false,
   sfuLost: false,
   attempt: 0,
+  observesAgain: false,
   liveElsewhere: false,
   liveSince: null,
 });
@@ -269,6 +275,7 @@ const HANDLERS = {
         iceServers: message.iceServers,
         sfu: false,
         sfuLost: false,
+        observesAgain: false,
         link: kept ? "live" : "connecting",
         returning: visit.returning || message.resumed,
         takeover: false,
@@ -330,6 +337,7 @@ const HANDLERS = {
       iceServers,
       sfu,
       sfuLost: false,
+      observesAgain: false,
       link: /** @type {const} */ ("connecting"),
       reason: "",
     };
@@ -353,7 +361,8 @@ const HANDLERS = {
       ];
     }
     if (waits(visit) && ["observers_full", "not_allowed", "private"].includes(message.reason)) {
-      return [{ link: "none" }, [{ type: "close_link" }]]; // waiting goes on without a picture
+      // waiting goes on without a picture
+      return [{ link: "none", observesAgain: false }, [{ type: "close_link" }]];
     }
     if (message.reason !== "ended") {
       return over(message.reason === "private" ? "lobby" : "refused", message.reason);
@@ -405,12 +414,23 @@ const HANDLERS = {
   no_answer: (visit) => [
     {},
     visit.socket === "open"
-      ? [...leaveAgain(visit), ...(visit.phase === "taking" ? askAgain(visit) : [])]
+      ? [
+          ...leaveAgain(visit),
+          ...(visit.phase === "taking" ? askAgain(visit) : []),
+          ...(visit.observesAgain ? [send("session/observe")] : []),
+        ]
       : [],
   ],
-  denied: (_visit, { message }) => [
-    message.suffix === "session/leave" && message.reason !== "unavailable" ? { unsaid: null } : {},
-  ],
+  denied: (visit, { message }) => {
+    if (message.suffix === "session/leave") {
+      return [isPassing(message) ? {} : { unsaid: null }];
+    }
+    return [
+      message.suffix === "session/observe" && waits(visit)
+        ? { observesAgain: isPassing(message) }
+        : {},
+    ];
+  },
 
   drive: (visit, { now }) =>
     ask(visit, {
@@ -469,8 +489,9 @@ const HANDLERS = {
  */
 const openLink = (role, iceServers, attempt) => ({ type: "open_link", role, iceServers, attempt });
 
-/** Whether the page has said something that the server has not answered. @param {Visit} visit */
-export const awaitsAnswer = ({ phase, unsaid }) => phase === "taking" || unsaid !== null;
+/** Whether the page has asked for something that it has to ask for again. @param {Visit} visit */
+export const awaitsAnswer = ({ phase, unsaid, observesAgain }) =>
+  phase === "taking" || unsaid !== null || observesAgain;
 
 /**
  * Whether a sign that was asked for is given again: until the server has it, or has stopped

@@ -3,6 +3,7 @@
  * readings.js shows it.
  */
 
+import { isUnsettled } from "../../protocol/denials.js";
 import { roleOf } from "../../protocol/session.js";
 import { isAnswered, offersAround, wayOut } from "../../autonomy/offer.js";
 import { wordOf } from "../../autonomy/assistance.js";
@@ -27,18 +28,17 @@ export const alertFor = (state) => {
   if (!roleOf(visit)) {
     const asks = visit.phase !== "lobby" && visit.phase !== "closed";
     const lost = visit.socket === "lost" || state.serverSilent;
-    return !asks
-      ? null
-      : lost
-        ? { word: "alert.server", tone: "busy" }
-        : ["taking", "queued", "turn"].includes(visit.phase)
-          ? faultAlert(state)
-          : null;
+    if (asks && lost) {
+      return { word: "alert.server", tone: "busy" };
+    }
+    const fault = ["taking", "queued", "turn"].includes(visit.phase) ? faultAlert(state) : null;
+    return fault ?? denialAlert(state);
   }
   return (
     robotAlert(state) ??
     faultAlert(state) ??
     linkAlert(state) ??
+    denialAlert(state) ??
     (robot
       ? (answerAlert(state) ??
         slowAlert(state) ??
@@ -193,6 +193,16 @@ const linkAlert = ({ visit, robot, slow, playing, still, stuck, serverSilent }) 
   }
   return null;
 };
+
+/**
+ * A request of the visitor that the server has just denied.
+ * @param {import("../../drive/features.js").State} state
+ * @returns {ReturnType<typeof alertFor>}
+ */
+const denialAlert = ({ denial, visit, now }) =>
+  denial && now < denial.until && isUnsettled(denial.word, visit)
+    ? { word: denial.word, tone: "busy" }
+    : null;
 
 /** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
 const slowAlert = ({ visit, roundTrip, stuck }) =>
