@@ -404,7 +404,8 @@ class PageSession:
         """
         welcome = await query(queries.welcome, self.session_key, self.user, self.robot)
         answer = welcome.answer
-        if answer == "welcome":
+        if answer == "welcome" and welcome.user is not None:
+            self.user = welcome.user
             self.may_observe, self.authorization.operator = welcome.may_observe, welcome.operator
             told_before = not self.authorization.private
             self.note_private(welcome.private)
