@@ -17,7 +17,7 @@ from django.utils import timezone
 from robots import log_ids
 from robots.api import picture
 from robots.api.messages import Action, ActionStatus, Message, Say
-from robots.bridge.delivery import FAULTS, LINK, ReceivedMessage
+from robots.bridge.delivery import LINK, ReceivedMessage
 from robots.ice import IceCredentials
 from sessions import page_channel, protocol
 from sessions.audience.audience import audience_of
@@ -252,11 +252,8 @@ class RobotConsumer(RobotPageConsumer):
             unsure = self.page_session.lost_lease(inbound.message)
             if (work := self.page_session.privacy_changed()) is not None:
                 self._launch(work)
-        elif inbound.suffix in {LINK, "connection"}:
+        elif self._tells_connection(inbound):
             unsure = inbound.suffix == LINK and inbound.message
-            self._tell_presence(inbound)
-        elif inbound.suffix == FAULTS:
-            self.sender.put(relay.status(inbound.message, self.known, time.monotonic()))
         elif picture.is_picture(inbound.suffix):
             if (
                 isinstance(inbound.frame, bytes)

@@ -11,7 +11,7 @@ from django.utils import timezone
 
 from robots import log_ids
 from robots.api.messages import Bye, Lease, Say
-from robots.bridge.delivery import LINK, ReceivedMessage
+from robots.bridge.delivery import ReceivedMessage
 from robots.ice import IceCredentials
 from robots.screens import cookie_of, screen_of
 from sessions import page_channel, protocol
@@ -97,9 +97,9 @@ class ScreenConsumer(RobotPageConsumer):
     def handle_message(self, inbound: ReceivedMessage) -> None:
         """Take a letter from the bridge."""
         assert self.authorization is not None
-        if inbound.suffix in {LINK, "connection"}:
-            self._tell_presence(inbound)
-        elif (shown := relay.for_screen(inbound)) is not None:
+        if self._tells_connection(inbound):
+            return
+        if (shown := relay.for_screen(inbound)) is not None:
             self.sender.put(shown)
         elif inbound.suffix == "lease":
             self.visitor_changed.set()

@@ -39,6 +39,7 @@ import { isPassing } from "./denials.js";
  *   without asking
  * @property {boolean} fresh start again without a session when the remembered one is over
  * @property {RTCIceServer[]} iceServers
+ * @property {number} iceAt when they came, Unix time; relays take their credentials for six hours
  * @property {boolean} sfu whether the page watches through the server's SFU, and not the robot
  *   itself
  * @property {boolean} sfuLost the SFU does not work at the moment
@@ -88,6 +89,7 @@ export const newVisit = () => ({
   takeover: false,
   fresh: false,
   iceServers: [],
+  iceAt: 0,
   sfu: false,
   sfuLost: false,
   limits: { linear: null, angular: null, frameAge: null },
@@ -111,6 +113,12 @@ export const newVisit = () => ({
  * it for a moment longer than they see.
  */
 const STILL_PRESSED = 5;
+
+/**
+ * s after which a link that is lost may need new credentials for the relay; half of their life, as
+ * on the robot's side (robots/ice.py).
+ */
+const ICE_SECONDS = 3 * 3600;
 
 /** Close codes after which connecting again is pointless: sessions/protocol.py. */
 const FINAL = new Map([
@@ -255,7 +263,7 @@ const HANDLERS = {
     },
   ],
 
-  "session/granted": (visit, { message }) => {
+  "session/granted": (visit, { message, now }) => {
     const kept = message.resumed && visit.epoch === message.epoch && visit.link === "live";
     const lease = {
       session: message.session,
@@ -273,6 +281,7 @@ const HANDLERS = {
         limits: message.limits,
         terms: message.terms ?? null,
         iceServers: message.iceServers,
+        iceAt: now,
         sfu: false,
         sfuLost: false,
         observesAgain: false,
@@ -328,13 +337,14 @@ const HANDLERS = {
     }
     return [{ ...turn, phase: "turn" }, [{ type: "call", word: "turn" }]];
   },
-  "session/observing": (visit, { message }) => {
+  "session/observing": (visit, { message, now }) => {
     if (visit.phase === "driving" || visit.phase === "ended") {
       return [{}];
     }
     const { iceServers, sfu } = message;
     const changes = {
       iceServers,
+      iceAt: now,
       sfu,
       sfuLost: false,
       observesAgain: false,
@@ -391,11 +401,11 @@ const HANDLERS = {
       missed ? "turn_missed" : message.reason === "idle" ? "idle" : message.outcome,
     );
   },
-  robot: (visit, { message }) => {
+  robot: (visit, { message, now }) => {
     const back = message.online && !visit.online && visit.link === "lost";
     return [
       { online: message.online, serverBlind: !message.online && message.reason === "server" },
-      back && roleOf(visit) ? [openLink(linkRoleOf(visit), visit.iceServers, 0)] : [],
+      back && roleOf(visit) ? reopenLink(visit, 0, now) : [],
     ];
   },
   "signal/reply": (visit, { message }) => {
@@ -470,14 +480,11 @@ const HANDLERS = {
     visit.phase === "turn" ? over("ended", "turn_missed", [send("session/leave")]) : [{}],
 
   link_live: (visit) => (roleOf(visit) ? [{ link: "live", attempt: 0, sfuLost: false }] : [{}]),
-  link_lost: (visit) => {
+  link_lost: (visit, { now }) => {
     if (!roleOf(visit) || visit.link === "none") {
       return [{}];
     }
-    return [
-      { link: "lost", attempt: visit.attempt + 1 },
-      [openLink(linkRoleOf(visit), visit.iceServers, visit.attempt)],
-    ];
+    return [{ link: "lost", attempt: visit.attempt + 1 }, reopenLink(visit, visit.attempt, now)];
   },
 };
 
@@ -488,6 +495,24 @@ const HANDLERS = {
  * @returns {Effect}
  */
 const openLink = (role, iceServers, attempt) => ({ type: "open_link", role, iceServers, attempt });
+
+/**
+ * Opens the link again, and asks for new credentials where the relay may no longer take the old
+ * ones: the answer opens it once more.
+ * @param {Visit} visit
+ * @param {number} attempt
+ * @param {number} now Unix time
+ * @returns {Effect[]}
+ */
+const reopenLink = (visit, attempt, now) => {
+  const isOld =
+    now - visit.iceAt > ICE_SECONDS && visit.iceServers.some(({ credential }) => credential);
+  const question = visit.phase === "driving" ? take(visit) : send("session/observe");
+  return [
+    openLink(linkRoleOf(visit), visit.iceServers, attempt),
+    ...(isOld && visit.socket === "open" ? [question] : []),
+  ];
+};
 
 /** Whether the page has asked for something that it has to ask for again. @param {Visit} visit */
 export const awaitsAnswer = ({ phase, unsaid, observesAgain }) =>

@@ -8,6 +8,7 @@ import { roleOf } from "../../protocol/session.js";
 import { isAnswered, offersAround, wayOut } from "../../autonomy/offer.js";
 import { wordOf } from "../../autonomy/assistance.js";
 import { profileOf } from "../display/profiles.js";
+import { faultAlert } from "./faults.js";
 import { isCutOff, standstillOf } from "./standstill.js";
 
 const SLOW_SECONDS = 0.4;
@@ -47,43 +48,6 @@ export const alertFor = (state) => {
         quietAlert(state))
       : null)
   );
-};
-
-/**
- * A part of the server, or the robot's computer, that does not do its work: which one, and what
- * that means for who drives. Without a way to the server what it last said may be over, and is not
- * said.
- * @param {import("../../drive/features.js").State} state
- * @returns {ReturnType<typeof alertFor>}
- */
-const faultAlert = ({ visit, faults, serverSilent, now }) => {
-  const fault = faults.find(
-    ({ part, then }) => then !== "goes_on" && (part !== "robot" || visit.link !== "live"),
-  );
-  if (!fault || visit.socket === "lost" || serverSilent) {
-    return null;
-  }
-  // What goes through the broker stops with it; what goes straight to the robot lives as long as
-  // the lease.
-  const left =
-    fault.at === null || (fault.part === "broker" && visit.link !== "live")
-      ? 0
-      : Math.ceil(fault.at - now);
-  const driven = fault.then === "stops" && left <= 0 ? "stopped" : fault.then;
-  // Only a driver is told of driving on; who waits hears of the place, who watches of the robot.
-  const then =
-    visit.phase === "driving"
-      ? driven
-      : visit.phase === "watching"
-        ? fault.part === "robot"
-          ? "stopped"
-          : "watched"
-        : "waits";
-  return {
-    word: `fault.${fault.part}.${then}`,
-    tone: then === "waits" || then === "watched" ? "busy" : "danger",
-    values: { seconds: left },
-  };
 };
 
 /** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */

@@ -64,7 +64,7 @@ async def test_a_release_that_the_server_denies_can_be_asked_for_at_once(browser
     site.online = False  # its own states would say that it is free
     site.denies["command/action"] = "unavailable"
     async with opened(browser, site) as page:
-        state = msgspec.structs.replace(site._state(), safety=stopped)  # noqa: SLF001
+        state = msgspec.structs.replace(site._state(), safety=stopped)
         site.tell("robot", protocol.RobotPresence(online=True))
         site.tell("state", state)
         await page.click("[data-action='release_stop']")
