@@ -44,24 +44,18 @@ LEVEL = 0.03  # rad
 
 @dataclass(frozen=True)
 class RobotCondition:
-    """What the robot says of itself.
+    """What the robot reports of itself."""
 
-    `heard` is false when its last state is too old to go by, `level` when its head looks elsewhere,
-    `prompt` when it answers too late to be driven, and `let_go` while its last driver's lease still
-    holds there. `stopped` tells that a stop keeps it where it is, `sees` whether it has a camera.
-    `charge` is None when unknown.
-    """
-
-    heard: bool = True
-    let_go: bool = True
-    prompt: bool = True
-    sees: bool = False
+    heard: bool = True  # its last state is recent enough to decide by
+    let_go: bool = True  # the lease of its last driver is over at the robot, too
+    prompt: bool = True  # it answers quickly enough to be driven
+    sees: bool = False  # it has a camera
     estop: bool = False
-    stopped: bool = False
+    stopped: bool = False  # a stop keeps it where it is
     docked: bool = False
     localized: bool = True
-    level: bool = True
-    charge: float | None = None
+    level: bool = True  # its head looks straight ahead
+    charge: float | None = None  # 0 to 1; None when unknown
     charge_limit: float = 0.0
 
 

@@ -22,10 +22,10 @@ Rules, all in seconds unless said otherwise:
   were over. Driving, a touch of the page, a call and what the robot does by itself are signs,
   and so is an emergency stop that is on; a lost connection is another matter, and who comes back
   from one is asked anew.
-- A free robot that is ready is offered to the first in the queue whose page is open, once it is
-  also as that session's terms want it; until then nobody behind gets it either, but who operates it
-  may take it. After `start` the offer lapses, that session is cancelled, and the next one is asked.
-  Who waits with a closed page keeps the place for `grace`.
+- A free and ready robot is offered to the first session in the queue whose page is open, once the
+  robot also meets that session's terms. Until it does, later sessions wait as well; only those who
+  operate the robot may take it. An offer lapses after `start`: that session is cancelled, and the
+  next one gets an offer. A session whose page is closed keeps its place for `grace`.
 
 Decided on plain snapshots. No deadline counts from before `RobotLink.since`, when the session
 manager began to hear robots, or its clock made a step: nobody is punished for its own absence.
