@@ -149,7 +149,7 @@ class Authorization:
             called for each offer, because credentials expire.
     """
 
-    _protocol: Any = protocol  # decodes what is no part of the Robot API
+    _protocol: Any = protocol  # decodes messages outside the Robot API
 
     def __init__(
         self,

@@ -89,9 +89,7 @@ def _of_this_process(free: int | None) -> Iterator[Metric]:
     yield _gauge(
         "broker_connected", "Whether this web process reaches the broker.", float(bridge.connected)
     )
-    yield _gauge(
-        "disk_silent", "Whether the disk of VAR_DIR does not answer.", float(free is None)
-    )
+    yield _gauge("disk_silent", "Whether the disk of VAR_DIR does not answer.", float(free is None))
     if free is not None:
         yield _gauge("disk_free_bytes", "Free space on the disk of VAR_DIR.", float(free))
     yield _counter(

@@ -21,8 +21,8 @@ const WORDS = {
 const PASSING = new Set(["unavailable", "busy", "rate"]);
 
 /**
- * A word of the page, empty where nothing is to be read: what the visitor may no longer do is over,
- * and the page shows that.
+ * The word of the line that the page shows; empty for none, as where a right ended with the drive,
+ * which the page shows anyway.
  * @param {{suffix: string, reason: string}} denied
  */
 export const wordOfDenial = ({ suffix, reason }) => {

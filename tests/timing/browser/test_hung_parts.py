@@ -37,6 +37,10 @@ from django.utils import timezone
 from robots.models import Robot
 print(Robot.objects.get(name={name!r}).is_online(timezone.now()))
 """
+DOCKED = """
+from robots.models import Robot
+print(Robot.objects.filter(name={name!r}, presence__report__docked=True).exists())
+"""
 # WebRTC finds no path, so that commands and single pictures take the WebSocket.
 NO_PATH = """
 const Real = window.RTCPeerConnection;
@@ -61,6 +65,9 @@ class PostgresSite(Site):
     def robot_is_online(self, name):
         return self.django(ONLINE.format(name=name)).strip() == "True"
 
+    def robot_is_docked(self, name):
+        return self.django(DOCKED.format(name=name)).strip() == "True"
+
 
 @pytest.fixture(scope="module")
 def postgres():
@@ -84,7 +91,7 @@ def site(tmp_path_factory, postgres, redis):
     try:
         site.prepare()
         site.start_servers()
-        site.start_robot("giraff", "--start", "corridor-centre")
+        site.start_robot("giraff", "--start", "dock", "--seed", "3")
         yield site
     finally:
         site.stop_all()

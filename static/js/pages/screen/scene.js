@@ -14,7 +14,7 @@ const UNCONFIRMED = 2;
 /** s in which the question whether to release a stop waits for its answer */
 const SURE = 15;
 const READING = 8; // s that a denied request is shown
-const ANSWERED = 5; // s in which the server denies what somebody here asked for
+const ANSWERED = 5; // s after a request in which a denial is about it
 /** what a robot without a visitor does by itself: the server has sent it to its station */
 const ALONE = new Set(["goto", "docking"]);
 
@@ -34,7 +34,7 @@ const ALONE = new Set(["goto", "docking"]);
  *   is safe
  * @property {"" | "refused" | "missing"} [trouble] with this display's own camera and microphone
  * @property {boolean} [failing] whether a part of the server does not work
- * @property {number} [actedAt] when somebody here asked for something last, Unix seconds
+ * @property {number} [actedAt] time of the last request made here, Unix seconds
  * @property {number} [deniedAt] when the server denied something last
  */
 

@@ -46,7 +46,8 @@ export const faultAlert = ({ visit, faults, serverSilent, now }) => {
       ? 0
       : Math.ceil(fault.at - now);
   const driven = fault.then === "stops" && left <= 0 ? "stopped" : fault.then;
-  // Only a driver is told of driving on; who waits hears of the place, who watches of the robot.
+  // A driver reads what becomes of the drive, who waits what becomes of the place in the queue, and
+  // who watches what the robot does.
   const then =
     visit.phase === "driving"
       ? driven
