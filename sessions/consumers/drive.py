@@ -33,7 +33,7 @@ from sessions.consumers.authorization import (
     Write,
 )
 from sessions.consumers.database import query
-from sessions.consumers.page_session import PageSession
+from sessions.consumers.page_session import MAX_WAITING_VERBS, PageSession
 from sessions.consumers.peers import part, peers_of
 from sessions.consumers.robot_page import WELCOME_EVERY, RobotPageConsumer
 from sessions.devices import device_of, headers_of_scope
@@ -230,7 +230,7 @@ class RobotConsumer(RobotPageConsumer):
 
     def _ask(self, suffix: str, verb: Message) -> None:
         assert self.page_session is not None
-        if self.page_session.has_room_for_a_verb():
+        if self.page_session.waiting_verbs < MAX_WAITING_VERBS:
             self._launch(self.page_session.do(verb), suffix)
         else:
             self._perform(self.authorization.deny(suffix, "busy", time.monotonic()))
@@ -238,7 +238,7 @@ class RobotConsumer(RobotPageConsumer):
     # --- what the robot says ----------------------------------------------------------------------
 
     def handle_message(self, inbound: ReceivedMessage) -> None:
-        """Take a letter from the bridge, in whose task lines of the log would be about nobody."""
+        """Take a message of the bridge, with this page's ids in the lines of the log."""
         token = log_ids.bind(self.ids)
         try:
             self._handle_message(inbound)

@@ -1,4 +1,4 @@
-"""The WebSocket of a robot's own display: decode, ask, perform. Its rules stand in
+"""The WebSocket of a robot's own display: decode, ask, perform. Its rules are in
 sessions/consumers/screen_authorization.py.
 """
 
@@ -95,7 +95,7 @@ class ScreenConsumer(RobotPageConsumer):
     # --- what the display is told -----------------------------------------------------------------
 
     def handle_message(self, inbound: ReceivedMessage) -> None:
-        """Take a letter from the bridge."""
+        """Take a message of the bridge."""
         assert self.authorization is not None
         if self._tells_connection(inbound):
             return

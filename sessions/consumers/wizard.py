@@ -212,11 +212,12 @@ class WizardConsumer(RobotPageConsumer):
         assert self.progress is not None
         language = self.progress.script.language
         action = action_of(step, language, action_id=ask.action_id, stamp=ask.stamp)
+        assert action is not None  # as of every step that the page does not drive
         return self._send_action(authorization, action)
 
-    def _send_action(self, authorization: WizardAuthorization, action: Action | None) -> str:
+    def _send_action(self, authorization: WizardAuthorization, action: Action) -> str:
         try:
-            stamped = authorization.stamped(action, self.known.lease)
+            stamped = authorization.stamp_action(action, self.known.lease)
         except FrameRefused as refused:
             return str(refused)
         return "" if self._send_to_robot("command/action", stamped) else "robot_unreachable"
