@@ -11,6 +11,7 @@ from django.urls import NoReverseMatch, URLPattern, path, reverse
 from django.utils import timezone
 from django.utils.html import format_html
 from django.utils.safestring import SafeString
+from django.utils.text import capfirst
 from django.utils.translation import gettext, ngettext, pgettext
 from django.utils.translation import gettext_lazy as _
 from django.views.decorators.cache import never_cache
@@ -23,7 +24,14 @@ from robots.admin_pages.finishing import FinishingPage
 from robots.admin_pages.keys import KeyPages
 from robots.admin_pages.overview import status_of
 from robots.forms import AdapterInput, FloorPlanForm, RobotElsewhereForm, RobotForm, offered
-from robots.models import FloorPlan, Robot, RobotElsewhere, RobotPermit, RobotPresence
+from robots.models import (
+    FloorPlan,
+    Robot,
+    RobotCredentials,
+    RobotElsewhere,
+    RobotPermit,
+    RobotPresence,
+)
 from robots.presence.report import has_problem, standstill_of, trouble_of
 from robots.readiness_text import in_words
 
@@ -72,6 +80,19 @@ class PermitInline(admin.TabularInline):
     extra = 0
     autocomplete_fields = ("user",)
     readonly_fields = ("granted_at",)
+
+
+# Rows of a robot that nobody sees as things of their own.
+PARTS = (RobotPresence, RobotCredentials)
+
+
+def _without(listed: list[Any], beginnings: tuple[str, ...]) -> list[Any]:
+    """Leave texts with one of these beginnings out of nested lists."""
+    return [
+        _without(one, beginnings) if isinstance(one, list) else one
+        for one in listed
+        if isinstance(one, list) or not one.startswith(beginnings)
+    ]
 
 
 @admin.register(Robot)
@@ -197,12 +218,22 @@ class RobotAdmin(DoorPage, KeyPages):
     def has_change_permission(self, request: HttpRequest, obj: Robot | None = None) -> bool:
         return bool(super().has_change_permission(request, obj)) or self.is_of(request, obj)
 
+    def get_deleted_objects(self, objs: Any, request: HttpRequest) -> Any:
+        """Leave out the rows that are a part of each robot (PARTS)."""
+        deleted, counts, missing, protected = super().get_deleted_objects(objs, request)
+        for part in PARTS:
+            counts.pop(part._meta.verbose_name_plural, None)
+        names = tuple(f"{capfirst(str(part._meta.verbose_name))}: " for part in PARTS)
+        return _without(deleted, names), counts, missing, protected
+
     def formfield_for_dbfield(
         self, db_field: "Field[Any, Any]", request: HttpRequest, **options: Any
     ) -> Any:
         if db_field.name == "adapter":
             options["widget"] = AdapterInput(attrs={"class": "vTextField"})
-        if db_field.name == "translations":  # compared with the row, not with a hidden field
+        if db_field.name == "translations":
+            # Its default is callable, for which Django would compare the answer with a hidden copy
+            # of the value; RobotForm compares it with the row.
             options["show_hidden_initial"] = False
         return super().formfield_for_dbfield(db_field, request, **options)
 

@@ -167,7 +167,7 @@ def standing_of(user: User, robot: Robot) -> Standing | None:
 
 
 def claimed(user: User, robots: Sequence[Robot]) -> list[Robot]:
-    """Return those robots that somebody is to drive for a study now."""
+    """Return the robots that the user's current step of a study is about."""
     return [standing.robot for standing in _participation_by_robot(user, robots).values()]
 
 
@@ -194,11 +194,11 @@ def _participation_by_robot(user: User, robots: Sequence[Robot]) -> dict[Any, St
 
 
 def invited_to(user: User, robots: Sequence[Robot]) -> list[Robot]:
-    """Return those robots that a study has invited somebody to drive now
+    """Return the robots that a study has invited the user to drive now
     (robots.access.register_guest_list).
 
-    Asked of every visitor for the robots by invitation that are shown: whom nobody invited costs
-    one look that reads no study.
+    Called for every visitor to whom robots by invitation are shown: without an invitation it costs
+    one query, and reads no study.
     """
     if (
         not progress.of_user(user)

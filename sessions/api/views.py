@@ -1,9 +1,9 @@
 """The JSON API for other programs, version 1: which robots there are and how they are;
 docs/reference/json-api.md describes it.
 
-Everybody may read what the site shows everybody. A key (sessions/api/keys.py) is of one robot: it
-also reads how that one is, and may stop it or send it home. It cannot drive: a robot moves only for
-whoever holds its lease, and a lease is for persons.
+What the site shows to visitors without an account can be read without a key. A key
+(sessions/api/keys.py) belongs to one robot: it also reads that robot's state, and may stop it or
+send it to its station. It cannot drive: leases are for persons.
 """
 
 import datetime
@@ -86,17 +86,17 @@ def _reader(request: HttpRequest) -> ApiKey | JsonResponse | None:
 @never_cache
 @require_safe
 def robots(request: HttpRequest) -> JsonResponse:
-    """List the robots that whoever asks may know of, by name."""
+    """List the robots that the client may see, by name."""
     key = _reader(request)
     if isinstance(key, JsonResponse):
         return key
     now = timezone.now()
     traffic = _traffic(Session.objects.all(), now)
-    told = [
-        _told(request, row, key, traffic.get(row.pk, (0, 0)), now)
+    listed = [
+        _described(request, row, key, traffic.get(row.pk, (0, 0)), now)
         for row in _visible(request, key).order_by("name")
     ]
-    return JsonResponse({"apiVersion": VERSION, "robots": told})
+    return JsonResponse({"apiVersion": VERSION, "robots": listed})
 
 
 @never_cache
@@ -111,7 +111,9 @@ def robot(request: HttpRequest, robot: str) -> JsonResponse:
     if row is None:
         return _problem(404, "no_such_robot", "There is no robot of this name that you can access.")
     traffic = _traffic(row.sessions, now).get(row.pk, (0, 0))
-    return JsonResponse({"apiVersion": VERSION, "robot": _told(request, row, key, traffic, now)})
+    return JsonResponse(
+        {"apiVersion": VERSION, "robot": _described(request, row, key, traffic, now)}
+    )
 
 
 def _visible(request: HttpRequest, key: ApiKey | None) -> Any:
@@ -122,7 +124,7 @@ def _visible(request: HttpRequest, key: ApiKey | None) -> Any:
 
 
 def _traffic(sessions: Any, now: datetime.datetime) -> dict[Any, tuple[int, int]]:
-    """Return how many drive and how many wait at each robot where anybody does."""
+    """Return how many visitors (drive, wait), by the robot's key; robots without any are absent."""
     living = sessions.filter(state__in=LIVE).order_by()
     counts = living.values("robot").annotate(
         driving=Count("pk", filter=Q(state__in=AT_THE_WHEEL)),
@@ -131,7 +133,7 @@ def _traffic(sessions: Any, now: datetime.datetime) -> dict[Any, tuple[int, int]
     return {row["robot"]: (row["driving"], row["waiting"]) for row in counts}
 
 
-def _told(
+def _described(
     request: HttpRequest,
     row: Robot,
     key: ApiKey | None,
@@ -143,7 +145,7 @@ def _told(
     online = row.is_online(now)
     report = (row.presence.report or {}) if online else {}
     battery = report.get("battery") or {}
-    told = {
+    fields = {
         "name": row.name,
         "title": row.title,
         "description": row.description,
@@ -168,10 +170,10 @@ def _told(
         "page": request.build_absolute_uri(reverse("drive", args=[row.name])),
     }
     if key is not None and key.robot_id == row.pk:
-        told |= {
+        fields |= {
             name: report.get(name) for name in ("pose", "velocity", "mode", "safety", "errors")
         } | {"reason": row.presence.turnaround_reason}
-    return told
+    return fields
 
 
 def _state(row: Robot, report: dict[str, Any], *, busy: bool, online: bool) -> str:

@@ -36,14 +36,14 @@ from sessions.models import Session
 from sessions.sfu.broadcast import ToSfu, broadcast_of, has_sfu
 
 log = structlog.stdlib.get_logger(__name__)
-MAX_WAITING_VERBS = 5
+MAX_WAITING_VERBS = 5  # that one page may ask for while earlier ones are being done
 VERDICT_SECONDS = 1.0  # in which the database must say that a page may watch a private drive
 ROOM_SECONDS = 2.0  # between two looks at who is here, for a page that watches through the SFU
 
 
 @dataclass(eq=False)
 class PageSession:
-    """One page's session at one robot; also a member of the robot's company and the follower of its
+    """One page's session at one robot; also a member of the robot's peers, and a follower of the
     session's notices.
 
     Verbs run one after another, under `turn`; frames that need no database go on passing meanwhile.
@@ -70,10 +70,6 @@ class PageSession:
     audience_told: protocol.AudienceState | None = None  # nothing before it watches or drives
 
     # --- verbs ------------------------------------------------------------------------------------
-
-    def has_room_for_a_verb(self) -> bool:
-        """Tell whether the page may ask for one more thing while earlier ones are being done."""
-        return self.waiting_verbs < MAX_WAITING_VERBS
 
     async def do(self, verb: Message) -> None:
         """Carry out a Take, Observe, Leave or Assist, after those before it.
@@ -397,7 +393,8 @@ class PageSession:
         """
         welcome = await query(queries.welcome, self.session_key, self.user, self.robot)
         answer = welcome.answer
-        if answer == "welcome":
+        if answer == "welcome" and welcome.user is not None:
+            self.user = welcome.user
             self.may_observe, self.authorization.operator = welcome.may_observe, welcome.operator
             told_before = not self.authorization.private
             self.note_private(welcome.private)

@@ -61,6 +61,7 @@ class Welcome:
     """What a page that is already inside is told when it is looked at again."""
 
     answer: Answer
+    user: User | None = None  # with the rights of now
     may_observe: bool = False
     operator: Operator | None = None
     private: PrivateDrive | None = None
@@ -129,34 +130,30 @@ def welcome(session_key: str | None, user: User, robot: Robot) -> Welcome:
     """Tell whether a page that is already inside may stay, still signed in and still allowed, and
     what it may do.
     """
-    if not is_signed_in(session_key, user):
+    current = signed_in(session_key, user)
+    if current is None:
         return Welcome("signed_out")
     robot.refresh_from_db()
-    observes = bool(may_observe(user, robot))
-    return (
-        Welcome("welcome", observes, _operator(user, robot), private_drive(user, robot))
-        if observes or may_drive(user, robot)
-        else Welcome("not_allowed")
-    )
+    observes = bool(may_observe(current, robot))
+    if not (observes or may_drive(current, robot)):
+        return Welcome("not_allowed")
+    operator, private = _operator(current, robot), private_drive(current, robot)
+    return Welcome("welcome", current, observes, operator, private)
 
 
-def is_signed_in(session_key: str | None, user: User) -> bool:
-    """Tell whether a page's user is still signed in, and may be."""
-    if session_key is None or not _signed_in(session_key, user):
-        return False
-    user.refresh_from_db()
-    return bool(user.is_active)
-
-
-def _signed_in(session_key: str, user: User) -> bool:
-    """Tell whether the browser's session still says so; logging out, a new password and expiry all
-    end it.
+def signed_in(session_key: str | None, user: User) -> User | None:
+    """Return the user as stored now; None when logging out, a new password, expiry or staff have
+    ended the browser's session. It is another object, because one keeps the rights that it was once
+    asked for.
     """
+    if session_key is None:
+        return None
     store = import_module(settings.SESSION_ENGINE).SessionStore(session_key)
-    fresh = User.objects.filter(pk=user.pk).first()
-    if fresh is None or store.get(SESSION_KEY) != str(user.pk):
-        return False
-    return constant_time_compare(store.get(HASH_SESSION_KEY, ""), fresh.get_session_auth_hash())
+    current = User.objects.filter(pk=user.pk, is_active=True).first()
+    if current is None or store.get(SESSION_KEY) != str(user.pk):
+        return None
+    known = store.get(HASH_SESSION_KEY, "")
+    return current if constant_time_compare(known, current.get_session_auth_hash()) else None
 
 
 def take(

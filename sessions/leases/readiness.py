@@ -43,23 +43,18 @@ LEVEL = 0.03  # rad
 
 @dataclass(frozen=True)
 class RobotCondition:
-    """The robot's condition by its states.
+    """What the robot reports of itself."""
 
-    `is_current`: its last state is recent; `driver_released`: it no longer holds its last driver's
-    lease; `is_responsive`: it answers soon enough to be driven; `stopped`: a stop keeps it where it
-    is. `charge` is a share from 0 to 1, None when unknown.
-    """
-
-    is_current: bool = True
-    driver_released: bool = True
-    is_responsive: bool = True
+    is_current: bool = True  # its last state is recent enough to decide by
+    driver_released: bool = True  # the lease of its last driver is over at the robot, too
+    is_responsive: bool = True  # it answers quickly enough to be driven
     has_camera: bool = False
     estop: bool = False
-    stopped: bool = False
+    stopped: bool = False  # a stop keeps it where it is
     docked: bool = False
     localized: bool = True
     head_is_level: bool = True
-    charge: float | None = None
+    charge: float | None = None  # 0 to 1; None when unknown
     charge_limit: float = 0.0
 
 

@@ -229,18 +229,23 @@ class BrokerConnection:
         ]
         for first in range(0, max(len(news), 1), TOGETHER):
             together = news[first : first + TOGETHER]
+            entries: list[SystemLog] = []
             try:
                 with transaction.atomic():  # after a broker's restart thousands reconnect
-                    self._store_presence(together, now)
+                    self._store_presence(together, now, entries)
             except (DatabaseError, InterfaceError):
+                for entry in entries:  # of news that is repeated
+                    self._log_allowances[entry.robot.name].level += 1.0
                 self._work.presence.forget({one.robot for one in news[first:]})
                 self._work.ingest.repeat_news(news[first:])
                 raise
 
-    def _store_presence(self, news: list[PresenceNews], now: datetime.datetime) -> None:
+    def _store_presence(
+        self, news: list[PresenceNews], now: datetime.datetime, entries: list[SystemLog]
+    ) -> None:
+        """Store news, and add its entries of the system log to `entries`."""
         presence = self._work.presence
         presence.read({one.robot for one in news}, now)
-        entries = []
         for one in news:
             row = presence.take(one.robot, one.message, now, retained=one.retained)
             if row is not None and self._log_allowances[row.robot.name].spend(now.timestamp()):

@@ -163,7 +163,10 @@ class Scheduler:
         scenes = load_scenes(robots, now)
         for robot in robots:
             link = links.get(robot.name, default)
-            since = max(link.since, self._gained.get(robot.name, 0.0))
+            if (gained := self._gained.get(robot.name, 0.0)) > now.timestamp():
+                # the clock was set back: the robot has as long from now on
+                gained = self._gained[robot.name] = now.timestamp()
+            since = max(link.since, gained)
             link = replace(link, since=since, asked=self._asked.get(robot.name))
             with log_ids.about(robot=robot.name), self._ownership.about(robot.name):
                 if now.timestamp() - self.stepped_at >= PAGE_GONE_SECONDS:

@@ -46,14 +46,9 @@ const setUp = (page) => {
   const aiming = newAiming(page);
 
   /** @param {ReturnType<typeof helpFrom>} help */
-  const showHelp = (help) => {
-    if (help !== store.get().help) {
-      store.update({ help });
-    }
-  };
+  const showHelp = (help) => help !== store.get().help && store.update({ help });
   const hearHelp = (/** @type {any} */ { assistWhy, assistPoint }) =>
     showHelp(held.hear(helpFrom(assistWhy, assistPoint), unixNow()));
-
   /** @param {string} level */
   const assist = (level) => {
     store.update({ assistAsked: { level, at: unixNow() } });
@@ -78,6 +73,8 @@ const setUp = (page) => {
           store.update({ task: heard(task, message, unixNow()) });
         }
       },
+      denied: (/** @type {{suffix: string}} */ { suffix }) =>
+        suffix === "session/assist" && store.update({ assistAsked: null }),
     },
     actions: { ...newActions(page), assist },
     on: {

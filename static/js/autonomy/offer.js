@@ -99,8 +99,8 @@ const inStation = (state) => {
 };
 
 /**
- * What somebody who operates a robot does about its emergency stop, or about a stop that holds it
- * between visits; null while there is none.
+ * What an operator can do about the robot's emergency stop, or about a stop that holds it between
+ * visits; null while there is none.
  * @param {import("../drive/features.js").State} state
  * @returns {{word: string, main?: {action: string, word: string}} | null}
  */

@@ -285,6 +285,11 @@ const newHandlers = ({ store, emit, words }) => ({
       store.update({ release: { ...release, refused: true } });
     }
   },
+  denied: (/** @type {{suffix: string}} */ { suffix }) => {
+    if (suffix === "command/action") {
+      store.update({ release: null }); // the robot was not asked: it is offered again
+    }
+  },
   factsheet: (/** @type {any} */ factsheet) => {
     store.update({ factsheet });
     emit("factsheet", factsheet);

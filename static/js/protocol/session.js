@@ -12,6 +12,8 @@
  * new link is opened until one lives.
  */
 
+import { isPassing } from "./denials.js";
+
 /**
  * @typedef {"connecting" | "lobby" | "taking" | "queued" | "turn" | "driving" | "watching"
  *   | "elsewhere" | "refused" | "ended" | "closed"} Phase
@@ -37,6 +39,7 @@
  *   without asking
  * @property {boolean} fresh start again without a session when the remembered one is over
  * @property {RTCIceServer[]} iceServers
+ * @property {number} iceAt when they came, Unix time; relays take their credentials for six hours
  * @property {boolean} sfu whether the page watches through the server's SFU, and not the robot
  *   itself
  * @property {boolean} sfuLost the SFU does not work at the moment
@@ -59,6 +62,8 @@
  * @property {number | null} turnEnds Unix time at which the turn ends, once the server has warned
  * @property {{session: string, peer?: string} | null} unsaid a visit that was left and whose end
  *   the server has not confirmed
+ * @property {boolean} observesAgain whether video was denied while the visitor waits, and is asked
+ *   for again
  * @property {string} reason why it was refused, ended or closed, in one of the server's words
  */
 
@@ -84,6 +89,7 @@ export const newVisit = () => ({
   takeover: false,
   fresh: false,
   iceServers: [],
+  iceAt: 0,
   sfu: false,
   sfuLost: false,
   limits: { linear: null, angular: null, frameAge: null },
@@ -98,6 +104,7 @@ export const newVisit = () => ({
   signingUntil: null,
   turnEnds: null,
   unsaid: null,
+  observesAgain: false,
   reason: "",
 });
 
@@ -106,6 +113,12 @@ export const newVisit = () => ({
  * it for a moment longer than they see.
  */
 const STILL_PRESSED = 5;
+
+/**
+ * s after which a link that is lost may need new credentials for the relay; half of their life, as
+ * on the robot's side (robots/ice.py).
+ */
+const ICE_SECONDS = 3 * 3600;
 
 /** Close codes after which connecting again is pointless: sessions/protocol.py. */
 const FINAL = new Map([
@@ -190,6 +203,7 @@ const OVER = /** @type {const} */ ({
   sfu: false,
   sfuLost: false,
   attempt: 0,
+  observesAgain: false,
   liveElsewhere: false,
   liveSince: null,
 });
@@ -249,7 +263,7 @@ const HANDLERS = {
     },
   ],
 
-  "session/granted": (visit, { message }) => {
+  "session/granted": (visit, { message, now }) => {
     const kept = message.resumed && visit.epoch === message.epoch && visit.link === "live";
     const lease = {
       session: message.session,
@@ -267,8 +281,10 @@ const HANDLERS = {
         limits: message.limits,
         terms: message.terms ?? null,
         iceServers: message.iceServers,
+        iceAt: now,
         sfu: false,
         sfuLost: false,
+        observesAgain: false,
         link: kept ? "live" : "connecting",
         returning: visit.returning || message.resumed,
         takeover: false,
@@ -321,15 +337,17 @@ const HANDLERS = {
     }
     return [{ ...turn, phase: "turn" }, [{ type: "call", word: "turn" }]];
   },
-  "session/observing": (visit, { message }) => {
+  "session/observing": (visit, { message, now }) => {
     if (visit.phase === "driving" || visit.phase === "ended") {
       return [{}];
     }
     const { iceServers, sfu } = message;
     const changes = {
       iceServers,
+      iceAt: now,
       sfu,
       sfuLost: false,
+      observesAgain: false,
       link: /** @type {const} */ ("connecting"),
       reason: "",
     };
@@ -353,7 +371,8 @@ const HANDLERS = {
       ];
     }
     if (waits(visit) && ["observers_full", "not_allowed", "private"].includes(message.reason)) {
-      return [{ link: "none" }, [{ type: "close_link" }]]; // waiting goes on without a picture
+      // waiting goes on without a picture
+      return [{ link: "none", observesAgain: false }, [{ type: "close_link" }]];
     }
     if (message.reason !== "ended") {
       return over(message.reason === "private" ? "lobby" : "refused", message.reason);
@@ -382,11 +401,11 @@ const HANDLERS = {
       missed ? "turn_missed" : message.reason === "idle" ? "idle" : message.outcome,
     );
   },
-  robot: (visit, { message }) => {
+  robot: (visit, { message, now }) => {
     const back = message.online && !visit.online && visit.link === "lost";
     return [
       { online: message.online, serverBlind: !message.online && message.reason === "server" },
-      back && roleOf(visit) ? [openLink(linkRoleOf(visit), visit.iceServers, 0)] : [],
+      back && roleOf(visit) ? reopenLink(visit, 0, now) : [],
     ];
   },
   "signal/reply": (visit, { message }) => {
@@ -405,12 +424,23 @@ const HANDLERS = {
   no_answer: (visit) => [
     {},
     visit.socket === "open"
-      ? [...leaveAgain(visit), ...(visit.phase === "taking" ? askAgain(visit) : [])]
+      ? [
+          ...leaveAgain(visit),
+          ...(visit.phase === "taking" ? askAgain(visit) : []),
+          ...(visit.observesAgain ? [send("session/observe")] : []),
+        ]
       : [],
   ],
-  denied: (_visit, { message }) => [
-    message.suffix === "session/leave" && message.reason !== "unavailable" ? { unsaid: null } : {},
-  ],
+  denied: (visit, { message }) => {
+    if (message.suffix === "session/leave") {
+      return [isPassing(message) ? {} : { unsaid: null }];
+    }
+    return [
+      message.suffix === "session/observe" && waits(visit)
+        ? { observesAgain: isPassing(message) }
+        : {},
+    ];
+  },
 
   drive: (visit, { now }) =>
     ask(visit, {
@@ -450,14 +480,11 @@ const HANDLERS = {
     visit.phase === "turn" ? over("ended", "turn_missed", [send("session/leave")]) : [{}],
 
   link_live: (visit) => (roleOf(visit) ? [{ link: "live", attempt: 0, sfuLost: false }] : [{}]),
-  link_lost: (visit) => {
+  link_lost: (visit, { now }) => {
     if (!roleOf(visit) || visit.link === "none") {
       return [{}];
     }
-    return [
-      { link: "lost", attempt: visit.attempt + 1 },
-      [openLink(linkRoleOf(visit), visit.iceServers, visit.attempt)],
-    ];
+    return [{ link: "lost", attempt: visit.attempt + 1 }, reopenLink(visit, visit.attempt, now)];
   },
 };
 
@@ -469,8 +496,27 @@ const HANDLERS = {
  */
 const openLink = (role, iceServers, attempt) => ({ type: "open_link", role, iceServers, attempt });
 
-/** Whether the page has said something that the server has not answered. @param {Visit} visit */
-export const awaitsAnswer = ({ phase, unsaid }) => phase === "taking" || unsaid !== null;
+/**
+ * Opens the link again, and asks for new credentials where the relay may no longer take the old
+ * ones: the answer opens it once more.
+ * @param {Visit} visit
+ * @param {number} attempt
+ * @param {number} now Unix time
+ * @returns {Effect[]}
+ */
+const reopenLink = (visit, attempt, now) => {
+  const isOld =
+    now - visit.iceAt > ICE_SECONDS && visit.iceServers.some(({ credential }) => credential);
+  const question = visit.phase === "driving" ? take(visit) : send("session/observe");
+  return [
+    openLink(linkRoleOf(visit), visit.iceServers, attempt),
+    ...(isOld && visit.socket === "open" ? [question] : []),
+  ];
+};
+
+/** Whether the page has asked for something that it has to ask for again. @param {Visit} visit */
+export const awaitsAnswer = ({ phase, unsaid, observesAgain }) =>
+  phase === "taking" || unsaid !== null || observesAgain;
 
 /**
  * Whether a sign that was asked for is given again: until the server has it, or has stopped

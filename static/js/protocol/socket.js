@@ -4,6 +4,7 @@
  */
 
 import { backoff } from "../lib/backoff.js";
+import { unixNow } from "../lib/clock.js";
 
 const MOST_BUFFERED = 64 * 1024;
 
@@ -24,6 +25,7 @@ export class Socket {
     this.connect = connect;
     this.attempt = 0;
     this.closed = false;
+    this.receivedAt = 0; // Unix time of the last packet
     /** @type {WebSocket | null} */
     this.socket = null;
     /** @type {ReturnType<typeof setTimeout> | undefined} */
@@ -59,6 +61,11 @@ export class Socket {
     return this.socket?.readyState === 1;
   }
 
+  /** s since an open connection brought anything, 0 without one. @param {number} now Unix time */
+  silence(now) {
+    return this.isOpen ? now - this.receivedAt : 0;
+  }
+
   /**
    * @param {string} packet
    * @param {{droppable?: boolean}} [options] droppable packets are too old to be of use when they
@@ -79,10 +86,12 @@ export class Socket {
     socket.binaryType = "arraybuffer";
     socket.onopen = () => {
       this.attempt = 0;
+      this.receivedAt = unixNow();
       this.onOpen();
     };
     socket.onmessage = (event) => {
       if (socket === this.socket) {
+        this.receivedAt = unixNow();
         this.onPacket(event.data);
       }
     };

@@ -7,6 +7,7 @@ import pytest
 from asgiref.sync import sync_to_async
 from channels.layers import get_channel_layer
 from django.conf import settings
+from django.contrib.auth.models import Group, Permission
 from django.test import AsyncClient
 from django.urls import reverse
 from django.utils import timezone
@@ -98,6 +99,51 @@ async def test_a_permit_that_is_taken_away_ends_the_visit_at_once(bridge, robot,
         await permit.adelete()
         async with asyncio.timeout(patient(AT_ONCE)):
             assert await page.closed() == protocol.NOT_ALLOWED
+
+
+LOSSES = {
+    "user.groups.remove": lambda user, group, _right: user.groups.remove(group),
+    "user.groups.clear": lambda user, _group, _right: user.groups.clear(),
+    "group.user_set.remove": lambda user, group, _right: group.user_set.remove(user),
+    "group.user_set.clear": lambda _user, group, _right: group.user_set.clear(),
+    "group.permissions.remove": lambda _user, group, right: group.permissions.remove(right),
+    "group.permissions.clear": lambda _user, group, _right: group.permissions.clear(),
+    "permission.group_set.remove": lambda _user, group, right: right.group_set.remove(group),
+    "permission.group_set.clear": lambda _user, _group, right: right.group_set.clear(),
+    "group.delete": lambda _user, group, _right: group.delete(),
+}
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+async def test_a_right_that_a_group_gave_ends_with_it_at_once(bridge, robot, ada, loss):
+    robot.access = robot.Access.INVITATION
+    await robot.asave()
+    ada.is_staff = True
+    await ada.asave()
+    right = await Permission.objects.aget(codename="change_robot")
+    group = await Group.objects.acreate(name="technicians")
+    await group.permissions.aadd(right)
+    await ada.groups.aadd(group)
+    async with Page("giraff", ada) as page:
+        await drive(page)
+        await sync_to_async(LOSSES[loss])(ada, group, right)
+        async with asyncio.timeout(patient(AT_ONCE)):
+            assert await page.closed() == protocol.NOT_ALLOWED
+
+
+async def test_a_right_of_ones_own_that_is_taken_away_ends_the_visit_at_once(bridge, robot, ada):
+    robot.access = robot.Access.INVITATION
+    await robot.asave()
+    ada.is_staff = True
+    await ada.asave()
+    right = await Permission.objects.aget(codename="change_robot")
+    for remove in (ada.user_permissions.aremove, right.user_set.aremove):
+        await ada.user_permissions.aadd(right)
+        async with Page("giraff", ada) as page:
+            await drive(page)
+            await remove(right if remove.__self__.instance == ada else ada)
+            async with asyncio.timeout(patient(AT_ONCE)):
+                assert await page.closed() == protocol.NOT_ALLOWED
 
 
 async def test_a_robot_that_is_withdrawn_is_nobodys_at_once(bridge, robot, ada):

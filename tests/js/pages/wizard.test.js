@@ -61,7 +61,11 @@ test("an operator reads that a request failed, and nothing of a velocity too man
   );
   assert.equal(suffix, "denied");
   assert.equal(noticeOfDenied(message), "unavailable");
-  assert.equal(noticeOfDenied({ suffix: "command/velocity", reason: "rate" }), null);
+  assert.equal(noticeOfDenied({ suffix: "wizard/step", reason: "rate" }), "unavailable");
+  assert.equal(noticeOfDenied({ suffix: "command/action", reason: "unavailable" }), "unavailable");
+  for (const suffix of ["command/velocity", "command/heartbeat", "wizard/reached", "signal"]) {
+    assert.equal(noticeOfDenied({ suffix, reason: "rate" }), null);
+  }
 });
 
 test("a packet of the server has its defaults, and one of nobody is refused", () => {

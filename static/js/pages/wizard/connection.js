@@ -15,7 +15,12 @@ import { Socket } from "../../protocol/socket.js";
 import { TransportRouter } from "../../protocol/transport_router.js";
 import { readPacket } from "./packets.js";
 
-/** @typedef {{peer: string | null, iceServers: RTCIceServer[], attempt: number}} Told */
+const ICE_SECONDS = 3 * 3600; // half of the life of a relay's credentials: robots/ice.py
+
+/**
+ * @typedef {{peer: string | null, iceServers: RTCIceServer[], iceAt: number,
+ *   attempt: number}} Told
+ */
 
 /**
  * @param {object} options
@@ -28,7 +33,7 @@ import { readPacket } from "./packets.js";
 export const createConnection = ({ url, viewport, shown, onMessage, onSocket }) => {
   const clockSync = new ClockSync();
   const commands = new CommandStream({ freshId: () => freshId("stop-") });
-  const told = /** @type {Told} */ ({ peer: null, iceServers: [], attempt: 0 });
+  const told = /** @type {Told} */ ({ peer: null, iceServers: [], iceAt: 0, attempt: 0 });
 
   /** @param {unknown} packet @param {import("../../protocol/clock_sync.js").Transport} transport */
   const receive = (packet, transport) => {
@@ -60,7 +65,8 @@ export const createConnection = ({ url, viewport, shown, onMessage, onSocket }) 
       void link.signal(message);
     } else if (transport === "mqtt") {
       if (suffix === "wizard/hello") {
-        Object.assign(told, { peer: message.peer, iceServers: message.iceServers, attempt: 0 });
+        const { peer, iceServers } = message;
+        Object.assign(told, { peer, iceServers, iceAt: now, attempt: 0 });
         openVideo(link, told);
       }
       onMessage(suffix, message);
@@ -113,7 +119,14 @@ const newLink = ({ viewport, shown, socket, clockSync, told, receive }) => {
       viewport.attach(peer.video, peer.audio);
     },
     onLive: () => (told.attempt = 0),
-    onLost: () => openVideo(link, told),
+    onLost: () => {
+      const isOld = unixNow() - told.iceAt > ICE_SECONDS;
+      if (isOld && told.iceServers.some(({ credential }) => credential)) {
+        socket.redial(); // the server's first message has new credentials
+      } else {
+        openVideo(link, told);
+      }
+    },
   });
   return link;
 };

@@ -4,11 +4,13 @@
  */
 
 import { isHeld } from "../../protocol/estop_release.js";
+import { isUnsettled } from "../../protocol/denials.js";
 import { roleOf } from "../../protocol/session.js";
 import { isAnswered, offersAround, wayOut } from "../../autonomy/offer.js";
 import { wordOf } from "../../autonomy/assistance.js";
 import { reports } from "../../autonomy/reasons.js";
 import { profileOf } from "../display/profiles.js";
+import { faultAlert } from "./faults.js";
 import { isCutOff, standstillOf } from "./standstill.js";
 
 const SLOW_SECONDS = 0.4;
@@ -34,18 +36,17 @@ export const alertFor = (state) => {
   if (!roleOf(visit)) {
     const asks = visit.phase !== "lobby" && visit.phase !== "closed";
     const lost = visit.socket === "lost" || state.serverSilent;
-    return !asks
-      ? null
-      : lost
-        ? { word: "alert.server", tone: "busy" }
-        : ["taking", "queued", "turn"].includes(visit.phase)
-          ? faultAlert(state)
-          : null;
+    if (asks && lost) {
+      return { word: "alert.server", tone: "busy" };
+    }
+    const fault = ["taking", "queued", "turn"].includes(visit.phase) ? faultAlert(state) : null;
+    return fault ?? denialAlert(state);
   }
   return (
     robotAlert(state) ??
     faultAlert(state) ??
     linkAlert(state) ??
+    denialAlert(state) ??
     (robot
       ? (answerAlert(state) ??
         slowAlert(state) ??
@@ -54,43 +55,6 @@ export const alertFor = (state) => {
         quietAlert(state))
       : null)
   );
-};
-
-/**
- * A part of the server, or the robot's computer, that does not do its work: which one, and what
- * that means for who drives. Without a way to the server what it last said may be over, and is not
- * said.
- * @param {import("../../drive/features.js").State} state
- * @returns {ReturnType<typeof alertFor>}
- */
-const faultAlert = ({ visit, faults, serverSilent, now }) => {
-  const fault = faults.find(
-    ({ part, then }) => then !== "goes_on" && (part !== "robot" || visit.link !== "live"),
-  );
-  if (!fault || visit.socket === "lost" || serverSilent) {
-    return null;
-  }
-  // What goes through the broker stops with it; what goes straight to the robot lives as long as
-  // the lease.
-  const left =
-    fault.at === null || (fault.part === "broker" && visit.link !== "live")
-      ? 0
-      : Math.ceil(fault.at - now);
-  const driven = fault.then === "stops" && left <= 0 ? "stopped" : fault.then;
-  // Only a driver is told of driving on; who waits hears of the place, who watches of the robot.
-  const then =
-    visit.phase === "driving"
-      ? driven
-      : visit.phase === "watching"
-        ? fault.part === "robot"
-          ? "stopped"
-          : "watched"
-        : "waits";
-  return {
-    word: `fault.${fault.part}.${then}`,
-    tone: then === "waits" || then === "watched" ? "busy" : "danger",
-    values: { seconds: left },
-  };
 };
 
 /** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
@@ -199,6 +163,16 @@ const linkAlert = ({ visit, robot, slow, playing, still, stuck, serverSilent }) 
   }
   return null;
 };
+
+/**
+ * A request of the visitor that the server has just denied.
+ * @param {import("../../drive/features.js").State} state
+ * @returns {ReturnType<typeof alertFor>}
+ */
+const denialAlert = ({ denial, visit, now }) =>
+  denial && now < denial.until && isUnsettled(denial.word, visit)
+    ? { word: denial.word, tone: "busy" }
+    : null;
 
 /** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
 const slowAlert = ({ visit, roundTrip, stuck }) =>

@@ -8,6 +8,7 @@ import { reports } from "../../autonomy/reasons.js";
 import { isHeld } from "../../protocol/estop_release.js";
 import { roleOf } from "../../protocol/session.js";
 import { studyCard } from "../../study/end_cards.js";
+import { alertFor } from "./alert.js";
 import { betweenVisits, pauseOf, reasonForWaiting } from "./pause.js";
 import { isCutOff, standstillOf } from "./standstill.js";
 
@@ -19,6 +20,7 @@ import { isCutOff, standstillOf } from "./standstill.js";
  * @property {Record<string, string | number>} [values] for the sentences
  * @property {{word: string, values?: Record<string, string | number>} | null} [detail] a sentence
  *   in front of the text
+ * @property {ReturnType<typeof alertFor>} [warning] a line of its own: what fails just now
  * @property {boolean} [busy] something is under way
  * @property {{action: string, word: string}} [main]
  * @property {{action: string, word: string}} [other]
@@ -58,8 +60,13 @@ const AFTER = /** @type {Record<string, {action: string, word: string}>} */ ({
 
 /** @param {import("../../drive/features.js").State} state @returns {Card | null} */
 export const cardFor = (state) => {
-  return studyCard(state, usualCard(state));
+  const card = studyCard(state, usualCard(state));
+  const alert = card && alertFor(state);
+  return alert && WARNINGS.test(alert.word) ? { ...card, warning: alert } : card;
 };
+
+/** What a card does not say itself; it covers the line over the picture. */
+const WARNINGS = /^(fault\.|denied\.|alert\.server)/;
 
 /** @param {import("../../drive/features.js").State} state @returns {Card | null} */
 const usualCard = (state) => {

@@ -7,8 +7,8 @@ import { write } from "../../lib/dom.js";
 export class CardPanel {
   /**
    * @param {object} options
-   * @param {HTMLElement} options.element with #card-title, #card-text, #card-instead, #card-main,
-   *   #card-extra, #card-other, #card-count in it
+   * @param {HTMLElement} options.element with #card-title, #card-warning, #card-text,
+   *   #card-instead, #card-main, #card-extra, #card-other, #card-count in it
    * @param {import("../../lib/words.js").Words} options.words
    * @param {(action: string) => void} options.onAction
    */
@@ -18,6 +18,7 @@ export class CardPanel {
     this.element = element;
     this.words = words;
     this.title = part("title");
+    this.warning = part("warning");
     this.text = part("text");
     this.count = part("count");
     this.main = /** @type {HTMLButtonElement} */ (part("main"));
@@ -48,6 +49,7 @@ export class CardPanel {
       word,
       values = {},
       detail = null,
+      warning = null,
       busy = false,
       main,
       extra,
@@ -61,6 +63,9 @@ export class CardPanel {
     this.element.toggleAttribute("data-holds-keys", !busy);
     this.element.dataset.card = word;
     write(this.title, this.words.say(`${word}.title`, values));
+    this.warning.hidden = warning === null;
+    this.warning.dataset.word = warning?.word ?? "";
+    write(this.warning, warning ? this.words.say(warning.word, warning.values) : "");
     write(this.text, textOf({ word, values, detail }, this.words));
     write(this.count, countdown === undefined ? "" : String(countdown));
     this.#button(this.main, main);

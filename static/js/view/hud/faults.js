@@ -1,0 +1,64 @@
+/** What a page says when a part of the server, or the robot's computer, does not work. Pure. */
+
+/** s without any packet on a WebSocket, which brings one a second, after which the page says so */
+export const SERVER_SILENCE = 1.5;
+/** s after which another WebSocket is opened */
+export const SOCKET_SILENCE = 3;
+
+/**
+ * @typedef {object} ShownFault
+ * @property {string} part
+ * @property {"waits" | "stops" | "stopped" | "goes_on"} then
+ * @property {number | null} at the Unix time until which the robot still drives
+ */
+
+/**
+ * @param {{part: string, then: any, seconds: number | null}[]} faults as the server says:
+ *   sessions/protocol.py Fault
+ * @param {number} now Unix time
+ * @returns {ShownFault[]}
+ */
+export const shownFaults = (faults, now) =>
+  faults.map(({ part, then, seconds }) => ({
+    part,
+    then,
+    at: seconds === null ? null : now + seconds,
+  }));
+
+/**
+ * Which part it is, and what that means for this page. Without a way to the server what it last
+ * said may be over, and is not said.
+ * @param {{visit: {phase: string, link: string, socket: string}, faults: ShownFault[],
+ *   serverSilent: boolean, now: number}} state
+ * @returns {{word: string, tone: "danger" | "busy", values: {seconds: number}} | null}
+ */
+export const faultAlert = ({ visit, faults, serverSilent, now }) => {
+  const fault = faults.find(
+    ({ part, then }) => then !== "goes_on" && (part !== "robot" || visit.link !== "live"),
+  );
+  if (!fault || visit.socket === "lost" || serverSilent) {
+    return null;
+  }
+  // What goes through the broker stops with it; what goes straight to the robot lives as long as
+  // the lease.
+  const left =
+    fault.at === null || (fault.part === "broker" && visit.link !== "live")
+      ? 0
+      : Math.ceil(fault.at - now);
+  const driven = fault.then === "stops" && left <= 0 ? "stopped" : fault.then;
+  // A driver reads what becomes of the drive, who waits what becomes of the place in the queue, and
+  // who watches what the robot does.
+  const then =
+    visit.phase === "driving"
+      ? driven
+      : visit.phase === "watching"
+        ? fault.part === "robot"
+          ? "stopped"
+          : "watched"
+        : "waits";
+  return {
+    word: `fault.${fault.part}.${then}`,
+    tone: then === "waits" || then === "watched" ? "busy" : "danger",
+    values: { seconds: left },
+  };
+};
