@@ -1,4 +1,4 @@
-"""How soon every kind of page says that the session manager or the database hangs: stopped
+"""How soon the pages of a visit say that the session manager or the database hangs: stopped
 processes keep their connections, so that only silence shows it.
 """
 
@@ -10,13 +10,11 @@ import psutil
 import pytest
 from playwright.sync_api import expect
 
-from tests.support.browsers.visitor import Visitor
 from tests.support.collected import collected_files
 from tests.support.patience import patient
 from tests.support.programs.postgres import running_postgres
 from tests.support.programs.redis import Redis
 from tests.support.sessions.site import Site, wait_for
-from tests.support.studies.wizard_task import SLUG, begin_wizard_study
 
 pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 SOON = 2.0  # s
@@ -176,35 +174,3 @@ def test_pages_of_a_visit_name_it_within_two_seconds(
     for part in LINES:
         took = seconds_until_named(site, postgres, pages, part)
         assert max(took.values()) <= SOON, took
-
-
-def test_the_page_of_a_hidden_operator_names_it_within_two_seconds(site, postgres, visitor):
-    begin_wizard_study(site, "ana", "olga")
-    ana, olga = visitor("ana"), visitor("olga", viewport={"width": 1366, "height": 768})
-    ana.page.goto(f"/studies/{SLUG}/step/")
-    ana.page.get_by_role("link", name="Go to the robot").click()
-    ana.page.get_by_role("button", name="Drive Giraff").click()
-    ana.wait_for_picture()
-    olga.page.goto(f"/studies/{SLUG}/wizard/")
-    pages = {"operating": olga.page}
-    for part in LINES:
-        if olga.page.get_by_role("button", name="Operate the robot").is_visible():
-            olga.page.get_by_role("button", name="Operate the robot").click()
-        expect(olga.page.locator("#wizard")).to_have_attribute(
-            "data-state", "operating", timeout=patient(20) * 1000
-        )
-        took = seconds_until_named(site, postgres, pages, part)
-        assert max(took.values()) <= SOON, took
-
-
-def test_a_redis_that_hangs_stops_nobody_who_drives(site, redis, visitor):
-    driver: Visitor = visitor("anna").drive()
-    process = psutil.Process(redis.pid)
-    process.suspend()
-    try:
-        time.sleep(12.0)  # longer than a lease and a page live without the server
-        assert driver.page_data("phase") == "driving"
-        assert driver.page_data("link") == "live"
-        assert line(driver.page) == ""
-    finally:
-        process.resume()
