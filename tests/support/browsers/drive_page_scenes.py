@@ -155,10 +155,10 @@ async def waits(page: Page, site: PresentRobotPage, address: str) -> Scenes:
     site.others = []
     await page.wait_for_selector("#card-instead", state="hidden")
     site.faults = (protocol.Fault(part="session_manager", then="stopped"),)
-    await page.wait_for_selector("#alert[data-word='fault.session_manager.waits']")
+    await page.wait_for_selector("#card-warning[data-word='fault.session_manager.waits']")
     yield "queued, the server has a problem"
     site.faults = ()
-    await page.wait_for_selector("#alert", state="hidden")
+    await page.wait_for_selector("#card-warning", state="hidden")
     stopped(site)
     site.keep_waiting("paused: estop")
     await page.wait_for_selector("#presence-talk:not([hidden])")

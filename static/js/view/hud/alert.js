@@ -16,8 +16,8 @@ import { isCutOff, standstillOf } from "./standstill.js";
 const SLOW_SECONDS = 0.4;
 const READING_SECONDS = 8; // of a sentence that nothing else makes disappear
 const NEEDED = new Set(["stop", "blind"]); // of what the robot does to help: why it does not move
-/** No card says these, so they stay in sight while one is open. */
-const OVER_CARDS = /^(alert\.(estop|estop_screen|runs_on|server)|fault\..+)$/;
+/** What the robot does must be read while a card is open; faults of the server are on the card. */
+const OVER_CARDS = /^alert\.(estop|estop_screen|runs_on)$/;
 
 /** @param {string} word */
 export const staysOverCards = (word) => OVER_CARDS.test(word);

@@ -51,15 +51,6 @@ async def test_who_operates_the_robot_reads_which_part_it_is(browser, site):
             assert text.startswith(f"The server's {name} isn't responding. {STOPS}")
 
 
-async def test_who_waits_reads_over_the_card_that_the_server_has_a_problem(browser, site):
-    async with opened(browser, site) as page:
-        await page.wait_for_selector("#card[data-card=lobby]")
-        site.tell("session/queued", protocol.Queued(session="s", place=2, minutes=4.0))
-        await page.wait_for_selector("#card[data-card=queued]")
-        site.faults = (protocol.Fault(part="session_manager", then="stopped"),)
-        assert "You keep your place" in await alert(page, "fault.session_manager.waits")
-
-
 async def test_a_full_disk_is_said_and_stops_nobody(browser, site):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
