@@ -489,6 +489,24 @@ def test_a_page_that_drove_over_its_socket_leaves_a_stop_behind_and_no_other_doe
     assert observer().parting_stop("a", 5.0, LEASE, 0.0) is None
 
 
+@pytest.mark.parametrize("kind", [m.Stop, m.EStop])
+def test_a_late_copy_of_a_drivers_stop_names_the_drive_that_has_ended(kind):
+    def sessions(authorization):
+        return [
+            say(
+                authorization, "command/action", action(kind, session=claimed, epoch=7), lease=None
+            )[0].message.session
+            for claimed in (SESSION, "s2", None)
+        ]
+
+    authorization = driver()
+    authorization.leave()
+    assert sessions(authorization) == [SESSION, None, None]
+    authorization.observe()
+    assert sessions(authorization) == [SESSION, None, None]
+    assert sessions(observer()) == [None, None, None]
+
+
 # --- whatever a page says -------------------------------------------------------------------------
 
 SUFFIXES = st.sampled_from(
