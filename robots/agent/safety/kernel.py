@@ -546,6 +546,7 @@ class Kernel:
         self.fault, self._now = None, now
         self._hold_on(now)
         self._own = self._current = self._sent = self._target = ZERO
+        self._sent_zero_since = None  # the zeros before did not reach the base
         self._brake_until_rest()
         self._change(Change.DRIVER_CHANGED)
 

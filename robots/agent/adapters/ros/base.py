@@ -642,11 +642,7 @@ class RosAdapter(RemoteAdapter):
             self._lock_problem = "" if done else f"{service} failed: {reason or 'no reason given'}"
 
     def _at_rest(self) -> bool:
-        velocity, profile = self.readings.velocity, self.profile
-        return (
-            abs(velocity.linear) < profile.standstill_linear
-            and abs(velocity.angular) < profile.standstill_angular
-        )
+        return is_within(self.readings.velocity, self.profile.standstill)
 
 
 ADVICE = (

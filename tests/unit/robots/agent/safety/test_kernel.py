@@ -311,6 +311,21 @@ def test_one_measurement_at_rest_is_not_enough_without_another(bench):
     assert kernel.tick(bench.now).velocity is None
 
 
+def test_time_without_the_base_does_not_count_as_time_in_which_it_was_braked(bench):
+    bench.drive(0.5)
+    bench.kernel.set_fault("adapter_lost")
+    for _ in range(500):
+        bench.now += TICK
+        bench.kernel.tick(bench.now)
+    bench.kernel.clear_fault(bench.now)
+    bench.motion = m.Velocity(linear=0.3, angular=0.0)
+    bench.run(0.38)
+    assert not bench.kernel.settles_too_long(bench.now)
+    assert not bench.kernel.moves_despite_stop(bench.now)
+    bench.run(0.1)
+    assert bench.kernel.moves_despite_stop(bench.now)
+
+
 def test_robot_never_measured_at_rest_is_reported(bench):
     bench.run(1.0, every=0.1, linear=0.3)
     bench.motion = m.Velocity(linear=0.0, angular=0.06)
