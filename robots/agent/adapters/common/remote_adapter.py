@@ -34,7 +34,7 @@ from robots.agent.adapters.common.robot_profile import (
 )
 from robots.agent.adapters.common.state_builder import Readings
 from robots.agent.adapters.common.velocity_gate import GateParams, VelocityGate
-from robots.agent.ramp import ZERO, caps
+from robots.agent.ramp import ZERO, caps, is_within
 from robots.agent.robot_interface import (
     ActionProgress,
     ActionRefusedError,
@@ -59,7 +59,6 @@ GLANCE = 0.05  # seconds between two checks of actions
 CANCEL_AGAIN = 0.5  # seconds between two cancels of an action of which the end is not confirmed
 CANCEL_TIME = 1.0  # seconds for the first cancel of what an earlier connection has left
 BRAKING_TIME = 2.0
-STANDSTILL = 0.01
 GATE = GateParams()
 
 log = structlog.stdlib.get_logger(__name__)
@@ -506,9 +505,8 @@ class RemoteAdapter(ABC):
         async with asyncio.timeout(BRAKING_TIME):
             while not self._failure:
                 self._drive(ZERO)
-                velocity = self.readings.velocity
                 await asyncio.sleep(0.05)
-                if abs(velocity.linear) < STANDSTILL and abs(velocity.angular) < STANDSTILL:
+                if is_within(self.readings.velocity, self.profile.standstill):
                     return
 
     async def _disconnect(self, why: str) -> None:

@@ -40,7 +40,7 @@ from robots.agent.adapters.ros.graph import (
 )
 from robots.agent.adapters.ros.navigators import navigator_of
 from robots.agent.adapters.ros.topic_camera import TopicCamera
-from robots.agent.ramp import ZERO
+from robots.agent.ramp import ZERO, is_within
 from robots.agent.robot_interface import (
     ActionProgress,
     ActionRefusedError,
