@@ -88,7 +88,11 @@ def test_every_safety_rule_names_a_test_that_exists():
 
 
 def test_every_safety_rule_names_code_that_exists():
-    code = {path: path.read_text(encoding="utf-8") for path in (ROOT / "robots").rglob("*.py")}
+    code = {
+        path: path.read_text(encoding="utf-8")
+        for folder in ("robots", "sessions")
+        for path in (ROOT / folder).rglob("*.py")
+    }
 
     def exists(name):
         if name.endswith(".py"):
