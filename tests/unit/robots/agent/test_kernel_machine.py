@@ -502,7 +502,7 @@ class KernelMachine(RuleBasedStateMachine):
             and self.caps.linear is not None
             and self.kernel.leases.live(self.now) is not None
         ):
-            braking = LIMITS.linear_braking * TICK
+            braking = LIMITS.linear_braking * min(self.now - self.told_at, TICK)
             assert (
                 abs(velocity.linear)
                 <= max(self.caps.linear, abs(before.linear) - braking * 0.5) + SLACK
@@ -512,7 +512,7 @@ class KernelMachine(RuleBasedStateMachine):
             and self.caps.angular is not None
             and self.kernel.leases.live(self.now) is not None
         ):
-            braking = LIMITS.angular_braking * TICK
+            braking = LIMITS.angular_braking * min(self.now - self.told_at, TICK)
             assert (
                 abs(velocity.angular)
                 <= max(self.caps.angular, abs(before.angular) - braking * 0.5) + SLACK
