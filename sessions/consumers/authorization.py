@@ -170,7 +170,6 @@ class Authorization:
         self.private = ""
         self.watchable = ""
         self.session: str | None = None
-        self.left: str | None = None  # the session that this page drove in last
         self.epoch = 0
         self.velocity_seq = 0
         self.velocity_at = float("-inf")
@@ -202,8 +201,6 @@ class Authorization:
     def leave(self) -> None:
         """The page neither drives nor waits nor watches any more."""
         self.awaits_picture = False
-        if self.standing == "driver":
-            self.left = self.session
         self.standing, self.session, self.epoch = "guest", None, 0
         self.look_away()
 
@@ -366,11 +363,12 @@ class Authorization:
             return msgspec.structs.replace(
                 action, session=self.session, epoch=self.epoch, role="driver", user=self.who
             )
-        # A page stops the robot when its drive ends. The copies that arrive afterwards name that
-        # drive, so that they do not hold the robot as the stop of a person does.
-        ended = action.session if action.session in {self.session, self.left} else None
+        # A page stops the robot when its drive ends. Copies that arrive afterwards, also on another
+        # connection, name that drive, and without a lease they do not hold the robot as the stop of
+        # a person does. A false claim only weakens the sender's own stop.
+        session = None if lease else action.session
         stamped = msgspec.structs.replace(
-            action, session=ended, epoch=0, role=self.operator or "observer", user=self.who
+            action, session=session, epoch=0, role=self.operator or "observer", user=self.who
         )
         # The number belongs to the driver's counter: a stranger's would kill commands that the
         # driver has yet to send.

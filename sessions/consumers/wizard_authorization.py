@@ -59,7 +59,6 @@ class WizardAuthorization(Authorization):
 
     def let_go(self) -> None:
         """The page operates nothing any more."""
-        self.left = self.session or self.left
         self.session, self.epoch, self.by_hand = None, 0, False
 
     def holds(self, _lease: Lease | None) -> bool:

@@ -90,6 +90,8 @@ class Readings:
     def lost(self, now: float) -> None:
         """Note that the RCA has lost its pose."""
         self._fix, self._map_from_odometry, self.fixed_at = NOWHERE, None, now
+        if self.odometry is None:
+            self._track.clear()  # the poses before say nothing of how the robot moves now
 
     def scanned(self, scan: Scan) -> None:
         self._scan = scan
@@ -133,6 +135,11 @@ class Readings:
         x, y, theta = self._map_from_odometry.compose(self.odometry)
         return msgspec.structs.replace(self._fix, x=x, y=y, theta=theta)
 
+    @property
+    def _measures_nothing(self) -> bool:
+        """Without odometry or a pose the robot counts as at rest; else it could not be driven."""
+        return self.odometry is None and not self._fix.localized
+
     def state(self, unix: float) -> RcaState:
         """Return all of it; obstacles once only. Stamps grow; a repeated state has `unix`."""
         is_measured, self.fresh = self.fresh, False
@@ -158,7 +165,7 @@ class Readings:
             sonar=sonar,
             bumper=self._bumper,
             points=points,
-            is_measured=is_measured,
+            is_measured=is_measured or self._measures_nothing,
         )
 
     def _heard(self, stamp: float, now: float) -> None:

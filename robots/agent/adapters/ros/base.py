@@ -61,6 +61,7 @@ from robots.api.messages import (
 )
 
 ACCEPTANCE = 5.0  # seconds in which navigation has to accept a goal
+AT_REST_FOR = 0.3  # seconds of measurements that show the robot at rest
 WANTED_AGE = 0.3  # seconds after which a velocity of the navigation counts as zero
 # metres and radians: standard deviations of a pose that a person gave
 TOLD_WITHIN, TURNED_WITHIN = 0.5, 0.26
@@ -181,6 +182,8 @@ class RosAdapter(RemoteAdapter):
         self._navigator = navigator_of(name, action, bus, self) if "goto" in own else None
         self._docking = TriggerDocking(options.cancel_dock, bus, self._at_rest)
         self._docking_id = ""  # the newest action that docks or undocks
+        self._docking_ended = False  # it has, and the guard does not know it
+        self._at_rest_since: float | None = None
         self._counter = itertools.count(1)
         self._camera = TopicCamera(options.image) if options.image else None
         self._wanted = (ZERO, -math.inf)  # the navigation's velocity, and when it arrived
@@ -492,7 +495,7 @@ class RosAdapter(RemoteAdapter):
                     "a point on its map"
                 )
             case Dock() | Undock():
-                self._docking_id = action.action_id
+                self._docking_id, self._docking_ended = action.action_id, False
                 is_dock = isinstance(action, Dock)
                 await self._docking.start(self._options.dock if is_dock else self._options.undock)
             case Relocalize(x=x, y=y) if x is not None and y is not None:
@@ -525,8 +528,7 @@ class RosAdapter(RemoteAdapter):
     def _tell(self, progress: ActionProgress) -> None:
         super()._tell(progress)
         if progress.action_id == self._docking_id and progress.status != "RUNNING":
-            with contextlib.suppress(AdapterError):  # a new connection's guard cancels it anyway
-                self._bus.tell_guard(op="docking_ended")
+            self._docking_ended, self._at_rest_since = True, None
 
     async def _withdraw(self, pending: PendingAction) -> bool:
         if pending.kind != "goto":
@@ -548,7 +550,22 @@ class RosAdapter(RemoteAdapter):
         self._navigator.send({"header": header, "pose": messages.pose(place)}, goal)
         return goal
 
+    def _release_guard(self, now: float) -> None:
+        """Tell the guard that a docking has ended, once the robot is measured at rest: it undocks
+        beyond the point where its contacts part.
+        """
+        if not self._at_rest():
+            self._at_rest_since = None
+        elif self._at_rest_since is None:
+            self._at_rest_since = now
+        elif self.readings.last_received_at - self._at_rest_since >= AT_REST_FOR:
+            self._docking_ended = False
+            with contextlib.suppress(AdapterError):  # a new connection's guard cancels it anyway
+                self._bus.tell_guard(op="docking_ended")
+
     def _look(self, now: float) -> None:
+        if self._docking_ended:
+            self._release_guard(now)
         drive = self.pending_actions.drive
         if (
             drive is not None

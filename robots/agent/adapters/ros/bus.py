@@ -140,6 +140,10 @@ class ActionBus(Bus, Protocol):
         """Cancel a goal; return True when it certainly does not run and never will."""
 
 
+class UnansweredError(AdapterError):
+    """A call of a service had no answer: the service may still obey it."""
+
+
 def result_of(service: str, values: Any, *, problem: Any, is_absent: bool) -> tuple[bool, str]:
     """Return the success and message of a service's answer.
 

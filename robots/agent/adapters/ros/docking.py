@@ -9,12 +9,12 @@ import time
 from collections.abc import Callable
 
 from robots.agent.adapters.common.pending_actions import LONGEST_DOCKING
-from robots.agent.adapters.ros.bus import ANSWER_TIME, Bus
+from robots.agent.adapters.ros.bus import ANSWER_TIME, Bus, UnansweredError
 from robots.agent.robot_interface import ActionRefusedError, AdapterError
 
 TRIGGER = "std_srvs/Trigger"
 CANCEL_TIME = 1.0  # seconds that one call of `cancel` waits
-LOST_FOR = 30.0  # seconds in which a call whose connection was lost may still start the robot
+LOST_FOR = 30.0  # seconds in which a call that ended without an answer may still start the robot
 
 
 class TriggerDocking:
@@ -23,7 +23,7 @@ class TriggerDocking:
     def __init__(self, cancel_service: str, bus: Bus, is_at_rest: Callable[[], bool]) -> None:
         self._cancel_service, self._bus, self._is_at_rest = cancel_service, bus, is_at_rest
         self._start: asyncio.Future[tuple[bool, str]] | None = None
-        self._started_at = 0.0
+        self._ended_at = 0.0  # when that call ended
         self._is_cancelled = False
         self._cancelling: asyncio.Future[bool] | None = None
 
@@ -36,8 +36,9 @@ class TriggerDocking:
         """
         call = self._bus.call(service, TRIGGER, within=LONGEST_DOCKING)
         start = self._start = asyncio.ensure_future(call)
-        self._started_at, self._is_cancelled = time.monotonic(), False
-        start.add_done_callback(self._answered)
+        self._is_cancelled = False
+        self._cancelling = None  # what it answers says nothing of this call
+        start.add_done_callback(self._ended)
         await asyncio.wait([start], timeout=ANSWER_TIME)
         if not start.done() or start.cancelled():
             raise AdapterError(f"{service} does not answer")
@@ -54,24 +55,30 @@ class TriggerDocking:
         if not self._cancel_service:
             return False
         self._is_cancelled = True
-        if self._cancelling is None:
-            self._cancelling = asyncio.ensure_future(self._call())
-        done, _ = await asyncio.wait([self._cancelling], timeout=CANCEL_TIME)
+        cancelling = self._cancelling
+        if cancelling is None:
+            cancelling = self._cancelling = asyncio.ensure_future(self._call())
+        done, _ = await asyncio.wait([cancelling], timeout=CANCEL_TIME)
         if not done:
             return False
-        cancelling, self._cancelling = self._cancelling, None
+        if self._cancelling is cancelling:
+            self._cancelling = None
         return cancelling.result()
 
     def _may_start(self) -> bool:
         """Return whether the robot may be started by a call that has no answer."""
-        if self._start is None:
+        start = self._start
+        if start is None:
             return False
-        if self._start.cancelled():  # with its connection
-            return time.monotonic() - self._started_at < LOST_FOR
-        return not self._start.done()
+        if not start.done():
+            return True
+        # it was cancelled with its connection
+        is_unanswered = start.cancelled() or isinstance(start.exception(), UnansweredError)
+        return is_unanswered and time.monotonic() - self._ended_at < LOST_FOR
 
-    def _answered(self, start: asyncio.Future[tuple[bool, str]]) -> None:
+    def _ended(self, start: asyncio.Future[tuple[bool, str]]) -> None:
         """Cancel again at once what was cancelled before it was answered."""
+        self._ended_at = time.monotonic()
         if start.cancelled() or start.exception() is not None or not self._is_cancelled:
             return
         if self._cancelling is None or self._cancelling.done():

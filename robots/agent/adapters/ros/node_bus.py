@@ -18,7 +18,14 @@ from typing import Any
 
 import msgspec
 
-from robots.agent.adapters.ros.bus import ANSWER_TIME, Goals, Handler, Subscription, result_of
+from robots.agent.adapters.ros.bus import (
+    ANSWER_TIME,
+    Goals,
+    Handler,
+    Subscription,
+    UnansweredError,
+    result_of,
+)
 from robots.agent.adapters.ros.graph import Graph, TopicPeers
 from robots.agent.robot_interface import AdapterError
 
@@ -246,7 +253,7 @@ class NodeBus:
         try:
             answer = await self._answer(within, op="call", **request)
         except TimeoutError as error:
-            raise AdapterError(f"{service} does not answer") from error
+            raise UnansweredError(f"{service} does not answer") from error
         return result_of(
             service,
             answer.get("values"),

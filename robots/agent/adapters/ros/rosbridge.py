@@ -26,7 +26,14 @@ from robots.agent.adapters.common.robot_profile import load_profile, settings_of
 from robots.agent.adapters.common.send_slots import SendSlots
 from robots.agent.adapters.common.sockets import make_prompt
 from robots.agent.adapters.ros.base import RosAdapter, RosOptions
-from robots.agent.adapters.ros.bus import ANSWER_TIME, Goals, Handler, Subscription, result_of
+from robots.agent.adapters.ros.bus import (
+    ANSWER_TIME,
+    Goals,
+    Handler,
+    Subscription,
+    UnansweredError,
+    result_of,
+)
 from robots.agent.adapters.ros.graph import Graph, TopicPeers
 from robots.agent.robot_interface import ActionRefusedError, AdapterError
 from robots.api.messages import ActionState
@@ -415,14 +422,14 @@ class RosbridgeBus:
             async with asyncio.timeout(within):
                 response = await answer
         except TimeoutError as error:
-            raise AdapterError(f"{service} does not answer") from error
+            raise UnansweredError(f"{service} does not answer") from error
         finally:
             self._calls.pop(number, None)
         values = response.get("values")
         if response.get("result") is False or not isinstance(values, dict):
-            # internal/services.py, InvalidServiceException
+            # internal/services.py, InvalidServiceException; another failure may be its own time-out
             is_absent = isinstance(values, str) and "does not exist" in values
-            kind_of_error = ActionRefusedError if is_absent else AdapterError
+            kind_of_error = ActionRefusedError if is_absent else UnansweredError
             raise kind_of_error(f"{service} cannot be called: {values}")
         return values
 

@@ -490,21 +490,19 @@ def test_a_page_that_drove_over_its_socket_leaves_a_stop_behind_and_no_other_doe
 
 
 @pytest.mark.parametrize("kind", [m.Stop, m.EStop])
-def test_a_late_copy_of_a_drivers_stop_names_the_drive_that_has_ended(kind):
-    def sessions(authorization):
-        return [
-            say(
-                authorization, "command/action", action(kind, session=claimed, epoch=7), lease=None
-            )[0].message.session
-            for claimed in (SESSION, "s2", None)
-        ]
-
-    authorization = driver()
-    authorization.leave()
-    assert sessions(authorization) == [SESSION, None, None]
-    authorization.observe()
-    assert sessions(authorization) == [SESSION, None, None]
-    assert sessions(observer()) == [None, None, None]
+@pytest.mark.parametrize("page", ["that left", "that reconnected", "that waits again"])
+def test_a_late_copy_of_a_drivers_stop_names_the_drive_that_has_ended(kind, page):
+    authorization = observer() if page == "that reconnected" else driver()
+    if page == "that left":
+        authorization.leave()
+    elif page == "that waits again":
+        authorization.wait("s2")
+    for claimed in (SESSION, None):
+        (halt,) = say(
+            authorization, "command/action", action(kind, session=claimed, epoch=7), lease=None
+        )
+        assert (halt.message.session, halt.message.epoch) == (claimed, 0)
+        assert halt.message.role == "observer"
 
 
 # --- whatever a page says -------------------------------------------------------------------------
