@@ -69,7 +69,7 @@ class Standstill:
     """
 
     def __init__(self) -> None:
-        self.linear, self.angular = 0.02, 0.05  # m/s and rad/s, below which it stands
+        self.linear, self.angular = 0.02, 0.05  # m/s and rad/s: no faster is at rest
         self.measured_at = time.monotonic()
         self.still_since = math.inf
         self.stamp: Any = None
@@ -81,8 +81,8 @@ class Standstill:
         self.stamp, self.measured_at = stamp, now
         twist = odometry.twist.twist
         still = (
-            math.hypot(twist.linear.x, twist.linear.y) < self.linear
-            and abs(twist.angular.z) < self.angular
+            math.hypot(twist.linear.x, twist.linear.y) <= self.linear
+            and abs(twist.angular.z) <= self.angular
         )
         self.still_since = min(self.still_since, now) if still else math.inf
 

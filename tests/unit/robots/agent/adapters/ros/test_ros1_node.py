@@ -332,6 +332,12 @@ def test_odometry_that_is_published_again_measures_no_standstill(guard):
     assert guard.passes(1.5, 0.0, stamp_stands=True) >= 45
 
 
+@pytest.mark.parametrize(("speed", "is_at_rest"), [(0.02, True), (0.0201, False)])
+def test_a_robot_as_fast_as_the_threshold_is_at_rest(guard, speed, is_at_rest):
+    guard.passes(1.0, speed, beats=True)
+    assert guard.guard.standstill.is_proved is is_at_rest
+
+
 def test_a_guard_that_fails_to_cancel_still_brakes(guard):
     guard.guard.sent["telepresence-1"] = True
     guard.guard.closed = True
