@@ -2,6 +2,7 @@
 
 import socket
 import threading
+import time
 from types import SimpleNamespace
 
 import pytest
@@ -14,6 +15,7 @@ from robots.agent.adapters.ros.guarded_node import (
     Link,
     Standstill,
 )
+from robots.agent.adapters.ros.node_bus import GRAPH_TIME
 from robots.agent.adapters.ros.ros1 import Ros1Bus, Ros1Options
 from robots.agent.adapters.ros.ros1_node import MAX_QUEUED, Guard, MasterError, Node
 from robots.agent.robot_interface import AdapterError
@@ -152,6 +154,63 @@ def test_a_look_round_is_answered_when_the_master_is_lost_meanwhile():
     node.describe_graph(1, "/cmd_vel", {})
     assert (said[0]["op"], said[0]["number"]) == ("response", 1)
     assert "nodes" not in said[0]
+
+
+class ForgetfulMaster:
+    """A master from which /ended unregisters between two calls of one look."""
+
+    names = ("/base_driver", "/ended")
+
+    def getSystemState(self):  # noqa: N802 - the master's API
+        return [["/odom", self.names]], [], []
+
+    def getTopicTypes(self):  # noqa: N802 - the master's API
+        return []
+
+    def lookupNode(self, name):  # noqa: N802 - the master's API
+        if name == "/ended":
+            raise MasterError("unknown node [/ended]")
+        return "http://base:1/"
+
+
+@pytest.fixture
+def look():
+    """Describe the graph, given the nodes of earlier connections; return the answer."""
+
+    def describe(old):
+        said = []
+        node = object.__new__(Node)
+        node.new_master = ForgetfulMaster
+        node.rospy = SimpleNamespace(get_name=lambda: "/telepresence")
+        node.refused, node.others, node.driving = {}, {}, ""
+        node.unreachable = (OSError, MasterError)
+        node.say = lambda **message: said.append(message)
+        node.describe_graph(1, "/cmd_vel", old)
+        return said[0]
+
+    return describe
+
+
+def test_a_node_that_ends_during_a_look_hides_no_other(look, monkeypatch):
+    monkeypatch.setattr(ros1_node, "answers", lambda _: True)
+    found = look({"/planner": "http://planner:1/"})
+    assert found["nodes"] == {"/base_driver": "http://base:1/"}
+    assert found["forgotten"] == ["/planner"]
+
+
+@pytest.mark.slow
+def test_a_look_is_answered_in_time_although_many_old_nodes_hang(look, monkeypatch):
+    monkeypatch.setattr(ForgetfulMaster, "names", ("/base_driver",))
+    ended = threading.Event()
+    monkeypatch.setattr(ros1_node, "slave_at", lambda uri: uri)
+    monkeypatch.setattr(ros1_node, "answers", lambda uri: "hung" not in uri or ended.wait(2.0))
+    old = {f"/{number}": f"http://hung:{number}/" for number in range(6)}
+    began = time.monotonic()
+    found = look({**old, "/planner": "http://planner:1/"})
+    took = time.monotonic() - began
+    ended.set()
+    assert found["forgotten"] == ["/planner"]
+    assert took < GRAPH_TIME / 2
 
 
 async def test_a_graph_that_gets_no_answer_is_an_error(bus, monkeypatch):
