@@ -239,3 +239,52 @@ def test_an_error_ends_no_guard(monkeypatch):
     guard = FailingGuard()
     guard.brake_until_rest(0.0)
     assert guard.done == ["zero", "cancel", "dock", "rest"] * 3
+
+
+class DockingServer:
+    """A server that receives a call, and is there or not at each look, 0.5 s after the last."""
+
+    def __init__(self, clock, looks, answer=None):
+        self.clock, self.looks, self.answer = clock, iter(looks), answer
+        self.answer_to = None
+
+    def service_is_ready(self):
+        if self.answer_to is None:
+            return True
+        self.clock.time += 0.5
+        is_there = next(self.looks, None)
+        if is_there is None and self.answer is not None:
+            self.answer_to(Done(self.answer))
+        return is_there is not False
+
+    def call_async(self, _request):
+        return SimpleNamespace(add_done_callback=lambda take: setattr(self, "answer_to", take))
+
+
+@pytest.fixture
+def call(monkeypatch):
+    """Call a service that docks, at a server; return the answer."""
+
+    def answer_of(server):
+        monkeypatch.setattr(ros2_node, "type_of", lambda *_: SimpleNamespace(Request=Record))
+        node = object.__new__(ros2_node.Ros2Node)
+        node.clients, node.guarding = {"/dock": server}, False
+        node.docking = SimpleNamespace(cancel_service="/cancel_dock")
+        node.later = lambda work, *words: work(*words)
+        return node.answer_of("/dock", "std_srvs/Trigger", {}, docking=1)
+
+    return answer_of
+
+
+@pytest.mark.timeout(10)
+def test_a_call_ends_when_its_server_has_been_gone_for_2_s(call, clock):
+    began = clock.time
+    server = DockingServer(clock, [True, *[False] * 9])
+    assert call(server) == {"problem": "no answer"}
+    assert clock.time - began == 0.5 + ros2_node.GONE_AFTER
+
+
+@pytest.mark.timeout(10)
+def test_a_call_goes_on_while_its_server_is_gone_for_less_than_2_s(call, clock):
+    server = DockingServer(clock, [False, False, False, True] * 2, [True])
+    assert call(server) == {"values": [True]}
