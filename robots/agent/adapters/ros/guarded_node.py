@@ -104,6 +104,7 @@ class DockingCalls:
         self.cancel_service = ""
         self.is_active = False
         self.number = 0
+        self.lock = threading.Lock()  # each call and each cancel has a thread
         self.unanswered: Any = {}  # when each call was made that has no answer, by its number
 
     def begin(self, services: Any, cancel_service: str) -> None:
@@ -115,26 +116,30 @@ class DockingCalls:
         """Take a call; return its number, 0 for one that docks nothing."""
         if service not in self.services or not self.cancel_service:
             return 0
-        self.number += 1
-        self.unanswered[self.number] = time.monotonic()
-        self.is_active = True
-        return self.number
+        with self.lock:
+            self.number += 1
+            self.unanswered[self.number] = time.monotonic()
+            self.is_active = True
+            return self.number
 
     def answered(self, number: int, answer: Any) -> None:
         """Take the answer of a call: `values`, or a `problem` that is `absent` without a server."""
-        self.unanswered.pop(number, None)
         refused = answer.get("absent") or answer.get("values", {}).get("success") is False
-        if number and number == self.number and refused:
-            self.is_active = False
+        with self.lock:
+            self.unanswered.pop(number, None)
+            if number and number == self.number and refused:
+                self.is_active = False
 
     def cancelling(self) -> int:
         """Return what to give `cancelled` once the cancel that is sent now has its answer."""
         oldest = time.monotonic() - ANSWERED_WITHIN
-        return -1 if any(at > oldest for at in self.unanswered.values()) else self.number
+        with self.lock:
+            return -1 if any(at > oldest for at in self.unanswered.values()) else self.number
 
     def cancelled(self, number: int) -> None:
-        if number == self.number:
-            self.is_active = False
+        with self.lock:
+            if number == self.number:
+                self.is_active = False
 
 
 class MissingTypeError(Exception):
@@ -195,7 +200,11 @@ class GuardedNode:
         docking = self.docking.called(service)
 
         def call() -> None:
-            answer = self.answer_of(service, kind, arguments, docking=docking)
+            try:
+                answer = self.answer_of(service, kind, arguments, docking=docking)
+            except Exception as error:  # the agent, and the docking, need an answer to every call
+                traceback.print_exc()
+                answer = {"problem": str(error) or type(error).__name__}
             self.docking.answered(docking, answer)
             self.say(op="response", number=number, **answer)
 

@@ -1,5 +1,7 @@
 """The node of ROS 1: its reports to the agent, its guard, and its connections."""
 
+import math
+import queue
 import socket
 import threading
 import time
@@ -482,6 +484,48 @@ def test_docking_is_cancelled_until_its_service_answers_or_is_gone():
         assert not node.docking.is_active
         node.cancels()
         assert node.answers == []
+
+
+class ServiceNode(GuardedNode):
+    """A node whose services fail as no node of ROS expects."""
+
+    def __init__(self):
+        super().__init__(None)
+        self.docking.begin(["/dock"], "/cancel_dock")
+
+    def answer_of(self, service, kind, arguments, *, docking=0):
+        raise TypeError("'NoneType' object is not callable")
+
+
+def test_a_call_that_fails_unexpectedly_is_answered_and_can_be_cancelled(monkeypatch):
+    said = queue.Queue()
+    node = ServiceNode()
+    monkeypatch.setattr(node, "say", lambda **message: said.put(message))
+    node.do_call(7, "/dock", "std_srvs/Trigger", {})
+    answer = {"op": "response", "number": 7, "problem": "'NoneType' object is not callable"}
+    assert said.get(timeout=5.0) == answer
+    assert node.docking.is_active
+    node.docking.cancelled(node.docking.cancelling())
+    assert not node.docking.is_active
+
+
+def test_a_cancel_does_not_end_a_docking_that_is_called_while_it_begins():
+    docking = DockingRig().docking
+    calling = threading.Thread(target=docking.called, args=("/dock",))
+
+    class Time(float):
+        """The time of a call; while it is compared, another thread makes the next one."""
+
+        def __gt__(self, other):
+            calling.start()
+            calling.join(SOON)
+            return super().__gt__(other)
+
+    docking.unanswered[docking.called("/dock")] = Time(-math.inf)
+    cancel = docking.cancelling()
+    calling.join()
+    docking.cancelled(cancel)
+    assert docking.is_active
 
 
 # --- connections ----------------------------------------------------------------------------------
