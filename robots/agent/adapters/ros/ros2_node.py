@@ -378,7 +378,7 @@ class Ros2Node(guarded.GuardedNode):
         watching.join()
 
     def end(self, *_: Any) -> None:
-        """Begin to guard; a guard that is ended has a successor (ros1.py, `NodeBus.tell_guard`)."""
+        """Begin to guard; a guard that is ended has a successor (node_bus.py, `NodeBus._take`)."""
         if self.guarding:
             os._exit(0)
         self.ended.set()
@@ -629,13 +629,16 @@ class Ros2Node(guarded.GuardedNode):
         return not self.standstill.is_proved
 
     def stop_wheels(self) -> None:
-        """Publish a zero velocity, also before the agent has said of which type."""
+        """Publish a zero velocity. Before the agent has advertised any, the type is the one that
+        graph.chosen_stamped would choose: of two, Twist.
+        """
         topic = self.settings["driving"]
         if topic not in self.publishers:
             kinds = {each.topic_type for each in self.subscribers_of(topic)}
             for kind in ("geometry_msgs/Twist", "geometry_msgs/TwistStamped"):
                 if kind.replace("/", "/msg/") in kinds:
                     self.do_advertise(topic, kind, drives=True)
+                    break
         if topic in self.publishers:
             self.publishers[topic].publish(self.stamped(self.kinds[topic]()))
 

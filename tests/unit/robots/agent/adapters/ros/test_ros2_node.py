@@ -10,6 +10,7 @@ from types import ModuleType, SimpleNamespace
 import pytest
 
 from robots.agent.adapters.ros import guarded_node, ros2_node
+from robots.agent.adapters.ros.graph import TopicPeers, chosen_stamped
 from robots.agent.adapters.ros.ros2_node import ABORTED, CANCELED, PREFIX, UNKNOWN_GOAL, OwnedGoals
 
 EXECUTING = 2
@@ -288,3 +289,28 @@ def test_a_call_ends_when_its_server_has_been_gone_for_2_s(call, clock):
 def test_a_call_goes_on_while_its_server_is_gone_for_less_than_2_s(call, clock):
     server = DockingServer(clock, [False, False, False, True] * 2, [True])
     assert call(server) == {"values": [True]}
+
+
+@pytest.mark.parametrize(
+    ("kinds", "published"),
+    [
+        (["Twist", "TwistStamped"], "Twist"),
+        (["TwistStamped"], "TwistStamped"),
+        (["TwistStamped", "Twist"], "Twist"),
+    ],
+)
+def test_a_guard_brakes_with_the_type_that_the_agent_would_choose(monkeypatch, kinds, published):
+    sent = []
+    monkeypatch.setattr(ros2_node, "type_of", lambda kind, _: type(kind.split("/")[1], (), {}))
+    node = object.__new__(ros2_node.Ros2Node)
+    node.settings, node.publishers, node.kinds = {"driving": "/cmd_vel"}, {}, {}
+    node.quality = lambda **_: None
+    node.subscribers_of = lambda _: [Record(topic_type="geometry_msgs/msg/" + k) for k in kinds]
+    node.later = lambda *_: None
+    node.ros = SimpleNamespace(
+        create_publisher=lambda *_: SimpleNamespace(publish=sent.append), destroy_publisher=None
+    )
+    node.stop_wheels()
+    graph = {"/cmd_vel": TopicPeers(frozenset("geometry_msgs/" + kind for kind in kinds))}
+    assert [type(each).__name__ for each in sent] == [published]
+    assert chosen_stamped(graph, "/cmd_vel", stamped=False) == (published == "TwistStamped")
