@@ -20,6 +20,7 @@ SILENCE = 0.3  # s without another velocity, after which a moving robot is stopp
 OLDEST = 0.25  # s after which a velocity that waited for this process is dropped
 HEARTBEAT = 0.5  # s without a line from the agent, after which the guard stops the robot
 CANCEL_AGAIN = 0.5  # s between two cancels
+MOST_CANCELS = 10  # of a docking that wait for an answer at a time
 STILL_FOR = 0.3  # s of measured standstill, after which the robot is at rest
 HEARING = 3.0  # s for a subscriber to be found by a message that waits for it
 BACKLOG = 500  # lines of readings that wait for the agent
@@ -107,6 +108,11 @@ class DockingCalls:
         self.lock = threading.Lock()  # each call and each cancel has a thread
         self.unanswered: Any = {}  # when each call was made that has no answer, by its number
 
+    @property
+    def is_left(self) -> bool:
+        """Whether an earlier run may have left one, and this one has called none."""
+        return self.is_active and not self.number
+
     def begin(self, services: Any, cancel_service: str) -> None:
         """Take the services, and that an earlier run may have left a docking."""
         self.services, self.cancel_service = services, cancel_service
@@ -154,7 +160,7 @@ class GuardedNode:
         self.say = self.link.say
         self.standstill, self.docking = Standstill(), DockingCalls()
         self.docking_cancelled_at = -math.inf
-        self.cancelling_docking = threading.Thread()
+        self.docking_cancels: Any = []  # threads that wait for the answers
         self.publishers: Any = {}
         self.beaten_at = time.monotonic()
         # (topic of velocities, its subscribers) as reported last, and as they are
@@ -217,13 +223,18 @@ class GuardedNode:
         raise NotImplementedError
 
     def cancel_docking(self) -> None:
-        """Call the service that cancels docking, again every CANCEL_AGAIN until that has ended."""
+        """Call the service that cancels docking, again every CANCEL_AGAIN until that has ended.
+
+        An earlier cancel may still be answered, and so does not end when the next one is sent.
+        """
         now = time.monotonic()
+        self.docking_cancels = [each for each in self.docking_cancels if each.is_alive()]
         is_due = now - self.docking_cancelled_at > CANCEL_AGAIN
-        if self.docking.is_active and is_due and not self.cancelling_docking.is_alive():
+        if self.docking.is_active and is_due and len(self.docking_cancels) < MOST_CANCELS:
             self.docking_cancelled_at = now
-            self.cancelling_docking = threading.Thread(target=self.call_cancel_dock, daemon=True)
-            self.cancelling_docking.start()
+            cancel = threading.Thread(target=self.call_cancel_dock, daemon=True)
+            self.docking_cancels.append(cancel)
+            cancel.start()
 
     def call_cancel_dock(self) -> None:
         number = self.docking.cancelling()
@@ -231,7 +242,7 @@ class GuardedNode:
         if "values" in answer or "absent" in answer:
             self.docking.cancelled(number)
 
-    def take_guard(self, settings: Any) -> None:
+    def do_guard(self, **settings: Any) -> None:
         self.standstill.linear, self.standstill.angular = settings["linear"], settings["angular"]
         self.docking.begin(settings["docks"], settings["cancel_dock"])
 

@@ -200,7 +200,7 @@ class Node(guarded.GuardedNode):
         self.guard.finish()
 
     def do_guard(self, **settings: Any) -> None:
-        self.take_guard(settings)
+        super().do_guard(**settings)
         self.guard.begin(**settings)
 
     def type_of(self, kind: str) -> Any:

@@ -396,10 +396,6 @@ class Ros2Node(guarded.GuardedNode):
 
     # --- what the agent asks for ------------------------------------------------------------------
 
-    def do_guard(self, **settings: Any) -> None:
-        self.take_guard(settings)
-        self.cancel_docking()
-
     def do_advertise(self, topic: str, kind: str, *, drives: bool, latch: bool = False) -> None:
         try:
             made = type_of(kind, "msg")
@@ -654,6 +650,8 @@ class Ros2Node(guarded.GuardedNode):
             self.driven = None
             self.stop_wheels()
         self.report_listeners(self.settings["driving"], self.subscriber_count())
+        if self.docking.is_left:
+            self.cancel_docking()
         self.attend()
 
     def attend(self) -> None:

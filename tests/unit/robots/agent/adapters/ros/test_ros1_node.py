@@ -472,7 +472,8 @@ class DockedNode(GuardedNode):
     def cancels(self):
         self.docking_cancelled_at = -1.0
         self.cancel_docking()
-        self.cancelling_docking.join()
+        for each in self.docking_cancels:
+            each.join()
 
 
 def test_docking_is_cancelled_until_its_service_answers_or_is_gone():

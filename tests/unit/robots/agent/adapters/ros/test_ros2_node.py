@@ -5,6 +5,8 @@ tests/integration has it with real nodes.
 import array
 import base64
 import math
+import queue
+from itertools import pairwise
 from types import ModuleType, SimpleNamespace
 
 import pytest
@@ -314,3 +316,63 @@ def test_a_guard_brakes_with_the_type_that_the_agent_would_choose(monkeypatch, k
     graph = {"/cmd_vel": TopicPeers(frozenset("geometry_msgs/" + kind for kind in kinds))}
     assert [type(each).__name__ for each in sent] == [published]
     assert chosen_stamped(graph, "/cmd_vel", stamped=False) == (published == "TwistStamped")
+
+
+class DockedNode(ros2_node.Ros2Node):
+    """A node that may have a docking of an earlier run, whose cancel service answers when the test
+    does.
+    """
+
+    def __init__(self, clock):
+        guarded_node.GuardedNode.__init__(self, None)
+        self.clock, self.settings, self.driven = clock, {"driving": ""}, None
+        self.answers = queue.Queue()
+        self.do_guard(linear=0.02, angular=0.05, docks=["/dock"], cancel_dock="/cancel_dock")
+
+    def attend(self):
+        pass
+
+    def answer_of(self, service, kind, arguments, *, docking=0):
+        assert service == "/cancel_dock"
+        return self.answers.get()
+
+    def guards_for(self, seconds):
+        """Time passes in rounds of the guard; return the times at which it cancelled."""
+        times = [self.docking_cancelled_at]
+        for _ in range(round(seconds / ros2_node.PERIOD)):
+            self.look_after(self.clock.time)
+            if times[-1] != self.docking_cancelled_at:
+                times.append(self.docking_cancelled_at)
+            self.clock.time += ros2_node.PERIOD
+        return times[1:]
+
+    def answers_all(self, answer):
+        for _ in self.docking_cancels:
+            self.answers.put(answer)
+        for each in self.docking_cancels:
+            each.join()
+
+
+def test_a_docking_of_an_earlier_run_is_cancelled_every_half_second_until_confirmed(clock):
+    node = DockedNode(clock)
+    times = node.guards_for(2.0)
+    assert len(times) == 4
+    assert all(0.5 <= after - before < 0.6 for before, after in pairwise(times))
+    node.answers_all({"problem": "no answer"})
+    assert len(node.guards_for(1.0)) == 2
+    node.answers_all({"values": {"success": True}})
+    assert node.guards_for(2.0) == []
+
+
+def test_a_docking_of_this_run_is_not_cancelled_while_the_agent_lives(clock):
+    node = DockedNode(clock)
+    node.guards_for(0.1)
+    node.answers_all({"values": {"success": True}})
+    node.docking.called("/dock")
+    assert node.guards_for(2.0) == []
+
+
+def test_cancels_that_wait_for_an_answer_are_bounded(clock):
+    node = DockedNode(clock)
+    assert len(node.guards_for(20.0)) == guarded_node.MOST_CANCELS
+    node.answers_all({"problem": "no answer"})
