@@ -4,7 +4,7 @@ series = "giraff"                      how the site calls this kind of robot
 footprint = [[0.3, -0.2], …]           convex, metres in the robot's frame
 [limits]  [tilt]  [laser]  [camera]  [battery]   as in the factsheet; SI units and radians
 [[sonars]]  bumper = true  [depth]     sensors for obstacles, as in robot_interface.py
-standstill_linear = 0.02               m/s, and standstill_angular rad/s: slower is at rest
+standstill_linear = 0.02               m/s, and standstill_angular rad/s: no faster is at rest
 unguarded_navigation = true            allows navigation that nothing stops when the agent is lost
 [moos]  [ros1]  …                      of one adapter; options of the command line overrule it
 

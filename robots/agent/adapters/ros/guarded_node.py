@@ -20,6 +20,7 @@ SILENCE = 0.3  # s without another velocity, after which a moving robot is stopp
 OLDEST = 0.25  # s after which a velocity that waited for this process is dropped
 HEARTBEAT = 0.5  # s without a line from the agent, after which the guard stops the robot
 CANCEL_AGAIN = 0.5  # s between two cancels
+MOST_CANCELS = 10  # of a docking that wait for an answer at a time
 STILL_FOR = 0.3  # s of measured standstill, after which the robot is at rest
 HEARING = 3.0  # s for a subscriber to be found by a message that waits for it
 BACKLOG = 500  # lines of readings that wait for the agent
@@ -69,7 +70,7 @@ class Standstill:
     """
 
     def __init__(self) -> None:
-        self.linear, self.angular = 0.02, 0.05  # m/s and rad/s, below which it stands
+        self.linear, self.angular = 0.02, 0.05  # m/s and rad/s: no faster is at rest
         self.measured_at = time.monotonic()
         self.still_since = math.inf
         self.stamp: Any = None
@@ -81,8 +82,8 @@ class Standstill:
         self.stamp, self.measured_at = stamp, now
         twist = odometry.twist.twist
         still = (
-            math.hypot(twist.linear.x, twist.linear.y) < self.linear
-            and abs(twist.angular.z) < self.angular
+            math.hypot(twist.linear.x, twist.linear.y) <= self.linear
+            and abs(twist.angular.z) <= self.angular
         )
         self.still_since = min(self.still_since, now) if still else math.inf
 
@@ -104,7 +105,13 @@ class DockingCalls:
         self.cancel_service = ""
         self.is_active = False
         self.number = 0
+        self.lock = threading.Lock()  # each call and each cancel has a thread
         self.unanswered: Any = {}  # when each call was made that has no answer, by its number
+
+    @property
+    def is_left(self) -> bool:
+        """Whether an earlier run may have left one, and this one has called none."""
+        return self.is_active and not self.number
 
     def begin(self, services: Any, cancel_service: str) -> None:
         """Take the services, and that an earlier run may have left a docking."""
@@ -115,26 +122,30 @@ class DockingCalls:
         """Take a call; return its number, 0 for one that docks nothing."""
         if service not in self.services or not self.cancel_service:
             return 0
-        self.number += 1
-        self.unanswered[self.number] = time.monotonic()
-        self.is_active = True
-        return self.number
+        with self.lock:
+            self.number += 1
+            self.unanswered[self.number] = time.monotonic()
+            self.is_active = True
+            return self.number
 
     def answered(self, number: int, answer: Any) -> None:
         """Take the answer of a call: `values`, or a `problem` that is `absent` without a server."""
-        self.unanswered.pop(number, None)
         refused = answer.get("absent") or answer.get("values", {}).get("success") is False
-        if number and number == self.number and refused:
-            self.is_active = False
+        with self.lock:
+            self.unanswered.pop(number, None)
+            if number and number == self.number and refused:
+                self.is_active = False
 
     def cancelling(self) -> int:
         """Return what to give `cancelled` once the cancel that is sent now has its answer."""
         oldest = time.monotonic() - ANSWERED_WITHIN
-        return -1 if any(at > oldest for at in self.unanswered.values()) else self.number
+        with self.lock:
+            return -1 if any(at > oldest for at in self.unanswered.values()) else self.number
 
     def cancelled(self, number: int) -> None:
-        if number == self.number:
-            self.is_active = False
+        with self.lock:
+            if number == self.number:
+                self.is_active = False
 
 
 class MissingTypeError(Exception):
@@ -149,7 +160,7 @@ class GuardedNode:
         self.say = self.link.say
         self.standstill, self.docking = Standstill(), DockingCalls()
         self.docking_cancelled_at = -math.inf
-        self.cancelling_docking = threading.Thread()
+        self.docking_cancels: Any = []  # threads that wait for the answers
         self.publishers: Any = {}
         self.beaten_at = time.monotonic()
         # (topic of velocities, its subscribers) as reported last, and as they are
@@ -195,7 +206,11 @@ class GuardedNode:
         docking = self.docking.called(service)
 
         def call() -> None:
-            answer = self.answer_of(service, kind, arguments, docking=docking)
+            try:
+                answer = self.answer_of(service, kind, arguments, docking=docking)
+            except Exception as error:  # the agent, and the docking, need an answer to every call
+                traceback.print_exc()
+                answer = {"problem": str(error) or type(error).__name__}
             self.docking.answered(docking, answer)
             self.say(op="response", number=number, **answer)
 
@@ -208,13 +223,18 @@ class GuardedNode:
         raise NotImplementedError
 
     def cancel_docking(self) -> None:
-        """Call the service that cancels docking, again every CANCEL_AGAIN until that has ended."""
+        """Call the service that cancels docking, again every CANCEL_AGAIN until that has ended.
+
+        An earlier cancel may still be answered, and so does not end when the next one is sent.
+        """
         now = time.monotonic()
+        self.docking_cancels = [each for each in self.docking_cancels if each.is_alive()]
         is_due = now - self.docking_cancelled_at > CANCEL_AGAIN
-        if self.docking.is_active and is_due and not self.cancelling_docking.is_alive():
+        if self.docking.is_active and is_due and len(self.docking_cancels) < MOST_CANCELS:
             self.docking_cancelled_at = now
-            self.cancelling_docking = threading.Thread(target=self.call_cancel_dock, daemon=True)
-            self.cancelling_docking.start()
+            cancel = threading.Thread(target=self.call_cancel_dock, daemon=True)
+            self.docking_cancels.append(cancel)
+            cancel.start()
 
     def call_cancel_dock(self) -> None:
         number = self.docking.cancelling()
@@ -222,7 +242,7 @@ class GuardedNode:
         if "values" in answer or "absent" in answer:
             self.docking.cancelled(number)
 
-    def take_guard(self, settings: Any) -> None:
+    def do_guard(self, **settings: Any) -> None:
         self.standstill.linear, self.standstill.angular = settings["linear"], settings["angular"]
         self.docking.begin(settings["docks"], settings["cancel_dock"])
 

@@ -45,6 +45,7 @@ else:  # as a program, in a Python that does not have ours
 GLANCE = 0.05
 MASTER_PERIOD = 0.3
 LIVES_WITHIN = 1.0
+ALL_LIVE_WITHIN = 1.5  # seconds for any number of nodes, well below node_bus.GRAPH_TIME
 SENDING = 16 << 10
 UNACKNOWLEDGED = 1000  # milliseconds
 HANDSHAKE = 5.0  # seconds that a new connection has for its header
@@ -103,6 +104,25 @@ def answers(slave: Any) -> bool:
     except (OSError, http.client.HTTPException, xmlrpc.client.Error):
         return False
     return True
+
+
+def running(nodes: Any) -> Any:
+    """Return the names of the nodes that answer within ALL_LIVE_WITHIN, of an object that has the
+    address of the slave API by name.
+    """
+    found: Any = []
+
+    def ask(name: str) -> None:
+        if answers(slave_at(nodes[name])):
+            found.append(name)
+
+    asking = [threading.Thread(target=ask, args=(name,), daemon=True) for name in nodes]
+    deadline = time.monotonic() + ALL_LIVE_WITHIN
+    for each in asking:
+        each.start()
+    for each in asking:
+        each.join(max(0.0, deadline - time.monotonic()))
+    return sorted(found)
 
 
 def header_arrived(connection: Any) -> Any:
@@ -180,7 +200,7 @@ class Node(guarded.GuardedNode):
         self.guard.finish()
 
     def do_guard(self, **settings: Any) -> None:
-        self.take_guard(settings)
+        super().do_guard(**settings)
         self.guard.begin(**settings)
 
     def type_of(self, kind: str) -> Any:
@@ -320,20 +340,25 @@ class Node(guarded.GuardedNode):
                 entry = found.setdefault(driving, [[], 0, 0])
                 entry[0] = wanted
                 self.announce_again(bool(entry[1]) and not wanted)
-            running_names = {
+            names = {
                 name for each in (speaking, listening, serving) for _, at in each for name in at
             }
-            self.others = {
-                name: self.others.get(name) or master.lookupNode(name)
-                for name in running_names - {own}
-            }
-            lost = [
-                name for name in old if name not in running_names and answers(slave_at(old[name]))
-            ]
-            nodes = {"nodes": self.others, "forgotten": sorted(lost)}
+            self.others = self.addresses(master, names - {own})
+            forgotten = running({name: old[name] for name in old if name not in names})
+            nodes = {"nodes": self.others, "forgotten": forgotten}
         except self.unreachable:
             pass  # watch_master reports it
         self.say(op="response", number=number, topics=found, **nodes)
+
+    def addresses(self, master: Any, names: Any) -> Any:
+        """Return the address of the slave API by name, without nodes that have ended meanwhile."""
+        found: Any = {}
+        for name in names:
+            try:
+                found[name] = self.others.get(name) or master.lookupNode(name)
+            except MasterError:
+                continue
+        return found
 
     def announce_again(self, wanted: bool) -> None:
         """Have the master announce our velocities again, when no subscriber has connected since the

@@ -47,7 +47,7 @@ RESULT_WITHIN = 0.2  # s between a terminal status and the result, which has the
 SERVER_WITHIN = 4.0  # s that a new goal waits for its action server
 MATCHED_WITHIN = 0.3  # s between the discovery of the server and its discovery of us
 LOST_AFTER = 10.0  # s after which a goal that the server does not know never reached it
-GONE_AFTER = 2.0  # s without an action server, after which its goals have ended
+GONE_AFTER = 2.0  # s without a server, after which its goals have ended and it answers no call
 DISCOVERY = 0.6  # s for the action server and its status to be discovered at the start
 LEFTOVERS = 3.0  # s for goals of an earlier run to end, before the connection is given up
 STARTED_WITHIN = 30  # s after which a start that hangs in the middleware ends this process
@@ -378,7 +378,7 @@ class Ros2Node(guarded.GuardedNode):
         watching.join()
 
     def end(self, *_: Any) -> None:
-        """Begin to guard; a guard that is ended has a successor (ros1.py, `NodeBus.tell_guard`)."""
+        """Begin to guard; a guard that is ended has a successor (node_bus.py, `NodeBus._take`)."""
         if self.guarding:
             os._exit(0)
         self.ended.set()
@@ -395,10 +395,6 @@ class Ros2Node(guarded.GuardedNode):
         self.executor.create_task(work, *words)
 
     # --- what the agent asks for ------------------------------------------------------------------
-
-    def do_guard(self, **settings: Any) -> None:
-        self.take_guard(settings)
-        self.cancel_docking()
 
     def do_advertise(self, topic: str, kind: str, *, drives: bool, latch: bool = False) -> None:
         try:
@@ -524,12 +520,21 @@ class Ros2Node(guarded.GuardedNode):
             return {"problem": "the agent is lost", "absent": True}
         answers: Any = queue.Queue()
         self.later(self.send, client, filled(made.Request(), arguments), answers.put)
-        try:  # a server that was restarted never answers
-            is_cancel = service == self.docking.cancel_service
-            within = SERVER_WITHIN if is_cancel else guarded.ANSWERED_WITHIN
-            return {"values": guarded.plain(answers.get(timeout=within))}
-        except queue.Empty:
-            return {"problem": "no answer"}
+        is_cancel = service == self.docking.cancel_service
+        within = SERVER_WITHIN if is_cancel else guarded.ANSWERED_WITHIN
+        return self.received(answers, client, within)
+
+    def received(self, answers: Any, client: Any, within: float) -> Any:
+        """Wait for an answer. A server that is gone, or was restarted, never sends it."""
+        began = seen_at = now = time.monotonic()
+        while now - began < within and now - seen_at < GONE_AFTER:
+            try:
+                return {"values": guarded.plain(answers.get(timeout=PERIOD))}
+            except queue.Empty:
+                now = time.monotonic()
+            if client.service_is_ready():
+                seen_at = now
+        return {"problem": "no answer"}
 
     def send(self, client: Any, request: Any, take: Any) -> None:
         client.call_async(request).add_done_callback(lambda done: take(done.result()))
@@ -620,13 +625,16 @@ class Ros2Node(guarded.GuardedNode):
         return not self.standstill.is_proved
 
     def stop_wheels(self) -> None:
-        """Publish a zero velocity, also before the agent has said of which type."""
+        """Publish a zero velocity. Before the agent has advertised any, the type is the one that
+        graph.chosen_stamped would choose: of two, Twist.
+        """
         topic = self.settings["driving"]
         if topic not in self.publishers:
             kinds = {each.topic_type for each in self.subscribers_of(topic)}
             for kind in ("geometry_msgs/Twist", "geometry_msgs/TwistStamped"):
                 if kind.replace("/", "/msg/") in kinds:
                     self.do_advertise(topic, kind, drives=True)
+                    break
         if topic in self.publishers:
             self.publishers[topic].publish(self.stamped(self.kinds[topic]()))
 
@@ -642,6 +650,8 @@ class Ros2Node(guarded.GuardedNode):
             self.driven = None
             self.stop_wheels()
         self.report_listeners(self.settings["driving"], self.subscriber_count())
+        if self.docking.is_left:
+            self.cancel_docking()
         self.attend()
 
     def attend(self) -> None:

@@ -1,5 +1,5 @@
 """A camera whose pictures the control architecture publishes as JPEG or PNG: see
-contract.VideoSource.
+robot_interface.VideoSource.
 """
 
 import time

@@ -1,7 +1,10 @@
 """The node of ROS 1: its reports to the agent, its guard, and its connections."""
 
+import math
+import queue
 import socket
 import threading
+import time
 from types import SimpleNamespace
 
 import pytest
@@ -14,6 +17,7 @@ from robots.agent.adapters.ros.guarded_node import (
     Link,
     Standstill,
 )
+from robots.agent.adapters.ros.node_bus import GRAPH_TIME
 from robots.agent.adapters.ros.ros1 import Ros1Bus, Ros1Options
 from robots.agent.adapters.ros.ros1_node import MAX_QUEUED, Guard, MasterError, Node
 from robots.agent.robot_interface import AdapterError
@@ -152,6 +156,63 @@ def test_a_look_round_is_answered_when_the_master_is_lost_meanwhile():
     node.describe_graph(1, "/cmd_vel", {})
     assert (said[0]["op"], said[0]["number"]) == ("response", 1)
     assert "nodes" not in said[0]
+
+
+class ForgetfulMaster:
+    """A master from which /ended unregisters between two calls of one look."""
+
+    names = ("/base_driver", "/ended")
+
+    def getSystemState(self):  # noqa: N802 - the master's API
+        return [["/odom", self.names]], [], []
+
+    def getTopicTypes(self):  # noqa: N802 - the master's API
+        return []
+
+    def lookupNode(self, name):  # noqa: N802 - the master's API
+        if name == "/ended":
+            raise MasterError("unknown node [/ended]")
+        return "http://base:1/"
+
+
+@pytest.fixture
+def look():
+    """Describe the graph, given the nodes of earlier connections; return the answer."""
+
+    def describe(old):
+        said = []
+        node = object.__new__(Node)
+        node.new_master = ForgetfulMaster
+        node.rospy = SimpleNamespace(get_name=lambda: "/telepresence")
+        node.refused, node.others, node.driving = {}, {}, ""
+        node.unreachable = (OSError, MasterError)
+        node.say = lambda **message: said.append(message)
+        node.describe_graph(1, "/cmd_vel", old)
+        return said[0]
+
+    return describe
+
+
+def test_a_node_that_ends_during_a_look_hides_no_other(look, monkeypatch):
+    monkeypatch.setattr(ros1_node, "answers", lambda _: True)
+    found = look({"/planner": "http://planner:1/"})
+    assert found["nodes"] == {"/base_driver": "http://base:1/"}
+    assert found["forgotten"] == ["/planner"]
+
+
+@pytest.mark.slow
+def test_a_look_is_answered_in_time_although_many_old_nodes_hang(look, monkeypatch):
+    monkeypatch.setattr(ForgetfulMaster, "names", ("/base_driver",))
+    ended = threading.Event()
+    monkeypatch.setattr(ros1_node, "slave_at", lambda uri: uri)
+    monkeypatch.setattr(ros1_node, "answers", lambda uri: "hung" not in uri or ended.wait(2.0))
+    old = {f"/{number}": f"http://hung:{number}/" for number in range(6)}
+    began = time.monotonic()
+    found = look({**old, "/planner": "http://planner:1/"})
+    took = time.monotonic() - began
+    ended.set()
+    assert found["forgotten"] == ["/planner"]
+    assert took < GRAPH_TIME / 2
 
 
 async def test_a_graph_that_gets_no_answer_is_an_error(bus, monkeypatch):
@@ -332,6 +393,12 @@ def test_odometry_that_is_published_again_measures_no_standstill(guard):
     assert guard.passes(1.5, 0.0, stamp_stands=True) >= 45
 
 
+@pytest.mark.parametrize(("speed", "is_at_rest"), [(0.02, True), (0.0201, False)])
+def test_a_robot_as_fast_as_the_threshold_is_at_rest(guard, speed, is_at_rest):
+    guard.passes(1.0, speed, beats=True)
+    assert guard.guard.standstill.is_proved is is_at_rest
+
+
 def test_a_guard_that_fails_to_cancel_still_brakes(guard):
     guard.guard.sent["telepresence-1"] = True
     guard.guard.closed = True
@@ -405,7 +472,8 @@ class DockedNode(GuardedNode):
     def cancels(self):
         self.docking_cancelled_at = -1.0
         self.cancel_docking()
-        self.cancelling_docking.join()
+        for each in self.docking_cancels:
+            each.join()
 
 
 def test_docking_is_cancelled_until_its_service_answers_or_is_gone():
@@ -417,6 +485,48 @@ def test_docking_is_cancelled_until_its_service_answers_or_is_gone():
         assert not node.docking.is_active
         node.cancels()
         assert node.answers == []
+
+
+class ServiceNode(GuardedNode):
+    """A node whose services fail as no node of ROS expects."""
+
+    def __init__(self):
+        super().__init__(None)
+        self.docking.begin(["/dock"], "/cancel_dock")
+
+    def answer_of(self, service, kind, arguments, *, docking=0):
+        raise TypeError("'NoneType' object is not callable")
+
+
+def test_a_call_that_fails_unexpectedly_is_answered_and_can_be_cancelled(monkeypatch):
+    said = queue.Queue()
+    node = ServiceNode()
+    monkeypatch.setattr(node, "say", lambda **message: said.put(message))
+    node.do_call(7, "/dock", "std_srvs/Trigger", {})
+    answer = {"op": "response", "number": 7, "problem": "'NoneType' object is not callable"}
+    assert said.get(timeout=5.0) == answer
+    assert node.docking.is_active
+    node.docking.cancelled(node.docking.cancelling())
+    assert not node.docking.is_active
+
+
+def test_a_cancel_does_not_end_a_docking_that_is_called_while_it_begins():
+    docking = DockingRig().docking
+    calling = threading.Thread(target=docking.called, args=("/dock",))
+
+    class Time(float):
+        """The time of a call; while it is compared, another thread makes the next one."""
+
+        def __gt__(self, other):
+            calling.start()
+            calling.join(SOON)
+            return super().__gt__(other)
+
+    docking.unanswered[docking.called("/dock")] = Time(-math.inf)
+    cancel = docking.cancelling()
+    calling.join()
+    docking.cancelled(cancel)
+    assert docking.is_active
 
 
 # --- connections ----------------------------------------------------------------------------------
