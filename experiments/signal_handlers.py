@@ -2,12 +2,14 @@
 session manager tells.
 """
 
-from django.db.models.signals import post_delete, pre_delete
+from typing import Any
+
+from django.db.models.signals import post_delete, post_save, pre_delete
 
 from accounts.models import User
 from experiments import interface_suggestion
 from experiments.access import forget_members
-from experiments.models import Study
+from experiments.models import Study, StudyMember
 from experiments.participation.grants import StudyTerms, claimed, invited_to
 from experiments.participation.questions import outer_progress
 from experiments.participation.withdrawal.deletion import clear_settled, withdraw_everywhere
@@ -17,6 +19,7 @@ from experiments.wizard.operators import StudyOperators
 from robots.access import register_guest_list, register_guest_rule
 from sessions import interfaces, signals
 from sessions.leases import terms
+from sessions.page_channel import check_pages, visitor_group
 from sessions.wizard import operators
 from surveys.outer_progress import register_outer_progress
 
@@ -39,6 +42,10 @@ def connect() -> None:
     post_delete.connect(
         forget_members, sender=Study, weak=False, dispatch_uid="experiments.forget_members"
     )
+    for signal in (post_save, post_delete):
+        signal.connect(
+            _member_changed, sender=StudyMember, dispatch_uid="experiments.member_changed"
+        )
     for signal, receiver in (
         (signals.state_received, RUNNER.on_state),
         (signals.state_recovered, RUNNER.on_state),
@@ -50,3 +57,8 @@ def connect() -> None:
         (signals.not_ready, publish_not_ready),
     ):
         signal.connect(receiver, weak=False, dispatch_uid=f"experiments.{receiver.__qualname__}")
+
+
+def _member_changed(instance: StudyMember, **_more: Any) -> None:
+    """Have the open pages of somebody whose role in a study changed check whether they may stay."""
+    check_pages(visitor_group(instance.user_id))

@@ -12,7 +12,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 
 from robots.models import Robot
-from robots.presence.report import is_stopped_there, standstill_of
+from robots.presence.report import is_stopped_there, runs_on, standstill_of
 
 CardState = Literal["available", "busy", "stopped", "offline"]
 # of a robot that is in its station and not ready yet: sessions/leases/readiness.py
@@ -144,7 +144,9 @@ def _stopped(robot: Robot) -> tuple[str, str]:
         ),
         "fault": (
             _("Not available"),
-            _("The robot has a fault. You can drive again once it is solved."),
+            _("It is moving although it should stand still. You can drive it once it has stopped.")
+            if runs_on(robot.presence.report)
+            else _("The robot has a fault. You can drive again once it is solved."),
         ),
     }
     return words[standstill_of(robot.presence.report)]

@@ -7,8 +7,7 @@ without it, the page's own check of the database has the same effect within a mi
 """
 
 import asyncio
-import functools
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 import structlog
@@ -52,13 +51,33 @@ def check_pages(group: str, *, session: str | None = None) -> None:
     """Have pages check whether they may stay, and the state of their session, as soon as the
     present transaction is committed; only the page of `session` when that is given.
     """
-    transaction.on_commit(functools.partial(_send, group, {"type": CHECK, "session": session}))
+    hooks = (hook for _, hook, _ in transaction.get_connection().run_on_commit)
+    checks = next((hook for hook in hooks if isinstance(hook, _Checks)), None)
+    if checks is not None:
+        checks.wanted.add((group, session))
+    else:
+        transaction.on_commit(_Checks({(group, session)}))
+
+
+class _Checks:
+    """The checks that a transaction asks for, sent together after its commit. A rollback to a
+    savepoint drops them as Django drops other hooks, or sends some that change nothing.
+    """
+
+    def __init__(self, wanted: set[tuple[str, str | None]]) -> None:
+        self.wanted = wanted
+
+    def __call__(self) -> None:
+        async_to_sync(_tell_each)(
+            [(group, {"type": CHECK, "session": session}) for group, session in self.wanted]
+        )
 
 
 def send_notice(robot: str, notice: protocol.Notice) -> bool:
     """Send a notice to the page of its session; False when the layer is away."""
     frame = protocol.notice_frame(notice)
-    return _send(robot_group(robot), {"type": NOTICE, "session": notice.session, "frame": frame})
+    event = {"type": NOTICE, "session": notice.session, "frame": frame}
+    return async_to_sync(tell)(robot_group(robot), event)
 
 
 async def send_words(robot: str, session: str, frame: str) -> None:
@@ -68,17 +87,24 @@ async def send_words(robot: str, session: str, frame: str) -> None:
         await tell(group, event)
 
 
-def _send(group: str, event: Event) -> bool:
-    return async_to_sync(tell)(group, event)
-
-
 async def tell(group: str, event: Event) -> bool:
     """Send an event to a group; False when the layer is away."""
+    return await _tell_each([(group, event)])
+
+
+async def _tell_each(events: Collection[tuple[str, Event]]) -> bool:
+    """Send each event to its group, all of them at once and within PATIENCE_SECONDS; False when the
+    layer is away for any, which does not keep the others back.
+    """
+    sendings = (_layer().group_send(group, event) for group, event in events)
     try:
         async with asyncio.timeout(PATIENCE_SECONDS):
-            await _layer().group_send(group, event)
+            for error in await asyncio.gather(*sendings, return_exceptions=True):
+                if error is not None:
+                    raise error
     except LAYER_ERRORS as error:
-        log.warning("channel_layer_away", group=group, reason=type(error).__name__)
+        groups = sorted({group for group, _ in events})
+        log.warning("channel_layer_away", groups=groups, reason=type(error).__name__)
         return False
     return True
 

@@ -7,12 +7,14 @@ from typing import Any, Literal
 from robots.models import Robot
 
 # robots.agent.control.dispatcher: how an agent says that it does not reach the robot that it is the
-# agent of
+# agent of, and that the robot moves although it should be at rest
 AWAY = re.compile(r"adapter_(?:lost|starting): ")
+RUNS_ON = "runs_on: "
 FAULT_NAME = re.compile(r"^\w+: ")
 
 # Why a connected robot cannot be driven: its emergency stop is on, its agent does not reach it, or
-# it has another fault. A paused queue has the same reasons.
+# it has another fault, such as that it does not stop. A paused queue has the same reasons. None of
+# them ends or pauses a drive that has begun.
 Standstill = Literal["", "estop", "not_connected", "fault"]
 
 
@@ -31,7 +33,12 @@ def standstill_of(report: Any) -> Standstill:
         return "estop"
     if trouble_of(report):
         return "not_connected"
-    return "fault" if safety.get("inhibited") == "fault" else ""
+    return "fault" if safety.get("inhibited") == "fault" or runs_on(report) else ""
+
+
+def runs_on(report: Any) -> bool:
+    """Tell whether a robot moves although it should be at rest, by its last state."""
+    return any(error.startswith(RUNS_ON) for error in _errors(report))
 
 
 def safety_of(report: Any) -> dict[str, Any]:
@@ -49,8 +56,11 @@ def is_stopped_there(report: Any) -> bool:
 
 
 def fault_of(report: Any) -> str:
-    """Return the fault that a robot's agent reported, empty when it reported none."""
-    return FAULT_NAME.sub("", next(iter(_errors(report)), ""), count=1)
+    """Return the fault that a robot's agent reported, empty when it reported none. That the robot
+    moves although it should be at rest comes before all others.
+    """
+    errors = sorted(_errors(report), key=lambda error: not error.startswith(RUNS_ON))
+    return FAULT_NAME.sub("", next(iter(errors), ""), count=1)
 
 
 def _errors(report: Any) -> list[str]:

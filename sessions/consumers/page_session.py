@@ -374,8 +374,14 @@ class PageSession:
     # --- what time brings -------------------------------------------------------------------------
 
     async def read_peers(self) -> None:
-        """Read how many wait, and what the robot does when nobody drives it; say so to all."""
-        found = await query(queries.between_visits_at, self.robot, timezone.now())
+        """Read how many wait, and what the robot does when nobody drives it; say so to all. If the
+        database is away, what was read last stands: it decides nothing.
+        """
+        try:
+            found = await query(queries.between_visits_at, self.robot, timezone.now())
+        except (DatabaseError, InterfaceError) as error:
+            log.warning("peers_not_read", robot=self.robot.name, reason=str(error))
+            return
         self.peers.waiting, self.peers.pause = found
         self.peers.changed()
 

@@ -23,6 +23,7 @@ from robots.api.messages import Action, Bye, Lease, Message, Say
 from robots.bridge.delivery import NOTICE, ReceivedMessage
 from robots.ice import IceCredentials
 from robots.models import Robot
+from sessions import page_channel
 from sessions import protocol as pages
 from sessions.consumers import queries, wizard_relay
 from sessions.consumers.authorization import FrameRefused, Publish
@@ -76,6 +77,8 @@ class WizardConsumer(RobotPageConsumer):
         self.sender.post("wizard/hello", hello)
         self.changed.set()
         self._launch(self._keep_looking(self.changed, self._look_in_turn, self._is_welcome))
+        groups = (page_channel.visitor_group(self.user.pk),)
+        self._launch(page_channel.listen(groups, lambda _: self._launch(self._look_again())))
         log.info("wizard_joined", robot=self.name)
 
     async def _gone(self) -> None:
@@ -301,6 +304,11 @@ class WizardConsumer(RobotPageConsumer):
     async def _is_welcome(self) -> bool:
         key = self.scope["session"].session_key
         return await query(_is_welcome, key, self.user, self.name)
+
+    async def _look_again(self) -> None:
+        """End the page if the rights of its user have changed and it may not stay."""
+        if not await self._is_welcome():
+            self.sender.end(pages.NOT_ALLOWED)
 
     async def _look(self) -> None:
         authorization = self.authorization

@@ -3,7 +3,6 @@ is, and end it all.
 """
 
 import datetime
-import fcntl
 import os
 import secrets
 import shutil
@@ -32,6 +31,11 @@ from telepresence_site.demo.study import publish_study
 from telepresence_site.demo.supervision import PartLostError, ServiceSupervisor
 from telepresence_site.practice.supervisor import READY
 from telepresence_site.serving import APPLICATION, DAPHNE
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
 
 # each robot lives in a simulated office of its own; somebody walks about in Giraff's
 MOVING_THINGS = {"giraff": ["--option", "people=1"]}
@@ -113,13 +117,16 @@ def only_demo_in(folder: Path) -> Iterator[None]:
     """Keep a second demo away from the database in a folder: the two session managers would divide
     its robots between them, and each has a broker of its own.
 
+    A system without such locks does not prevent it.
+
     Raises:
         DemoError: a demo is running there.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / "demo.lock").open("a") as file:
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if fcntl is not None:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             raise DemoError(
                 f"A demo is already running with the data in {folder}: press Ctrl-C where it runs, "

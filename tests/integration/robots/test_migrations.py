@@ -8,7 +8,7 @@ from django.db.migrations.loader import MigrationLoader
 from django.db.migrations.recorder import MigrationRecorder
 
 from robots.models import Robot
-from telepresence_site.checks import LAST_BEFORE_SQUASH
+from telepresence_site.checks import LAST_BEFORE_SQUASH, check_squashed_migrations
 
 pytestmark = pytest.mark.django_db
 SQUASHED = [
@@ -41,10 +41,21 @@ def test_a_database_with_every_replaced_migration_keeps_its_tables_and_rows():
     assert {(migration.app_label, migration.name) for migration in SQUASHED} <= set(applied)
 
 
+def test_a_new_database_and_one_with_every_replaced_migration_pass_the_check():
+    assert check_squashed_migrations(databases=["default"]) == []
+    MigrationRecorder.Migration.objects.all().delete()
+    assert check_squashed_migrations(databases=["default"]) == []
+
+
+@pytest.mark.parametrize("keeps_new", [False, True], ids=["", "the new one is recorded"])
 @pytest.mark.parametrize("migration", SQUASHED, ids=str)
-def test_a_database_with_some_of_the_replaced_migrations_is_refused(migration):
-    forget(migration.app_label, migration.name)
+def test_a_database_with_some_of_the_replaced_migrations_is_refused(migration, keeps_new):
+    if not keeps_new:
+        forget(migration.app_label, migration.name)
     forget(*migration.replaces[-1])
+    assert [error.id for error in check_squashed_migrations(databases=["default"])] == [
+        "telepresence.E010"
+    ]
     with pytest.raises(SystemCheckError) as refusal:
         migrate()
     assert f"only some of the migrations that {migration} replaces" in str(refusal.value)

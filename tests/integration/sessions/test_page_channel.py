@@ -1,13 +1,16 @@
 """What Django code tells open pages through the channel layer."""
 
 import asyncio
+import contextlib
 import subprocess
+from types import SimpleNamespace
 
 import pytest
 from asgiref.sync import sync_to_async
 from channels.layers import get_channel_layer
 from django.conf import settings
 from django.contrib.auth.models import Group, Permission
+from django.db import transaction
 from django.test import AsyncClient
 from django.urls import reverse
 from django.utils import timezone
@@ -153,6 +156,81 @@ async def test_a_robot_that_is_withdrawn_is_nobodys_at_once(bridge, robot, ada):
         await robot.asave()
         async with asyncio.timeout(patient(AT_ONCE)):
             assert await page.closed() == protocol.NOT_ALLOWED
+
+
+@pytest.fixture
+def layer(monkeypatch):
+    """A channel layer that never answers: what was sent to it, and how many messages waited
+    together at most.
+    """
+    waiting, layer = 0, SimpleNamespace(sent=[], most_waiting=0)
+
+    async def group_send(self, group, message):
+        nonlocal waiting
+        layer.sent.append(group)
+        waiting += 1
+        layer.most_waiting = max(layer.most_waiting, waiting)
+        try:
+            await asyncio.Event().wait()
+        finally:
+            waiting -= 1
+
+    monkeypatch.setattr(page_channel, "PATIENCE_SECONDS", 0.05)
+    monkeypatch.setattr(type(get_channel_layer()), "group_send", group_send)
+    return layer
+
+
+def test_a_change_of_a_group_sends_each_member_one_message_all_of_them_together(db, layer):
+    old, new = Permission.objects.filter(codename__in=["change_robot", "delete_robot"])
+    group = Group.objects.create(name="technicians")
+    group.permissions.add(old)
+    members = [User.objects.create_user(f"member{number}") for number in range(50)]
+    group.user_set.add(*members)
+    layer.sent.clear()
+    layer.most_waiting = 0
+    group.permissions.set([new])
+    assert sorted(layer.sent) == sorted(page_channel.visitor_group(each.pk) for each in members)
+    assert layer.most_waiting == 50
+
+
+def test_checks_of_a_transaction_are_sent_once_and_what_was_rolled_back_is_not(db, layer):
+    def roll_back(*groups):
+        with contextlib.suppress(LookupError), transaction.atomic():
+            for group in groups:
+                page_channel.check_pages(group)
+            raise LookupError
+
+    roll_back("a")
+    with transaction.atomic():
+        roll_back("b")
+        with transaction.atomic():
+            page_channel.check_pages("c")
+        page_channel.check_pages("d")
+        page_channel.check_pages("c")
+        page_channel.check_pages("c", session="s1")
+        assert layer.sent == []
+    assert sorted(layer.sent) == ["c", "c", "d"]
+
+
+async def test_a_group_that_cannot_be_told_does_not_keep_the_others_back(monkeypatch, caplog):
+    told = []
+
+    async def group_send(_self, group, _message):
+        if group == "a":
+            raise OSError
+        await asyncio.sleep(0)
+        told.append(group)
+
+    monkeypatch.setattr(type(get_channel_layer()), "group_send", group_send)
+
+    def check():
+        with transaction.atomic():
+            for group in ("a", "b", "c"):
+                page_channel.check_pages(group)
+
+    await sync_to_async(check)()
+    assert sorted(told) == ["b", "c"]
+    assert "channel_layer_away" in caplog.text
 
 
 async def test_a_layer_that_comes_late_is_listened_to_then(monkeypatch):

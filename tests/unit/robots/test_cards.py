@@ -1,6 +1,7 @@
 import datetime
 
 import pytest
+from django.conf import settings
 
 from robots.cards import STATES, Traffic, card
 from robots.models import FloorPlan, Robot
@@ -239,6 +240,13 @@ def test_a_robot_with_a_fault_is_not_free_and_says_so_and_the_fault_is_not_told_
     it = shown(report=report)
     assert (it.state, it.label, it.drives) == ("stopped", "Not available", False)
     assert it.detail == "The robot has a fault. You can drive again once it is solved."
+
+
+def test_a_robot_that_moves_although_it_should_be_at_rest_is_not_free_and_says_so():
+    it = shown(report={"safety": {"inhibited": "no_lease"}, "errors": ["runs_on: it moves"]})
+    assert (it.state, it.label, it.drives) == ("stopped", "Not available", False)
+    page = (settings.BASE_DIR / "templates/sessions/_words.html").read_text()
+    assert f'data-word="lobby.runs_on.text">{{% translate "{it.detail}" %}}' in page
 
 
 @pytest.mark.parametrize("source", ["screen:Giraff", "button"])

@@ -7,6 +7,7 @@ import asyncio
 import msgspec
 import pytest
 from asgiref.sync import sync_to_async
+from channels.layers import get_channel_layer
 from django.utils import timezone
 
 from experiments.dataset.build import release_of
@@ -18,6 +19,7 @@ from experiments.research import live
 from robots.api import messages as m
 from robots.bridge import bridge as mqtt_bridge
 from robots.models import Robot
+from sessions import page_channel
 from sessions import protocol as pages
 from sessions.leases.store import change_lease
 from sessions.models import Lease, SessionEvent
@@ -257,6 +259,26 @@ async def test_nobody_but_an_operator_opens_the_socket(bridge, study, participan
     console = Console("giraff", participant.user)
     await console.open()
     assert await console.closed() == pages.NOT_ALLOWED
+
+
+@sockets
+@pytest.mark.parametrize("loss", ["another role", "no role"])
+async def test_an_operator_who_loses_the_role_leaves_at_once(
+    bridge, operator, participant, study, loss
+):
+    member = await StudyMember.objects.aget(slug=study.slug, user=operator)
+    async with Page("giraff", participant.user) as page, Console("giraff", operator) as console:
+        await page.take()
+        await console.operate()
+        group = page_channel.visitor_group(operator.pk)
+        await until(lambda: get_channel_layer().groups.get(group))
+        if loss == "no role":
+            await member.adelete()
+        else:
+            member.role = StudyMember.Role.VIEWER
+            await member.asave()
+        async with asyncio.timeout(patient(SECONDS)):
+            assert await console.closed() == pages.NOT_ALLOWED
 
 
 def test_the_debriefing_tells_of_the_operator_and_of_the_way_out(client, participant):

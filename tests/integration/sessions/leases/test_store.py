@@ -421,9 +421,12 @@ STOPPED = {"safety": {"estop": True, "estopSource": "screen:Giraff"}}
 FAULTY = {"safety": {"inhibited": "fault"}}
 LOST = {"safety": {"inhibited": "fault"}, "errors": ["adapter_lost: no answer"]}
 
+RUNS_ON = {"safety": {"inhibited": "no_lease"}, "errors": ["runs_on: the robot keeps moving"]}
+
 
 @pytest.mark.parametrize(
-    ("report", "reason"), [(STOPPED, "estop"), (FAULTY, "fault"), (LOST, "not_connected")]
+    ("report", "reason"),
+    [(STOPPED, "estop"), (FAULTY, "fault"), (LOST, "not_connected"), (RUNS_ON, "fault")],
 )
 def test_a_robot_that_cannot_drive_is_offered_to_none_and_places_are_kept(
     giraff, ana, ben, report, reason
@@ -445,9 +448,12 @@ def test_a_robot_that_cannot_drive_is_offered_to_none_and_places_are_kept(
     assert (again.place, again.reason) == (1, f"paused: {reason}")
 
 
-def test_a_driver_keeps_a_stopped_robot_even_after_a_reload(giraff, ana):
+@pytest.mark.parametrize("report", [STOPPED, RUNS_ON])
+def test_a_driver_keeps_a_robot_that_cannot_drive_even_after_a_reload(giraff, ana, report):
     granted = store.take(giraff, ana, "peer-1", now=NOW)
-    RobotPresence.objects.update(report=STOPPED)
+    RobotPresence.objects.update(report=report)
+    link = RobotLink(since=NOW.timestamp(), last_received_at=NOW.timestamp())
+    assert tick(giraff, link, after(1)) == ()
     back = store.take(
         giraff, ana, "peer-2", session=granted.session, old_peer="peer-1", now=after(1)
     )
