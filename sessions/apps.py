@@ -94,8 +94,10 @@ def _members(groups: set[Any]) -> set[Any]:
     return set(User.objects.filter(groups__in=groups).values_list("pk", flat=True))
 
 
-def _user_logged_out(user: Any, **_more: Any) -> None:
+def _user_logged_out(user: Any, request: Any = None, **_more: Any) -> None:
     if user is not None:
+        if request is not None:
+            request.session.flush()  # Django does so after this signal, and pages could check first
         _check_visitor(user.pk)
 
 

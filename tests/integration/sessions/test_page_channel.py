@@ -19,6 +19,7 @@ from accounts.models import User
 from experiments.research import interventions
 from robots.models import Robot, RobotPermit
 from sessions import page_channel, protocol
+from sessions.consumers import queries
 from sessions.models import Session
 from tests.support.browsers.pages import Page, until
 from tests.support.patience import patient
@@ -89,6 +90,20 @@ async def test_logging_out_ends_the_pages_of_this_browser_and_no_others(bridge, 
         async with asyncio.timeout(patient(AT_ONCE)):
             assert await here.closed() == protocol.SIGNED_OUT
         await elsewhere.settle(bridge)
+
+
+async def test_a_session_is_over_when_logging_out_has_its_pages_check(ada, monkeypatch):
+    client = AsyncClient()
+    await client.aforce_login(ada)
+    key = client.session.session_key
+    seen = []
+    monkeypatch.setattr(
+        "sessions.page_channel.check_pages",
+        lambda _group: seen.append(queries.signed_in(key, ada)),
+    )
+    assert await sync_to_async(queries.signed_in)(key, ada) == ada
+    await client.post(reverse("account_logout"))
+    assert seen == [None]
 
 
 async def test_a_permit_that_is_taken_away_ends_the_visit_at_once(bridge, robot, ada):
