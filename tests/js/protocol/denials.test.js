@@ -72,6 +72,27 @@ describe("a request that the server denies", () => {
     }
   });
 
+  test("video that was denied in line is not asked for by who waits no more", () => {
+    const waiting = {
+      ...newVisit(),
+      phase: "turn",
+      socket: "open",
+      wanted: "drive",
+      session: "s1",
+      observesAgain: true,
+    };
+    const sent = (visit) =>
+      reduce(visit, { type: "no_answer" }).effects.map((effect) => effect.suffix);
+    assert.deepEqual(sent(waiting), ["session/observe"]);
+    const { visit: started } = reduce(waiting, { type: "start", now: 1 });
+    assert.deepEqual(sent(started), ["session/take"]);
+    const elsewhere = { reason: "elsewhere", session: "s1", since: 1 };
+    const { visit: left } = reduce(waiting, { type: "session/refused", message: elsewhere });
+    assert.deepEqual([sent(left), awaitsAnswer(left)], [[], false]);
+    const driving = { ...waiting, phase: "driving" };
+    assert.deepEqual([sent(driving), awaitsAnswer(driving)], [[], false]);
+  });
+
   test("a leave that found the server busy is said again", () => {
     const visit = { ...newVisit(), phase: "ended", socket: "open", unsaid: { session: "s1" } };
     for (const reason of ["unavailable", "busy", "rate"]) {
