@@ -342,8 +342,8 @@ const HANDLERS = {
     return [{ ...turn, phase: "turn" }, [{ type: "call", word: "turn" }]];
   },
   "session/observing": (visit, { message, now }) => {
-    if (visit.phase === "driving" || visit.phase === "ended") {
-      return [{}];
+    if (!waits(visit) && visit.wanted !== "watch") {
+      return [{}]; // asked for in line, where the visitor no longer is
     }
     const { iceServers, sfu } = message;
     const changes = {

@@ -90,6 +90,10 @@ describe("a request that the server denies", () => {
     const elsewhere = { reason: "elsewhere", session: "s1", since: 1 };
     const { visit: left } = reduce(waiting, { type: "session/refused", message: elsewhere });
     assert.deepEqual([sent(left), awaitsAnswer(left)], [[], false]);
+    const late = { type: "session/observing", message: { iceServers: [], sfu: false }, now: 2 };
+    for (const visit of [started, left]) {
+      assert.deepEqual(reduce(visit, late), { visit, effects: [] }, "an answer that comes late");
+    }
     const driving = { ...waiting, phase: "driving" };
     assert.deepEqual([sent(driving), awaitsAnswer(driving)], [[], false]);
   });
