@@ -64,6 +64,7 @@ async def test_a_release_that_the_server_denies_can_be_asked_for_at_once(browser
     site.online = False  # its own states would say that it is free
     site.denies["command/action"] = "unavailable"
     async with opened(browser, site) as page:
+        await page.wait_for_selector("#drive-page[data-phase='lobby']")
         state = msgspec.structs.replace(site._state(), safety=stopped)
         site.tell("robot", protocol.RobotPresence(online=True))
         site.tell("state", state)
