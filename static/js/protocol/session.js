@@ -145,6 +145,9 @@ export const reduce = (visit, happening) => {
 /** @param {Pick<Visit, "phase">} visit */
 const waits = ({ phase }) => phase === "queued" || phase === "turn";
 
+/** Whether video was denied to who waits. @param {Visit} visit */
+const isWithoutVideo = (visit) => waits(visit) && visit.observesAgain;
+
 /** @param {Visit} visit @returns {Effect} */
 const take = (visit) => {
   const message = /** @type {Record<string, unknown>} */ ({});
@@ -180,6 +183,7 @@ const ask = (visit, changes = {}) => {
     ...visit,
     wanted: /** @type {const} */ ("drive"),
     phase: /** @type {const} */ ("taking"),
+    observesAgain: false,
     ...changes,
   };
   return [
@@ -338,8 +342,8 @@ const HANDLERS = {
     return [{ ...turn, phase: "turn" }, [{ type: "call", word: "turn" }]];
   },
   "session/observing": (visit, { message, now }) => {
-    if (visit.phase === "driving" || visit.phase === "ended") {
-      return [{}];
+    if (!waits(visit) && visit.wanted !== "watch") {
+      return [{}]; // asked for in line, where the visitor no longer is
     }
     const { iceServers, sfu } = message;
     const changes = {
@@ -366,6 +370,7 @@ const HANDLERS = {
           session: message.session ?? visit.session,
           peer: null,
           link: "none",
+          observesAgain: false,
         },
         LET_GO,
       ];
@@ -427,7 +432,7 @@ const HANDLERS = {
       ? [
           ...leaveAgain(visit),
           ...(visit.phase === "taking" ? askAgain(visit) : []),
-          ...(visit.observesAgain ? [send("session/observe")] : []),
+          ...(isWithoutVideo(visit) ? [send("session/observe")] : []),
         ]
       : [],
   ],
@@ -515,8 +520,8 @@ const reopenLink = (visit, attempt, now) => {
 };
 
 /** Whether the page has asked for something that it has to ask for again. @param {Visit} visit */
-export const awaitsAnswer = ({ phase, unsaid, observesAgain }) =>
-  phase === "taking" || unsaid !== null || observesAgain;
+export const awaitsAnswer = (visit) =>
+  visit.phase === "taking" || visit.unsaid !== null || isWithoutVideo(visit);
 
 /**
  * Whether a sign that was asked for is given again: until the server has it, or has stopped

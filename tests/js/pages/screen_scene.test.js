@@ -85,10 +85,13 @@ test("people at the robot read that the server fails, is silent, or denied what 
     troubleOf({ ...told({}), ...changes }, silence, now);
   assert.equal(troubles({}), "");
   assert.equal(troubles({ trouble: "missing" }), "give.missing");
-  assert.equal(troubles({ trouble: "missing", failing: true }), "server.failing");
+  const failing = { trouble: "missing", failing: true };
+  assert.equal(troubles({ ...failing, linked: true }), "server.failing");
+  assert.equal(troubles(failing), "server.failing_unlinked", "a stop may not reach the robot");
   assert.equal(troubles({ failing: true }, 2), "server.silent");
   const denied = { actedAt: 99, deniedAt: 99.5 };
   assert.equal(troubles(denied), "denied");
   assert.equal(troubles(denied, 0, 120), "");
   assert.equal(troubles({ ...denied, actedAt: 50 }), "", "of what is repeated by itself");
+  assert.equal(troubles({ ...denied, actedAt: 99.8 }), "", "of what was asked before");
 });

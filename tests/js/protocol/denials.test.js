@@ -24,6 +24,7 @@ const REQUESTS = {
   "audience/mark": ["watching", "driving"],
   "audience/lower": ["watching", "driving"],
 };
+const ROBOT = { safety: { estop: false, inhibited: null, collision: false } };
 const state = (visit, more = {}) => ({
   ...newState(),
   ...more,
@@ -70,6 +71,65 @@ describe("a request that the server denies", () => {
     ]) {
       assert.ok(!awaitsAnswer(reduce(visit, answer).visit));
     }
+  });
+
+  test("video that was denied in line is not asked for by who waits no more", () => {
+    const waiting = {
+      ...newVisit(),
+      phase: "turn",
+      socket: "open",
+      wanted: "drive",
+      session: "s1",
+      observesAgain: true,
+    };
+    const sent = (visit) =>
+      reduce(visit, { type: "no_answer" }).effects.map((effect) => effect.suffix);
+    assert.deepEqual(sent(waiting), ["session/observe"]);
+    const { visit: started } = reduce(waiting, { type: "start", now: 1 });
+    assert.deepEqual(sent(started), ["session/take"]);
+    const elsewhere = { reason: "elsewhere", session: "s1", since: 1 };
+    const { visit: left } = reduce(waiting, { type: "session/refused", message: elsewhere });
+    assert.deepEqual([sent(left), awaitsAnswer(left)], [[], false]);
+    const late = { type: "session/observing", message: { iceServers: [], sfu: false }, now: 2 };
+    for (const visit of [started, left]) {
+      assert.deepEqual(reduce(visit, late), { visit, effects: [] }, "an answer that comes late");
+    }
+    const driving = { ...waiting, phase: "driving" };
+    assert.deepEqual([sent(driving), awaitsAnswer(driving)], [[], false]);
+  });
+
+  test("gives way to what the visitor asked for or was answered later", () => {
+    const denial = { word: "denied.action", at: 100, until: 110 };
+    const later = { word: "point.wall", values: {}, at: 103, until: 104 };
+    const shown = (more) =>
+      alertFor(
+        state({ phase: "driving", link: "live" }, { robot: ROBOT, denial, now: 105, ...more }),
+      )?.word;
+    assert.equal(shown({}), "denied.action");
+    for (const at of [99, 103]) {
+      const expected = at < denial.at ? "denied.action" : undefined;
+      assert.equal(shown({ said: { ...later, at } }), expected, "answered");
+      assert.equal(shown({ task: { status: "RUNNING", askedAt: at } }), expected, "sent");
+      assert.equal(shown({ release: { id: "r", since: at, refused: false } }), expected);
+    }
+    assert.equal(shown({ barred: { method: "keyboard", at: 103 } }), "off.keyboard");
+  });
+
+  test("covers no answer, nor what keeps the robot from moving, but all the rest", () => {
+    const denial = { word: "denied.action", at: 100, until: 110 };
+    const shown = (more, visit = {}) =>
+      alertFor(
+        state(
+          { phase: "driving", link: "live", ...visit },
+          { robot: ROBOT, denial, now: 105, ...more },
+        ),
+      )?.word;
+    const said = { word: "point.wall", values: {}, at: 99, until: 108 };
+    assert.equal(shown({ said }), "point.wall");
+    assert.equal(shown({ stuck: { word: "stuck.contact" } }), "stuck.contact");
+    assert.equal(shown({}, { turnEnds: 130 }), "denied.action");
+    assert.equal(shown({ roundTrip: 1 }), "denied.action");
+    assert.equal(shown({ robot: { ...ROBOT, pose: { localized: false } } }), "denied.action");
   });
 
   test("a leave that found the server busy is said again", () => {

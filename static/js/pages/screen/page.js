@@ -58,6 +58,7 @@ const told = {
   askedAt: null,
   trouble: "",
   failing: false,
+  linked: false,
   actedAt: -Infinity,
   deniedAt: -Infinity,
 };
@@ -391,6 +392,7 @@ const show = () => {
   write(element("watching"), watching ? words.say("watching", { n: watching }) : "");
   element("notice").hidden = !study;
   told.trouble = mediaSender.trouble && (mediaSender.trouble === "refused" ? "refused" : "missing");
+  told.linked = link.live;
   const trouble = troubleOf(told, socket.silence(unixNow()), unixNow());
   element("trouble").hidden = trouble === "";
   element("trouble").dataset.word = trouble;

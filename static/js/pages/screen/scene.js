@@ -34,6 +34,7 @@ const ALONE = new Set(["goto", "docking"]);
  *   is safe
  * @property {"" | "refused" | "missing"} [trouble] with this display's own camera and microphone
  * @property {boolean} [failing] whether a part of the server does not work
+ * @property {boolean} [linked] whether the WebRTC link to the robot lives: a stop needs no server
  * @property {number} [actedAt] time of the last request made here, Unix seconds
  * @property {number} [deniedAt] when the server denied something last
  */
@@ -93,14 +94,17 @@ export const sceneFor = (told, now) => {
  * @param {number} now
  */
 export const troubleOf = (told, silence, now) => {
-  const { trouble = "", failing = false, actedAt = -Infinity, deniedAt = -Infinity } = told;
+  const { trouble = "", failing, linked, actedAt = -Infinity, deniedAt = -Infinity } = told;
   if (silence > SERVER_SILENCE) {
     return "server.silent";
   }
-  if (now - deniedAt < READING && deniedAt - actedAt < ANSWERED) {
+  if (now - deniedAt < READING && deniedAt >= actedAt && deniedAt - actedAt < ANSWERED) {
     return "denied";
   }
-  return failing ? "server.failing" : trouble && `give.${trouble}`;
+  if (failing) {
+    return linked ? "server.failing" : "server.failing_unlinked";
+  }
+  return trouble && `give.${trouble}`;
 };
 
 /**

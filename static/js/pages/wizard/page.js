@@ -8,10 +8,11 @@ import { unixNow } from "../../lib/clock.js";
 import { write } from "../../lib/dom.js";
 import { freshId } from "../../lib/ids.js";
 import { readWords } from "../../lib/words.js";
-import { SERVER_SILENCE, SOCKET_SILENCE, faultAlert, shownFaults } from "../../view/hud/faults.js";
+import { SERVER_SILENCE, SOCKET_SILENCE, shownFaults } from "../../view/hud/faults.js";
 import { ShownFrame } from "../../view/video/capture_stamp.js";
 import { Viewport } from "../../view/video/viewport.js";
 import { createConnection } from "./connection.js";
+import { faultFor } from "./fault.js";
 import { noticeOfDenied } from "./packets.js";
 import { Hand } from "./hand.js";
 import { begin, turned, velocityOf } from "./moves.js";
@@ -324,18 +325,6 @@ const status = () => {
   return told.scene.operator === "other" ? "other" : "free";
 };
 
-const failing = () =>
-  faultAlert({
-    visit: {
-      phase: told.granted ? "driving" : "watching",
-      link: connection.link.live ? "live" : "lost",
-      socket: told.connected ? "open" : "lost",
-    },
-    faults: told.faults,
-    serverSilent: told.silent,
-    now: unixNow(),
-  });
-
 /** A WebSocket may die without a word, and so may the process at its other end. */
 const listen = (/** @type {number} */ now) => {
   const silence = connection.socket.silence(now);
@@ -353,7 +342,7 @@ const show = () => {
   const at = status();
   element("wizard").dataset.state = at;
   write(element("status"), words.say(at));
-  const fault = failing();
+  const fault = faultFor(told, unixNow());
   const notice = fault?.word ?? told.notice;
   element("notice").dataset.word = notice;
   write(element("notice"), notice && words.say(notice, fault?.values));

@@ -11,13 +11,17 @@ import { wordOf } from "../../autonomy/assistance.js";
 import { reports } from "../../autonomy/reasons.js";
 import { profileOf } from "../display/profiles.js";
 import { faultAlert } from "./faults.js";
-import { isCutOff, standstillOf } from "./standstill.js";
+import { isAway, isCutOff } from "./standstill.js";
 
 const SLOW_SECONDS = 0.4;
 const READING_SECONDS = 8; // of a sentence that nothing else makes disappear
 const NEEDED = new Set(["stop", "blind"]); // of what the robot does to help: why it does not move
 /** What the robot does must be read while a card is open; faults of the server are on the card. */
-const OVER_CARDS = /^alert\.(estop|estop_screen|runs_on)$/;
+const OVER_CARDS = /^alert\.(estop|estop_screen|runs_on|stop_unconfirmed)$/;
+/** In which a visitor without video waits for the server's answer, or in line. */
+const ASKING = new Set(["taking", "queued", "turn"]);
+
+const RUNS_ON = /** @type {const} */ ({ word: "alert.runs_on", tone: "danger" });
 
 /** @param {string} word */
 export const staysOverCards = (word) => OVER_CARDS.test(word);
@@ -34,32 +38,66 @@ export const alertFor = (state) => {
     return { word: "alert.stop_unconfirmed", tone: "danger" };
   }
   if (!roleOf(visit)) {
-    const asks = visit.phase !== "lobby" && visit.phase !== "closed";
-    const lost = visit.socket === "lost" || state.serverSilent;
-    if (asks && lost) {
-      return { word: "alert.server", tone: "busy" };
-    }
-    const fault = ["taking", "queued", "turn"].includes(visit.phase) ? faultAlert(state) : null;
-    return fault ?? denialAlert(state);
+    const isMoving = ASKING.has(visit.phase) && !isCutOff(state) && reports(robot, "runs_on");
+    return isMoving ? RUNS_ON : (serverAlert(state) ?? denialAlert(state));
   }
+  const denial = denialAlert(state);
   return (
     robotAlert(state) ??
     faultAlert(state) ??
     linkAlert(state) ??
-    denialAlert(state) ??
     (robot
       ? (answerAlert(state) ??
-        slowAlert(state) ??
+        // A slow connection is said for as long as it is slow, a denial for some seconds.
+        (denial ? null : slowAlert(state)) ??
         helpAlert(state) ??
+        denial ??
+        lostAlert(state) ??
         diskAlert(state) ??
         quietAlert(state))
-      : null)
+      : denial)
   );
 };
 
+/**
+ * What a card says in a line of its own: what fails at the server, or what it denied. The card
+ * covers the line over the video, which may say something else of the robot.
+ * @param {import("../../drive/features.js").State} state
+ * @returns {ReturnType<typeof alertFor>}
+ */
+export const warningFor = (state) => serverAlert(state) ?? denialAlert(state) ?? diskAlert(state);
+
+/**
+ * That the server does not work, or cannot be reached.
+ * @param {import("../../drive/features.js").State} state
+ * @returns {ReturnType<typeof alertFor>}
+ */
+const serverAlert = (state) => {
+  const { visit, serverSilent } = state;
+  const cutOff = visit.socket === "lost" || serverSilent;
+  if (!roleOf(visit)) {
+    const asks = visit.phase !== "lobby" && visit.phase !== "closed";
+    if (cutOff) {
+      return asks ? { word: "alert.server", tone: "busy" } : null;
+    }
+    return ASKING.has(visit.phase) ? faultAlert(state) : null;
+  }
+  const fault = faultAlert(state);
+  if (fault) {
+    return fault;
+  }
+  if (visit.link === "live") {
+    return cutOff || !visit.online ? { word: "alert.server_only", tone: "busy" } : null;
+  }
+  if (cutOff && visit.phase === "driving") {
+    return { word: "alert.server_driver", tone: "danger" };
+  }
+  return cutOff || visit.serverBlind ? { word: "alert.server", tone: "busy" } : null;
+};
+
 /** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
-const diskAlert = ({ faults }) => {
-  const fault = faults.find(({ then }) => then === "goes_on");
+const diskAlert = ({ visit, faults }) => {
+  const fault = roleOf(visit) && faults.find(({ then }) => then === "goes_on");
   return fault ? { word: `fault.${fault.part}`, tone: "busy" } : null;
 };
 
@@ -82,7 +120,7 @@ const robotAlert = (state) => {
     return null; // what it said of itself last may be over
   }
   if (reports(robot, "runs_on")) {
-    return { word: "alert.runs_on", tone: "danger" };
+    return RUNS_ON;
   }
   if (robot?.safety.estop) {
     return {
@@ -91,8 +129,7 @@ const robotAlert = (state) => {
     };
   }
   if (robot?.safety.inhibited === "fault") {
-    const isAway = standstillOf(robot) === "not_connected";
-    return { word: isAway ? "alert.not_connected" : "alert.fault", tone: "danger" };
+    return { word: isAway(robot) ? "alert.not_connected" : "alert.fault", tone: "danger" };
   }
   if (reports(robot, "cancel")) {
     return { word: "alert.cancel", tone: "busy" };
@@ -135,10 +172,11 @@ const touchedWord = (sides) => {
 };
 
 /** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
-const linkAlert = ({ visit, robot, slow, playing, still, stuck, serverSilent }) => {
-  const cutOff = visit.socket === "lost" || serverSilent;
-  if (cutOff && visit.link !== "live" && visit.phase === "driving") {
-    return { word: "alert.server_driver", tone: "danger" };
+const linkAlert = (state) => {
+  const { visit, robot, slow, playing, still, stuck } = state;
+  const server = serverAlert(state);
+  if (server?.word === "alert.server_driver") {
+    return server;
   }
   if (visit.sfuLost) {
     return { word: "alert.sfu_lost", tone: "busy" };
@@ -155,24 +193,23 @@ const linkAlert = ({ visit, robot, slow, playing, still, stuck, serverSilent }) 
   if (still) {
     return { word: "alert.link_observer", tone: "busy" };
   }
-  if (stuck) {
-    return null;
-  }
-  if (cutOff || !visit.online) {
-    return { word: visit.link === "live" ? "alert.server_only" : "alert.server", tone: "busy" };
-  }
-  return null;
+  return stuck ? null : server;
 };
 
 /**
- * A request of the visitor that the server has just denied.
+ * A request of the visitor that the server has just denied, until they ask for something else.
  * @param {import("../../drive/features.js").State} state
  * @returns {ReturnType<typeof alertFor>}
  */
-const denialAlert = ({ denial, visit, now }) =>
-  denial && now < denial.until && isUnsettled(denial.word, visit)
-    ? { word: denial.word, tone: "busy" }
-    : null;
+const denialAlert = ({ denial, visit, now, said, barred, task, release }) => {
+  if (!denial || now >= denial.until || !isUnsettled(denial.word, visit)) {
+    return null;
+  }
+  const others = [said?.at, barred?.at, task?.askedAt, release?.since];
+  return others.some((at) => at !== undefined && at > denial.at)
+    ? null
+    : { word: denial.word, tone: "busy" };
+};
 
 /** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
 const slowAlert = ({ visit, roundTrip, stuck }) =>
@@ -213,11 +250,12 @@ const helpAlert = (state) => {
   if (word && (profileOf(state).explains || NEEDED.has(help.why))) {
     return { word, tone: help.why === "blind" ? "busy" : "calm" };
   }
-  if (stuck) {
-    return { ...stuck, tone: "busy" };
-  }
-  return robot.pose?.localized === false ? { word: "alert.lost", tone: "busy" } : null;
+  return stuck ? { ...stuck, tone: "busy" } : null;
 };
+
+/** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
+const lostAlert = ({ robot }) =>
+  robot.pose?.localized === false ? { word: "alert.lost", tone: "busy" } : null;
 
 /** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
 const quietAlert = ({ visit, notice, now, slow, playing, told, practising }) => {

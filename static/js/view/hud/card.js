@@ -4,13 +4,12 @@
  */
 
 import { releaseFor, setsOut } from "../../autonomy/offer.js";
-import { reports } from "../../autonomy/reasons.js";
 import { isHeld } from "../../protocol/estop_release.js";
 import { roleOf } from "../../protocol/session.js";
 import { studyCard } from "../../study/end_cards.js";
-import { alertFor } from "./alert.js";
+import { warningFor } from "./alert.js";
 import { betweenVisits, pauseOf, reasonForWaiting } from "./pause.js";
-import { isCutOff, standstillOf } from "./standstill.js";
+import { isAway, isCutOff, standstillOf } from "./standstill.js";
 
 /**
  * @typedef {{action: string, url: string}} FreeRobot the words of its button, and where it leads
@@ -20,7 +19,7 @@ import { isCutOff, standstillOf } from "./standstill.js";
  * @property {Record<string, string | number>} [values] for the sentences
  * @property {{word: string, values?: Record<string, string | number>} | null} [detail] a sentence
  *   in front of the text
- * @property {ReturnType<typeof alertFor>} [warning] a line of its own: what fails just now
+ * @property {ReturnType<typeof warningFor>} [warning] a line of its own: what fails just now
  * @property {boolean} [busy] something is under way
  * @property {{action: string, word: string}} [main]
  * @property {{action: string, word: string}} [other]
@@ -61,12 +60,9 @@ const AFTER = /** @type {Record<string, {action: string, word: string}>} */ ({
 /** @param {import("../../drive/features.js").State} state @returns {Card | null} */
 export const cardFor = (state) => {
   const card = studyCard(state, usualCard(state));
-  const alert = card && alertFor(state);
-  return alert && WARNINGS.test(alert.word) ? { ...card, warning: alert } : card;
+  const warning = card && warningFor(state);
+  return warning ? { ...card, warning } : card;
 };
-
-/** What a card does not say itself; it covers the line over the picture. */
-const WARNINGS = /^(fault\.|denied\.|alert\.server)/;
 
 /** @param {import("../../drive/features.js").State} state @returns {Card | null} */
 const usualCard = (state) => {
@@ -319,7 +315,6 @@ const lobby = ({ visit, room, robot, ...state }) => {
   const leaves = setsOut({ visit, robot, ...state });
   const word =
     standstill ||
-    (reports(robot, "runs_on") ? "runs_on" : "") ||
     (why === "paused" && robot?.docked ? "unfit" : why) ||
     (room.waiting > 0 ? "waiting" : "");
   const stopped = state.operates ? "lobby.stopped_operates" : "lobby.stopped";
@@ -345,8 +340,7 @@ const lobby = ({ visit, room, robot, ...state }) => {
  */
 const link = (/** @type {import("../../drive/features.js").State} */ state) => {
   const { visit, robot, finding, slow } = state;
-  const isAway = standstillOf(robot) === "not_connected";
-  if (!roleOf(visit) || state.playing || isCutOff(state) || isAway) {
+  if (!roleOf(visit) || state.playing || isCutOff(state) || isAway(robot)) {
     return null;
   }
   const isReached = visit.link !== "lost" || slow;

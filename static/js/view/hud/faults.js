@@ -45,7 +45,8 @@ export const faultAlert = ({ visit, faults, serverSilent, now }) => {
     fault.at === null || (fault.part === "broker" && visit.link !== "live")
       ? 0
       : Math.ceil(fault.at - now);
-  const driven = fault.then === "stops" && left <= 0 ? "stopped" : fault.then;
+  const hasStopped = fault.part === "robot" || (fault.then === "stops" && left <= 0);
+  const driven = hasStopped ? "stopped" : fault.then;
   // A driver reads what becomes of the drive, who waits what becomes of the place in the queue, and
   // who watches what the robot does.
   const then =

@@ -2,7 +2,6 @@
  * The connection in one word. Pure.
  */
 
-import { reports } from "../../autonomy/reasons.js";
 import { roleOf } from "../../protocol/session.js";
 import { isHeld } from "../../protocol/estop_release.js";
 import { betweenVisits } from "./pause.js";
@@ -56,9 +55,6 @@ export const statusFor = ({ visit, room, playing, slow, robot }) => {
   }
   if (!visit.online) {
     return { word: "status.offline", tone: "off" };
-  }
-  if (reports(robot, "runs_on")) {
-    return { word: "status.fault", tone: "danger" };
   }
   const standstill = standstillOf(robot);
   if (standstill) {
