@@ -29,6 +29,7 @@ log = structlog.stdlib.get_logger(__name__)
 PATIENCE_SECONDS = 1.0
 RETRY_SECONDS = 5.0
 CHECK, NOTICE, WORDS = "check", "notice", "words"
+_sending: set[asyncio.Future[bool]] = set()
 Event = dict[str, Any]
 
 
@@ -68,9 +69,15 @@ class _Checks:
         self.wanted = wanted
 
     def __call__(self) -> None:
-        async_to_sync(_tell_each)(
-            [(group, {"type": CHECK, "session": session}) for group, session in self.wanted]
-        )
+        events = [(group, {"type": CHECK, "session": session}) for group, session in self.wanted]
+        try:
+            asyncio.get_running_loop()
+        except RuntimeError:
+            async_to_sync(_tell_each)(events)
+        else:  # as in a notebook, whose thread may not wait for its own event loop
+            sending = asyncio.ensure_future(_tell_each(events))
+            _sending.add(sending)
+            sending.add_done_callback(_sending.discard)
 
 
 def send_notice(robot: str, notice: protocol.Notice) -> bool:

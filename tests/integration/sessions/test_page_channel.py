@@ -92,6 +92,16 @@ async def test_logging_out_ends_the_pages_of_this_browser_and_no_others(bridge, 
         await elsewhere.settle(bridge)
 
 
+async def test_pages_are_told_also_by_a_thread_that_runs_an_event_loop(ada, monkeypatch):
+    monkeypatch.setenv("DJANGO_ALLOW_ASYNC_UNSAFE", "1")
+    layer = get_channel_layer()
+    channel = await layer.new_channel()
+    await layer.group_add(page_channel.visitor_group(ada.pk), channel)
+    ada.groups.add(Group.objects.create(name="owners"))
+    async with asyncio.timeout(patient(AT_ONCE)):
+        assert (await layer.receive(channel))["type"] == page_channel.CHECK
+
+
 async def test_a_session_is_over_when_logging_out_has_its_pages_check(ada, monkeypatch):
     client = AsyncClient()
     await client.aforce_login(ada)
