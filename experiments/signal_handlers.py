@@ -60,5 +60,5 @@ def connect() -> None:
 
 
 def _member_changed(instance: StudyMember, **_more: Any) -> None:
-    """Have the open pages of somebody whose role in a study changed check whether they may stay."""
+    """Have the open pages of a member whose role in a study changed check if they may stay."""
     check_pages(visitor_group(instance.user_id))

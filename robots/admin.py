@@ -82,7 +82,7 @@ class PermitInline(admin.TabularInline):
     readonly_fields = ("granted_at",)
 
 
-# Rows of a robot that nobody sees as things of their own.
+# Rows of a robot that the administration does not list as objects.
 PARTS = (RobotPresence, RobotCredentials)
 
 

@@ -13,6 +13,7 @@
  */
 
 import { isPassing } from "./denials.js";
+import { areCredentialsOld } from "./relay_credentials.js";
 
 /**
  * @typedef {"connecting" | "lobby" | "taking" | "queued" | "turn" | "driving" | "watching"
@@ -113,12 +114,6 @@ export const newVisit = () => ({
  * it for a moment longer than they see.
  */
 const STILL_PRESSED = 5;
-
-/**
- * s after which a link that is lost may need new credentials for the relay; half of their life, as
- * on the robot's side (robots/ice.py).
- */
-const ICE_SECONDS = 3 * 3600;
 
 /** Close codes after which connecting again is pointless: sessions/protocol.py. */
 const FINAL = new Map([
@@ -510,8 +505,7 @@ const openLink = (role, iceServers, attempt) => ({ type: "open_link", role, iceS
  * @returns {Effect[]}
  */
 const reopenLink = (visit, attempt, now) => {
-  const isOld =
-    now - visit.iceAt > ICE_SECONDS && visit.iceServers.some(({ credential }) => credential);
+  const isOld = areCredentialsOld(visit, now);
   const question = visit.phase === "driving" ? take(visit) : send("session/observe");
   return [
     openLink(linkRoleOf(visit), visit.iceServers, attempt),

@@ -10,7 +10,7 @@ import struct
 import sys
 from asyncio.trsock import TransportSocket
 
-UNACKNOWLEDGED = 1000  # milliseconds after which the system gives up what is not acknowledged
+UNACKNOWLEDGED = 1000  # milliseconds after which the system drops unacknowledged data
 SENDING = 16 << 10  # bytes
 RESETTING = struct.pack("hh" if sys.platform == "win32" else "ii", 1, 0)  # struct linger: on, 0 s
 

@@ -10,12 +10,11 @@ import { ClockSync } from "../../protocol/clock_sync.js";
 import { CommandStream } from "../../protocol/command_stream.js";
 import { Link, isSupported } from "../../protocol/link.js";
 import { Peer } from "../../protocol/peer.js";
+import { areCredentialsOld } from "../../protocol/relay_credentials.js";
 import { Rejection, encodePacket } from "../../protocol/robot_api.js";
 import { Socket } from "../../protocol/socket.js";
 import { TransportRouter } from "../../protocol/transport_router.js";
 import { readPacket } from "./packets.js";
-
-const ICE_SECONDS = 3 * 3600; // half of the life of a relay's credentials: robots/ice.py
 
 /**
  * @typedef {{peer: string | null, iceServers: RTCIceServer[], iceAt: number,
@@ -120,8 +119,7 @@ const newLink = ({ viewport, shown, socket, clockSync, told, receive }) => {
     },
     onLive: () => (told.attempt = 0),
     onLost: () => {
-      const isOld = unixNow() - told.iceAt > ICE_SECONDS;
-      if (isOld && told.iceServers.some(({ credential }) => credential)) {
+      if (areCredentialsOld(told, unixNow())) {
         socket.redial(); // the server's first message has new credentials
       } else {
         openVideo(link, told);
