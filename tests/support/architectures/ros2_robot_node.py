@@ -31,11 +31,14 @@ import guarded_node
 import ros2_node
 
 LATCHED = ("/amcl_pose", "/estop_latched")
+# Fast DDS logs on standard output: it gets standard error instead, so that no line mixes with ours.
+OUTPUT = os.fdopen(os.dup(sys.stdout.fileno()), "w")
+os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
 
 
 def say(topic, message):
-    sys.stdout.write(json.dumps([topic, message]) + "\n")
-    sys.stdout.flush()
+    OUTPUT.write(json.dumps([topic, message]) + "\n")
+    OUTPUT.flush()
 
 
 def quality(*, latched=False, best_effort=False):

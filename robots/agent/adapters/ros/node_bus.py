@@ -35,6 +35,7 @@ END_TIME = 2.0
 BEAT = 0.1  # seconds between two heartbeats for the guard
 BACKLOG = 256 << 10
 LONGEST_LINE = 8 << 20
+STANDARD_ERROR = 2
 # of Docker and Podman
 CONTAINER = (Path("/.dockerenv"), Path("/run/.containerenv")) if sys.platform == "linux" else ()
 
@@ -114,6 +115,7 @@ class NodeBus:
             child = subprocess.Popen(
                 [self._python, str(self.script), str(port), *self.arguments],
                 stdin=subprocess.PIPE,
+                stdout=STANDARD_ERROR,  # Fast DDS logs on standard output, which is the command's
                 start_new_session=True,
                 creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
                 env=self._environment,

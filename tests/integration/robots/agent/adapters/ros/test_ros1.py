@@ -254,6 +254,18 @@ async def test_a_python_without_rospy_is_told_what_to_install(tmp_path):
         await adapter.connect()
 
 
+async def test_what_the_node_prints_does_not_mix_with_the_output_of_the_command(tmp_path, capfd):
+    wrapper = tmp_path / "python"
+    wrapper.write_text('#!/bin/sh\necho logged\nexec /usr/bin/python3 -S -E "$@"\n')
+    wrapper.chmod(0o755)
+    adapter = registry.create("ros1", "rhodon", {"python": str(wrapper)})
+    with pytest.raises(AdapterError):
+        await adapter.connect()
+    out, err = capfd.readouterr()
+    assert not out
+    assert "logged" in err
+
+
 def test_actions_of_ros_2_are_refused():
     with pytest.raises(AdapterError, match="move_base"):
         registry.create("ros1", "rhodon", {"navigation": "nav2"})
