@@ -41,7 +41,7 @@ def test_lock_files_hold_no_address():
 
 
 def test_every_locked_package_is_pinned_with_hashes():
-    for part in ("", "-server", "-dev", "-ros2"):
+    for part in ("", "-robot", "-server", "-dev", "-ros2"):
         blocks = re.split(r"\n(?=\S)", (ROOT / f"requirements{part}.lock").read_text().strip())
         assert len(blocks) > 30
         for block in blocks:
@@ -53,6 +53,7 @@ def test_the_developers_lock_holds_every_run_time_package_at_the_same_version():
     def pins(name: str) -> set[str]:
         return set(re.findall(r"^([a-z0-9-]+==[^\s;]+)", (ROOT / name).read_text(), re.MULTILINE))
 
+    assert pins("requirements-robot.lock") <= pins("requirements.lock")
     assert pins("requirements.lock") <= pins("requirements-server.lock")
     assert pins("requirements-server.lock") <= pins("requirements-dev.lock")
 
