@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # it draws with matplotlib, which whoever only reads a page d
     from experiments.analysis.report import Report
 
 PAGE = "page"
-LAYOUT = 6  # of these files; a report whose page has another one is made again
+LAYOUT = 7  # of these files; a report whose page has another one is made again
 OF_CONDITIONS = frozenset({"Condition", "condition"})  # columns that hold keys of conditions
 REMARKS = "Remark"  # the column whose parts begin with a key, and a colon
 
@@ -125,15 +125,15 @@ def _sessions(found: "Report") -> dict[str, dict[str, Any]]:
     return {
         one.session.id: {
             "participant": one.session.participant,
-            "number": one.session.number,
+            "number": one.session.visit,
             "robot": one.session.robot,
             "condition": _named(one.session.condition, found.titles),
             "outcome": one.session.outcome,
             "kind": one.session.kind,
-            "excluded": one.session.excluded or one.session.ruled_out,
+            "excluded": one.session.uncounted_because,
             "problems": found.verdicts[one.session.id].problems,
             "start": one.milestones.start if one.milestones.start == one.milestones.start else 0.0,
             "segments": [segment.start for segment in one.segments],
         }
-        for one in (*found.measured, *found.ruled_out)
+        for one in (*found.measured, *found.others)
     }

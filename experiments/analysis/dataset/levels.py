@@ -19,6 +19,7 @@ METHODS: tuple[str, ...] = get_args(InputMethod)
 WAYS: tuple[str, ...] = get_args(Way)
 TURNED_AWAY = "screened out"
 WITHDREW = "withdrew"
+PLATFORM = "platform"  # the side of a fault that keeps a session out of every result
 WITHHELD = "withheld"  # why a value is missing that was given, and tells who gave it
 
 
@@ -76,6 +77,15 @@ LEFT = {
     TURNED_AWAY: "was not eligible",
     WITHDREW: "withdrew the consent",
     **{word: OUTCOMES[word] for word in OUTCOMES if word not in {"completed", "timed_out"}},
+}
+# What became of a place in a cell (experiments/participation/assignment.py).
+REPLACED = "refilled"
+EXPOSED_PLACES = frozenset({"filled", REPLACED})
+PLACES = {
+    "under_way": "the participant holds it and has conditions to drive",
+    "freed": "it was given back, because the participant was not exposed",
+    "filled": "the participant was exposed",
+    REPLACED: "the participant was exposed, and the place was given to another participant",
 }
 CONTROL_WAYS = explained(
     get_args(ControlWay),

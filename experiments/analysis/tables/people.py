@@ -5,6 +5,7 @@ of participants.
 import math
 from collections.abc import Collection, Iterator, Sequence
 
+from experiments.analysis.dataset.counting import visits_of
 from experiments.analysis.dataset.levels import WITHHELD
 from experiments.analysis.dataset.records import Dataset, ParticipantRecord, ResponseRecord
 from experiments.analysis.statistics.descriptive import ROUNDED, shares, spread
@@ -48,15 +49,16 @@ def participants_table(dataset: Dataset) -> Table:
     """Return how many took part, their ages and, of questions with options or a scale, how many
     gave each answer.
     """
-    people = [one for one in dataset.participants if not one.withdrawn]
+    people = dataset.included
     responses = counted(dataset, dataset.registration) if dataset.registration else []
     registered = (
         {one.participant for one in responses}
         if dataset.registration
         else {one.id for one in people}
     )
-    drivers = {one.participant for one in dataset.sessions if one.exposed}
-    returned = {one.participant for one in dataset.sessions if one.number > 1}
+    drivers = {one.participant for one in dataset.sessions}
+    visits = visits_of(dataset.sessions)
+    returned = {one.participant for one in dataset.sessions if visits[one.id] > 1}
     total = len(registered)
     rows = [
         _row(dataset, "Participants", "registered", registered, total),
@@ -68,7 +70,10 @@ def participants_table(dataset: Dataset) -> Table:
     for question in definition.questions() if definition else ():
         if question.labelled_values and not question.item.takes_several:
             rows += _question_rows(dataset, question, responses)
-    below = f"{amount(len(people), 'participant')}, {amount(len(dataset.sessions), 'session')}."
+    below = (
+        f"{amount(len(people), 'participant')}, {amount(len(dataset.sessions), 'session')}. came"
+        " back: drove, in drives that count, on more than one visit."
+    )
     return Table("participants", "Participants.", ("", "", "n", "%"), tuple(rows), (below, ROUNDED))
 
 
