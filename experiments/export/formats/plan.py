@@ -49,7 +49,7 @@ class PlanFormat(ExportFormat):
     def of_study(self) -> Iterator[File]:
         """Yield the preregistration, and everybody who is excluded."""
         dataset = self.source.dataset
-        text = preregistration(dataset.study, dataset.freeze)
+        text = preregistration(dataset.study, dataset.freeze, dataset.questionnaires)
         rows = [
             [one.participant, one.session, one.rule, one.value, int(one.is_planned)]
             for some in self._chosen

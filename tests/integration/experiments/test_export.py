@@ -272,7 +272,7 @@ def test_bots_and_pilots_are_exported_as_what_they_are(stored, tmp_path):
     exported(stored.study, tmp_path)
     found = read(tmp_path)
     assert {one.participant for one in found.sessions if one.kind == "bot"} == {"P000"}
-    assert "P000" not in {one.participant for one in found.chosen().sessions}
+    assert "P000" not in {one.participant for one in found.counting().sessions}
 
 
 def test_every_word_of_a_coded_column_is_in_the_code_book(stored, tmp_path):
@@ -285,7 +285,9 @@ def test_every_word_of_a_coded_column_is_in_the_code_book(stored, tmp_path):
             known[place] = {level["value"] for level in one["valueReference"]}
         if divided := re.search(r"words are separated by (.)$", one["description"]):
             dividers[place] = divided[1]
-    assert {name for _, name in dividers} == {"cell", "mismatch", "doors_closed", "problems"}
+    assert {name for _, name in dividers} == {
+        *("cell", "draws", "mismatch", "doors_closed", "problems"),
+    }
     assert set(dividers) <= set(known)
     checked = 0
     for name, content in files.items():
