@@ -82,6 +82,7 @@ def _session(
         visit.robot.name,
         kind=drive.participant.kind,
         visit=drive.visit,
+        round=drive.round + 1,
         practice=is_practice,
         site=condition.site if condition else "",
         condition=drive.condition,

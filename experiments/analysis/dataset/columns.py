@@ -173,8 +173,16 @@ PARTICIPANTS = (
     amount_of("age", "years", "age, as told on the consent page"),
     Column("cell", "", "assigned condition, or conditions in order").some_of({}, "-"),
     Column(
-        "draws", "", "every cell that was drawn for the participant, in order", late=True
-    ).some_of({}),
+        "first_cell",
+        "",
+        "cell that was drawn first; another than `cell` where the participant saw nothing of it and"
+        " was drawn again",
+        late=True,
+    ).some_of({}, "-"),
+    amount_of("draws", "", "how often a cell was drawn", late=True),
+    Column("stage", "", "last stage of the study that was reached", late=True).one_of(
+        levels.STAGES
+    ),
     Column(
         "place", "", "what became of the place in the cell; empty without one", late=True
     ).one_of(levels.PLACES),
@@ -198,7 +206,8 @@ SESSIONS = (
         "first, second … drive of the participant in this condition, of those in which the robot"
         " was driven and that the platform did not end; 0 for all others",
     ),
-    amount_of("visit", "", "first, second … time that the participant took part", late=True),
+    amount_of("visit", "", "first, second … visit of the participant to the study", late=True),
+    amount_of("round", "", "first, second … condition of the participant in this visit", late=True),
     flag("practice", "1 for practice, which counts nowhere"),
     flag("counts", "1 when it counts in the results on participants", late=True),
     Column("counts_why", "", "why it does not count; empty when it does", late=True).one_of(

@@ -80,12 +80,18 @@ LEFT = {
 }
 # What became of a place in a cell (experiments/participation/assignment.py).
 REPLACED = "refilled"
-EXPOSED_PLACES = frozenset({"filled", REPLACED})
 PLACES = {
     "under_way": "the participant holds it and has conditions to drive",
     "freed": "it was given back, because the participant was not exposed",
     "filled": "the participant was exposed",
     REPLACED: "the participant was exposed, and the place was given to another participant",
+}
+STAGES = {
+    "arrived": "came to the study",
+    "assigned": "was assigned to a condition, or to an order of them",
+    "exposed": "saw the robot's video in the task",
+    "ended": "a drive of theirs ended with an outcome",
+    "answered": "and finished the questionnaire of the table",
 }
 CONTROL_WAYS = explained(
     get_args(ControlWay),

@@ -68,22 +68,14 @@ class ParticipantRecord:
     kind: Kind = "participant"
     age: float = float("nan")
     cell: str = ""
-    draws: tuple[str, ...] = ()
+    first_cell: str = ""
+    draws: int = 0
+    stage: str = ""
     place: str = ""
     reached: str = ""
     left: str = ""
     finished: bool = False
     withdrawn: bool = False
-
-    @property
-    def first_cell(self) -> str:
-        """The cell that was drawn first; datasets of earlier releases have the last one alone."""
-        return self.draws[0] if self.draws else self.cell
-
-    @property
-    def is_drawn_anew(self) -> bool:
-        """Whether a cell was drawn more than once."""
-        return len(self.draws) > 1
 
 
 @dataclass(frozen=True)
@@ -98,6 +90,7 @@ class SessionRecord:
     kind: Kind = "participant"
     number: int = 1
     visit: int = 0
+    round: int = 0
     practice: bool = False
     counts_why: str = ""
     site: str = ""

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import msgspec
 
-from experiments.analysis.dataset import counting
 from experiments.analysis.dataset.records import FreezeRecord
 from experiments.analysis.metrics.definitions import METRICS, VERSION
 from experiments.analysis.tables import response_selection
@@ -200,10 +199,11 @@ def _study_design(study: StudyDefinition) -> Iterator[str]:
         yield (
             "- The time of the task begins with the first video frame that the page shows. It is"
             " completed when all checkpoints were passed in order and the robot has then rested on"
-            f" its charging contacts for {study.task.docked_seconds:g} s."
+            f" its charging contacts for {study.task.docked_seconds:g} s; a robot without contacts"
+            " decides by itself that it is docked."
         )
     yield from (_course(one) for one in study.courses)
-    yield _start(study)
+    yield from filter(None, [_start(study)])
 
 
 def _course(course: Course) -> str:
@@ -225,13 +225,16 @@ def _course(course: Course) -> str:
 
 def _start(study: StudyDefinition) -> str:
     start = study.start
-    rules = [f"its battery has at least {100.0 * start.charge:g} % of its charge"]
+    rules = []
+    if start.charge > 0.0:
+        rules.append(f"its battery has at least {100.0 * start.charge:g} % of its charge")
     if start.docked:
         rules.append(
             f"it is docked within {start.distance:g} m and {start.heading:g} rad of the pose of the"
             " course's station"
         )
-    return f"- A drive begins only when the robot is as it should be: {'; '.join(rules)}."
+    said = "; ".join(rules)
+    return f"- A drive begins only when this holds of the robot: {said}." if said else ""
 
 
 def described(study: StudyDefinition, condition: Condition) -> str:
@@ -411,8 +414,11 @@ def _counting(study: StudyDefinition) -> Iterator[str]:
         " counts when it is one of the task, has ended, and the participant moved the robot in it."
         f" {DRIVES[study.analysis.drives]}"
     )
-    never = (counting.PRACTICE, "pilot", "bot", counting.PLATFORM_FAULT, counting.EXCLUDED)
-    yield f"- A drive does not count when: {'; '.join(counting.REASONS[code] for code in never)}."
+    yield (
+        "- Practice, drives of pilots and bots, drives that a fault of the platform ended, and"
+        " drives that a researcher excludes do not count. What a researcher excludes is reported"
+        " with the reason."
+    )
     yield (
         "- An answer about a drive counts only when the drive counts."
         f" {response_selection.RULES[study.analysis.counts]}"

@@ -97,7 +97,7 @@ def _participants(dataset: Dataset) -> Iterator[Line]:
     yield (
         section,
         "drawn anew, before they were exposed",
-        str(sum(it.is_drawn_anew for it in people)),
+        str(sum(it.draws > 1 for it in people)),
     )
     yield section, "replaced by others", str(sum(it.place == REPLACED for it in people))
     yield section, "withdrew", str(len(people) - len(here))

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from experiments.analysis.dataset import counting
 from experiments.analysis.dataset.exclusions import PlanExclusion
-from experiments.analysis.dataset.levels import EXPOSED_PLACES, REPLACED
+from experiments.analysis.dataset.levels import REPLACED
 from experiments.analysis.dataset.records import (
     COMPLETED,
     Dataset,
@@ -34,6 +34,14 @@ from experiments.analysis.tables.table import (
 
 FLOW = ("arrived", "assigned", "exposed", "drove", "ended", "counted", "answered")
 ARRIVED, ASSIGNED, EXPOSED, DROVE, ENDED, COUNTED, ANSWERED = range(len(FLOW))
+# Of participants who withdrew: the stage that is kept of them (levels.STAGES).
+OF_WITHDRAWN = {
+    "arrived": ARRIVED,
+    "assigned": ASSIGNED,
+    "exposed": EXPOSED,
+    "ended": ENDED,
+    "answered": ENDED,
+}
 STILL_THERE = "not continued (yet)"
 STAGES = (
     "exposed: the page showed the video of the task. drove: the participant moved the robot. ended:"
@@ -43,7 +51,7 @@ STAGES = (
 PLACED = (
     "Every line is the one above it minus the participants named in between. Participants are"
     " counted in the condition that was drawn for them first, and at the last stage that they"
-    " reached; of withdrawn participants, only their place and last step are known."
+    " reached; of withdrawn participants, only that stage is known."
 )
 Row = tuple[TableCell, ...]
 
@@ -54,13 +62,18 @@ def flow(dataset: Dataset) -> Table:
     """
     found = _Flow.of(dataset)
     rows = list(found.rows(dataset.participants, "all"))
-    cells = list(dict.fromkeys(one.first_cell for one in dataset.participants if one.first_cell))
+    cells = dict.fromkeys(filter(None, map(_first_cell, dataset.participants)))
     for cell in cells if len(cells) > 1 else ():
-        own = [one for one in dataset.participants if one.first_cell == cell]
+        own = [one for one in dataset.participants if _first_cell(one) == cell]
         rows += [*found.rows(own, cell)][1:]
     below = (STAGES, PLACED, *_about_platform(dataset))
     head = ("Condition", "Stage", "Reason", "Participants")
     return Table("flow", "Flow of participants.", head, tuple(rows), below)
+
+
+def _first_cell(one: ParticipantRecord) -> str:
+    """Return the cell that was drawn first; older datasets have the last one alone."""
+    return one.first_cell or one.cell
 
 
 def _about_platform(dataset: Dataset) -> Iterator[str]:
@@ -80,7 +93,6 @@ class _Flow:
     drives: dict[str, list[SessionRecord]]
     answered: frozenset[str]
     excluded: dict[str, PlanExclusion]
-    steps: tuple[str, ...]
 
     @classmethod
     def of(cls, dataset: Dataset) -> "_Flow":
@@ -93,27 +105,23 @@ class _Flow:
             if one.questionnaire == dataset.study.analysis.statements and one.finished
         )
         excluded = {one.participant: one for one in dataset.exclusions if not one.session}
-        steps = tuple(one.key for one in dataset.study.steps)
-        return cls(dataset, drives, answered, excluded, steps)
+        return cls(dataset, drives, answered, excluded)
 
     def stage(self, one: ParticipantRecord) -> int:
         """Return the last stage of FLOW that a participant reached, by its number."""
         drives = self.drives.get(one.id, [])
-        is_exposed = one.place in EXPOSED_PLACES or any(it.exposed for it in drives)
+        is_assigned = bool(_first_cell(one) or drives)
+        if one.withdrawn:
+            return OF_WITHDRAWN.get(one.stage, ASSIGNED if is_assigned else ARRIVED)
         reached = (
-            bool(one.first_cell or drives),
-            is_exposed,
-            any(it.drove for it in drives) or (one.withdrawn and self._is_past_task(one)),
-            any(it.drove and it.outcome for it in drives) or one.withdrawn,
+            is_assigned,
+            any(it.exposed for it in drives),
+            any(it.drove for it in drives),
+            any(it.drove and it.outcome for it in drives),
             any(it.counts for it in drives),
             one.id in self.answered,
         )
         return next((n for n, is_true in enumerate(reached) if not is_true), len(reached))
-
-    def _is_past_task(self, one: ParticipantRecord) -> bool:
-        task = self.dataset.study.task
-        known = self.steps.index(one.reached) if one.reached in self.steps else -1
-        return task is not None and known > self.steps.index(task.key)
 
     def rows(self, people: Sequence[ParticipantRecord], cell: str) -> Iterator[Row]:
         """Yield the lines of some participants."""
@@ -126,7 +134,7 @@ class _Flow:
             left = [one for one in people if stages[one.id] >= number_]
             yield words(cell), words(stage), words(""), self._count(len(left), _ids(left))
             if number_ == ASSIGNED:
-                yield from self._among(cell, "drawn anew", [it for it in left if it.is_drawn_anew])
+                yield from self._among(cell, "drawn anew", [it for it in left if it.draws > 1])
             if number_ == EXPOSED:
                 replaced = [it for it in left if it.place == REPLACED]
                 yield from self._among(cell, "replaced by another participant", replaced)

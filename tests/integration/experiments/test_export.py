@@ -286,7 +286,7 @@ def test_every_word_of_a_coded_column_is_in_the_code_book(stored, tmp_path):
         if divided := re.search(r"words are separated by (.)$", one["description"]):
             dividers[place] = divided[1]
     assert {name for _, name in dividers} == {
-        *("cell", "draws", "mismatch", "doors_closed", "problems"),
+        *("cell", "first_cell", "mismatch", "doors_closed", "problems"),
     }
     assert set(dividers) <= set(known)
     checked = 0

@@ -77,7 +77,7 @@ def test_a_participant_who_finished_and_then_withdrew_was_exposed_and_ended():
 
 
 def test_a_withdrawal_before_exposure_is_a_loss_before_exposure():
-    early = ParticipantRecord("w", cell="shut", place="freed", reached="task", withdrawn=True)
+    early = ParticipantRecord("w", cell="shut", stage="assigned", withdrawn=True)
     dataset = replace(every_ending(), participants=(early,), sessions=(), responses=())
     rows = [row[2].text or row[1].text for row in flow_of(dataset).rows]
     assert rows.index("assigned") < rows.index("left: withdrew") < rows.index("exposed")
