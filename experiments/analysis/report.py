@@ -68,7 +68,7 @@ from experiments.analysis.tables.summaries import (
     sessions_table,
     verdicts_table,
 )
-from experiments.analysis.tables.table import Table, as_csv
+from experiments.analysis.tables.table import SessionSets, Table, as_csv
 from experiments.definition.plan import StudyPlan
 from experiments.definition.schema import StudyDefinition
 
@@ -295,25 +295,16 @@ def _file(path: Path, content: bytes) -> Path:
 
 def sources(found: Report) -> dict[str, Any]:
     """Return which sessions are behind every cell (table, row, column) and every part of a figure
-    (figure, gid).
-
-    Sets of sessions are written once, in `sets`, and named by their place there, because many cells
-    share one.
+    (figure, gid), by the number of their set in `sets`.
     """
-    sets: dict[tuple[str, ...], int] = {}
-
-    def place(sessions: tuple[str, ...]) -> int:
-        return sets.setdefault(tuple(dict.fromkeys(sessions)), len(sets))
-
+    sets = SessionSets()
     tables = {
-        table.name: [
-            [place(cell.sessions) if cell.sessions else None for cell in row] for row in table.rows
-        ]
+        table.name: [[sets.number(cell.sessions) for cell in row] for row in table.rows]
         for table in found.tables
         if table.name not in {"sessions", "segments"}  # a row of these names its session
     }
     figures = {
-        drawing.name: {gid: place(ids) for gid, ids in drawing.behind.items()}
+        drawing.name: {gid: sets.number(ids) for gid, ids in drawing.behind.items()}
         for drawing in found.figures
     }
     return {
