@@ -103,14 +103,9 @@ def reports(dataset: Dataset, kinds: Sequence[Kind] = ("participant",)) -> Itera
     """
     counting = dataset.counting(kinds)
     every = dataset.counting(kinds, with_excluded=True)
-    measured = {
-        one.session.id: one
-        for one in measure_all(
-            replace(counting, sessions=(*counting.sessions, *counting.others), others=())
-        )
-    }
-    changes = len(every.sessions) != len(counting.sessions) or every.included != counting.included
-    if not changes:
+    task_drives = replace(counting, sessions=(*counting.sessions, *counting.others), others=())
+    measured = {one.session.id: one for one in measure_all(task_drives)}
+    if [one.id for one in every.sessions] == [one.id for one in counting.sessions]:
         yield report(counting, measured, dataset)
         return
     effects = exclusion_effects(
@@ -119,7 +114,7 @@ def reports(dataset: Dataset, kinds: Sequence[Kind] = ("participant",)) -> Itera
         alpha_of(dataset.study),
     )
     yield report(counting, measured, dataset, effects)
-    yield report(every, measured, dataset, effects)
+    yield report(every, measured, dataset)
 
 
 def alpha_of(study: StudyDefinition) -> float:
@@ -145,33 +140,39 @@ def report(
     """
     measured, others = (_measured(some, numbers) for some in (dataset.sessions, dataset.others))
     verdicts = {one.session.id: judge(one, dataset.study.quality) for one in (*measured, *others)}
-    people, study, is_sensitivity = dataset.participants, dataset.study, dataset.is_with_excluded
-    tested = declared(dataset, measured)
-    decisions = [] if is_sensitivity else decisions_of(study, tested)
+    study, tested = dataset.study, declared(dataset, measured)
+    decisions = [] if dataset.is_with_excluded else decisions_of(study, tested)
     tables = [*_tables(dataset, measured, others, verdicts), *tested]
-    if not is_sensitivity:
+    if not dataset.is_with_excluded:
         sheet = reporting_sheet(dataset, measured, whole.participants)
         found = hypotheses_table(study, decisions)
         tables += [found, *also, exclusions_table(dataset.exclusions), sheet]
-    notes = (note_of(people), SENSITIVITY if is_sensitivity else "")
+    notes = (note_of(dataset.participants), SENSITIVITY if dataset.is_with_excluded else "")
     return Report(
-        EVERY if is_sensitivity else COUNTING,
-        (
-            *(of_whom(marked_table(one, is_sensitivity=is_sensitivity), people) for one in tables),
-            software_table(),
-        ),
-        tuple(
-            drawn_of_whom(marked_figure(study, one, is_sensitivity=is_sensitivity), people)
-            for one in _figures(dataset, measured)
-        ),
-        tuple(measured),
-        tuple(others),
-        verdicts,
-        {one.key: dataset.say(one.title) or one.key for one in study.conditions},
-        alpha_of(study),
-        by_row(decisions),
-        " ".join(filter(None, notes)),
+        name=EVERY if dataset.is_with_excluded else COUNTING,
+        tables=(*_marked_tables(dataset, tables), software_table()),
+        figures=tuple(_marked_figures(dataset, measured)),
+        measured=tuple(measured),
+        others=tuple(others),
+        verdicts=verdicts,
+        titles={one.key: dataset.say(one.title) or one.key for one in study.conditions},
+        alpha=alpha_of(study),
+        decisions=by_row(decisions),
+        note=" ".join(filter(None, notes)),
     )
+
+
+def _marked_tables(dataset: Dataset, tables: Sequence[Table]) -> Iterator[Table]:
+    """Yield tables that say of whom they are, and whether they were planned."""
+    for table in tables:
+        marked = marked_table(table, is_sensitivity=dataset.is_with_excluded)
+        yield of_whom(marked, dataset.participants)
+
+
+def _marked_figures(dataset: Dataset, measured: Sequence[Measured]) -> Iterator[Drawing]:
+    for one in _figures(dataset, measured):
+        marked = marked_figure(dataset.study, one, is_sensitivity=dataset.is_with_excluded)
+        yield drawn_of_whom(marked, dataset.participants)
 
 
 def _tables(

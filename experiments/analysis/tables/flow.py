@@ -97,7 +97,8 @@ class _Flow:
     @classmethod
     def of(cls, dataset: Dataset) -> "_Flow":
         drives: dict[str, list[SessionRecord]] = {}
-        for one in sorted((*dataset.sessions, *dataset.others), key=lambda one: one.visit):
+        both = (*dataset.sessions, *dataset.others)
+        for one in sorted(both, key=lambda one: (one.visit, one.round)):
             drives.setdefault(one.participant, []).append(one)
         answered = frozenset(
             one.participant
