@@ -96,7 +96,7 @@ def with_condition(**changes):
         ({"quality": {"longest_gap": 1.5}}, "no gap above 1.5 s"),
         ({"allocation": {"left_after_hours": 36.0}}, "- allocation.left_after_hours: 36.0"),
         ({"start": {"charge": 0.3}}, "its battery has at least 30 % of its charge"),
-        ({}, "`task_time` (s): from the task's event task_started (the first video frame) to the"),
+        ({}, "`task_time` (s): from the task's event task_started (the first video frame) to its"),
     ],
 )
 def test_a_preregistration_names_what_can_change_results(changes, said):

@@ -28,11 +28,6 @@ def lines(table, cell="all"):
     ]
 
 
-def stages(table, cell="all"):
-    found = dict(lines(table, cell))
-    return [found[stage] for stage in FLOW]
-
-
 DATASETS = {
     "every ending": every_ending(),
     "excluded": every_ending(plan_with(incomplete="answers")),
@@ -55,7 +50,7 @@ def test_every_line_is_the_one_above_less_those_who_are_named_between(dataset):
 
 def test_each_participant_is_at_the_last_stage_that_they_reached():
     table = flow_of(every_ending())
-    assert dict(zip(FLOW, stages(table), strict=True)) == {
+    assert {stage: dict(lines(table))[stage] for stage in FLOW} == {
         "arrived": 12,
         "assigned": 11,
         "exposed": 10,
@@ -88,7 +83,8 @@ def test_participants_are_in_the_condition_that_was_drawn_first():
     assert dict(lines(table, "shut"))["among them: drawn anew"] == 1
     assert dict(lines(table, "all_open"))["among them: replaced by another participant"] == 1
     assert "among them: drawn anew" not in dict(lines(table, "all_open"))
-    assert (stages(table, "shut")[1], stages(table, "all_open")[1]) == (8, 3)
+    assigned = [dict(lines(table, cell))["assigned"] for cell in ("shut", "all_open")]
+    assert assigned == [8, 3]
 
 
 def test_no_finisher_is_said_not_to_have_continued():
