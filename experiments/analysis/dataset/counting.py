@@ -23,6 +23,7 @@ from experiments.definition.schema import StudyDefinition
 if TYPE_CHECKING:  # records.py offers this module's result as a method of its Dataset
     from experiments.analysis.dataset.records import Dataset, ResponseRecord, SessionRecord
 
+PARTICIPANTS: tuple[Kind, ...] = ("participant",)
 PRACTICE, WITHDRAWN, PLATFORM_FAULT = "practice", "withdrawn", "platform_fault"
 RUNNING, NOT_EXPOSED, NOT_DRIVEN = "running", "not_exposed", "not_driven"
 EXCLUDED, EXCLUDED_BY_PLAN = "excluded", "excluded_by_plan"
@@ -56,7 +57,7 @@ class CountingPlan:
         with_excluded: whether excluded drives count as well, as in a sensitivity analysis.
     """
 
-    kinds: Collection[Kind] = ("participant",)
+    kinds: Collection[Kind] = PARTICIPANTS
     withdrawn: Collection[str] = frozenset()
     excluded: Collection[str] = frozenset()
     with_excluded: bool = False
@@ -171,7 +172,7 @@ def with_reasons(dataset: "Dataset") -> "Dataset":
     """Return a whole dataset whose sessions say whether they count in the results of its
     participants, and why they do not.
     """
-    of_people = counting_part(dataset, ("participant",), with_excluded=False)
+    of_people = counting_part(dataset, PARTICIPANTS, with_excluded=False)
     found = {one.id: one.counts_why for one in (*of_people.sessions, *of_people.others)}
     alone = CountingPlan(withdrawn={one.id for one in dataset.participants if one.withdrawn})
     return replace(
