@@ -118,7 +118,7 @@ class HtmlPage:
         return [form for form in self.forms if form.in_main and form.method == "post"]
 
 
-class _Tree(HTMLParser):
+class _TreeParser(HTMLParser):
     """Builds the elements. An end tag closes what is still open inside its element."""
 
     def __init__(self) -> None:
@@ -150,12 +150,12 @@ class _Tree(HTMLParser):
 
 
 def read(html: str) -> HtmlPage:
-    tree = _Tree()
+    tree = _TreeParser()
     tree.feed(html)
-    return _Reading(tree.root()).page()
+    return _PageReader(tree.root()).page()
 
 
-class _Reading:
+class _PageReader:
     """Reads one page. A control's label is the `<label for>` of its id, else the legend around."""
 
     def __init__(self, root: Element) -> None:
