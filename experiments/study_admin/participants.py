@@ -267,6 +267,7 @@ class DriveAdmin(StudyRows):
         *RECORDED,
         "granted",
         "finalised",
+        "round_shown",
         "outcome_told",
         "assigned_told",
         "applied_told",
@@ -274,7 +275,7 @@ class DriveAdmin(StudyRows):
         "excluded",
     )
     fieldsets = (
-        (None, {"fields": (*WHICH, "step", "visit", "round", "number", "condition", "seed")}),
+        (None, {"fields": (*WHICH, "step", "visit", "round_shown", "number", "condition", "seed")}),
         (
             _("Outcome"),
             {"fields": ("granted", "exposed", "outcome_told", "finalised", *RECORDED)},
@@ -340,6 +341,10 @@ class DriveAdmin(StudyRows):
             return gettext("no")
         who = row.excluded_by.shown_name if row.excluded_by is not None else NOTHING
         return f"{row.excluded_reason} ({who}, {time_text(row.excluded_at)})"
+
+    @admin.display(description=_("round"))
+    def round_shown(self, row: Drive) -> int:
+        return row.round + 1  # stored from 0
 
     @admin.display(description=_("granted"))
     def granted(self, row: Drive) -> str:

@@ -128,6 +128,7 @@ def test_the_page_of_a_drive_has_units_and_times_instead_of_stored_numbers(clien
     ):
         assert text in shown
     assert timezone.localtime(NOW).strftime("Granted: %Y-%m-%d %H:%M:%S %Z") in page.text
+    assert "Round: 1 Session number: 1" in page.text
     assert "e+09" not in shown
     assert f"{began:.0f}" not in shown
     assert drive.participant.code in page.all("h2")[0].text
