@@ -23,7 +23,7 @@ from experiments.access import may
 from experiments.builder.labels import GUIDE
 from experiments.models import Drive, Participant, Study
 from experiments.research.study_access import OfStudies
-from experiments.study_admin.document_text import in_words
+from experiments.study_admin.document_text import assigned_in_words, recorded_in_words, time_text
 from experiments.study_admin.filters import (
     ENDINGS,
     CompletionFilter,
@@ -37,6 +37,8 @@ from robots.admin import NOTHING, link_to
 from surveys.document_forms.fields import language_name
 
 LEAST_REASON, MOST_REASON = 3, 300
+WHICH = ("code", "study_name", "session_link", "replay")  # of a drive, with links
+RECORDED = ("result_told", "ends_told")
 
 
 class StudyRows(OfStudies):
@@ -261,48 +263,22 @@ class DriveAdmin(StudyRows):
     search_fields = ("participant__code",)
     date_hierarchy = "granted_at"
     readonly_fields = (
-        "code",
-        "study_name",
-        "session_link",
-        "replay",
+        *WHICH,
+        *RECORDED,
+        "granted",
+        "finalised",
+        "round_shown",
         "outcome_told",
         "assigned_told",
         "applied_told",
-        "result_told",
-        "ends_told",
         "differs",
         "excluded",
     )
     fieldsets = (
-        (
-            None,
-            {
-                "fields": (
-                    "code",
-                    "study_name",
-                    "session_link",
-                    "replay",
-                    "step",
-                    "visit",
-                    "round",
-                    "number",
-                    "condition",
-                    "seed",
-                )
-            },
-        ),
+        (None, {"fields": (*WHICH, "step", "visit", "round_shown", "number", "condition", "seed")}),
         (
             _("Outcome"),
-            {
-                "fields": (
-                    "granted_at",
-                    "exposed",
-                    "outcome_told",
-                    "settled_at",
-                    "result_told",
-                    "ends_told",
-                )
-            },
+            {"fields": ("granted", "exposed", "outcome_told", "finalised", *RECORDED)},
         ),
         (_("Condition"), {"fields": ("differs", "assigned_told", "applied_told")}),
         (_("Excluded"), {"fields": ("excluded",)}),
@@ -311,80 +287,74 @@ class DriveAdmin(StudyRows):
 
     @admin.display(description=_("participant"), ordering="participant__code")
     def code(self, row: Drive) -> str | SafeString:
-        """Return the participant's code, with a link."""
         return link_to(
             "admin:experiments_participant_change", row.participant.code, row.participant_id
         )
 
     @admin.display(description=_("study"), ordering="participant__study")
     def study_name(self, row: Drive) -> str:
-        """Return the study and its version."""
         return f"{row.participant.study.slug} {row.participant.study.version}"
 
     @admin.display(description=_("as assigned"), boolean=True)
     def as_assigned(self, row: Drive) -> bool:
-        """Tell whether everything was as the condition says."""
         return not row.mismatches
 
     @admin.display(description=_("included"), boolean=True)
     def is_counted(self, row: Drive) -> bool:
-        """Tell whether nobody excluded it."""
         return not row.excluded_reason
 
     @admin.display(description=_("task outcome"), ordering="outcome")
     def outcome_told(self, row: Drive) -> Any:
-        """Return how the task ended."""
         return GUIDE.word("outcomes", row.outcome) if row.outcome else NOTHING
 
     @admin.display(description=_("session"))
     def session_link(self, row: Drive) -> str | SafeString:
-        """Return the way to the session."""
         return link_to("admin:telepresence_sessions_session_change", row.session_id, row.session_id)
 
     @admin.display(description=_("replay"))
     def replay(self, row: Drive) -> str | SafeString:
-        """Return the way to its replay."""
         return link_to("replay", gettext("Replay"), row.session_id)
 
     @admin.display(description=_("assigned"))
     def assigned_told(self, row: Drive) -> str | SafeString:
-        """Return what was assigned."""
-        return in_words({"condition": row.assigned.get("condition")}, row.assigned)
+        return assigned_in_words(row.assigned)
 
     @admin.display(description=_("applied"))
     def applied_told(self, row: Drive) -> str | SafeString:
-        """Return what was in force."""
-        return in_words(row.applied)
+        return recorded_in_words(row.applied)
 
     @admin.display(description=_("result"))
     def result_told(self, row: Drive) -> str | SafeString:
-        """Return what the task came to."""
-        return in_words(row.result)
+        return recorded_in_words(row.result)
 
     @admin.display(description=_("robot at start and end"))
     def ends_told(self, row: Drive) -> str | SafeString:
-        """Return how the robot stood in the first and in the last state."""
-        return in_words({"start state": row.began_with, "end state": row.ended_with})
+        return recorded_in_words({"began_with": row.began_with, "ended_with": row.ended_with})
 
     @admin.display(description=_("differs"))
     def differs(self, row: Drive) -> str:
-        """Return what was not as assigned."""
         return ", ".join(row.mismatches) or NOTHING
 
     @admin.display(description=_("excluded"))
     def excluded(self, row: Drive) -> str:
-        """Return who excluded it, when and why."""
         if not row.excluded_reason:
             return gettext("no")
         who = row.excluded_by.shown_name if row.excluded_by is not None else NOTHING
-        return (
-            f"{row.excluded_reason} ({who}, {timezone.localtime(row.excluded_at):%Y-%m-%d %H:%M})"
-            if row.excluded_at
-            else row.excluded_reason
-        )
+        return f"{row.excluded_reason} ({who}, {time_text(row.excluded_at)})"
+
+    @admin.display(description=_("round"))
+    def round_shown(self, row: Drive) -> int:
+        return row.round + 1  # stored from 0
+
+    @admin.display(description=_("granted"))
+    def granted(self, row: Drive) -> str:
+        return time_text(row.granted_at)
+
+    @admin.display(description=_("finalised"))
+    def finalised(self, row: Drive) -> str:
+        return time_text(row.settled_at)
 
     def get_urls(self) -> list[URLPattern]:
-        """Add the page that excludes."""
         page = self.admin_site.admin_view(never_cache(self.exclude_view))
         return [
             path("<uuid:pk>/exclude/", page, name="experiments_drive_exclude"),
@@ -394,7 +364,6 @@ class DriveAdmin(StudyRows):
     def render_change_form(
         self, request: HttpRequest, context: dict[str, Any], *args: Any, **options: Any
     ) -> Any:
-        """Offer exclusion to researchers."""
         row = context.get("original")
         context["may_exclude"] = row is not None and may(
             request.user, row.participant.study.slug, "researcher"
