@@ -9,24 +9,17 @@ over the API are understood, too, as in IUREDCap/redcap-etl.
 import csv
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import groupby
 from typing import Any, ClassVar
 
 from django.utils.translation import gettext as _
 
 from surveys.documents import BadDefinitionError, Text
-from surveys.importing.draft import Draft, language_of
-from surveys.importing.redcap.fields import (
-    RedcapField,
-    Row,
-    choices_of,
-    grid,
-    item_of,
-    refuse_hidden,
-)
+from surveys.importing.draft import Draft, Item, SurveyFormat, language_of
+from surveys.importing.redcap import RedcapField, Row, choices_of
 from surveys.importing.report import Note
-from surveys.importing.survey_format import SurveyFormat, Wishes
+from surveys.problems import MAX_POINTS, MIN_POINTS
 
 # Column → its headings in a dictionary and in an export over the API.
 COLUMNS = {
@@ -50,143 +43,75 @@ COLUMNS = {
     "ranking": ("matrix ranking?", "matrix_ranking"),
     "annotation": ("field annotation", "field_annotation"),
 }
-_NEEDED = ("name", "type", "label")
-MAX_CELL = 100_000
+MAX_CELL = 100_000  # characters
+_OR = re.compile(r"\bor\b", re.IGNORECASE)
 # One comparison of a branching logic: [field] = '1', [field(2)] = "1".
-_COMPARED = re.compile(
-    r"""^\(*\s*\[(?P<name>[a-z][a-z0-9_]*(?:\([^()]+\))?)\]\s*=\s*
-    (?:'(?P<one>[^']*)'|"(?P<two>[^"]*)"|(?P<three>-?\d+))\s*\)*$""",
-    re.VERBOSE,
+_COMPARISON = re.compile(
+    r"""\[(?P<name>[a-z][a-z0-9_]*(?:\([^()]+\))?)\]\s*=\s*(?P<answer>'[^']*'|"[^"]*"|-?\d+)"""
 )
 
 
 class Redcap(SurveyFormat):
-    """A data dictionary of REDCap."""
+    """A data dictionary of REDCap, field by field."""
 
     label: ClassVar[str] = "REDCap (.csv)"
 
-    @classmethod
-    def is_in(cls, document: bytes) -> bool:
-        """Tell by the headings of its first two columns."""
-        head = document[:2000].lower()
-        return any(name.encode() in head for name in COLUMNS["name"]) and any(
-            name.encode() in head for name in COLUMNS["form"]
-        )
-
-    @classmethod
-    def read(cls, document: bytes, wishes: Wishes) -> Draft:
-        """Return what a file asks.
-
-        Raises:
-            BadDefinitionError: it is no such file, or has no such form.
-        """
-        return _RedcapConversion(list(rows_of(document)), wishes).draft()
-
-
-def rows_of(document: bytes) -> Iterator[Row]:
-    """Yield the fields of a dictionary with all COLUMNS, in order.
-
-    Raises:
-        BadDefinitionError: it is no CSV, or lacks columns.
-    """
-    try:
-        text = document.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = document.decode("cp1252", errors="replace")
-    text = text.replace("\x00", "")
-    head = re.split(r"[\r\n]", text, maxsplit=1)[0]
-    delimiter = max(",;\t", key=head.count)
-    csv.field_size_limit(MAX_CELL)
-    try:
-        table = list(csv.reader(io.StringIO(text, newline=""), delimiter=delimiter))
-    except csv.Error as error:
-        raise BadDefinitionError(
-            [_("This is not a valid CSV file: %(problem)s.") % {"problem": error}]
-        ) from error
-    headings = [one.strip().strip('"').lower() for one in table[0]]
-    places = {
-        column: next((headings.index(name) for name in names if name in headings), None)
-        for column, names in COLUMNS.items()
-    }
-    lacking = [COLUMNS[column][0] for column in _NEEDED if places[column] is None]
-    if lacking:
-        raise BadDefinitionError(
-            [_("The file has no column %(names)s.") % {"names": ", ".join(lacking)}]
-        )
-    for cells in table[1:]:
-        row = {
-            column: cells[place] if place is not None and place < len(cells) else ""
-            for column, place in places.items()
-        }
-        if row["name"].strip():
-            trimmed = {name: row[name].strip() for name in ("name", "form", "matrix")}
-            yield row | trimmed | {"type": row["type"].strip().lower()}
-
-
-class _RedcapConversion:
-    """One file, field by field."""
-
-    def __init__(self, rows: list[Row], wishes: Wishes) -> None:
+    def __init__(self, document: bytes, language: str, form: str) -> None:
+        rows = list(rows_of(document))
         self.first = rows[0] if rows else None
         forms = list(dict.fromkeys(row["form"] for row in rows))
-        if wishes.form and wishes.form not in forms:
-            raise BadDefinitionError(
-                [
-                    _("The file has no form “%(form)s”; it has %(forms)s.")
-                    % {"form": wishes.form, "forms": ", ".join(forms)[:1000]}
-                ]
-            )
-        self.rows = [row for row in rows if wishes.form in {"", row["form"]}]
-        self.others = [form for form in forms if wishes.form not in {"", form}]
-        self.form = wishes.form or (forms[0] if len(forms) == 1 else "")
-        self.into = Draft(
-            "redcap", Redcap.label, [language_of(wishes.language) or "en"], keeps_lines=True
+        if form and form not in forms:
+            words = _("The file has no form “%(form)s”; it has %(forms)s.")
+            there = {"form": form, "forms": ", ".join(forms)[:1000]}
+            raise BadDefinitionError([words % there])
+        self.rows = [row for row in rows if form in {"", row["form"]}]
+        self.others = [one for one in forms if form not in {"", one}]
+        self.form = form or (forms[0] if len(forms) == 1 else "")
+        languages = [language_of(language) or "en"]
+        self.into = Draft("redcap", self.label, languages, keeps_lines=True)
+
+    @classmethod
+    def is_in(cls, document: bytes) -> bool:
+        head = document[:2000].lower()
+        return all(
+            any(name.encode() in head for name in COLUMNS[column]) for column in ("name", "form")
         )
 
-    def draft(self) -> Draft:
-        """Return what it asks."""
+    def convert(self) -> None:
         self.into.title = self.into.same(_title(self.form) or "REDCap")
         self.into.source = f"REDCap, {self.form}" if self.form else "REDCap"
         for form, rows in groupby(self.rows, key=lambda row: row["form"]):
             self.into.page(self.into.same(_title(form)) if form and not self.form else {})
-            self._take_form(list(rows))
+            self._take_form(rows)
         for form in self.others:
             self.into.leave_out(form, _("It belongs to a form that you did not choose."))
-        self.into.finish()
-        return self.into
 
-    def _take_form(self, rows: list[Row]) -> None:
-        for _group, run in groupby(rows, key=_matrix_of):
-            fields = list(run)
-            if _matrix_of(fields[0]) is None:
-                for row in fields:
-                    self._field(row)
+    def _take_form(self, rows: Iterable[Row]) -> None:
+        for matrix, run in groupby(rows, key=_matrix_of):
+            if matrix is not None:
+                self._grid(list(run))
             else:
-                self._grid(fields)
+                for row in run:
+                    self._field(row)
 
     def _field(self, row: Row) -> None:
         note = self.into.note(row["name"], row["label"])
+        if row is self.first:
+            note.left_out(
+                _("The first field identifies the record. Here, each respondent has a key instead.")
+            )
+            return
         with self.into.trying(note):
-            if row is self.first:
-                note.left_out(
-                    _(
-                        "The first field identifies the record. Here, each respondent "
-                        "has a key instead."
-                    )
-                )
-                return
             field = RedcapField(self.into, note, row)
-            refuse_hidden(field)
+            field.refuse_hidden()
+            self._section(row)
             if row["type"] == "descriptive":
-                self._section(row)
-                self.into.say(note, field.one_text(row["label"]))
+                self.into.introduce(note, field.text_of(row["label"]))
                 if row["branching"].strip():
                     note.changed(_("Its condition is not imported: it is shown to everybody."))
-                return
-            self._section(row)
-            condition = self._condition(note, row["branching"])
-            item = item_of(field)
-            self.into.ask(note, [{"show_if": condition} | item if condition else item])
+            else:
+                condition = self._condition(note, row)
+                self.into.ask(note, field.items(), condition)
 
     def _section(self, row: Row) -> None:
         """Begin a page with the section's heading."""
@@ -212,39 +137,56 @@ class _RedcapConversion:
                 notes[0].changed(
                     _("Its matrix has no heading, so the name of the matrix is shown.")
                 )
-            condition = self._condition(notes[0], rows[0]["branching"])
-            item = grid(fields, heading)
-            keys = [note.keys for note in notes]
-            self.into.ask(notes[0], [{"show_if": condition} | item if condition else item])
-            for note, own in zip(notes, keys, strict=True):
-                note.keys = own
+            condition = self._condition(notes[0], rows[0])
+            item = fields[0].grid(fields, heading)
+            self.into.ask(notes[0], [item], condition)
+            for note, own in zip(notes, item["rows"], strict=True):
+                note.keys = [own["key"]]
             return
         for note in notes[1:]:
             note.left_out(notes[0].remarks[0])
 
-    def _condition(self, note: Note, logic: str) -> dict[str, Any] | None:
-        """Return `show_if` for comparisons of one field with choices, joined by "or"; anything else
-        is noted.
-        """
-        if not logic.strip():
-            return None
-        found = [
-            _COMPARED.match(part.strip())
-            for part in re.split(r"\bor\b", logic.strip(), flags=re.IGNORECASE)
-        ]
-        condition = None
-        if all(found):
-            condition = self.into.condition(
-                (one["name"].lower(), one["one"] or one["two"] or one["three"] or "")
-                for one in found
-                if one is not None
-            )
-        if condition is None:
-            note.changed(
-                _("Its condition is not imported: it is shown to everybody (%(condition)s).")
-                % {"condition": " ".join(logic.split())[:100]}
-            )
-        return condition
+    def _condition(self, note: Note, row: Row) -> Item | None:
+        logic = row["branching"]
+        return self.into.comparisons(note, logic, _OR, _COMPARISON) if logic.strip() else None
+
+
+def rows_of(document: bytes) -> Iterator[Row]:
+    """Yield the fields of a dictionary with all COLUMNS, in order.
+
+    Raises:
+        BadDefinitionError: it is no CSV, or lacks columns.
+    """
+    try:
+        text = document.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = document.decode("cp1252", errors="replace")
+    text = text.replace("\x00", "")
+    head = re.split(r"[\r\n]", text, maxsplit=1)[0]
+    delimiter = max(",;\t", key=head.count)
+    csv.field_size_limit(MAX_CELL)
+    try:
+        table = list(csv.reader(io.StringIO(text, newline=""), delimiter=delimiter))
+    except csv.Error as error:
+        told = _("This is not a valid CSV file: %(problem)s.") % {"problem": error}
+        raise BadDefinitionError([told]) from error
+    headings = [one.strip().strip('"').lower() for one in table[0]]
+    places = {
+        column: headings.index(name)
+        for column, names in COLUMNS.items()
+        for name in reversed(names)
+        if name in headings
+    }
+    lacking = [COLUMNS[one][0] for one in ("name", "type", "label") if one not in places]
+    if lacking:
+        told = _("The file has no column %(names)s.") % {"names": ", ".join(lacking)}
+        raise BadDefinitionError([told])
+    for cells in table[1:]:
+        own = {column: cells[place] for column, place in places.items() if place < len(cells)}
+        row = dict.fromkeys(COLUMNS, "") | own
+        if row["name"].strip():
+            trimmed = {name: row[name].strip() for name in ("name", "form", "matrix")}
+            yield row | trimmed | {"type": row["type"].strip().lower()}
 
 
 def _matrix_of(row: Row) -> tuple[Any, ...] | None:
@@ -253,9 +195,10 @@ def _matrix_of(row: Row) -> tuple[Any, ...] | None:
     """
     choices = choices_of(row["choices"])
     is_hidden = "@HIDDEN" in row["annotation"]
-    if not row["matrix"] or row["type"] != "radio" or is_hidden or not 2 <= len(choices) <= 11:
+    if not row["matrix"] or row["type"] != "radio" or is_hidden:
         return None
-    return (row["matrix"], row["branching"], tuple(choices))
+    is_scale = MIN_POINTS <= len(choices) <= MAX_POINTS
+    return (row["matrix"], row["branching"], tuple(choices)) if is_scale else None
 
 
 def _title(form: str) -> str:
