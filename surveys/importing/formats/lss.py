@@ -6,22 +6,323 @@ Read against LimeSurvey's own source (application/helpers/export_helper.php) and
 TonisOrmisson/limesurvey-structure-imex (version 630).
 """
 
+import math
 import re
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
 from typing import ClassVar
 
 from django.utils.translation import gettext as _
 
 from surveys.documents import BadDefinitionError, Text
 from surveys.importing import safe_xml
-from surveys.importing.draft import Draft, Item, Raw, SurveyFormat
-from surveys.importing.limesurvey import LimeSurveyConversion
+from surveys.importing.draft import Draft, Item, Raw, SurveyFormat, given
 from surveys.importing.limesurvey_tables import (
     LimeSurveyGroup,
     LimeSurveyQuestion,
     Texts,
     survey_of,
 )
+from surveys.importing.question import ImportedQuestion
 from surveys.importing.report import Note, NotImportedError
+from surveys.problems import MAX_POINTS
+
+_NO_COUNTERPART = {"|": "file upload", "*": "equation", "I": "language switch"}
+# Answers that LimeSurvey does not write into the file, by the letter of the question.
+_WORDED = {
+    "Y": {"Y": "yes", "N": "no"},
+    "G": {"F": "female", "M": "male"},
+    "C": {"Y": "yes", "U": "uncertain", "N": "no"},
+    "E": {"I": "increase", "S": "same", "D": "decrease"},
+}
+_LINES = {"S": 1, "T": 5, "U": 15}
+
+
+class LimeSurveyConversion(ImportedQuestion):
+    def __init__(self, draft: Draft, note: Note, question: LimeSurveyQuestion) -> None:
+        super().__init__(draft, note, question.title, question.type)
+        self.question = question
+
+    def texts_of(self, question: LimeSurveyQuestion, field: str = "question") -> Text:
+        """Return a text of a question or subquestion."""
+        raw = {language: row.get(field, "") for language, row in question.texts.items()}
+        return self.draft.text(raw, self.note)
+
+    def text(self) -> Text:
+        return self.or_name(self.texts_of(self.question))
+
+    def common(self) -> Item:
+        wish = self.question.row.get("mandatory", "N")
+        if wish == "S":
+            self.note.changed(_("The file requests an answer; here it is optional."))
+        return given(required=wish == "Y", hint=self.texts_of(self.question, "help"))
+
+    def items(self) -> list[Item]:
+        if self.kind in _NO_COUNTERPART:
+            raise self.not_supported(_NO_COUNTERPART[self.kind])
+        return super().items()
+
+    # what a question has
+
+    def _answers(self, scale_id: str = "0") -> dict[str, Text]:
+        if self.kind in _WORDED:
+            return {code: self.word(name) for code, name in _WORDED[self.kind].items()}
+        return {
+            answer.code: self.draft.text(answer.texts, self.note)
+            for answer in self.question.answers
+            if answer.scale == scale_id
+        }
+
+    def _parts(self, scale_id: str = "0") -> list[tuple[str, Text]]:
+        """Return code and text of each subquestion."""
+        return [
+            (part.title, self.texts_of(part) or self.draft.same(part.title))
+            for part in self.question.parts
+            if part.row.get("scale_id", "0") in {scale_id, ""}
+        ]
+
+    def _by_part(self, fields: Item, remark: str) -> list[Item]:
+        parts = ((self.key(code), label, fields) for code, label in self._parts())
+        return self.apart(remark, parts)
+
+    def _attribute_text(self, name: str) -> Text:
+        return self.draft.text(self.question.attribute_texts(name), self.note)
+
+    @property
+    def _has_other(self) -> bool:
+        return self.question.row.get("other") == "Y" and self.kind not in _WORDED
+
+    def _other(self) -> dict[str, Text]:
+        """Return the label of an option with a text of its own, by its code."""
+        own = self._attribute_text("other_replace_text") if self._has_other else {}
+        return {"other": own or self.word("other")} if self._has_other else {}
+
+    def _order(self, attribute: str) -> str:
+        wanted = self.question.attribute(attribute)
+        if wanted.startswith("random") or self.question.attribute("random_order") == "1":
+            return "shuffled"
+        if wanted not in {"", "normal"}:
+            self.note.changed(
+                _("Its order (%(order)s) is replaced by the written order."), order=wanted
+            )
+        return ""
+
+    def _number(self, name: str) -> float | None:
+        """Return an attribute that is a finite number; anything else is noted."""
+        value = self.question.attribute(name).strip()
+        try:
+            number = float(value or "nan")
+        except ValueError:
+            number = math.nan
+        if value and not math.isfinite(number):
+            self.unchecked(f"{name} = {value[:60]}")
+        return number if math.isfinite(number) else None
+
+    # lists, multiple choice and rankings
+
+    def single(self) -> list[Item]:
+        """L, !, O, Y and G: one of the answers; O has a comment."""
+        key, options = self.key(), self.options(self._answers() | self._other())
+        for code, option in options.items():
+            self.draft.remember(self.name, code, key, option["value"])
+        order = self._order("answer_order")
+        items = [self.item("single", key, options=list(options.values()), order=order)]
+        if self._has_other:
+            items.append(self.other(key, options["other"]))
+        if self.kind == "O":
+            self.note.changed(_("The comment becomes a separate question."))
+            own = self.draft.key(f"{key}_comment", self.note)
+            items.append({"kind": "text", "key": own, "text": self.word("comment"), "lines": 3})
+        return items
+
+    def multiple(self) -> list[Item]:
+        """M and P: any of the subquestions; P has a comment for each."""
+        key, labels = self.key(), dict(self._parts()) | self._other()
+        alone = [code for code in self.question.attribute("exclude_all_others").split(";") if code]
+        least, most = (self._number(f"{name}_answers") for name in ("min", "max"))
+        options = self.options(labels, alone)
+        item = self.item(
+            *("multiple", key),
+            options=list(options.values()),
+            at_least=int(least) if least else None,
+            at_most=int(most) if most else None,
+            order=self._order("subquestion_order"),
+        )
+        for code, option in options.items():
+            self.draft.remember(f"{self.name}_{code}", "Y", key, option["value"])
+        with_text = options if self.kind == "P" else ["other"] if self._has_other else []
+        return [item, *(self.other(key, options[code]) for code in with_text)]
+
+    def ranking(self) -> list[Item]:
+        """R: the answers in an order."""
+        if self._number("max_answers") or self.question.attribute("max_subquestions"):
+            self.note.changed(_("Respondents rank all options, not only some."))
+        options = self.options(self._answers() or dict(self._parts()))
+        order = self._order("answer_order")
+        return [self.item("ranking", options=list(options.values()), order=order)]
+
+    def five_points(self) -> list[Item]:
+        """5: one of the numbers from 1 to 5."""
+        key = self.key()
+        for n in range(1, 6):
+            self.draft.remember(self.name, str(n), key, n)
+        return [self.item("likert", key, scale=self.numbered(range(1, 6), {}, {}))]
+
+    # arrays
+
+    def array(self) -> list[Item]:
+        """A, B, C, E, F, H: subquestions on one scale."""
+        if self.kind in {"A", "B"}:
+            numbers = range(1, 6 if self.kind == "A" else 11)
+            values = {str(n): n for n in numbers}
+            return [self._grid(self.numbered(numbers, {}, {}), values)]
+        answers = self._answers()
+        if self.kind == "H":
+            self.note.changed(_("Its columns become rows."))
+        if len(answers) > MAX_POINTS:
+            self.note.changed(
+                _("A scale can have at most 11 points, so each row becomes a list of options.")
+            )
+            fields = {"kind": "single", "options": list(self.options(answers).values())}
+            return self._by_part(fields, _("Each row becomes a separate question."))
+        name, values, reasons = self.scale({code: (code, one) for code, one in answers.items()})
+        return [self._grid(name, values, reasons)]
+
+    def two_scales(self) -> list[Item]:
+        """1: subquestions on two scales."""
+        self.note.changed(_("Its two scales become two questions."))
+        items = []
+        for scale_id, letter in (("0", "A"), ("1", "B")):
+            labels = self._answers(scale_id)
+            name, values, reasons = self.scale({code: (code, one) for code, one in labels.items()})
+            heading = self._attribute_text(f"dualscale_header{letter}")
+            items.append(self._grid(name, values, reasons, (scale_id,), heading))
+        return items
+
+    def _grid(
+        self,
+        scale: str,
+        values: Mapping[str, int],
+        reasons: Mapping[str, bool] = MappingProxyType({}),
+        endings: tuple[str, ...] = (),
+        heading: Text | None = None,
+    ) -> Item:
+        rows = []
+        for part, label in self._parts():
+            key = self.key(part, *endings)
+            rows.append({"key": key, "text": label})
+            for code, value in values.items():
+                name = "_".join((self.name, part, *endings))
+                self.draft.remember(name, code, key, value)
+        order = self._order("subquestion_order")
+        item = self.item("grid", self.key(*endings), scale=scale, rows=rows, order=order, **reasons)
+        return item | {"text": self.draft.joined(item["text"], heading or {})}
+
+    def cells(self) -> list[Item]:
+        """: and ;: a number, a tick or a text for each row and column."""
+        columns, is_number = self._parts("1"), self.kind == ":"
+        if is_number and self.question.attribute("multiflexible_checkbox") == "1":
+            fields = {"kind": "multiple", "options": list(self.options(dict(columns)).values())}
+            return self._by_part(fields, _("Each row becomes a separate question."))
+        content: Item = {"kind": "number" if is_number else "text"}
+        if is_number:
+            least, most = self._number("multiflexible_min"), self._number("multiflexible_max")
+            content |= given(minimum=least, maximum=most)
+        parts = (
+            (self.key(row, column), self.draft.joined(label, column_label), content)
+            for row, label in self._parts()
+            for column, column_label in columns
+        )
+        return self.apart(_("Each cell becomes a separate question."), parts)
+
+    # texts, numbers and days
+
+    def free_text(self) -> list[Item]:
+        """S, T, U: a text, or a number where only numbers are allowed."""
+        if self.question.attribute("numbers_only") == "1":
+            return self.number()
+        lines = _LINES[self.kind]
+        length = self.length(self._number("maximum_chars"), is_line=lines == 1)
+        return [self.item("text", lines=lines, max_length=length)]
+
+    def texts(self) -> list[Item]:
+        """Q: several texts."""
+        return self._by_part({"kind": "text"}, _("Each line becomes a separate question."))
+
+    def _number_fields(self) -> Item:
+        suffix = self._attribute_text("suffix")
+        if any(self.question.attribute_texts("prefix").values()):
+            self.note.changed(_("The text before the number is not imported."))
+        return given(
+            minimum=self._number("min_num_value_n"),
+            maximum=self._number("max_num_value_n"),
+            whole=self.question.attribute("num_value_int_only") == "1",
+            unit=suffix,
+        )
+
+    def number(self) -> list[Item]:
+        """N: a number."""
+        return [self.item("number", **self._number_fields())]
+
+    def numbers(self) -> list[Item]:
+        """K: several numbers, or sliders."""
+        if self.question.attribute("slider_layout") == "1":
+            return self.apart(_("Each slider becomes a separate question."), self._sliders())
+        for rule in ("min_num_value", "max_num_value", "equals_num_value"):
+            if value := self.question.attribute(rule):
+                self.unchecked(f"{rule} = {value}")
+        fields = {"kind": "number", **self._number_fields()}
+        return self._by_part(fields, _("Each line becomes a separate question."))
+
+    def _sliders(self) -> Iterator[tuple[str, Text, Item]]:
+        least, most = self._number("slider_min"), self._number("slider_max")
+        low, high = int(least or 0), int(100 if most is None else most)
+        step = self._number("slider_accuracy") or 1
+        if step != int(step):
+            self.note.changed(_("It accepts only whole numbers."))
+        separator = self.question.attribute("slider_separator") or "|"
+        for code, label in self._parts():
+            words = {language: [*one.split(separator), "", ""] for language, one in label.items()}
+            own, *ends = (
+                {language: parts[n].strip() for language, parts in words.items()} for n in range(3)
+            )
+            left, right = (end if all(end.values()) else {} for end in ends)
+            fields = self.slider(low, high, left, right, max(int(step), 1))
+            yield self.key(code), own, fields
+
+    def day(self) -> list[Item]:
+        """D: a day."""
+        if any(sign in self.question.attribute("date_format") for sign in ("H", "M:")):
+            self.note.changed(_("It asks for the date, not the time."))
+        return [self.item("date", earliest=self._day("date_min"), latest=self._day("date_max"))]
+
+    def _day(self, attribute: str) -> str:
+        value = self.question.attribute(attribute).strip("\"'").lower()
+        if value in {"now", "today"}:
+            return "today"
+        if len(value) >= 10 and value[:10].replace("-", "").isdigit():
+            return value[:10]
+        if value:
+            self.unchecked(attribute)
+        return ""
+
+    TYPES: ClassVar[Mapping[str, Callable[["LimeSurveyConversion"], list[Item]]]] = {
+        **dict.fromkeys("L!OYG", single),
+        **dict.fromkeys("MP", multiple),
+        **dict.fromkeys("ABCEFH", array),
+        **dict.fromkeys(":;", cells),
+        **dict.fromkeys("STU", free_text),
+        "1": two_scales,
+        "5": five_points,
+        "D": day,
+        "K": numbers,
+        "N": number,
+        "Q": texts,
+        "R": ranking,
+    }
+
+
+# --- the file -------------------------------------------------------------------------------------
 
 _OR = re.compile(r"\|\||\bor\b")
 # One comparison of an expression: Q1.NAOK == "A1", Q2_SQ001 == 'Y', that.Q1 == 5.
