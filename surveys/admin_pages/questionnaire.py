@@ -131,11 +131,16 @@ def new_version(request: HttpRequest, pk: UUID) -> HttpResponseRedirect:
 @require_POST
 @permission_required(ADD, raise_exception=True)
 def take_shipped(request: HttpRequest) -> HttpResponseRedirect:
-    """Put the questionnaires that come with the site into the database, where they are not there
-    yet.
+    """Put the questionnaires that come with the site into the database, or one of them, where they
+    are not there yet.
     """
     known = set(Questionnaire.objects.values_list("slug", "version"))
-    new = [one for one in shipped().values() if (one.slug, one.version) not in known]
+    wanted = request.POST.get("questionnaire", "")
+    new = [
+        definition
+        for slug, definition in shipped().items()
+        if (slug, definition.version) not in known and wanted in {"", slug}
+    ]
     for definition in new:
         store(definition, timezone.now())
     text = ngettext("%(n)d questionnaire was added.", "%(n)d questionnaires were added.", len(new))
