@@ -1,15 +1,14 @@
-"""How a bot fills in a form: each control of its page by its HTML, and the questions of a
-questionnaire by their type (`Item.bot_answer`).
+"""How a bot fills in a form: each control of its page as HTML has it, and the controls of some
+types of questions together.
 """
 
 import datetime
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
 from experiments.bots.page import FormField, HtmlForm
 from experiments.bots.persona import Persona
-from surveys.questions import question_type
 
 BIRTH = ("birth", "geburt", "nacimiento")
 AGE = ("age", "edad")
@@ -29,23 +28,19 @@ def fill(
 
     Raises:
         UnknownControlError: no bot knows a control of the form.
-        UnknownQuestionTypeError: there is no question type of a name on the page.
     """
     bot, sent = Answering(persona, circumstances, now), Sent()
     # the reasons to decline belong to the question before
     asked = [one for one in form.fields.values() if not one.name.endswith("~")]
-    for (_question, kind), group in groupby(asked, lambda one: (one.question, one.question_type)):
-        fields = list(group)
-        if kind:
-            sent += question_type(kind).bot_answer(fields, bot)
-        else:
-            sent += [pair for one in fields for pair in bot.answer(one)]
+    for (_question, kind), fields in groupby(asked, lambda one: (one.question, one.question_type)):
+        answer = BY_QUESTION_TYPE.get(kind, _each)
+        sent += answer(list(fields), bot)
     return sent
 
 
 @dataclass(frozen=True)
 class Answering:
-    """A bot that fills in a form (surveys.item.Bot)."""
+    """A bot that fills in a form."""
 
     persona: Persona
     circumstances: Mapping[str, str]
@@ -137,4 +132,26 @@ CONTROLS: dict[str, Callable[[FormField, Answering], list[str]]] = {
     "date": _day,
     "text": _words,
     "textarea": _words,
+}
+
+
+def _each(fields: Sequence[FormField], bot: Answering) -> Sent:
+    return [pair for one in fields for pair in bot.answer(one)]
+
+
+def _in_order(fields: Sequence[FormField], bot: Answering) -> Sent:
+    """Give each option of a ranking a place: values are a place and an option, "2.a"."""
+    (asked,) = fields
+    sendable = (choice.value.partition(".") for choice in asked.choices if choice.value)
+    left = list(dict.fromkeys(option for _place, _point, option in sendable))
+    answer = []
+    for place in range(1, len(left) + 1):
+        option = left.pop(bot.option(f"{asked.name}.{place}", len(left)))
+        answer.append((asked.name, f"{place}.{option}"))
+    return answer
+
+
+# By the type of a question, for those that are not answered control by control.
+BY_QUESTION_TYPE: dict[str, Callable[[Sequence[FormField], Answering], Sent]] = {
+    "ranking": _in_order
 }
