@@ -6,7 +6,7 @@ import uuid
 from typing import Any
 
 from django.contrib import admin, messages
-from django.db.models import Exists, OuterRef, QuerySet
+from django.db.models import Case, Exists, F, OuterRef, QuerySet, Value, When
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
 from django.shortcuts import render
 from django.urls import URLPattern, path, reverse
@@ -21,11 +21,12 @@ from accounts import audit
 from experiments import publishing
 from experiments.access import may
 from experiments.builder.labels import GUIDE
-from experiments.models import Drive, Participant, Study
+from experiments.definition.quality_flags import Grade, QualityFlag
+from experiments.models import Drive, Participant, Study, StudyMember
 from experiments.research.study_access import OfStudies
 from experiments.study_admin.document_text import assigned_in_words, recorded_in_words, time_text
 from experiments.study_admin.filters import (
-    ENDINGS,
+    ENDING_NAMES,
     CompletionFilter,
     ExcludedFilter,
     LanguageFilter,
@@ -39,6 +40,26 @@ from surveys.document_forms.fields import language_name
 LEAST_REASON, MOST_REASON = 3, 300
 WHICH = ("code", "study_name", "session_link", "replay")  # of a drive, with links
 RECORDED = ("result_told", "ends_told")
+GRADE_NAMES = {
+    Grade.NOTE: _("note"),
+    Grade.DOUBTFUL: _("doubtful"),
+    Grade.SERIOUS: _("serious"),
+}
+FLAG_NAMES: dict[QualityFlag, Any] = {
+    "attention_check": _("failed an attention check"),
+    "speeding": _("answered too fast"),
+    "straight_lining": _("gave the same answer throughout"),
+    "never_moved": _("never moved the robot"),
+    "regular_input": _("drove like a program"),
+    "frozen_video": _("saw frozen video"),
+    "same_network": _("shares a network with others"),
+    "same_id": _("shares a recruitment id with others"),
+}
+
+
+def section(title: Any, *fields: str) -> tuple[Any, dict[str, Any]]:
+    """Return a fieldset of the administration."""
+    return title, {"fields": fields}
 
 
 class StudyRows(OfStudies):
@@ -55,7 +76,6 @@ class StudyRows(OfStudies):
     def render_change_form(
         self, request: HttpRequest, context: dict[str, Any], *args: Any, **options: Any
     ) -> Any:
-        """Show the tabs of the row's study."""
         context |= self._tabs_of(self.study_of(context["original"]))
         return super().render_change_form(request, context, *args, **options)
 
@@ -78,6 +98,8 @@ class ParticipantAdmin(StudyRows):
         "where",
         "condition",
         "drive_count",
+        "ending",
+        "known_id",
         "created_at",
         "seen_at",
     )
@@ -92,10 +114,12 @@ class ParticipantAdmin(StudyRows):
     )
     list_select_related = ("study", "user")
     list_per_page = 50
-    search_fields = ("code",)
+    search_fields = ("code", "visible_id")
+    search_help_text = _("Search by participant code or by the id of a recruitment site.")
     date_hierarchy = "created_at"
     readonly_fields = (
         "person",
+        "quality",
         "drives_told",
         "language_name",
         "came_with",
@@ -107,59 +131,43 @@ class ParticipantAdmin(StudyRows):
     def get_fieldsets(
         self, request: HttpRequest, obj: Participant | None = None
     ) -> list[tuple[Any, dict[str, Any]]]:
-        """The person is shown to researchers alone."""
         is_known = obj is not None and may(request.user, obj.study.slug, "researcher")
-        who = (
-            "code",
-            "study",
-            "kind",
-            "access",
-            "language_name",
-            *(("person", "came_with", "age") if is_known else ()),
-        )
+        who = ("person", "recruitment_id", "came_with", "age") if is_known else ()
         return [
-            (None, {"fields": who}),
-            (
+            section(None, "code", "study", "kind", "access", "language_name", *who),
+            section(
                 _("Assignment"),
-                {
-                    "fields": (
-                        "cell",
-                        "condition",
-                        "drawn_among",
-                        "draw_seed",
-                        "assigned_at",
-                        "stage",
-                    )
-                },
+                *("cell", "condition", "drawn_among", "draw_seed", "assigned_at", "stage"),
             ),
-            (
+            section(
                 _("Progress"),
-                {
-                    "fields": (
-                        "status",
-                        "visit",
-                        "step",
-                        "round",
-                        "created_at",
-                        "seen_at",
-                        "finished_at",
-                        "ending",
-                    )
-                },
+                *("status", "visit", "step", "round"),
+                *("created_at", "seen_at", "finished_at", "ending"),
             ),
-            (_("Withdrawn"), {"fields": ("withdrawn_at", "withdrawn_step")}),
-            (_("Drives"), {"fields": ("drives_told",)}),
+            section(_("Withdrawn"), "withdrawn_at", "withdrawn_step"),
+            section(_("Drives"), "drives_told"),
+            *([section(_("Quality"), "quality")] if is_known else []),
         ]
 
     def get_queryset(self, request: HttpRequest) -> "QuerySet[Participant]":
-        """Tell in the same query who has driven."""
+        """Read in the same query who has driven, and the recruitment ids that this user may see:
+        viewers neither read them nor find anybody by them.
+        """
         rows: QuerySet[Participant] = super().get_queryset(request)
-        return rows.annotate(has_driven=Exists(Drive.objects.filter(participant=OuterRef("pk"))))
+        known: Any = F("recruitment_id")
+        if not request.user.is_superuser:
+            ranks = (StudyMember.Role.OWNER, StudyMember.Role.RESEARCHER)
+            own = StudyMember.objects.filter(user=request.user, role__in=ranks)
+            known = Case(
+                When(study__slug__in=list(own.values_list("slug", flat=True)), then=known),
+                default=Value(""),
+            )
+        driven = Exists(Drive.objects.filter(participant=OuterRef("pk")))
+        return rows.annotate(has_driven=driven, visible_id=known)
 
     def change_view(
         self, request: HttpRequest, object_id: str, form_url: str = "", extra_context: Any = None
     ) -> HttpResponse:
-        """Note who was shown which person."""
         row: Any = self.get_object(request, object_id)
         if row is not None and may(request.user, row.study.slug, "researcher"):
             audit.note(
@@ -173,47 +181,56 @@ class ParticipantAdmin(StudyRows):
 
     @admin.display(description=_("person"))
     def person(self, row: Participant) -> str:
-        """Return the user's shown name."""
         return row.user.shown_name if row.user is not None else NOTHING
 
     @admin.display(description=_("current step"), ordering="step")
     def where(self, row: Participant) -> str:
-        """Return the step on which they stand."""
         return row.step or NOTHING
 
     @admin.display(description=_("condition"), ordering="cell")
     def condition(self, row: Participant) -> str:
-        """Return their conditions in order."""
         return ", ".join(row.conditions) or NOTHING
 
     @admin.display(description=_("language"))
     def language_name(self, row: Participant) -> str:
-        """Return what their language is called."""
         return language_name(row.language)
 
     @admin.display(description=_("recruitment"))
     def came_with(self, row: Participant) -> str:
-        """Return the parameters of the link that they came by."""
         return ", ".join(f"{name} {value}" for name, value in row.recruitment.items()) or NOTHING
+
+    @admin.display(description=_("recruitment id"), ordering="visible_id")
+    def known_id(self, row: Participant) -> str:
+        return getattr(row, "visible_id", "") or NOTHING
+
+    @admin.display(description=_("quality flags"))
+    def quality(self, row: Participant) -> str | SafeString:
+        """Return what speaks against the participant's data, the most serious first. Nobody is left
+        out because of it.
+        """
+        # with NumPy, which other pages need not load
+        from experiments.recruitment.quality import flags_of_study  # noqa: PLC0415
+
+        lines = (
+            (GRADE_NAMES[one.grade], FLAG_NAMES[one.name], one.value)
+            for one in flags_of_study(row.study, [row.code])
+        )
+        return format_html_join(format_html("<br>"), "{}: {} ({})", lines) or gettext("none")
 
     @admin.display(description=_("randomised among"))
     def drawn_among(self, row: Participant) -> str:
-        """Return the cells that theirs was drawn from."""
         return ", ".join(row.candidates) or NOTHING
 
     @admin.display(description=_("completion"))
     def ending(self, row: Participant) -> Any:
-        """Return how taking part ended."""
-        return ENDINGS.get(row.completion, NOTHING)
+        return ENDING_NAMES.get(row.completion, NOTHING)
 
     @admin.display(description=_("drives"), boolean=True)
     def drive_count(self, row: Participant) -> bool:
-        """Tell whether they ever had the robot."""
         return bool(getattr(row, "has_driven", False))
 
     @admin.display(description=_("drives"))
     def drives_told(self, row: Participant) -> str | SafeString:
-        """Return their drives with links."""
         drives = row.drives.order_by("number")
         lines = (
             (
@@ -275,13 +292,13 @@ class DriveAdmin(StudyRows):
         "excluded",
     )
     fieldsets = (
-        (None, {"fields": (*WHICH, "step", "visit", "round_shown", "number", "condition", "seed")}),
-        (
+        section(None, *WHICH, "step", "visit", "round_shown", "number", "condition", "seed"),
+        section(
             _("Outcome"),
-            {"fields": ("granted", "exposed", "outcome_told", "finalised", *RECORDED)},
+            *("granted", "exposed", "outcome_told", "finalised", *RECORDED),
         ),
-        (_("Condition"), {"fields": ("differs", "assigned_told", "applied_told")}),
-        (_("Excluded"), {"fields": ("excluded",)}),
+        section(_("Condition"), "differs", "assigned_told", "applied_told"),
+        section(_("Excluded"), "excluded"),
     )
     change_form_template = "admin/experiments/drive/change_form.html"
 
