@@ -1,14 +1,12 @@
 """Which drives count in results, and why each of the others does not.
 
-A drive counts when it is a drive of the task by somebody of a chosen kind, who saw the video of the
-task and moved the robot; when it has ended, and not by a fault of the platform; when neither a
-researcher nor a rule of the plan excludes it; and when it is one of those that the study counts of
-several by one participant in one condition (`Analysis.drives`). Every table, figure, test, flow
-chart, sheet and column of an export follows from this module, through `Dataset.counting`. Nothing
-else selects sessions.
+A drive of the task counts if its participant is of a chosen kind, saw the video of the task and
+moved the robot; if it has ended, and not by a fault of the platform; if neither a researcher nor a
+rule of the plan excludes it; and if the study counts it, of several drives by one participant in
+one condition (`Analysis.drives`). Every table, figure, test, flow chart, sheet and column of an
+export follows from this module, through `Dataset.counting`. Nothing else selects sessions.
 
-A participant whose place was drawn anew counts in one cell alone: that of their first drive that
-counts.
+A participant who was assigned again counts in one cell: that of the first drive that counts.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -158,8 +156,8 @@ def visits_of(sessions: Iterable["SessionRecord"]) -> dict[str, int]:
 
 def counting_part(dataset: "Dataset", kinds: Sequence[Kind], *, with_excluded: bool) -> "Dataset":
     """Return the part of a whole dataset that counts (`Dataset.counting`)."""
-    gone = frozenset(one.id for one in dataset.participants if one.withdrawn)
-    plan = CountingPlan(kinds, gone)
+    withdrawn = frozenset(one.id for one in dataset.participants if one.withdrawn)
+    plan = CountingPlan(kinds, withdrawn)
     found = exclusions(_selected(dataset, plan))
     if with_excluded:
         plan = replace(plan, with_excluded=True)
@@ -209,8 +207,8 @@ def _selected(dataset: "Dataset", plan: CountingPlan) -> "Dataset":
 def _answers(
     dataset: "Dataset", sessions: Iterable["SessionRecord"], people: Collection[str]
 ) -> Iterator["ResponseRecord"]:
-    """Yield the responses about the person, about a drive that counts, and, of what is asked once
-    after several drives, of participants of whom one drive counts.
+    """Yield the responses about the person and about drives that count. A questionnaire that is
+    asked once after several drives needs one drive of the participant that counts.
     """
     ids = {one.id for one in sessions}
     drivers = {one.participant for one in sessions}

@@ -15,7 +15,7 @@ from experiments.analysis.dataset.levels import PLATFORM, WITHHELD
 from experiments.definition.plan import AttentionCheck, Speeder, StudyPlan
 from surveys.answers import Missing
 
-if TYPE_CHECKING:  # records.py keeps what is found here in its Dataset
+if TYPE_CHECKING:  # Dataset.exclusions has the result
     from experiments.analysis.dataset.records import Dataset, PageRecord, ResponseRecord
 
 ATTENTION, SPEEDER, INCOMPLETE = "attention check", "speeder", "incomplete"
@@ -118,10 +118,10 @@ def as_answer(value: object) -> str:
 
 def _too_fast(dataset: "Dataset", rule: Speeder) -> Iterator[PlanExclusion]:
     pages = _answered_pages(dataset, rule.questionnaire)
-    limit, said = _limit(rule, pages)
+    limit, in_words = _limit(rule, pages)
     for page in pages:
         if page.seconds < limit:
-            value = f"{rule.questionnaire}: {page.seconds:.1f} s, less than {said}"
+            value = f"{rule.questionnaire}: {page.seconds:.1f} s, less than {in_words}"
             yield PlanExclusion(page.participant, SPEEDER, value)
 
 
@@ -139,7 +139,7 @@ def _answered_pages(dataset: "Dataset", questionnaire: str) -> list["PageRecord"
 
 
 def _limit(rule: Speeder, pages: Sequence["PageRecord"]) -> tuple[float, str]:
-    """Return the least seconds that are allowed, and how that limit is said."""
+    """Return the least seconds that are allowed, as a number and in words."""
     limit = rule.seconds or 0.0
     if rule.median_share is None or not pages:
         return limit, f"{limit:g} s"

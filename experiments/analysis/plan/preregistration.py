@@ -1,7 +1,7 @@
 """A study's definition as the text of a preregistration, in Markdown: the questions of the OSF
 Preregistration in their order, which include those of AsPredicted. Each is answered from the
-definition, or said to be unanswered; nothing is added. An appendix has every number and choice of
-the definition, defaults too.
+definition, or marked as unanswered. An appendix has every number and choice of the definition, with
+its defaults.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -79,8 +79,8 @@ def preregistration(
     for section, answers in _sections(study, plan, freeze, asked):
         lines += [f"## {section}", ""]
         for question, given in answers:
-            said = [line for line in given if line.strip()]
-            lines += [f"### {question}", "", *(said or [UNANSWERED]), ""]
+            known = [line for line in given if line.strip()]
+            lines += [f"### {question}", "", *(known or [UNANSWERED]), ""]
     return "\n".join((*lines, "## Every number and choice", "", *_settings(study), ""))
 
 
@@ -153,7 +153,7 @@ def _hypothesis(study: StudyDefinition, one: Hypothesis) -> str:
 
 
 def _direction(study: StudyDefinition, one: Hypothesis, analysis: DeclaredAnalysis) -> str:
-    """Return what is expected, with the sides, or the levels of an effect, by their titles."""
+    """Return the expected direction in words, with the titles of the sides, or of the levels."""
     if one.direction == "different":
         return "a difference, two-sided"
     first, second = "the first side", "the second"
@@ -207,7 +207,7 @@ def _study_design(study: StudyDefinition) -> Iterator[str]:
 
 
 def _course(course: Course) -> str:
-    """Return what is driven, in metres of the floor plan."""
+    """Return a course in words; positions are metres of the floor plan."""
     stops = "; ".join(
         f"{one.number or 'station'} at ({one.x:g}, {one.y:g}) within {one.radius:g} m"
         for one in course.checkpoints
@@ -233,8 +233,8 @@ def _start(study: StudyDefinition) -> str:
             f"it is docked within {start.distance:g} m and {start.heading:g} rad of the pose of the"
             " course's station"
         )
-    said = "; ".join(rules)
-    return f"- A drive begins only when this holds of the robot: {said}." if said else ""
+    wanted = "; ".join(rules)
+    return f"- A drive begins only when this holds of the robot: {wanted}." if wanted else ""
 
 
 def described(study: StudyDefinition, condition: Condition) -> str:
@@ -496,8 +496,8 @@ def _exploratory(study: StudyDefinition) -> Iterator[str]:
 
 
 def _settings(study: StudyDefinition) -> Iterator[str]:
-    """Yield every field that can change what is driven, assigned or analysed, with its value: also
-    those that a sentence above has, and those that the definition leaves at their defaults.
+    """Yield every field that can change drives, assignment or analysis, with its value: also those
+    that a sentence above has, and those that the definition leaves at their defaults.
     """
     for name in ("allocation", "refill", "start", "quality", "analysis", "conditions", "courses"):
         yield from _fields(getattr(study, name), name)
