@@ -49,6 +49,11 @@ INCOMPLETE = {
     "answers": "Participants who lack a drive in one of their conditions, or a finished"
     " questionnaire of the study, are excluded.",
 }
+# Fields of a study that are texts, have sections of their own, or are not for the public.
+WITHOUT_SETTINGS = frozenset(
+    {"format", "slug", "version", "title", "intro", "source", "licence", "recruitment"}
+    | {"compensation", "languages", "steps", "factors", "analyses", "plan", "coding", "recruiting"}
+)
 DRIVES = {
     "first": "Of several such drives of a participant in a condition, the first counts.",
     "last": "Of several such drives of a participant in a condition, the last counts.",
@@ -328,11 +333,33 @@ def _sampling(
     existing = f"Frozen before data: {before_data(freeze)}." if has_started else ""
     return (
         ("Existing data", [existing]),
-        ("Data collection procedures", [study.recruitment, study.compensation]),
+        (
+            "Data collection procedures",
+            [study.recruitment, study.compensation, *_eligibility(study)],
+        ),
         ("Sample size", size),
         ("Sample size rationale", [plan.rationale, *_expected(plan)]),
         ("Stopping rule", [plan.stopping]),
     )
+
+
+def _eligibility(study: StudyDefinition) -> Iterator[str]:
+    """Yield who cannot take part, by age, device and answers."""
+    if study.consent is not None:
+        rule = "need a guardian" if study.consent.minors == "guardian" else "cannot take part"
+        yield f"- Participants younger than {study.consent.minimum_age} {rule}."
+    for what, named in (("devices", study.devices), ("browsers", study.browsers)):
+        if named:
+            yield f"- Only with these {what}: {', '.join(named)}."
+    for rule in study.screening:
+        wanted = [f"one of {', '.join(rule.answers)}"] if rule.answers else []
+        wanted += [f"at least {rule.at_least:g}"] if rule.at_least is not None else []
+        wanted += [f"at most {rule.at_most:g}"] if rule.at_most is not None else []
+        where = f"`{rule.questionnaire}.{rule.item}`"
+        yield f"- Only with this answer to {where}: {', '.join(wanted)}."
+    for quota in study.answer_quotas:
+        where = f"`{quota.questionnaire}.{quota.item}`"
+        yield f"- At most {quota.most} who answer {where} with: {', '.join(quota.answers)}."
 
 
 def _expected(plan: StudyPlan) -> Iterator[str]:
@@ -499,8 +526,9 @@ def _settings(study: StudyDefinition) -> Iterator[str]:
     """Yield every field that can change drives, assignment or analysis, with its value: also those
     that a sentence above has, and those that the definition leaves at their defaults.
     """
-    for name in ("allocation", "refill", "start", "quality", "analysis", "conditions", "courses"):
-        yield from _fields(getattr(study, name), name)
+    for name in study.__struct_fields__:
+        if name not in WITHOUT_SETTINGS:
+            yield from _fields(getattr(study, name), name)
     for step in study.drives:
         yield from _fields(step, f"step {step.key}")
 
@@ -518,7 +546,7 @@ def _fields(value: object, name: str) -> Iterator[str]:
     elif isinstance(value, dict):
         yield f"- {name}: {', '.join(f'{key} {one}' for key, one in value.items()) or 'none'}"
     else:
-        yield f"- {name}: {'none' if value is None else value}"
+        yield f"- {name}: {'none' if value is None else ' '.join(str(value).split())}"
 
 
 def _say(study: StudyDefinition, text: dict[str, str]) -> str:
