@@ -90,25 +90,25 @@ def as_markdown(table: Table) -> str:
 
 
 def _participants(dataset: Dataset) -> Iterator[Line]:
-    section, people = "Participants", dataset.participants
+    people, study = dataset.participants, dataset.study
     here = [one for one in people if not one.withdrawn]
     drivers = {one.participant for one in (*dataset.sessions, *dataset.others) if one.drove}
-    yield section, "joined", str(len(people))
-    yield (
-        section,
-        "drawn anew, before they were exposed",
-        str(sum(it.draws > 1 for it in people)),
-    )
-    yield section, "replaced by others", str(sum(it.place == REPLACED for it in people))
-    yield section, "withdrew", str(len(people) - len(here))
-    yield section, "drove a robot", str(len(drivers))
-    yield section, "finished", str(sum(one.finished for one in here))
-    yield section, "with a drive that counts", str(_drivers(dataset))
-    yield section, "drives that count", str(len(dataset.sessions))
-    yield section, "age", _ages([one.age for one in dataset.included])
-    yield section, "sex or gender", _sexes(dataset)
-    yield section, "recruitment", dataset.study.recruitment or UNKNOWN
-    yield section, "compensation", dataset.study.compensation or UNKNOWN
+    items = {
+        "joined": len(people),
+        "drawn anew, before they were exposed": sum(one.draws > 1 for one in people),
+        "replaced by others": sum(one.place == REPLACED for one in people),
+        "withdrew": len(people) - len(here),
+        "drove a robot": len(drivers),
+        "finished": sum(one.finished for one in here),
+        "with a drive that counts": _drivers(dataset),
+        "drives that count": len(dataset.sessions),
+        "age": _ages([one.age for one in dataset.included]),
+        "sex or gender": _sexes(dataset),
+        "recruitment": study.recruitment or UNKNOWN,
+        "compensation": study.compensation or UNKNOWN,
+    }
+    for item, value in items.items():
+        yield "Participants", item, str(value)
 
 
 def _drivers(dataset: Dataset) -> int:
