@@ -34,7 +34,7 @@ from surveys.definition import Definition, language_for
 from surveys.documents import spoken
 from surveys.item import RefusedError
 from surveys.models import Response
-from surveys.outer_progress import outer_progress_of
+from surveys.outer_progress import filled_in, outer_progress_of
 from surveys.page_form import Reader, page_form_of
 from surveys.responses import ClosedError, NotAskedError, Saving
 
@@ -106,6 +106,8 @@ def _show(
     )
     earlier = [n for n in shown if n < number]
     outer = outer_progress_of(row, get_language() or "")
+    if outer is not None and outer.fill is not None:
+        definition = filled_in(definition, outer.fill)
     context: dict[str, Any] = {
         "response": row,
         "form": page_form_of(definition, number, reader, shown),
