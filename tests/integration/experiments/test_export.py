@@ -297,6 +297,9 @@ def test_an_exported_session_says_whether_it_counts_and_why_not(tmp_path):
     whys = [one.counts_why for one in found.sessions]
     assert whys[:3] == ["excluded", "not_driven", "not_exposed"]
     assert {one.counts_why for one in found.sessions if one.participant == pilot} == {"pilot"}
+    kept = {one.id for one in found.sessions if one.counts}
+    assert {one.session for one in found.responses} > kept
+    assert {one.session for one in found.counting().responses} - {""} <= kept
     with (tmp_path / "data/description-sessions_data.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["counts"] for row in rows] == [str(int(not why)) for why in whys]
