@@ -77,9 +77,8 @@ def _without_numbers(dataset: Dataset, read: Any) -> list[str]:
     seen: dict[str, bool] = {}
     for session in dataset.sessions:
         columns = read(session.id)
-        for column in columns.layout:
-            has_number = bool(len(columns)) and bool(np.isfinite(columns[column.name]).any())
-            seen[column.name] = seen.get(column.name, False) or has_number
+        for name in columns.dtype.names:
+            seen[name] = seen.get(name, False) or bool(np.isfinite(columns[name]).any())
     return [
         name
         for name, has_number in seen.items()

@@ -4,13 +4,14 @@ Coders go by their numbers. A session that somebody is still coding is left out,
 reads another coder's events before their own are done.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import msgspec
 
 from experiments.analysis.dataset.columns import Column
 from experiments.analysis.dataset.files import table
+from experiments.analysis.dataset.records import Dataset
 from experiments.coding import store
 from experiments.coding.boris import to_boris
 from experiments.coding.eaf import to_eaf
@@ -22,7 +23,7 @@ from experiments.dataset.forms import Origin, kept
 from experiments.dataset.selection import Selection
 from experiments.definition.coding import CodingScheme
 from experiments.export.format import ExportFormat, File, encoded
-from experiments.models import Coding, CodingSchemeVersion
+from experiments.models import Coding, CodingSchemeVersion, Drive
 
 NO_DATE = "1970-01-01T00:00:00"  # ELAN and BORIS want one, and a dataset has none
 CODINGS = (
@@ -74,6 +75,13 @@ class CodingsFormat(ExportFormat):
     tables = {"codings": CODINGS, "coded": CODED, "agreement": AGREEMENT, "confusion": CONFUSION}
 
     @classmethod
+    def tables_of(
+        cls, _dataset: Dataset, drives: Sequence[Drive]
+    ) -> Mapping[str, tuple[Column, ...]]:
+        """Return the columns of its tables; none without codings."""
+        return cls.tables if _schemes(drive.session_id for drive in drives) else {}
+
+    @classmethod
     def is_in(cls, _name: str, _choice: Selection) -> bool:
         """Tell that every export has it."""
         return True
@@ -86,25 +94,14 @@ class CodingsFormat(ExportFormat):
             return
         found = {row: [one for one in some if one.session_id in drives] for row, some in schemes}
         every = [(row, coding) for row, some in found.items() for coding in some]
-        yield from encoded([table("codings", (self._row(*one) for one in every), CODINGS)])
-        yield from encoded(
-            [table("coded", (cells for one in every for cells in self._events(*one)), CODED)]
-        )
         agreements = [(row.version, agreement_of(row)) for row in found]
-        yield from encoded(
-            [
-                table(
-                    "agreement",
-                    (cells for one in agreements for cells in _figures(*one)),
-                    AGREEMENT,
-                ),
-                table(
-                    "confusion",
-                    (cells for one in agreements for cells in _confusions(*one)),
-                    CONFUSION,
-                ),
-            ]
-        )
+        rows: dict[str, Iterable[Sequence[Any]]] = {
+            "codings": (self._row(*one) for one in every),
+            "coded": (cells for one in every for cells in self._events(*one)),
+            "agreement": (cells for one in agreements for cells in _figures(*one)),
+            "confusion": (cells for one in agreements for cells in _confusions(*one)),
+        }
+        yield from encoded(table(name, rows[name], layout) for name, layout in self.tables.items())
         for row, codings in found.items():
             yield from self._files(row, codings)
 
@@ -131,8 +128,8 @@ class CodingsFormat(ExportFormat):
             yield (
                 *(self._name(coding), f"C{coding.number}", row.version, event.code),
                 code.kind if code is not None else "",
-                repr(event.begin),
-                "" if event.end is None else repr(event.end),
+                event.begin,
+                event.end,
                 msgspec.json.encode(event.modifiers, order="sorted").decode(),
                 event.comment,
             )
@@ -161,21 +158,18 @@ def _figures(version: int, agreement: StudyAgreement) -> Iterator[tuple[Any, ...
     called = [f"C{number}" for number in agreement.coders]
     for one in agreement.found.codes:
         name = one.code or "all"
-        yield version, name, "alpha", "|".join(called), *_cells(one.alpha)
+        yield version, name, "alpha", "|".join(called), *_figure(one.alpha)
         for pair in one.pairs:
             who = "|".join(called[place] for place in pair.coders)
-            yield version, name, "kappa", who, *_cells(pair.kappa)
-            yield version, name, "agreement", who, *_cells(pair.agreement)
+            yield version, name, "kappa", who, *_figure(pair.kappa)
+            yield version, name, "agreement", who, *_figure(pair.agreement)
     for events in agreement.found.events:
         who = "|".join(called[place] for place in events.coders)
-        yield version, "all", "event_kappa", who, *_cells(events.kappa)
+        yield version, "all", "event_kappa", who, *_figure(events.kappa)
 
 
-def _cells(one: ReliabilityEstimate) -> tuple[str, str, str]:
-    value, low, high = (
-        "" if number is None else repr(number) for number in (one.value, one.low, one.high)
-    )
-    return value, low, high
+def _figure(one: ReliabilityEstimate) -> tuple[float | None, ...]:
+    return one.value, one.low, one.high
 
 
 def _confusions(version: int, agreement: StudyAgreement) -> Iterator[tuple[Any, ...]]:

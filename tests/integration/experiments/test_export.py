@@ -21,9 +21,9 @@ from django.core.management import CommandError, call_command
 from django.db import connection
 from mcap.reader import make_reader
 
-from experiments.analysis.dataset.columns import STATES
 from experiments.analysis.dataset.folder import read, write
 from experiments.analysis.dataset.records import Dataset
+from experiments.analysis.dataset.states import STATES
 from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.dataset.selection import Selection
 from experiments.definition.shipped import shipped
@@ -473,7 +473,7 @@ def test_states_without_numbers_are_written_and_read(tmp_path):
     exported(stored.study, tmp_path)
     found = read(tmp_path)
     states = found.states(Pseudonyms(stored.study.secret).session(chunk.session_id))
-    for name in ("tilt", "clearance", "silence", "clock_offset"):
+    for name in ("tilt", "clearance", "visitor_silence", "clock_offset"):
         assert np.isnan(states[name][: len(chunk.states)]).all()
         assert np.isfinite(states[name][len(chunk.states) :]).all()
-    assert states.values.shape[1] == len(STATES)
+    assert states.dtype.names == tuple(one.name for one in STATES)
