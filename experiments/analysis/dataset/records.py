@@ -25,7 +25,9 @@ from surveys.definition import Definition
 from surveys.documents import spoken
 
 NAN = float("nan")
-Floats, Columns, columns_of = columns.Floats, columns.Columns, columns.columns_of
+Floats = columns.Floats
+Columns = columns.Columns
+columns_of = columns.columns_of
 COMPLETED = "completed"
 # The drives that count, and a sensitivity analysis: those and the excluded ones. Both are the names
 # of folders in a report.

@@ -173,7 +173,7 @@ class StateBatch:
 
     def sum(self, values: npt.ArrayLike) -> Floats:
         """Add up values by command; 0 where a state has none."""
-        return np.bincount(self._owner, _floats(values), len(self.states))
+        return _floats(np.bincount(self._owner, _floats(values), len(self.states)))
 
     def mean(self, values: npt.ArrayLike) -> Floats:
         """Return means; NaN where a state has no commands."""

@@ -205,7 +205,7 @@ def _answered(states: Columns) -> Values:
 
 def _link(network: Columns) -> Values:
     def known(name: str) -> Floats:
-        values = network[name]
+        values: Floats = network[name]
         return values[np.isfinite(values)]
 
     trips, loss, fps, ages, freezes = (
