@@ -1,7 +1,8 @@
-"""What coders noted on the replays, and how well they agree: tables, and files of ELAN and BORIS.
+"""The events that coders noted on the replays, and how well they agree: tables, and files of ELAN
+and BORIS.
 
-Coders go by their numbers. A session that somebody is still coding is left out, so that nobody
-reads another coder's events before their own are done.
+Coders go by their numbers. A session that is still being coded is left out, so that no coder reads
+the events of another before their own coding is done.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -13,9 +14,9 @@ from experiments.analysis.dataset.columns import Column
 from experiments.analysis.dataset.files import table
 from experiments.analysis.dataset.records import Dataset
 from experiments.coding import store
+from experiments.coding.agreement import ReliabilityEstimate
 from experiments.coding.boris import to_boris
 from experiments.coding.eaf import to_eaf
-from experiments.coding.reliability import ReliabilityEstimate
 from experiments.coding.scheme import CodedEvent
 from experiments.coding.study_agreement import StudyAgreement, agreement_of
 from experiments.dataset.allow_list import coded
@@ -70,7 +71,7 @@ CONFUSION = (
 
 
 class CodingsFormat(ExportFormat):
-    """What every export of a study with finished codings has."""
+    """Part of every export of a study with finished codings."""
 
     tables = {"codings": CODINGS, "coded": CODED, "agreement": AGREEMENT, "confusion": CONFUSION}
 
@@ -83,11 +84,9 @@ class CodingsFormat(ExportFormat):
 
     @classmethod
     def is_in(cls, _name: str, _choice: Selection) -> bool:
-        """Tell that every export has it."""
         return True
 
     def of_study(self) -> Iterator[File]:
-        """Yield all of it; without codings, nothing."""
         drives = {drive.session_id: drive for drive in self.source.drives}
         schemes = _schemes(drives)
         if not schemes:
@@ -113,7 +112,7 @@ class CodingsFormat(ExportFormat):
         return self._name(coding), f"C{coding.number}", row.version, events
 
     def _released(self, scheme: CodingScheme, coding: Coding) -> list[CodedEvent]:
-        """Return the events of a coding as they may leave."""
+        """Return the events of a coding with what an export may contain of them."""
         listed, origin = coded(scheme), Origin(0.0)
         rows = (
             kept(listed, msgspec.structs.asdict(event), self.source.release, origin)

@@ -315,7 +315,10 @@ def test_report_is_computed_once_by_another_process_while_the_page_shows_progres
     ("printed", "said"),
     [
         ("", "Starting"),
-        ('{"measured":0,"sessions":8,"files":0,"seconds":1.2}', "Reading sessions, answers and events · 1 s"),
+        (
+            '{"measured":0,"sessions":8,"files":0,"seconds":1.2}',
+            "answers and events · 1 s",
+        ),
         ('{"measured":3,"sessions":8,"files":0,"seconds":5.2}', "Measuring drives: 3 of 8 · 5 s"),
         ('{"measured":8,"sessions":8,"files":70,"seconds":9}', "figures: 70 files so far · 9 s"),
     ],
