@@ -36,8 +36,8 @@ class ExportSource:
 class ExportFormat:
     """Files of one kind: some for the whole study, some for each session, and the last ones."""
 
-    # What the page and the command say of it, and who may ask for it; without a label nobody is
-    # asked, and `is_in` alone decides.
+    # What the page and the command say of it, and who may ask for it; every export has a format
+    # without a label.
     label: ClassVar[str | Promise] = ""
     help: ClassVar[str] = ""
     least: ClassVar[Role] = "viewer"
@@ -47,8 +47,8 @@ class ExportFormat:
 
     @classmethod
     def is_in(cls, name: str, choice: Selection) -> bool:
-        """Tell whether an export has it: when it was asked for by its name."""
-        return name in choice.formats
+        """Tell whether an export has it: always, or when it was asked for by its name."""
+        return not cls.label or name in choice.formats
 
     @classmethod
     def tables_of(

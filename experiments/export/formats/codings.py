@@ -21,7 +21,6 @@ from experiments.coding.scheme import CodedEvent
 from experiments.coding.study_agreement import StudyAgreement, agreement_of
 from experiments.dataset.allow_list import coded
 from experiments.dataset.forms import Origin, kept
-from experiments.dataset.selection import Selection
 from experiments.definition.coding import CodingScheme
 from experiments.export.format import ExportFormat, File, encoded
 from experiments.models import Coding, CodingSchemeVersion, Drive
@@ -81,10 +80,6 @@ class CodingsFormat(ExportFormat):
     ) -> Mapping[str, tuple[Column, ...]]:
         """Return the columns of its tables; none without codings."""
         return cls.tables if _schemes(drive.session_id for drive in drives) else {}
-
-    @classmethod
-    def is_in(cls, _name: str, _choice: Selection) -> bool:
-        return True
 
     def of_study(self) -> Iterator[File]:
         drives = {drive.session_id: drive for drive in self.source.drives}

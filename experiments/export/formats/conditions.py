@@ -18,7 +18,6 @@ from experiments.analysis.dataset.records import (
 )
 from experiments.analysis.metrics.definitions import METRICS
 from experiments.analysis.metrics.sessions import Measured
-from experiments.dataset.selection import Selection
 from experiments.export.format import ExportFormat, ExportSource, File, encoded
 from experiments.models import Drive
 from surveys.documents import spoken
@@ -44,11 +43,6 @@ class ConditionsFormat(ExportFormat):
     """What every export has. A value is the mean over the drives that count, and of the last drive
     where none does; scores are of the answers about these drives and about the person.
     """
-
-    @classmethod
-    def is_in(cls, _name: str, _choice: Selection) -> bool:
-        """Tell that every export has it."""
-        return True
 
     @classmethod
     def tables_of(

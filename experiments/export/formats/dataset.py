@@ -13,7 +13,6 @@ from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.tables.reliability import PROBLEMS, judge
 from experiments.dataset.allow_list import event_columns
 from experiments.dataset.events import events_of
-from experiments.dataset.selection import Selection
 from experiments.definition.schema import Quality
 from experiments.export.format import ExportFormat, ExportSource, File, encoded
 from experiments.models import Drive
@@ -34,11 +33,6 @@ class DatasetFormat(ExportFormat):
     """What every export has."""
 
     tables = {"metrics": METRIC_TABLE, "events": event_columns()}
-
-    @classmethod
-    def is_in(cls, _name: str, _choice: Selection) -> bool:
-        """Tell that every export has it."""
-        return True
 
     def of_study(self) -> Iterator[File]:
         """Yield everything but states and network samples."""

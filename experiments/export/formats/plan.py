@@ -12,7 +12,6 @@ from experiments.analysis.plan.preregistration import preregistration
 from experiments.analysis.plan.reporting_sheet import as_markdown, reporting_sheet
 from experiments.analysis.tables.participant_kinds import KINDS, of_whom
 from experiments.analysis.tables.table import Table
-from experiments.dataset.selection import Selection
 from experiments.export.format import ExportFormat, ExportSource, File, encoded
 
 EXCLUSIONS = (
@@ -28,11 +27,6 @@ class PlanFormat(ExportFormat):
     """What every export has."""
 
     tables = {"exclusions": EXCLUSIONS}
-
-    @classmethod
-    def is_in(cls, _name: str, _choice: Selection) -> bool:
-        """Tell that every export has it."""
-        return True
 
     def __init__(self, source: ExportSource) -> None:
         super().__init__(source)

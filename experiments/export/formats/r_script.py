@@ -9,7 +9,6 @@ from experiments.analysis.dataset.code_book import layouts
 from experiments.analysis.dataset.columns import Column, declared
 from experiments.analysis.dataset.names import questionnaire_paths, table_path
 from experiments.analysis.dataset.records import TABLES
-from experiments.dataset.selection import Selection
 from experiments.export.format import ExportFormat, File
 
 NUMBERS = frozenset({"states", "network"})  # tables with a file a session
@@ -71,11 +70,6 @@ load_numbers <- function(name, session, folder = ".") {
 
 class RScriptFormat(ExportFormat):
     """What every export has."""
-
-    @classmethod
-    def is_in(cls, _name: str, _choice: Selection) -> bool:
-        """Tell that every export has it."""
-        return True
 
     def of_study(self) -> Iterator[File]:
         """Yield the script."""
