@@ -69,9 +69,8 @@ def _empty(dataset: Dataset, definition: StudyDefinition) -> Iterator[str]:
 def _without_numbers(dataset: Dataset, read: Any) -> list[str]:
     seen: dict[str, bool] = {}
     for columns in map(read, (session.id for session in dataset.sessions)):
-        for name in (column.name for column in columns.layout):
-            has_number = bool(len(columns)) and bool(np.isfinite(columns[name]).any())
-            seen[name] = seen.get(name, False) or has_number
+        for name in columns.dtype.names:
+            seen[name] = seen.get(name, False) or bool(np.isfinite(columns[name]).any())
     expected = seen.keys() - NEVER_FOR_BOTS - ALWAYS_RARE
     return [name for name, has_number in seen.items() if name in expected and not has_number]
 
