@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from experiments.analysis.dataset.records import Dataset
+from experiments.analysis.dataset.records import COUNTING, Dataset
 from experiments.analysis.figures.drawing import as_svg
-from experiments.analysis.report import EVERY, reports
+from experiments.analysis.report import reports
 from experiments.analysis.tables.table import as_csv
 from experiments.dataset.build import dataset_of
 from experiments.definition.schema import StudyDefinition
@@ -31,7 +31,7 @@ def findings(study: Study) -> Findings:
         str(drive.session_id): _record(drive, is_practice=drive.step in practice)
         for drive in drives
     }
-    dataset = dataset_of(study).chosen(("bot",))
+    dataset = dataset_of(study).counting(("bot",))
     drawn, not_drawn = _draw(dataset)
     otherwise = discrepancies(
         drives.select_related("session", "participant__study"), np.random.default_rng(1)
@@ -94,7 +94,7 @@ def _draw(dataset: Dataset) -> tuple[list[str], list[str]]:
     if not dataset.sessions:
         return [], ["tables and figures, because nobody drove"]
     try:
-        report = next(one for one in reports(dataset, ("bot",)) if one.name == EVERY)
+        report = next(one for one in reports(dataset, ("bot",)) if one.name == COUNTING)
         for table in report.tables:
             as_csv(table)
         for figure in report.figures:

@@ -21,6 +21,7 @@ class Run:
 # upright (Publication Manual, 7th edition, section 6.44).
 SYMBOLS: dict[str, tuple[Run, ...]] = {
     "p (Holm)": (Run("p", italic=True), Run("Holm", position="sub")),
+    "p (family)": (Run("p", italic=True), Run("family", position="sub")),
     "d_z": (Run("d", italic=True), Run("z", italic=True, position="sub")),
     "η²p": (Run("η"), Run("2", position="super"), Run("p", italic=True, position="sub")),
     "W (Kendall)": (Run("W", italic=True),),

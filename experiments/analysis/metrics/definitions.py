@@ -17,6 +17,7 @@ from experiments.analysis.dataset.levels import METHODS, WAYS
 
 VERSION = 4
 CLOCK = "by the server's clock"
+FROM_START = "from the task's event task_started (the first video frame) to"
 
 DRIVING = (
     amount_of(
@@ -48,7 +49,7 @@ DRIVING = (
     ),
     share(
         "efficiency",
-        "that, divided by the distance driven in the completed segments, including gaps: 1 is "
+        "shortest, divided by the distance driven in the completed segments, including gaps: 1 is "
         "the shortest path, and the maximum",
     ),
     amount_of(
@@ -143,15 +144,14 @@ METRICS = (
     Column(
         "total_time",
         "s",
-        "from the task's event task_started (the first video frame) to its event task_ended;"
-        f" without them from first_frame to ended; {CLOCK}",
+        f"{FROM_START} its event task_ended; without them from first_frame to ended; {CLOCK}",
     ),
-    Column("time_to_motion", "s", f"from the same start to first_motion of the session; {CLOCK}"),
+    Column("time_to_motion", "s", f"{FROM_START} first_motion of the session; {CLOCK}"),
     Column(
         "task_time",
         "s",
-        "from the same start to the task's event docked: every checkpoint was passed and the robot"
-        f" was docked after it; of sessions that completed the task; {CLOCK}",
+        f"{FROM_START} its event docked: every checkpoint was passed and the robot was docked after"
+        f" it; of sessions that completed the task; {CLOCK}",
     ),
     Column(
         "docking_time",

@@ -74,9 +74,11 @@ def fit(outcome: Floats, design: Design, terms: Sequence[str], who: Sequence[str
     tests = []
     for number, name in enumerate(terms, start=1):
         places = design.places(number)
-        f, df = robust.wald(outcome, places)
-        difference = design.difference(number, coefficients[places[0]].estimate)
-        tests.append(TermTest(name, float(f), df, float(p_of(f, df)), difference))
+        first = coefficients[places[0]]
+        one = (first.t**2, (1.0, first.df))
+        f, df = one if len(places) == 1 else robust.wald(outcome, places)
+        difference = design.difference(number, first.estimate)
+        tests.append(TermTest(name, float(f), df, float(p_of(np.array(f), df)), difference))
     remark = "participants do not differ (variance 0)" if len(outcome) > people else ""
     return FittedModel(
         people,

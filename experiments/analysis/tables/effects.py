@@ -1,5 +1,5 @@
-"""What changes with what: conditions compared, driving against the network, and what visitors learn
-from session to session.
+"""What changes with what: conditions compared, driving against the network, and what
+participants learn from visit to visit.
 
 A participant is one point in tests of means: several sessions under one condition are averaged
 first. Within-subject conditions are compared over the participants who had them all. Proportions,
@@ -13,6 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from experiments.analysis.dataset.counting import visits_of
 from experiments.analysis.dataset.levels import WAYS
 from experiments.analysis.dataset.records import COMPLETED, Dataset
 from experiments.analysis.metrics.definitions import label_of
@@ -57,7 +58,7 @@ BINS: Mapping[str, tuple[float, ...]] = {
 }
 MEDIANS = ("task_time", "efficiency", "speed", "stops", "near_seconds", "collisions")
 LEARNT = ("completed", *MEDIANS)
-MOST_SESSIONS = 6  # of a visitor have a row of their own
+MOST_VISITS = 6  # of a participant have a row of their own
 
 
 def compare_conditions(
@@ -240,42 +241,45 @@ def _class_row(head: str, label: str, own: Sequence[Measured]) -> tuple[TableCel
 
 
 def learning(measured: Sequence[Measured]) -> Table:
-    """Return metrics by the number of a visitor's session: the learning curve, of those who came
-    back as well.
-    """
-    rows = []
-    for number_ in range(1, MOST_SESSIONS + 1):
-        own = [one for one in measured if one.session.number == number_]
-        if own:
-            rows.append(_class_row("session", str(number_), own))
-    later = [one for one in measured if one.session.number > MOST_SESSIONS]
-    if later:
-        rows.append(_class_row("session", f"≥ {MOST_SESSIONS + 1}", later))
-    head = (
-        "",
-        "",
-        "Participants",
-        "Sessions",
-        "% completed",
-        *(f"{label_of(name)}, median" for name in MEDIANS),
+    """Return metrics by the number of a participant's visit: the learning curve."""
+    visits = visits_of(one.session for one in measured)
+    groups: dict[int, list[Measured]] = {}
+    for one in measured:
+        groups.setdefault(min(visits[one.session.id], MOST_VISITS + 1), []).append(one)
+    rows = tuple(
+        _class_row("visit", str(n) if n <= MOST_VISITS else f"≥ {n}", own)
+        for n, own in sorted(groups.items())
     )
-    return Table("learning", "Metrics by session number.", head, tuple(rows))
+    medians = (f"{label_of(name)}, median" for name in MEDIANS)
+    head = ("", "", "Participants", "Sessions", "% completed", *medians)
+    return Table("learning", "Metrics by visit.", head, rows)
 
 
 def learnt(measured: Sequence[Measured]) -> Table:
-    """Return the test of each metric in the second against the first sessions of the same
-    participants.
+    """Return the test of each metric on the second against the first visits of the same
+    participants, in the conditions that they drove on both.
     """
+    visits = visits_of(one.session for one in measured)
+    own = {
+        n: {
+            (one.session.participant, one.session.condition): one
+            for one in measured
+            if visits[one.session.id] == n
+        }
+        for n in (2, 1)
+    }
+    both = set(own[1]) & set(own[2])
     sides = {
-        key: [one for one in measured if one.session.number == number_]
-        for key, number_ in (("second", 2), ("first", 1))
+        name: [one for key, one in own[n].items() if key in both]
+        for name, n in (("second", 2), ("first", 1))
     }
     cells, members = _rows(LEARNT, sides, is_paired=True)
     below = (
-        "Participants who came back. Difference: second less first session.",
+        "Participants who came back, in the conditions that they drove on both visits.",
+        "Difference: second less first visit.",
         CUT_SHORT,
         family(members),
         *READ_AS,
     )
     head = ("Metric", *head_of(tuple(sides), is_ordinal=True))
-    return Table("learning-tests", "Second against first session.", head, cells, below)
+    return Table("learning-tests", "Second against first visit.", head, cells, below)

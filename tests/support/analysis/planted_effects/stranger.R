@@ -23,9 +23,11 @@ tell <- function(.table, .row, ...) {
 
 study <- json("study.json")
 people <- subset(csv("description-participants"), kind == get("kind", globalenv()) & withdrawn == 0)
+# a drive of the task counts when it has ended, moved, and neither platform nor researcher excludes it
 sessions <- subset(csv("description-sessions"),
-  participant %in% people$id & practice == 0 & !(fault_side %in% "platform"))
-metrics <- merge(sessions[c("id", "participant", "number", "condition", "robot", "outcome", "os", "browser")],
+  participant %in% people$id & practice == 0 & !(fault_side %in% "platform") &
+    !(outcome %in% c("", NA)) & !is.na(first_motion) & excluded %in% c("", NA))
+metrics <- merge(sessions[c("id", "participant", "number", "visit", "condition", "robot", "outcome", "os", "browser")],
   csv("description-metrics"), by.x = "id", by.y = "session")
 conditions <- sapply(study$conditions, `[[`, "key")
 orders <- setNames(strsplit(people$cell, "-"), people$id)
@@ -384,11 +386,18 @@ for (cause in causes) {
 }
 for (way in c("datachannel", "mqtt"))
   class_row("network-classes", paste("control way", way, sep = "|"), metrics[which(metrics[[paste0("share_", way)]] > .5), ])
-for (number in sort(unique(metrics$number)))
-  class_row("learning", paste("session", number, sep = "|"), metrics[metrics$number == number, ])
-turns <- metrics[metrics$number %in% 1:2, ]
-turns$side <- factor(ifelse(turns$number == 2, "second", "first"), levels = c("second", "first"))
-metrics_table("learning-tests", turns, c("completed", learnt))
+# visits of a participant in order, and what was driven on the first two of them
+metrics$turn <- ave(metrics$visit, metrics$participant, FUN = function(visit) match(visit, sort(unique(visit))))
+for (turn in sort(unique(metrics$turn)))
+  class_row("learning", paste("visit", turn, sep = "|"), metrics[metrics$turn == turn, ])
+cells <- paste(metrics$participant, metrics$condition)
+again <- metrics[cells %in% intersect(cells[metrics$turn == 1], cells[metrics$turn == 2]) & metrics$turn %in% 1:2, ]
+if (!nrow(again)) {
+  for (name in c("completed", learnt)) tell("learning-tests", label_of(name), `second: n` = 0, `first: n` = 0, `n tested` = 0)
+} else {
+  again$side <- factor(ifelse(again$turn == 2, "second", "first"), levels = c("second", "first"))
+  metrics_table("learning-tests", again, c("completed", learnt))
+}
 
 middle <- function(own, name) { x <- own[[name]]; if (all(is.na(x))) NULL else median(x, na.rm = TRUE) }
 for (condition in study$conditions) {

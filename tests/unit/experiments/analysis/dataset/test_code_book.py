@@ -170,7 +170,8 @@ def test_the_description_says_where_times_begin_and_the_metrics_between_which_ev
     told = {one["name"]: one["description"] for one in about["variableMeasured"]}
     for name in ("total_time", "time_to_motion", "task_time", "docking_time"):
         assert told[name].endswith("by the server's clock")
-    assert "task's event docked" in told["task_time"]
+    assert STARTED in told["task_time"]
+    assert "its event docked" in told["task_time"]
     assert STARTED in told["total_time"]
     assert ENDED in told["total_time"]
 
