@@ -360,7 +360,7 @@ NULLS = (
         ),
     ),
     Case(
-        "Wald F (logistic), of a contrast",
+        "score F (logistic), of a contrast",
         "75 % complete, n = 30, two drives on each side",
         lambda rng: rejects(
             by_drives("proportions", _two_each(drives_of(successes(rng, 30, 4, 0.75, paired=True))))
@@ -376,17 +376,17 @@ NULLS = (
         ),
     ),
     Case(
-        "Wald F (Poisson), of two groups",
+        "score F (Poisson), of two groups",
         "stops, overdispersed, n = 20 each, drives of 1 to 8 min",
         lambda rng: rejects(by_drives("counts", stops(rng, 20, 2, paired=False))),
     ),
     Case(
-        "Wald F (Poisson), of a contrast within",
+        "score F (Poisson), of a contrast within",
         "the same, n = 20",
         lambda rng: rejects(by_drives("counts", stops(rng, 20, 2, paired=True))),
     ),
     Case(
-        "Wald F (Poisson), of four conditions within",
+        "score F (Poisson), of four conditions within",
         "the same, n = 24",
         lambda rng: rejects(by_drives("counts", stops(rng, 24, 4, paired=True))),
     ),
@@ -408,12 +408,12 @@ NULLS = (
         lambda rng: rejects(by_drives("times", times(rng, 16, 4, paired=False))),
     ),
     Case(
-        "Wald F (Cox), of a contrast within",
+        "score F (Cox), of a contrast within",
         "n = 24, 20 % time-outs, 10 % left",
         lambda rng: rejects(by_drives("times", times(rng, 24, 2, paired=True))),
     ),
     Case(
-        "Wald F (Cox), of four conditions within",
+        "score F (Cox), of four conditions within",
         "the same",
         lambda rng: rejects(by_drives("times", times(rng, 24, 4, paired=True))),
     ),

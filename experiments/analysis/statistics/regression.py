@@ -8,10 +8,10 @@
   the covariance of Lin and Wei (1989) by participants. Times of different participants in two or
   more groups are compared by the log-rank test (Mantel, 1966).
 
-Tests are Wald's, with t and F on as many degrees of freedom as there are participants less
-coefficients. Coefficients are log odds ratios, log rate ratios, and logarithms of how many times
-longer (a hazard ratio, the second over the first); all are positive where the first side is
-greater.
+Tests of terms are Wald's, with t and F on as many degrees of freedom as there are participants less
+coefficients; those of contrasts are score tests. Coefficients are log odds ratios, log rate ratios,
+and logarithms of how many times longer (a hazard ratio, the second over the first); all are
+positive where the first side is greater.
 """
 
 import math
@@ -44,8 +44,14 @@ from experiments.analysis.statistics.models import (
 Family = Literal["proportions", "counts", "times"]
 RATIO = {"proportions": "odds ratio", "counts": "rate ratio", "times": "hazard ratio"}
 LOG_RANK = "log-rank χ²"
+SCORE = {
+    "proportions": "score F (logistic)",
+    "counts": "score F (Poisson)",
+    "times": "score F (Cox)",
+}
 WALD = {"proportions": "Wald F (logistic)", "counts": "Wald F (Poisson)", "times": "Wald F (Cox)"}
-SEPARATED = "no estimate: all drives of some level have the same outcome"
+SEPARATED = "no estimate: the effects separate the outcomes completely"
+NEVER = "the time came in no drive"
 FIELDS = ("value", "weight")
 LARGEST = 12.0  # of a coefficient: beyond it, the data separate and have no estimate
 
@@ -74,13 +80,13 @@ def fit_family(
     """Fit a model to the drives of participants.
 
     Raises:
-        CannotFitError: there are too few data, no variance, columns that depend on each other, or a
-            level in which all drives, or none, succeeded or had events.
+        CannotFitError: there are too few data, no variance, columns that depend on each other, or
+            effects that separate the outcomes completely (in a level, all drives succeeded).
     """
     groups, people = grouped([one.who for one in outcomes])
     values, weights = (np.array([getattr(one, name) for one in outcomes]) for name in FIELDS)
-    outcome = weights if family == "times" and not weights.any() else values
-    check_data(outcome, design.columns, people)
+    known = values / weights if family == "counts" else values if weights.any() else weights
+    check_data(known, design.columns, people)
     fitted = _cox if family == "times" else _estimating_equations
     estimates, covariance = fitted(family, values, weights, design.columns, groups)
     df = float(people - len(design.names))
@@ -160,7 +166,7 @@ def _cox(
 def compare_drives(family: Family, sides: Sides) -> Test:
     """Return the test of a difference between sides of drives: of proportions, with one drive of a
     participant on each side, by conditions.compare; of times of different participants by the
-    log-rank test; otherwise by a model of the sides.
+    log-rank test; otherwise by the score test of a model of the sides.
 
     A side with drives of fewer than two participants takes itself out, and the remark says so.
     """
@@ -179,25 +185,61 @@ def compare_drives(family: Family, sides: Sides) -> Test:
     elif family == "times" and is_apart:
         test = _log_rank(kept)
     else:
-        test = _modelled(family, kept)
+        test = _score_test(family, kept)
     remark = "; ".join(filter(None, (told, test.remark)))
     return replace(test, remark=remark)
 
 
-def _modelled(family: Family, sides: Sides) -> Test:
+def _score_test(family: Family, sides: Sides) -> Test:
+    """Return the robust score test of sides. It needs no estimate, so that there is one where the
+    sides separate the outcomes completely.
+
+    A drive's score is its residual without any effect, times its side less the mean of all sides by
+    their information; the scores of a participant are summed, and their mean is tested by
+    Hotelling's T² (Guo et al., 2005, have this test with generalized estimating equations).
+    """
     outcomes = [one for side in sides.values() for one in side]
+    if family == "times" and not any(one.weight for one in outcomes):
+        return Test(SCORE[family], len({one.who for one in outcomes}), remark=NEVER)
     rows = [{"side": key} for key, side in sides.items() for _ in side]
-    n = len({one.who for one in outcomes})
+    design = design_of({"side": list(sides)}, ["side"], rows)
+    groups, n = grouped([one.who for one in outcomes])
+    summed = np.zeros((n, len(sides) - 1))
+    np.add.at(summed, groups, _scores(family, outcomes, design.columns[:, 1:]))
+    size = summed.shape[1]
+    covariance, mean = np.atleast_2d(np.cov(summed, rowvar=False)), summed.mean(axis=0)
+    if n <= size + 1 or np.linalg.matrix_rank(covariance) < size:
+        return Test(SCORE[family], n, remark=NO_VARIANCE)
+    f = float(mean @ np.linalg.solve(covariance, mean)) * n * (n - size) / (size * (n - 1.0))
+    df = (float(size), float(n - size))
+    test = Test(SCORE[family], n, f, df, float(p_of(np.array(f), df)))
+    return _with_ratio(test, family, outcomes, design) if size == 1 else test
+
+
+def _scores(family: Family, outcomes: Sequence[DriveOutcome], sides: Floats) -> Floats:
+    """Return the scores of drives, (n, k), at no effect of their sides, (n, k)."""
+    values, weights = (np.array([getattr(one, name) for one in outcomes]) for name in FIELDS)
+    if family == "times":
+        from statsmodels.duration.hazard_regression import PHReg  # noqa: PLC0415 - not on robots
+
+        model = PHReg(values, sides, status=weights)
+        return np.asarray(model.score_residuals(np.zeros(sides.shape[1])))
+    residuals = values - weights * values.sum() / weights.sum()
+    return np.asarray((sides - weights @ sides / weights.sum()) * residuals[:, None])
+
+
+def _with_ratio(
+    test: Test, family: Family, outcomes: Sequence[DriveOutcome], design: Design
+) -> Test:
+    """Return a test of two sides with the ratio between them, if that can be estimated."""
     try:
-        found = fit_family(
-            family, outcomes, design_of({"side": list(sides)}, ["side"], rows), ["side"]
-        )
-    except CannotFitError as error:
-        return Test(WALD[family], n, remark=str(error))
-    (term,) = found.terms
-    size = term.difference
-    ratio = IntervalEstimate(*(math.exp(one) for one in (size.value, size.low, size.high)))
-    return Test(WALD[family], n, term.f, term.df, term.p, effect_name=RATIO[family], effect=ratio)
+        (term,) = fit_family(family, outcomes, design, ["side"]).terms
+    except CannotFitError:
+        return test
+    low, size, high = (
+        math.exp(one) for one in (term.difference.low, term.difference.value, term.difference.high)
+    )
+    return replace(test, effect_name=RATIO[family], effect=IntervalEstimate(size, low, high))
 
 
 def _log_rank(sides: Sides) -> Test:
@@ -208,17 +250,18 @@ def _log_rank(sides: Sides) -> Test:
     values, weights = (np.array([getattr(one, name) for one in outcomes]) for name in FIELDS)
     labels = np.concatenate([np.full(len(side), at) for at, side in enumerate(sides.values())])
     if not weights.any():
-        return Test(LOG_RANK, n, remark="the time came in no drive")
+        return Test(LOG_RANK, n, remark=NEVER)
     if n < 3:
         return Test(LOG_RANK, n, remark=TOO_FEW)
     try:
         chi2, p = survdiff(values, weights, labels)
     except np.linalg.LinAlgError:
         return Test(LOG_RANK, n, remark=NO_VARIANCE)
-    effect = _modelled("times", sides).effect if len(sides) == 2 else IntervalEstimate()
-    name = RATIO["times"] if math.isfinite(effect.value) else ""
-    df = (len(sides) - 1.0,)
-    return Test(LOG_RANK, n, float(chi2), df, float(p), effect_name=name, effect=effect)
+    test = Test(LOG_RANK, n, float(chi2), (len(sides) - 1.0,), float(p))
+    if len(sides) > 2:
+        return test
+    rows = [{"side": key} for key, side in sides.items() for _ in side]
+    return _with_ratio(test, "times", outcomes, design_of({"side": list(sides)}, ["side"], rows))
 
 
 def median_time(side: Sequence[DriveOutcome]) -> float | None:

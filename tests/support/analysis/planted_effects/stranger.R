@@ -158,23 +158,27 @@ mcnemar_mid <- function(x, y) {  # and the interval of Bonett and Price (2012)
     `Difference: to` = min(1, p - q + slack))
   if (b + c) c(found, list(Statistic = b, p = min(1, 2 * pbinom(min(b, c), b + c, .5) - dbinom(min(b, c), b + c, .5)))) else found
 }
-# drives of participants, some of them under several sides: Poisson or Cox regression with clusters
+# the score test of sides whose drives of one participant are a cluster, and of two the ratio between them
 clustered <- function(kind, own) {
   own$side <- droplevels(own$side); contrasts(own$side) <- contr.sum(nlevels(own$side)); n <- length(unique(own$participant))
-  if (kind == "counts") {
-    if (same(own$value)) return(list(`n tested` = n))
-    fit <- glm(value ~ side, poisson(), own, offset = log(own$weight), epsilon = 1e-12)
-    if (max(abs(coef(fit))) > 12) return(list(`n tested` = n))
-    b <- coef(fit)[-1]; covariance <- as.matrix(vcovCR(fit, cluster = own$participant, type = "CR3"))[-1, -1, drop = FALSE]
-  } else {
-    fit <- coxph(Surv(value, weight) ~ side + cluster(participant), own, ties = "breslow", control = coxph.control(eps = 1e-12, iter.max = 100))
-    b <- -coef(fit); covariance <- vcov(fit) * n / (n - 1)
-  }
-  q <- length(b); df <- n - q - 1; f <- drop(b %*% solve(covariance, b)) / q
-  found <- list(`n tested` = n, Statistic = f, df = q, `df 2` = df, p = pf(f, q, df, lower.tail = FALSE))
+  x <- model.matrix(~ side, own)[, -1, drop = FALSE]; q <- ncol(x)
+  scores <- if (kind == "counts") sweep(x, 2, colSums(x * own$weight) / sum(own$weight)) * (own$value - own$weight * sum(own$value) / sum(own$weight))
+    else as.matrix(residuals(coxph(Surv(value, weight) ~ x, own, ties = "breslow", init = rep(0, q), control = coxph.control(iter.max = 0)), "score"))
+  summed <- rowsum(scores, own$participant); covariance <- cov(summed)
+  if (qr(covariance)$rank < q) return(list(`n tested` = n))
+  f <- drop(colMeans(summed) %*% solve(covariance, colMeans(summed))) * n * (n - q) / (q * (n - 1))
+  found <- list(`n tested` = n, Statistic = f, df = q, `df 2` = n - q, p = pf(f, q, n - q, lower.tail = FALSE))
   if (q > 1) return(found)
-  slack <- qt(.975, df) * sqrt(covariance[1])
-  c(found, list(Size = exp(2 * b[[1]]), `Size: from` = exp(2 * (b[[1]] - slack)), `Size: to` = exp(2 * (b[[1]] + slack))))
+  if (kind == "counts") {
+    fit <- glm(value ~ side, poisson(), own, offset = log(own$weight), epsilon = 1e-12)
+    b <- coef(fit)[[2]]; error <- sqrt(vcovCR(fit, cluster = own$participant, type = "CR3")[2, 2])
+  } else {
+    fit <- suppressWarnings(coxph(Surv(value, weight) ~ side + cluster(participant), own, ties = "breslow", control = coxph.control(eps = 1e-12, toler.inf = 1e-9, iter.max = 100)))
+    b <- -coef(fit)[[1]]; error <- sqrt(vcov(fit)[1] * n / (n - 1))
+  }
+  if (abs(b) > 12) return(found)
+  slack <- qt(.975, n - 2) * error
+  c(found, list(Size = exp(2 * b), `Size: from` = exp(2 * (b - slack)), `Size: to` = exp(2 * (b + slack))))
 }
 compared <- function(groups, test) {
   if (length(groups) > 2) (if (test == "ranks") friedman else repeated)(groups)
@@ -231,12 +235,12 @@ metrics_table <- function(table, own, names) {
       else { one <- drives[drives$side == key, ]; named_mean(if (kind == "counts") one$value / one$weight else one$value, one$participant) }
     })
     for (key in keys) {
-      told <- describe(groups[[key]], paste0(key, ": "), TRUE)
+      numbers <- describe(groups[[key]], paste0(key, ": "), TRUE)
       if (kind == "times") {
-        one <- drives[drives$side == key, ]; told <- told[1]
-        if (any(one$weight > 0)) told[[paste0(key, ": median")]] <- summary(survfit(Surv(value, weight) ~ 1, one))$table[["median"]]
+        one <- drives[drives$side == key, ]; numbers <- numbers[1]
+        if (any(one$weight > 0)) numbers[[paste0(key, ": median")]] <- summary(survfit(Surv(value, weight) ~ 1, one))$table[["median"]]
       }
-      do.call(tell, c(list(table, row), told))
+      do.call(tell, c(list(table, row), numbers))
     }
     both <- complete(groups)
     found[[row]] <- if (kind %in% c("counts", "times")) clustered(kind, drives)
@@ -474,14 +478,14 @@ for (one in study$analyses) {
       terms <- attr(terms(fit), "term.labels")
       for (n in seq_along(terms)) {
         at <- which(assigned == n); found <- Wald_test(fit, constraints = constrain_zero(at), vcov = covariance, test = "HTZ")
-        told <- list(Participants = length(unique(own$participant)), Observations = nrow(own), Statistic = found$Fstat,
+        row <- list(Participants = length(unique(own$participant)), Observations = nrow(own), Statistic = found$Fstat,
           df = length(at), `df 2` = found$df_denom, p = found$p_val)
         if (length(at) == 1 && !grepl(":", terms[n])) {  # first less second level
           slack <- qt(.975, degrees[at]) * tests$SE[at]
-          told <- c(told, list(Difference = 2 * fixef(fit)[[at]], `Difference: from` = 2 * (fixef(fit)[[at]] - slack),
+          row <- c(row, list(Difference = 2 * fixef(fit)[[at]], `Difference: from` = 2 * (fixef(fit)[[at]] - slack),
             `Difference: to` = 2 * (fixef(fit)[[at]] + slack)))
         }
-        family[[paste(measure, terms[n], sep = "|")]] <- told
+        family[[paste(measure, terms[n], sep = "|")]] <- row
       }
     }
     adjusted <- p.adjust(sapply(family, `[[`, "p"), "holm")

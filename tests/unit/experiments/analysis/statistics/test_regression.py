@@ -107,7 +107,7 @@ def test_several_drives_of_a_participant_are_a_cluster():
     first = drives(1, 1, 1, 0, 1, 1) + drives(1, 0, 1, 1, 1, 1)
     second = drives(0, 1, 0, 0, 1, 0) + drives(1, 0, 0, 1, 1, 0)
     found = compare_drives("proportions", {"a": first, "b": second})
-    assert (found.name, found.n, found.effect_name) == ("Wald F (logistic)", 6, "odds ratio")
+    assert (found.name, found.n, found.effect_name) == ("score F (logistic)", 6, "odds ratio")
     assert found.effect.value > 1.0
 
 
@@ -122,8 +122,36 @@ def test_a_rate_ratio_counts_events_per_minute():
 def test_a_level_without_a_failure_has_no_estimate_and_says_why():
     rows = [{"delay": delay} for delay in LEVELS["delay"] for _ in range(6)]
     outcomes = drives(1, 1, 1, 1, 1, 1) + drives(1, 0, 1, 0, 1, 1, start=6)
-    with pytest.raises(CannotFitError, match="all drives of some level have the same outcome"):
+    with pytest.raises(CannotFitError, match="separate the outcomes completely"):
         fit_family("proportions", outcomes, design_of(LEVELS, ("delay",), rows), ("delay",))
+
+
+def test_sides_that_separate_the_outcomes_have_a_test_and_no_ratio():
+    own = range(12)
+    first = [DriveOutcome(f"P{n}", 100.0 + n) for n in own]
+    second = [DriveOutcome(f"P{n}", 200.0 + 3 * n) for n in own]
+    found = compare_drives("times", {"a": first, "b": second})
+    assert (found.name, found.n, found.effect_name) == ("score F (Cox)", 12, "")
+    assert found.p < 0.001
+
+
+def test_the_score_test_of_counts_is_the_test_of_participants_summed_residuals():
+    rows = rows_of("drives.csv")
+    sides = {
+        level: [outcome(row, "counts") for row in rows if row["delay"] == level]
+        for level in LEVELS["delay"]
+    }
+    found = compare_drives("counts", sides)
+    rate = sum(float(row["stops"]) for row in rows) / sum(float(row["minutes"]) for row in rows)
+    minutes = {level: sum(one.weight for one in side) for level, side in sides.items()}
+    mean = (minutes["none"] - minutes["long"]) / sum(minutes.values())
+    scores = dict.fromkeys((row["who"] for row in rows), 0.0)
+    for row in rows:
+        sign = 1.0 if row["delay"] == "none" else -1.0
+        scores[row["who"]] += (sign - mean) * (float(row["stops"]) - rate * float(row["minutes"]))
+    expected = stats.ttest_1samp(list(scores.values()), 0.0)
+    assert found.statistic == pytest.approx(expected.statistic**2)
+    assert found.p == pytest.approx(expected.pvalue)
 
 
 def test_times_that_never_came_have_no_test_and_no_median():

@@ -347,7 +347,7 @@ def test_success_on_sides_of_several_conditions_is_a_logistic_regression_by_part
             study, 30, lambda n, levels, _: outcome(rng.random() < chance[levels["delay"]], 100.0)
         )
     )
-    assert rows(table, "Test", "Effect", "n tested") == [("Wald F (logistic)", "odds ratio", "30")]
+    assert rows(table, "Test", "Effect", "n tested") == [("score F (logistic)", "odds ratio", "30")]
     assert value(table, 0, "Size") < 1.0
     assert value(table, 0, "p") < 0.05
 

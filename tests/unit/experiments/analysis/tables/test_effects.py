@@ -255,7 +255,7 @@ def test_drives_that_were_cut_short_are_not_averaged_as_if_complete():
     assert tests == {
         "completed": "N−1 χ²",
         "task_time": "log-rank χ²",
-        "stops per min": "Wald F (Poisson)",
+        "stops per min": "score F (Poisson)",
         "path (completed)": "Welch t",
     }
     assert cell(table, row(table, "completed"), f"{keys[1]}: mean") == pytest.approx(0.5)
