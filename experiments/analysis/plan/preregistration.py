@@ -36,11 +36,26 @@ ORDERS = {
 }
 TESTS = {
     "means": "paired t tests within participants, Welch's t tests between them; of several"
-    " conditions at once, Friedman's test within and Welch's analysis of variance between",
+    " conditions at once, the analysis of variance for repeated measures within (corrected by"
+    " Greenhouse and Geisser) and Welch's between",
     "ranks": "Wilcoxon's signed ranks within participants, Mann-Whitney between them; of several"
     " conditions at once, Friedman's test within and Kruskal-Wallis between",
-    "mixed": "a linear mixed model with an intercept for each participant, by REML, with Wald"
-    " tests",
+    "proportions": "McNemar's test (mid-p) and Cochran's Q within participants, the N−1 χ² test"
+    " between them (Boschloo's where a count of less than 1 is expected)",
+    "counts": "Poisson regression of the rate per minute by generalized estimating equations, with"
+    " participants as clusters",
+    "times": "the log-rank test between participants, Cox's regression with participants as"
+    " clusters within them; times that never came are censored at the end of the drive",
+    "mixed": "a linear mixed model with an intercept for each participant, by REML; terms in sum"
+    " coding, by Wald tests from the residuals of participants (CR2)",
+}
+MODELS = {
+    "mixed": TESTS["mixed"],
+    "proportions": "logistic regression by generalized estimating equations, with participants as"
+    " clusters; terms in sum coding",
+    "counts": f"{TESTS['counts']}; terms in sum coding",
+    "times": "Cox's regression with participants as clusters, terms in sum coding; times that never"
+    " came are censored at the end of the drive",
 }
 INCOMPLETE = {
     "keep": "Participants with missing conditions or answers are kept in every test for which they"
@@ -468,12 +483,14 @@ def _counting(study: StudyDefinition) -> Iterator[str]:
 
 def _model(study: StudyDefinition, one: DeclaredAnalysis) -> str:
     contrasts = "; ".join(_say(study, it.title) for it in one.contrasts)
-    told = f"- `{one.key}` ({_say(study, one.title)}): {TESTS[one.test]}. Measures: "
+    test = MODELS[one.test] if one.is_model else TESTS[one.test]
+    told = f"- `{one.key}` ({_say(study, one.title)}): {test}. Measures: "
     told += ", ".join(f"`{measure}`" for measure in one.measures) + "."
     told += f" Contrasts: {contrasts}." if contrasts else ""
     told += f" Conditions: {', '.join(one.conditions)}." if one.conditions else ""
     told += " Each pair of conditions is compared as well." if one.post_hoc else ""
-    told += f" Effects: {', '.join(one.effects)}; {one.coding} coding." if one.effects else ""
+    told += f" Effects: {', '.join(one.effects)}." if one.effects else ""
+    told += f" Covariates: {', '.join(one.covariates)}." if one.covariates else ""
     return told
 
 
