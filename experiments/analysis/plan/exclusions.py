@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from experiments.analysis.dataset.exclusions import PlanExclusion
+from experiments.analysis.dataset.records import PlanExclusion
 from experiments.analysis.tables.declared import PLANNED
 from experiments.analysis.tables.table import NOTHING, Table, TableCell, number, probability, words
 

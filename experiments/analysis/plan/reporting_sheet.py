@@ -7,9 +7,8 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from experiments.analysis.dataset import counting
 from experiments.analysis.dataset.exclusions import BY_HAND, OF_PLATFORM, excluded_participants
-from experiments.analysis.dataset.levels import ASSISTANCE, REPLACED
+from experiments.analysis.dataset.levels import ASSISTANCE, REPLACED, UNCOUNTED
 from experiments.analysis.dataset.records import (
     COMPLETED,
     Dataset,
@@ -53,7 +52,7 @@ Line = tuple[str, str, str]  # section, item, value
 def reporting_sheet(
     dataset: Dataset, measured: Sequence[Measured], everybody: Sequence[ParticipantRecord]
 ) -> Table:
-    """Return the sheet of a dataset of what counts (`Dataset.counting`), its sessions measured;
+    """Return the sheet of a dataset of what counts (dataset/counting.py), its sessions measured;
     `everybody` are the participants, pilots and bots of the whole one.
     """
     lines = (
@@ -197,7 +196,7 @@ def _failures(dataset: Dataset) -> Iterator[Line]:
 def _uncounted(dataset: Dataset) -> Iterator[Line]:
     """Yield how many drives of the task do not count, by reason."""
     for code, n in sorted(Counter(one.counts_why for one in dataset.others).items()):
-        yield "Drives that do not count", counting.REASONS[code], amount(n, "drive")
+        yield "Drives that do not count", UNCOUNTED[code], amount(n, "drive")
 
 
 def _exclusions(dataset: Dataset) -> Iterator[Line]:
