@@ -43,6 +43,7 @@ from experiments.analysis.tables.comparisons import (
     compared,
     corrected_for,
     estimated,
+    family,
     head_of,
     tested,
 )
@@ -52,7 +53,6 @@ from experiments.analysis.tables.drive_outcomes import (
     outcomes,
     values_by_participant,
 )
-from experiments.analysis.tables.effects import family
 from experiments.analysis.tables.paper_tables import behind_statements
 from experiments.analysis.tables.response_selection import RULES, counted
 from experiments.analysis.tables.scored_responses import coded, mean_scores
@@ -249,14 +249,14 @@ def _compared(one: DeclaredAnalysis, data: Data) -> Table:
     cells = [
         (
             words(measure),
-            *compared(title, groups, test, p, is_ordinal=True),
+            *compared(title, groups, test, p),
             *planned(one, data, measure, contrast=number_),
         )
         for (measure, number_, (title, *_)), (test, groups), p in zip(
             named, found, corrected, strict=True
         )
     ]
-    head = ("Measure", "Contrast", *head_of(SIDES, is_ordinal=True), *_plan_head(data))
+    head = ("Measure", "Contrast", *head_of(SIDES), *_plan_head(data))
     rows = [*([] if one.contrasts else _omnibus(one, data)), *cells]
     notes = (
         "Declared in the study's definition, which is frozen when the study is published."
@@ -296,7 +296,7 @@ def _omnibus(one: DeclaredAnalysis, data: Data) -> Iterator[Cells]:
         _test_sides(one, data, measure, {key: (key,) for key in keys}) for measure in one.measures
     ]
     corrected, _ = corrected_for([test for test, _ in found], [own for _, own in found])
-    blank = tuple(words("") for _ in head_of(SIDES, is_ordinal=True)[: -len(TESTED)])
+    blank = tuple(words("") for _ in head_of(SIDES)[: -len(TESTED)])
     for measure, (test, _), p in zip(one.measures, found, corrected, strict=True):
         told = tested(test, p)
         yield words(measure), words("all"), *blank, *told, *planned(one, data, measure)
