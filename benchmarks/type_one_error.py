@@ -162,9 +162,12 @@ def drives_of(table: Floats) -> list[list[DriveOutcome]]:
     ]
 
 
-def by_drives(family: Family, drives: Sequence[Sequence[DriveOutcome]]) -> Test:
+def by_drives(
+    family: Family, drives: Sequence[Sequence[DriveOutcome]], *, with_ratio: bool = False
+) -> Test:
     """Return the test of conditions by their drives."""
-    return compare_drives(family, {f"c{at}": own for at, own in enumerate(drives)})
+    named_ = {f"c{at}": own for at, own in enumerate(drives)}
+    return compare_drives(family, named_, with_ratio=with_ratio)
 
 
 # --- models ---------------------------------------------------------------------------------------
@@ -257,7 +260,9 @@ def family_model(family: Family, drives: Sequence[Sequence[DriveOutcome]]) -> Fi
     outcomes = [one for own in drives for one in own]
     rows = [{"delay": a, "help": b} for (a, b), own in zip(CELLS, drives, strict=True) for _ in own]
     try:
-        return fit_family(family, outcomes, design_of(LEVELS, CROSSED, rows), CROSSED)
+        return fit_family(
+            family, outcomes, design_of(LEVELS, CROSSED, rows), CROSSED, with_coefficients=False
+        )
     except CannotFitError:
         return None
 
@@ -367,7 +372,7 @@ NULLS = (
         ),
     ),
     Case(
-        "Wald F (logistic)",
+        "score F (logistic)",
         "75 % complete, n = 30, 2 × 2 within",
         lambda rng: terms(
             family_model("proportions", drives_of(successes(rng, 30, 4, 0.75, paired=True))),
@@ -391,7 +396,7 @@ NULLS = (
         lambda rng: rejects(by_drives("counts", stops(rng, 24, 4, paired=True))),
     ),
     Case(
-        "Wald F (Poisson)",
+        "score F (Poisson)",
         "the same, n = 24, 2 × 2 within",
         lambda rng: terms(
             family_model("counts", stops(rng, 24, 4, paired=True)), "delay", "delay:help"
@@ -418,7 +423,7 @@ NULLS = (
         lambda rng: rejects(by_drives("times", times(rng, 24, 4, paired=True))),
     ),
     Case(
-        "Wald F (Cox)",
+        "score F (Cox)",
         "the same, 2 × 2 within",
         lambda rng: terms(
             family_model("times", times(rng, 24, 4, paired=True)), "delay", "delay:help"
@@ -595,17 +600,23 @@ INTERVALS = (
     Case(
         "rate ratio, groups",
         "stops, ratio 2, n = 20 each",
-        lambda rng: _effect(by_drives("counts", stops(rng, 20, 2, 2.0, paired=False)), 2.0),
+        lambda rng: _effect(
+            by_drives("counts", stops(rng, 20, 2, 2.0, paired=False), with_ratio=True), 2.0
+        ),
     ),
     Case(
         "rate ratio, within",
         "the same, n = 20",
-        lambda rng: _effect(by_drives("counts", stops(rng, 20, 2, 2.0, paired=True)), 2.0),
+        lambda rng: _effect(
+            by_drives("counts", stops(rng, 20, 2, 2.0, paired=True), with_ratio=True), 2.0
+        ),
     ),
     Case(
         "hazard ratio, groups",
         "ratio 2, n = 24 each, time-outs",
-        lambda rng: _effect(by_drives("times", times(rng, 24, 2, 2.0, paired=False)), 2.0),
+        lambda rng: _effect(
+            by_drives("times", times(rng, 24, 2, 2.0, paired=False), with_ratio=True), 2.0
+        ),
     ),
     Case("mean, Student's t", "n = 20", lambda rng: _mean(rng, interval="t")),
     Case("mean, normal", "n = 60", lambda rng: _mean(rng, interval="normal")),

@@ -338,7 +338,7 @@ def _by_drives(
         for side, who, values, weights in drawn:
             given = zip(who, values[study].tolist(), weights[study].tolist(), strict=True)
             own[str(side)] += [DriveOutcome(*one) for one in given]
-        test = compare_drives(cast("Family", family), own)
+        test = compare_drives(cast("Family", family), own, with_ratio=False)
         found[study] = test.p if test.is_known else 1.0
     return found
 
@@ -468,12 +468,13 @@ class _ModelData:
         ]
         outcomes, weights = (np.stack([one[n] for one in drawn], axis=1) for n in (0, 1))
         terms = (*analysis.effects, *analysis.covariates)
+        family = cast("Family", analysis.test)
         p = np.ones((len(values), len(analysis.effects)))
         for study in range(len(values)):
             given = zip(self.who, outcomes[study].tolist(), weights[study].tolist(), strict=True)
             try:
                 own = [DriveOutcome(*one) for one in given]
-                found = fit_family(cast("Family", analysis.test), own, design, terms)
+                found = fit_family(family, own, design, terms, with_coefficients=False)
             except CannotFitError:
                 continue
             p[study] = [term.p for term in found.terms[: len(analysis.effects)]]
