@@ -6,6 +6,7 @@ from django.utils.functional import Promise
 from django.utils.translation import gettext_lazy as _
 from django.utils.translation import pgettext_lazy
 
+from experiments.builder import recruitment_labels
 from experiments.definition.coding import CodingScheme
 from experiments.definition.schema import StudyCheckpoint
 from experiments.definition.step import AskingStep
@@ -412,10 +413,10 @@ ITEMS: dict[str, Words] = {
     "modifiers": _("Modifier"),
 }
 GUIDE = FormGuide(
-    LABELS,
-    HINTS,
-    ITEMS,
-    CHOICES,
+    {**LABELS, **recruitment_labels.LABELS},
+    {**HINTS, **recruitment_labels.HINTS},
+    {**ITEMS, **recruitment_labels.ITEMS},
+    {**CHOICES, **recruitment_labels.CHOICES},
     # Parts of a list that are added as one of several kinds, by the list.
     kinds={"WizardStage.steps": {"": _("Line")} | CHOICES["move"]},
     hidden={
@@ -432,6 +433,6 @@ GUIDE = FormGuide(
             *("stopping", "blinding", "missing_data", "notes", "line", "description"),
         }
     ),
-    spaced=frozenset({"values"}),
+    spaced=frozenset({"values", "answers"}),
     angles=frozenset({"angular", "heading", "view", "angle"}),
 )

@@ -1,4 +1,4 @@
-"""Text with italics, subscripts and superscripts, as words for statistics are set in print."""
+"""Text with italics, subscripts and superscripts, as statistical symbols are set in print."""
 
 import re
 from collections.abc import Iterable
@@ -36,7 +36,7 @@ _HEADS = {"mean": "M", "Mean": "M", "median": "Mdn", "Median": "Mdn", "df 2": "d
 
 
 def symbol(name: str) -> tuple[Run, ...]:
-    """Return a symbol as it is set; another word as it is."""
+    """Return a symbol as it is set; another word unchanged."""
     return SYMBOLS.get(name, (Run(name),))
 
 

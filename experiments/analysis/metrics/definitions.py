@@ -69,16 +69,18 @@ DRIVING = (
     amount_of(
         "stops",
         "",
-        "number of standstills of 1 s (below 0.02 m/s) after it went faster than 0.05 m/s",
+        "number of standstills of 1 s (below 0.02 m/s), seen without a gap, after it went faster "
+        "than 0.05 m/s",
     ),
     amount_of("idle", "s", "time without moving or turning"),
     amount_of("collisions", "", "collisions that began"),
     amount_of(
         "near_collisions",
         "",
-        "number of times that something came nearer than 0.20 m; each ends at 0.25 m",
+        "number of times that something came nearer than 0.20 m; each ends at 0.25 m; none counts "
+        "in which the robot was docked, as its station is what is near",
     ),
-    amount_of("near_seconds", "s", "time that something was so near"),
+    amount_of("near_seconds", "s", "time of near_collisions"),
     amount_of("least_clearance", "m", "smallest distance to anything"),
     amount_of("jumps", "", "number of jumps of the position without driving"),
 )
