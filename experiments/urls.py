@@ -19,6 +19,7 @@ urlpatterns: list[URLPattern | URLResolver] = [
         appointment_views.stop_reminders,
         name="study_reminders_stop",
     ),
+    path("api/v1/studies/<slug:slug>/", api.study, name="api_study"),
     path("api/v1/studies/<slug:slug>/participants/", api.participants, name="api_participants"),
     path("studies/<slug:slug>/return/", step_views.go_back, name="study_return"),
     path("taking-part/", views.enter_code, name="study_code"),

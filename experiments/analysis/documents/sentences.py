@@ -91,7 +91,7 @@ def _sentence(
     table: Table, cells: dict[str, TableCell], alpha: float, hypothesis: str, in_family: float
 ) -> Iterator[Run]:
     method, letter = METHODS[cells["Test"].text]
-    probabilities = {
+    probabilities: dict[str, float] = {
         name: value
         for name in ("p", "p (Holm)")
         if name in cells and (value := cells[name].value) is not None

@@ -77,8 +77,8 @@ def hypotheses_table(study: StudyDefinition, decisions: Sequence[Decision]) -> T
     plan = study.plan
     title = "Hypotheses of the plan."
     if plan is None or not plan.hypotheses:
-        said = NO_PLAN if plan is None else NO_HYPOTHESIS
-        return Table("hypotheses", title, (PLANNED,), ((words(said),),))
+        reason = NO_PLAN if plan is None else NO_HYPOTHESIS
+        return Table("hypotheses", title, (PLANNED,), ((words(reason),),))
     rows = tuple(_row(plan, one) for one in decisions)
     texts = tuple(f"{one.key}: {one.text}" for one in plan.hypotheses)
     alpha = f"Significant: p (family) below {plan.alpha:g}."

@@ -1,7 +1,7 @@
 """A study's definition as the text of a preregistration, in Markdown: the questions of the OSF
 Preregistration in their order, which include those of AsPredicted. Each is answered from the
-definition, or said to be unanswered; nothing is added. An appendix has every number and choice of
-the definition, defaults too.
+definition, or marked as unanswered. An appendix has every number and choice of the definition, with
+its defaults.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -64,6 +64,11 @@ INCOMPLETE = {
     "answers": "Participants who lack a drive in one of their conditions, or a finished"
     " questionnaire of the study, are excluded.",
 }
+# Fields of a study that are texts, have sections of their own, or are not for the public.
+WITHOUT_SETTINGS = frozenset(
+    {"format", "slug", "version", "title", "intro", "source", "licence", "recruitment"}
+    | {"compensation", "languages", "steps", "factors", "analyses", "plan", "coding", "recruiting"}
+)
 DRIVES = {
     "first": "Of several such drives of a participant in a condition, the first counts.",
     "last": "Of several such drives of a participant in a condition, the last counts.",
@@ -94,8 +99,8 @@ def preregistration(
     for section, answers in _sections(study, plan, freeze, asked):
         lines += [f"## {section}", ""]
         for question, given in answers:
-            said = [line for line in given if line.strip()]
-            lines += [f"### {question}", "", *(said or [UNANSWERED]), ""]
+            known = [line for line in given if line.strip()]
+            lines += [f"### {question}", "", *(known or [UNANSWERED]), ""]
     return "\n".join((*lines, "## Every number and choice", "", *_settings(study), ""))
 
 
@@ -168,7 +173,7 @@ def _hypothesis(study: StudyDefinition, one: Hypothesis) -> str:
 
 
 def _direction(study: StudyDefinition, one: Hypothesis, analysis: DeclaredAnalysis) -> str:
-    """Return what is expected, with the sides, or the levels of an effect, by their titles."""
+    """Return the expected direction in words, with the titles of the sides, or of the levels."""
     if one.direction == "different":
         return "a difference, two-sided"
     first, second = "the first side", "the second"
@@ -222,7 +227,7 @@ def _study_design(study: StudyDefinition) -> Iterator[str]:
 
 
 def _course(course: Course) -> str:
-    """Return what is driven, in metres of the floor plan."""
+    """Return a course in words; positions are metres of the floor plan."""
     stops = "; ".join(
         f"{one.number or 'station'} at ({one.x:g}, {one.y:g}) within {one.radius:g} m"
         for one in course.checkpoints
@@ -248,8 +253,8 @@ def _start(study: StudyDefinition) -> str:
             f"it is docked within {start.distance:g} m and {start.heading:g} rad of the pose of the"
             " course's station"
         )
-    said = "; ".join(rules)
-    return f"- A drive begins only when this holds of the robot: {said}." if said else ""
+    wanted = "; ".join(rules)
+    return f"- A drive begins only when this holds of the robot: {wanted}." if wanted else ""
 
 
 def described(study: StudyDefinition, condition: Condition) -> str:
@@ -343,11 +348,33 @@ def _sampling(
     existing = f"Frozen before data: {before_data(freeze)}." if has_started else ""
     return (
         ("Existing data", [existing]),
-        ("Data collection procedures", [study.recruitment, study.compensation]),
+        (
+            "Data collection procedures",
+            [study.recruitment, study.compensation, *_eligibility(study)],
+        ),
         ("Sample size", size),
         ("Sample size rationale", [plan.rationale, *_expected(plan)]),
         ("Stopping rule", [plan.stopping]),
     )
+
+
+def _eligibility(study: StudyDefinition) -> Iterator[str]:
+    """Yield who cannot take part, by age, device and answers."""
+    if study.consent is not None:
+        rule = "need a guardian" if study.consent.minors == "guardian" else "cannot take part"
+        yield f"- Participants younger than {study.consent.minimum_age} {rule}."
+    for what, named in (("devices", study.devices), ("browsers", study.browsers)):
+        if named:
+            yield f"- Only with these {what}: {', '.join(named)}."
+    for rule in study.screening:
+        wanted = [f"one of {', '.join(rule.answers)}"] if rule.answers else []
+        wanted += [f"at least {rule.at_least:g}"] if rule.at_least is not None else []
+        wanted += [f"at most {rule.at_most:g}"] if rule.at_most is not None else []
+        where = f"`{rule.questionnaire}.{rule.item}`"
+        yield f"- Only with this answer to {where}: {', '.join(wanted)}."
+    for quota in study.answer_quotas:
+        where = f"`{quota.questionnaire}.{quota.item}`"
+        yield f"- At most {quota.most} who answer {where} with: {', '.join(quota.answers)}."
 
 
 def _expected(plan: StudyPlan) -> Iterator[str]:
@@ -513,11 +540,12 @@ def _exploratory(study: StudyDefinition) -> Iterator[str]:
 
 
 def _settings(study: StudyDefinition) -> Iterator[str]:
-    """Yield every field that can change what is driven, assigned or analysed, with its value: also
-    those that a sentence above has, and those that the definition leaves at their defaults.
+    """Yield every field that can change drives, assignment or analysis, with its value: also those
+    that a sentence above has, and those that the definition leaves at their defaults.
     """
-    for name in ("allocation", "refill", "start", "quality", "analysis", "conditions", "courses"):
-        yield from _fields(getattr(study, name), name)
+    for name in study.__struct_fields__:
+        if name not in WITHOUT_SETTINGS:
+            yield from _fields(getattr(study, name), name)
     for step in study.drives:
         yield from _fields(step, f"step {step.key}")
 
@@ -535,7 +563,7 @@ def _fields(value: object, name: str) -> Iterator[str]:
     elif isinstance(value, dict):
         yield f"- {name}: {', '.join(f'{key} {one}' for key, one in value.items()) or 'none'}"
     else:
-        yield f"- {name}: {'none' if value is None else value}"
+        yield f"- {name}: {'none' if value is None else ' '.join(str(value).split())}"
 
 
 def _say(study: StudyDefinition, text: dict[str, str]) -> str:

@@ -153,6 +153,23 @@ def test_a_long_list_comes_in_pages(client, study, ada, key, monkeypatch):
     assert "next" not in second
 
 
+def test_program_reads_how_many_participants_a_study_has_by_outcome(client, study, ada, key):
+    for name, given in {
+        "bob": {"status": "finished", "completion": "done"},
+        "eve": {"status": "withdrawn"},
+        "pam": {"kind": "pilot"},
+    }.items():
+        row = p.comer(study, person(name))
+        Participant.objects.filter(pk=row.pk).update(**given)
+    url = "/api/v1/studies/exploration/"
+    assert client.get(url).status_code == 401
+    told = client.get(url, headers={"authorization": f"Bearer {key}"}).json()
+    (version,) = told["versions"]
+    assert (told["study"], version["version"], version["status"]) == (study.slug, 1, "published")
+    statuses = {"active": 1, "finished": 1, "screened_out": 0, "withdrawn": 1}
+    assert (version["participants"], version["outcomes"]) == (statuses, {"done": 1})
+
+
 @pytest.mark.parametrize("header", ["", "Bearer x", "Bearer 00000000000000000000000000000000.x"])
 def test_without_a_key_of_the_study_nothing_is_told(client, study, key, header):
     answer = client.get(API, headers={"authorization": header} if header else {})

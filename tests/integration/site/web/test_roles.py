@@ -75,6 +75,8 @@ FOR_ALL = {
     "api_robots",
     "api_robot",
     "api_act",
+    "api_study",
+    "api_participants",
 }
 
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from experiments.analysis.dataset.columns import NETWORK, STATES
 from experiments.analysis.dataset.records import SessionRecord, columns_of
+from experiments.analysis.dataset.states import NETWORK, STATES
 from experiments.analysis.quality.driving import (
     frozen_video,
     input_lengths,
