@@ -16,10 +16,15 @@ import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 import scipy
 
-from experiments.analysis.dataset.records import Floats
+from experiments.analysis.dataset.counting import counting
+from experiments.analysis.dataset.records import Dataset, Floats, ParticipantRecord, SessionRecord
+from experiments.analysis.metrics.definitions import METRICS
+from experiments.analysis.metrics.milestones import Milestones
+from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.statistics.comparisons import IntervalEstimate, Test, correlation
 from experiments.analysis.statistics.conditions import Compared, compare
 from experiments.analysis.statistics.descriptive import wilson
@@ -36,6 +41,9 @@ from experiments.analysis.statistics.regression import (
     compare_drives,
     fit_family,
 )
+from experiments.analysis.tables.declared import declared
+from experiments.definition.schema import StudyDefinition
+from experiments.definition.shipped import shipped
 from surveys.likert import half_width
 
 RUNS, SEED = 2000, 7
@@ -267,6 +275,108 @@ def family_model(family: Family, drives: Sequence[Sequence[DriveOutcome]]) -> Fi
         return None
 
 
+# --- whole reports --------------------------------------------------------------------------------
+
+REPORTED = {
+    "speed": "means",
+    "near_seconds": "ranks",
+    "completed": "proportions",
+    "stops": "counts",
+    "task_time": "times",
+}
+
+
+def reported_study(*, within: bool) -> StudyDefinition:
+    """A study of two conditions whose analyses test one measure each."""
+    shipped_ = msgspec.to_builtins(shipped()["assistance"])
+    first = shipped_["conditions"][0]
+    contrast = {"title": {"en": "a − b"}, "first": ["a"], "second": ["b"]}
+    own = {
+        "factors": [],
+        "plan": None,
+        "conditions": [{**first, "key": key, "levels": {}} for key in "ab"],
+        "allocation": {"design": "within" if within else "between"},
+        "analyses": [
+            {
+                "key": f"of_{n}",
+                "title": {},
+                "measures": [name],
+                "test": test,
+                "contrasts": [contrast],
+            }
+            for n, (name, test) in enumerate(REPORTED.items())
+        ],
+    }
+    return msgspec.convert({**shipped_, **own}, StudyDefinition)
+
+
+def reported(rng: Rng, study: StudyDefinition, people: int) -> dict[str, bool | None]:
+    """Tell of each declared test of a study without any effect whether it is significant. Under one
+    condition a third of the participants see the video and never move the robot; they are drawn
+    anew where each has one condition. Drives end at a time limit or early.
+    """
+    is_within = study.allocation.design == "within"
+    participants, drives = [], []
+    for number in range(people):
+        who, order = f"P{number:03d}", ["a", "b"] if number % 2 else ["b", "a"]
+        participants.append(ParticipantRecord(who, cell="-".join(order)))
+        ability = float(rng.gamma(4.0, 0.25))
+        planned = order if is_within else order[:1]
+        for condition in planned:
+            if condition == "b" and rng.random() < 1.0 / 3.0:
+                drives.append(drive_of(who, condition, dict.fromkeys(ZEROS, 0.0), "left"))
+                if is_within:
+                    continue
+                condition = "a"  # noqa: PLW2901 - drawn anew
+            seconds, ends = rng.exponential(200.0) / ability, min(480.0, rng.exponential(900.0))
+            total = min(seconds, ends)
+            values = {
+                "total_time": total,
+                "seen": 1.0,
+                "completed": float(seconds <= ends),
+                "stops": float(rng.poisson(rng.gamma(2.0, 0.02) * total)),
+                "near_seconds": float(max(0.0, rng.normal(-5.0, 10.0)) * total / 300.0),
+                "speed": float(0.2 + 0.05 * ability + rng.normal(0.0, 0.03)),
+            }
+            values |= {"task_time": seconds} if seconds <= ends else {}
+            drives.append(
+                drive_of(who, condition, values, "completed" if seconds <= ends else "left")
+            )
+    whole = Dataset(study, participants=tuple(participants), sessions=tuple(s for s, _ in drives))
+    kept = {one.id for one in counting(whole).sessions}
+    measured = [
+        Measured(session, Milestones(), values, (), np.empty((0, 2)))
+        for session, values in drives
+        if session.id in kept
+    ]
+    tables = declared(counting(whole), measured)
+    found = {}
+    for name, table_ in zip(REPORTED, tables, strict=True):
+        p = table_.rows[0][table_.head.index("p")].value
+        found[name] = None if p is None else p < 0.05
+    return found
+
+
+ZEROS = ("path", "speed", "stops", "collisions", "near_seconds", "completed", "total_time", "seen")
+
+
+def drive_of(
+    who: str, condition: str, known: dict[str, float], outcome: str
+) -> tuple[SessionRecord, dict[str, float]]:
+    """Return a drive with its metrics; without a total time, the robot was never moved."""
+    session = SessionRecord(
+        f"{who}-{condition}",
+        who,
+        "giraff",
+        condition=condition,
+        outcome=outcome,
+        first_frame=0.0,
+        first_motion=1.0 if known["total_time"] else float("nan"),
+        ended=known["total_time"] or 39.0,
+    )
+    return session, {column.name: float("nan") for column in METRICS} | known
+
+
 # --- type I error ---------------------------------------------------------------------------------
 
 
@@ -462,6 +572,21 @@ NULLS = (
         lambda rng: terms(with_age(rng, 36), "delay"),
     ),
 )
+
+
+REPORTS = (
+    Case(
+        "whole report",
+        "between, n = 48; a third of one condition never move the robot, and are drawn anew",
+        lambda rng: reported(rng, BETWEEN, 48),
+    ),
+    Case(
+        "whole report",
+        "within, n = 40; a third never move the robot under one condition",
+        lambda rng: reported(rng, WITHIN, 40),
+    ),
+)
+BETWEEN, WITHIN = reported_study(within=False), reported_study(within=True)
 
 
 def _two_each(drives: list[list[DriveOutcome]]) -> list[list[DriveOutcome]]:
@@ -676,7 +801,8 @@ def main() -> int:
     parser.add_argument("--only", default="", help="of cases whose name has these words")
     wanted = parser.parse_args()
     missed = 0
-    for cases, bounds, head in ((NULLS, REJECTED, "test"), (INTERVALS, HELD, "interval of")):
+    parts = ((*NULLS, *REPORTS), REJECTED, "test"), (INTERVALS, HELD, "interval of")
+    for cases, bounds, head in parts:
         own = [one for one in cases if wanted.only in f"{head}: {one.what}"]
         missed += table(own, bounds, wanted.runs, head) if own else 0
         print()
