@@ -16,10 +16,15 @@ import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 import scipy
 
-from experiments.analysis.dataset.records import Floats
+from experiments.analysis.dataset.counting import counting
+from experiments.analysis.dataset.records import Dataset, Floats, ParticipantRecord, SessionRecord
+from experiments.analysis.metrics.definitions import METRICS
+from experiments.analysis.metrics.milestones import Milestones
+from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.statistics.comparisons import IntervalEstimate, Test, correlation
 from experiments.analysis.statistics.conditions import Compared, compare
 from experiments.analysis.statistics.descriptive import wilson
@@ -36,6 +41,9 @@ from experiments.analysis.statistics.regression import (
     compare_drives,
     fit_family,
 )
+from experiments.analysis.tables.declared import declared
+from experiments.definition.schema import StudyDefinition
+from experiments.definition.shipped import shipped
 from surveys.likert import half_width
 
 RUNS, SEED = 2000, 7
@@ -162,9 +170,12 @@ def drives_of(table: Floats) -> list[list[DriveOutcome]]:
     ]
 
 
-def by_drives(family: Family, drives: Sequence[Sequence[DriveOutcome]]) -> Test:
+def by_drives(
+    family: Family, drives: Sequence[Sequence[DriveOutcome]], *, with_ratio: bool = False
+) -> Test:
     """Return the test of conditions by their drives."""
-    return compare_drives(family, {f"c{at}": own for at, own in enumerate(drives)})
+    named_ = {f"c{at}": own for at, own in enumerate(drives)}
+    return compare_drives(family, named_, with_ratio=with_ratio)
 
 
 # --- models ---------------------------------------------------------------------------------------
@@ -257,9 +268,113 @@ def family_model(family: Family, drives: Sequence[Sequence[DriveOutcome]]) -> Fi
     outcomes = [one for own in drives for one in own]
     rows = [{"delay": a, "help": b} for (a, b), own in zip(CELLS, drives, strict=True) for _ in own]
     try:
-        return fit_family(family, outcomes, design_of(LEVELS, CROSSED, rows), CROSSED)
+        return fit_family(
+            family, outcomes, design_of(LEVELS, CROSSED, rows), CROSSED, with_coefficients=False
+        )
     except CannotFitError:
         return None
+
+
+# --- whole reports --------------------------------------------------------------------------------
+
+REPORTED = {
+    "speed": "means",
+    "near_seconds": "ranks",
+    "completed": "proportions",
+    "stops": "counts",
+    "task_time": "times",
+}
+
+
+def reported_study(*, within: bool) -> StudyDefinition:
+    """A study of two conditions whose analyses test one measure each."""
+    shipped_ = msgspec.to_builtins(shipped()["assistance"])
+    first = shipped_["conditions"][0]
+    contrast = {"title": {"en": "a − b"}, "first": ["a"], "second": ["b"]}
+    own = {
+        "factors": [],
+        "plan": None,
+        "conditions": [{**first, "key": key, "levels": {}} for key in "ab"],
+        "allocation": {"design": "within" if within else "between"},
+        "analyses": [
+            {
+                "key": f"of_{n}",
+                "title": {},
+                "measures": [name],
+                "test": test,
+                "contrasts": [contrast],
+            }
+            for n, (name, test) in enumerate(REPORTED.items())
+        ],
+    }
+    return msgspec.convert({**shipped_, **own}, StudyDefinition)
+
+
+def reported(rng: Rng, study: StudyDefinition, people: int) -> dict[str, bool | None]:
+    """Tell of each declared test of a study without any effect whether it is significant. Under one
+    condition a third of the participants see the video and never move the robot; they are drawn
+    anew where each has one condition. Drives end at a time limit or early.
+    """
+    is_within = study.allocation.design == "within"
+    participants, drives = [], []
+    for number in range(people):
+        who, order = f"P{number:03d}", ["a", "b"] if number % 2 else ["b", "a"]
+        participants.append(ParticipantRecord(who, cell="-".join(order)))
+        ability = float(rng.gamma(4.0, 0.25))
+        planned = order if is_within else order[:1]
+        for condition in planned:
+            if condition == "b" and rng.random() < 1.0 / 3.0:
+                drives.append(drive_of(who, condition, dict.fromkeys(ZEROS, 0.0), "left"))
+                if is_within:
+                    continue
+                condition = "a"  # noqa: PLW2901 - drawn anew
+            seconds, ends = rng.exponential(200.0) / ability, min(480.0, rng.exponential(900.0))
+            total = min(seconds, ends)
+            values = {
+                "total_time": total,
+                "seen": 1.0,
+                "completed": float(seconds <= ends),
+                "stops": float(rng.poisson(rng.gamma(2.0, 0.02) * total)),
+                "near_seconds": float(max(0.0, rng.normal(-5.0, 10.0)) * total / 300.0),
+                "speed": float(0.2 + 0.05 * ability + rng.normal(0.0, 0.03)),
+            }
+            values |= {"task_time": seconds} if seconds <= ends else {}
+            drives.append(
+                drive_of(who, condition, values, "completed" if seconds <= ends else "left")
+            )
+    whole = Dataset(study, participants=tuple(participants), sessions=tuple(s for s, _ in drives))
+    kept = {one.id for one in counting(whole).sessions}
+    measured = [
+        Measured(session, Milestones(), values, (), np.empty((0, 2)))
+        for session, values in drives
+        if session.id in kept
+    ]
+    tables = declared(counting(whole), measured)
+    found = {}
+    for name, table_ in zip(REPORTED, tables, strict=True):
+        p = table_.rows[0][table_.head.index("p")].value
+        found[name] = None if p is None else p < 0.05
+    return found
+
+
+ZEROS = ("path", "speed", "stops", "collisions", "near_seconds", "completed", "total_time", "seen")
+
+
+def drive_of(
+    who: str, condition: str, known: dict[str, float], outcome: str
+) -> tuple[SessionRecord, dict[str, float]]:
+    """Return a drive with its metrics; without a total time, the robot was never moved."""
+    session = SessionRecord(
+        f"{who}-{condition}",
+        who,
+        "giraff",
+        condition=condition,
+        outcome=outcome,
+        first_frame=0.0,
+        first_motion=1.0 if known["total_time"] else float("nan"),
+        ended=known["total_time"] or 39.0,
+    )
+    return session, {column.name: float("nan") for column in METRICS} | known
 
 
 # --- type I error ---------------------------------------------------------------------------------
@@ -367,7 +482,7 @@ NULLS = (
         ),
     ),
     Case(
-        "Wald F (logistic)",
+        "score F (logistic)",
         "75 % complete, n = 30, 2 × 2 within",
         lambda rng: terms(
             family_model("proportions", drives_of(successes(rng, 30, 4, 0.75, paired=True))),
@@ -391,7 +506,7 @@ NULLS = (
         lambda rng: rejects(by_drives("counts", stops(rng, 24, 4, paired=True))),
     ),
     Case(
-        "Wald F (Poisson)",
+        "score F (Poisson)",
         "the same, n = 24, 2 × 2 within",
         lambda rng: terms(
             family_model("counts", stops(rng, 24, 4, paired=True)), "delay", "delay:help"
@@ -418,7 +533,7 @@ NULLS = (
         lambda rng: rejects(by_drives("times", times(rng, 24, 4, paired=True))),
     ),
     Case(
-        "Wald F (Cox)",
+        "score F (Cox)",
         "the same, 2 × 2 within",
         lambda rng: terms(
             family_model("times", times(rng, 24, 4, paired=True)), "delay", "delay:help"
@@ -457,6 +572,21 @@ NULLS = (
         lambda rng: terms(with_age(rng, 36), "delay"),
     ),
 )
+
+
+REPORTS = (
+    Case(
+        "whole report",
+        "between, n = 48; a third of one condition never move the robot, and are drawn anew",
+        lambda rng: reported(rng, BETWEEN, 48),
+    ),
+    Case(
+        "whole report",
+        "within, n = 40; a third never move the robot under one condition",
+        lambda rng: reported(rng, WITHIN, 40),
+    ),
+)
+BETWEEN, WITHIN = reported_study(within=False), reported_study(within=True)
 
 
 def _two_each(drives: list[list[DriveOutcome]]) -> list[list[DriveOutcome]]:
@@ -595,17 +725,23 @@ INTERVALS = (
     Case(
         "rate ratio, groups",
         "stops, ratio 2, n = 20 each",
-        lambda rng: _effect(by_drives("counts", stops(rng, 20, 2, 2.0, paired=False)), 2.0),
+        lambda rng: _effect(
+            by_drives("counts", stops(rng, 20, 2, 2.0, paired=False), with_ratio=True), 2.0
+        ),
     ),
     Case(
         "rate ratio, within",
         "the same, n = 20",
-        lambda rng: _effect(by_drives("counts", stops(rng, 20, 2, 2.0, paired=True)), 2.0),
+        lambda rng: _effect(
+            by_drives("counts", stops(rng, 20, 2, 2.0, paired=True), with_ratio=True), 2.0
+        ),
     ),
     Case(
         "hazard ratio, groups",
         "ratio 2, n = 24 each, time-outs",
-        lambda rng: _effect(by_drives("times", times(rng, 24, 2, 2.0, paired=False)), 2.0),
+        lambda rng: _effect(
+            by_drives("times", times(rng, 24, 2, 2.0, paired=False), with_ratio=True), 2.0
+        ),
     ),
     Case("mean, Student's t", "n = 20", lambda rng: _mean(rng, interval="t")),
     Case("mean, normal", "n = 60", lambda rng: _mean(rng, interval="normal")),
@@ -665,7 +801,8 @@ def main() -> int:
     parser.add_argument("--only", default="", help="of cases whose name has these words")
     wanted = parser.parse_args()
     missed = 0
-    for cases, bounds, head in ((NULLS, REJECTED, "test"), (INTERVALS, HELD, "interval of")):
+    parts = ((*NULLS, *REPORTS), REJECTED, "test"), (INTERVALS, HELD, "interval of")
+    for cases, bounds, head in parts:
         own = [one for one in cases if wanted.only in f"{head}: {one.what}"]
         missed += table(own, bounds, wanted.runs, head) if own else 0
         print()

@@ -4,7 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from experiments.analysis.power.assumptions import REASONS, Assumption, assumed
-from experiments.analysis.power.simulation import Orders, SimulatedStudies, SimulatedTest, simulate
+from experiments.analysis.power.draws import Orders, SimulatedTest
+from experiments.analysis.power.simulation import SimulatedStudies, simulate
 from experiments.analysis.statistics.descriptive import wilson
 from experiments.analysis.tables.table import Table, TableCell, count, number, words
 from experiments.definition.factors import conditions_together

@@ -8,10 +8,13 @@
   the covariance of Lin and Wei (1989) by participants. Times of different participants in two or
   more groups are compared by the log-rank test (Mantel, 1966).
 
-Tests of terms are Wald's, with t and F on as many degrees of freedom as there are participants less
-coefficients; those of contrasts are score tests. Coefficients are log odds ratios, log rate ratios,
-and logarithms of how many times longer (a hazard ratio, the second over the first); all are
-positive where the first side is greater.
+Tests are robust score tests (Boos, 1992; Guo et al., 2005): the residuals of the model without an
+effect, times its columns, are summed for each participant, and their mean is tested by Hotelling's
+T². They need no estimate of the effect, so that there is a test where it separates the outcomes
+completely. Coefficients have Wald's t with as many degrees of freedom as there are participants
+less coefficients. Coefficients are log odds ratios, log rate ratios, and logarithms of how many
+times longer (a hazard ratio, the second over the first); all are positive where the first side is
+greater.
 """
 
 import math
@@ -26,6 +29,7 @@ import numpy as np
 from experiments.analysis.dataset.records import Floats
 from experiments.analysis.statistics.comparisons import (
     NO_VARIANCE,
+    ROUNDING,
     TOO_FEW,
     IntervalEstimate,
     Test,
@@ -34,6 +38,7 @@ from experiments.analysis.statistics.conditions import NO_TEST, ONE_CONDITION, c
 from experiments.analysis.statistics.mixed_models import coefficient, grouped, p_of
 from experiments.analysis.statistics.models import (
     CannotFitError,
+    Coefficient,
     Design,
     FittedModel,
     TermTest,
@@ -49,7 +54,6 @@ SCORE = {
     "counts": "score F (Poisson)",
     "times": "score F (Cox)",
 }
-WALD = {"proportions": "Wald F (logistic)", "counts": "Wald F (Poisson)", "times": "Wald F (Cox)"}
 SEPARATED = "no estimate: the effects separate the outcomes completely"
 NEVER = "the time came in no drive"
 FIELDS = ("value", "weight")
@@ -76,40 +80,116 @@ def fit_family(
     outcomes: Sequence[DriveOutcome],
     design: Design,
     terms: Sequence[str],
+    *,
+    with_coefficients: bool = True,
 ) -> FittedModel:
-    """Fit a model to the drives of participants.
+    """Fit a model to the drives of participants. There are tests, but no coefficients, where the
+    effects separate the outcomes completely (in a level, all drives succeeded), and none
+    `with_coefficients` false, for simulations.
 
     Raises:
-        CannotFitError: there are too few data, no variance, columns that depend on each other, or
-            effects that separate the outcomes completely (in a level, all drives succeeded).
+        CannotFitError: there are too few data, no variance, or columns that depend on each other.
     """
     groups, people = grouped([one.who for one in outcomes])
     values, weights = (np.array([getattr(one, name) for one in outcomes]) for name in FIELDS)
     known = values / weights if family == "counts" else values if weights.any() else weights
     check_data(known, design.columns, people)
-    fitted = _cox if family == "times" else _estimating_equations
-    estimates, covariance = fitted(family, values, weights, design.columns, groups)
-    df = float(people - len(design.names))
-    if df < 1.0:
+    if people <= len(design.names):
         raise CannotFitError("too few participants for so many effects")
-    if not np.isfinite(covariance).all() or np.abs(estimates).max() > LARGEST:
-        raise CannotFitError(SEPARATED)
-    errors = np.sqrt(np.diag(covariance))
-    coefficients = [
-        coefficient(name, float(value), float(error), df)
-        for name, value, error in zip(design.names, estimates, errors, strict=True)
-        if error > 0.0  # Cox's regression has no intercept
-    ]
+    coefficients: tuple[Coefficient, ...] = ()
+    remark = ""
+    if with_coefficients:
+        try:
+            coefficients = _coefficients(family, values, weights, design, groups)
+        except CannotFitError as error:
+            remark = str(error)
     by_name = {one.name: one.estimate for one in coefficients}
     tests = []
     for number, name in enumerate(terms, start=1):
         places = design.places(number)
-        own = estimates[places]
-        f = own @ np.linalg.solve(covariance[np.ix_(places, places)], own) / len(places)
-        difference = design.difference(number, by_name[design.names[places[0]]])
-        freedom = (float(len(places)), df)
-        tests.append(TermTest(name, float(f), freedom, float(p_of(f, freedom)), difference))
-    return FittedModel(people, len(outcomes), tuple(coefficients), tuple(tests))
+        f, df = _hotelling(_scores(family, values, weights, design.columns, places), groups, people)
+        half = by_name.get(design.names[places[0]], IntervalEstimate())
+        difference = design.difference(number, half)
+        tests.append(TermTest(name, f, df, float(p_of(np.array(f), df)), difference))
+    return FittedModel(people, len(outcomes), coefficients, tuple(tests), remark=remark)
+
+
+def _coefficients(
+    family: Family, values: Floats, weights: Floats, design: Design, groups: Any
+) -> tuple[Coefficient, ...]:
+    fitted = _cox if family == "times" else _estimating_equations
+    estimates, covariance = fitted(family, values, weights, design.columns, groups)
+    if not np.isfinite(covariance).all() or np.abs(estimates).max() > LARGEST:
+        raise CannotFitError(SEPARATED)
+    df = float(groups.max() + 1 - len(design.names))
+    return tuple(
+        coefficient(name, float(value), float(error), df)
+        for name, value, error in zip(
+            design.names, estimates, np.sqrt(np.diag(covariance)), strict=True
+        )
+        if error > 0.0  # Cox's regression has no intercept
+    )
+
+
+def _scores(
+    family: Family, values: Floats, weights: Floats, columns: Floats, places: Sequence[int]
+) -> Floats:
+    """Return the scores of drives, (n, q), for columns at some places, where their coefficients are
+    0: residuals of the model without them, times what of them the other columns do not explain.
+    """
+    others = [at for at in range(columns.shape[1]) if at not in places]
+    with _separation():
+        if family == "times":
+            return _scores_of_times(values, weights, columns[:, 1:], [at - 1 for at in places])
+        import statsmodels.api as sm  # noqa: PLC0415 - not on robots
+
+        of_family = sm.families.Poisson() if family == "counts" else sm.families.Binomial()
+        exposure = weights if family == "counts" else None
+        rest, own = columns[:, others], columns[:, list(places)]
+        mean = sm.GLM(values, rest, family=of_family, exposure=exposure).fit().fittedvalues
+        information = mean if family == "counts" else mean * (1.0 - mean)
+        weighted = rest.T * information
+        explained = rest @ np.linalg.solve(weighted @ rest, weighted @ own)
+        return np.asarray((own - explained) * (values - mean)[:, None])
+
+
+def _scores_of_times(times: Floats, came: Floats, columns: Floats, places: Sequence[int]) -> Floats:
+    from statsmodels.duration.hazard_regression import PHReg  # noqa: PLC0415 - not on robots
+
+    others = [at for at in range(columns.shape[1]) if at not in places]
+    at_null = np.zeros(columns.shape[1])
+    if others:
+        at_null[others] = PHReg(times, columns[:, others], status=came).fit(disp=0).params
+    model = PHReg(times, columns, status=came)
+    own = list(places)
+    # a drive that ended before anybody's time came was never at risk: NaN
+    scores = np.nan_to_num(np.asarray(model.score_residuals(at_null)))
+    if not others:
+        return np.asarray(scores[:, own])
+    information = model.hessian(at_null)
+    explained = np.linalg.solve(
+        information[np.ix_(others, others)], information[np.ix_(others, own)]
+    )
+    return np.asarray(scores[:, own] - scores[:, others] @ explained)
+
+
+def _hotelling(scores: Floats, groups: Any, people: int) -> tuple[float, tuple[float, float]]:
+    """Return F that the mean of the participants' summed scores is 0, and its degrees of freedom.
+
+    Raises:
+        CannotFitError: they do not vary.
+    """
+    size = scores.shape[1]
+    summed = np.zeros((people, size))
+    np.add.at(summed, groups, scores)
+    summed[np.abs(summed) <= ROUNDING * np.abs(scores).max()] = 0.0
+    covariance, mean = np.atleast_2d(np.cov(summed, rowvar=False)), summed.mean(axis=0)
+    is_known = people > size + 1 and np.isfinite(covariance).all()
+    if not is_known or np.linalg.matrix_rank(covariance) < size:
+        raise CannotFitError(NO_VARIANCE)
+    factor = people * (people - size) / (size * (people - 1.0))
+    f = float(mean @ np.linalg.solve(covariance, mean)) * factor
+    return f, (float(size), float(people - size))
 
 
 def _estimating_equations(
@@ -163,12 +243,13 @@ def _cox(
 # --- comparisons ----------------------------------------------------------------------------------
 
 
-def compare_drives(family: Family, sides: Sides) -> Test:
+def compare_drives(family: Family, sides: Sides, *, with_ratio: bool = True) -> Test:
     """Return the test of a difference between sides of drives: of proportions, with one drive of a
     participant on each side, by conditions.compare; of times of different participants by the
     log-rank test; otherwise by the score test of a model of the sides.
 
-    A side with drives of fewer than two participants takes itself out, and the remark says so.
+    A side with drives of fewer than two participants takes itself out, and the remark says so. The
+    ratio of two sides takes most of the time; simulations leave it out.
     """
     few = {key: len({one.who for one in side}) for key, side in sides.items()}
     told = "; ".join(f"{key}: left out, n = {n}" for key, n in few.items() if n < 2)
@@ -183,66 +264,39 @@ def compare_drives(family: Family, sides: Sides) -> Test:
         values = {key: {one.who: one.value for one in side} for key, side in kept.items()}
         test = compare(values, is_paired=not is_apart, by="proportions")
     elif family == "times" and is_apart:
-        test = _log_rank(kept)
+        test = _log_rank(kept, with_ratio=with_ratio)
     else:
-        test = _score_test(family, kept)
+        test = _score_test(family, kept, with_ratio=with_ratio)
     remark = "; ".join(filter(None, (told, test.remark)))
     return replace(test, remark=remark)
 
 
-def _score_test(family: Family, sides: Sides) -> Test:
-    """Return the robust score test of sides. It needs no estimate, so that there is one where the
-    sides separate the outcomes completely.
-
-    A drive's score is its residual without any effect, times its side less the mean of all sides by
-    their information; the scores of a participant are summed, and their mean is tested by
-    Hotelling's T² (Guo et al., 2005, have this test with generalized estimating equations).
-    """
+def _score_test(family: Family, sides: Sides, *, with_ratio: bool) -> Test:
     outcomes = [one for side in sides.values() for one in side]
+    n = len({one.who for one in outcomes})
     if family == "times" and not any(one.weight for one in outcomes):
-        return Test(SCORE[family], len({one.who for one in outcomes}), remark=NEVER)
+        return Test(SCORE[family], n, remark=NEVER)
     rows = [{"side": key} for key, side in sides.items() for _ in side]
     design = design_of({"side": list(sides)}, ["side"], rows)
-    groups, n = grouped([one.who for one in outcomes])
-    summed = np.zeros((n, len(sides) - 1))
-    np.add.at(summed, groups, _scores(family, outcomes, design.columns[:, 1:]))
-    size = summed.shape[1]
-    covariance, mean = np.atleast_2d(np.cov(summed, rowvar=False)), summed.mean(axis=0)
-    if n <= size + 1 or np.linalg.matrix_rank(covariance) < size:
-        return Test(SCORE[family], n, remark=NO_VARIANCE)
-    f = float(mean @ np.linalg.solve(covariance, mean)) * n * (n - size) / (size * (n - 1.0))
-    df = (float(size), float(n - size))
-    test = Test(SCORE[family], n, f, df, float(p_of(np.array(f), df)))
-    return _with_ratio(test, family, outcomes, design) if size == 1 else test
-
-
-def _scores(family: Family, outcomes: Sequence[DriveOutcome], sides: Floats) -> Floats:
-    """Return the scores of drives, (n, k), at no effect of their sides, (n, k)."""
-    values, weights = (np.array([getattr(one, name) for one in outcomes]) for name in FIELDS)
-    if family == "times":
-        from statsmodels.duration.hazard_regression import PHReg  # noqa: PLC0415 - not on robots
-
-        model = PHReg(values, sides, status=weights)
-        return np.asarray(model.score_residuals(np.zeros(sides.shape[1])))
-    residuals = values - weights * values.sum() / weights.sum()
-    return np.asarray((sides - weights @ sides / weights.sum()) * residuals[:, None])
-
-
-def _with_ratio(
-    test: Test, family: Family, outcomes: Sequence[DriveOutcome], design: Design
-) -> Test:
-    """Return a test of two sides with the ratio between them, if that can be estimated."""
+    is_sized = with_ratio and len(sides) == 2
     try:
-        (term,) = fit_family(family, outcomes, design, ["side"]).terms
-    except CannotFitError:
+        found = fit_family(family, outcomes, design, ["side"], with_coefficients=is_sized)
+    except CannotFitError as error:
+        return Test(SCORE[family], n, remark=str(error))
+    (term,) = found.terms
+    return _with_ratio(Test(SCORE[family], n, term.f, term.df, term.p), family, term)
+
+
+def _with_ratio(test: Test, family: Family, term: TermTest) -> Test:
+    """Return a test of two sides with the ratio between them, if it has an estimate."""
+    size = term.difference
+    if not math.isfinite(size.value):
         return test
-    low, size, high = (
-        math.exp(one) for one in (term.difference.low, term.difference.value, term.difference.high)
-    )
-    return replace(test, effect_name=RATIO[family], effect=IntervalEstimate(size, low, high))
+    ratio = IntervalEstimate(*(math.exp(one) for one in (size.value, size.low, size.high)))
+    return replace(test, effect_name=RATIO[family], effect=ratio)
 
 
-def _log_rank(sides: Sides) -> Test:
+def _log_rank(sides: Sides, *, with_ratio: bool) -> Test:
     from statsmodels.duration.survfunc import survdiff  # noqa: PLC0415 - not on robots
 
     outcomes = [one for side in sides.values() for one in side]
@@ -258,10 +312,12 @@ def _log_rank(sides: Sides) -> Test:
     except np.linalg.LinAlgError:
         return Test(LOG_RANK, n, remark=NO_VARIANCE)
     test = Test(LOG_RANK, n, float(chi2), (len(sides) - 1.0,), float(p))
-    if len(sides) > 2:
+    if len(sides) > 2 or not with_ratio:
         return test
     rows = [{"side": key} for key, side in sides.items() for _ in side]
-    return _with_ratio(test, "times", outcomes, design_of({"side": list(sides)}, ["side"], rows))
+    design = design_of({"side": list(sides)}, ["side"], rows)
+    (term,) = fit_family("times", outcomes, design, ["side"]).terms
+    return _with_ratio(test, "times", term)
 
 
 def median_time(side: Sequence[DriveOutcome]) -> float | None:

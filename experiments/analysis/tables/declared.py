@@ -29,7 +29,7 @@ from experiments.analysis.statistics.models import (
     design_of,
 )
 from experiments.analysis.statistics.regression import (
-    WALD,
+    SCORE,
     DriveOutcome,
     Family,
     compare_drives,
@@ -70,7 +70,7 @@ from surveys.scoring import ScoredScale, measured_scale
 Cells = tuple[TableCell, ...]
 PLANNED = "Plan"  # the column that names the hypotheses of a row; only in a study with hypotheses
 SIDES = ("first", "second")
-TESTS = {"mixed": "Wald F", **WALD}
+TESTS = {"mixed": "Wald F", **SCORE}
 DIFFERENCE = ("Difference", "Difference: from", "Difference: to")
 MODELS = {
     "mixed": "Linear mixed model with an intercept for each participant, by REML. Tests: Wald, by"
@@ -83,8 +83,8 @@ MODELS = {
     " hazard of the second less that of the first, above 0 where times of the first are longer.",
 }
 CLUSTERED = (
-    "Covariances by the residuals of participants; participants less coefficients are the degrees"
-    " of freedom of F and t."
+    "Effects: robust score tests by the residuals of participants. Coefficients: Wald, with"
+    " participants less coefficients as the degrees of freedom of t."
 )
 IN_SUM_CODING = (
     "Effects are tested in sum coding: that of a factor is its average over the levels of the"

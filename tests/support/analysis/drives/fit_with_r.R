@@ -30,5 +30,28 @@ rank <- survdiff(Surv(seconds, came) ~ delay, subset(drives, help == "alone"))
 tell("log-rank", "delay", rank$chisq, NA)
 median_of <- summary(survfit(Surv(seconds, came) ~ 1, drives))$table[["median"]]
 tell("median", "all", median_of, NA)
+# robust score tests of each term: residuals without it, times what of its column the others do not
+# explain, summed for each participant; Hotelling's T2 of one column is the square of t
+columns <- model.matrix(as.formula(paste("~", right)), drives)
+tell_score <- function(model, term, scores) {
+  t <- t.test(rowsum(scores, drives$who))
+  tell(paste0("score-", model), term, t$statistic^2, t$p.value)
+}
+for (term in c("delay1", "help1", "delay1:help1")) {
+  own <- columns[, term]; rest <- columns[, colnames(columns) != term]
+  for (model in c("logistic", "poisson")) {
+    fit <- if (model == "logistic") glm(drives$completed ~ rest - 1, binomial(), epsilon = 1e-12)
+      else glm(drives$stops ~ rest - 1, poisson(), offset = log(drives$minutes), epsilon = 1e-12)
+    mean <- fitted(fit); weights <- if (model == "logistic") mean * (1 - mean) else mean
+    left <- residuals(lm(own ~ rest - 1, weights = weights))
+    tell_score(model, term, left * (drives[[c(logistic = "completed", poisson = "stops")[[model]]]] - mean))
+  }
+  rest <- rest[, -1]
+  null <- coxph(Surv(seconds, came) ~ rest, drives, ties = "breslow", control = coxph.control(eps = 1e-12, toler.inf = 1e-9, iter.max = 100))
+  start <- setNames(numeric(3), colnames(columns)[-1]); start[colnames(columns)[-1] != term] <- coef(null)
+  at <- coxph(Surv(seconds, came) ~ columns[, -1], drives, ties = "breslow", init = start, control = coxph.control(iter.max = 0))
+  scores <- residuals(at, "score"); information <- solve(at$var); place <- which(names(start) == term)
+  tell_score("cox", term, scores[, place] - scores[, -place] %*% solve(information[-place, -place], information[-place, place]))
+}
 options(digits = 15)
 write.csv(do.call(rbind, found), file.path(here, "fits.csv"), row.names = FALSE, quote = FALSE, na = "")

@@ -121,7 +121,6 @@ def test_every_test_of_the_statistics_has_its_sentence():
         rank_tests.FRIEDMAN,
         *(proportions.CHI_SQUARE, proportions.BOSCHLOO, proportions.MCNEMAR, proportions.COCHRAN),
         regression.LOG_RANK,
-        *regression.SCORE.values(),
         *declared.TESTS.values(),
     }
     assert names <= set(METHODS)

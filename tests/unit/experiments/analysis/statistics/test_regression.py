@@ -56,12 +56,16 @@ def test_estimates_and_robust_errors_are_those_of_r(model):
         assert ours.df == people - 4
 
 
-def test_a_term_of_a_factor_with_two_levels_has_the_test_of_its_coefficient():
-    found = fitted("counts", rows_of("drives.csv"))
-    term, coefficient = found.terms[0], found.coefficients[1]
-    assert term.f == pytest.approx(coefficient.t**2)
-    assert term.p == pytest.approx(coefficient.p)
-    assert term.difference.value == pytest.approx(2.0 * coefficient.estimate.value)
+@pytest.mark.parametrize("model", FAMILIES)
+def test_terms_have_the_robust_score_tests_that_r_computes(model):
+    found = fitted(FAMILIES[model], rows_of("drives.csv"))
+    expected = [one for one in rows_of("fits.csv") if one["model"] == f"score-{model}"]
+    assert len(found.terms) == len(expected) == 3
+    for ours, theirs in zip(found.terms, expected, strict=True):
+        assert ours.f == pytest.approx(float(theirs["estimate"]), rel=1e-5)
+        assert ours.p == pytest.approx(float(theirs["error"]), rel=1e-5)
+    half = next(one.estimate for one in found.coefficients if one.name == "delay none")
+    assert found.terms[0].difference.value == pytest.approx(2.0 * half.value)
 
 
 def test_times_of_different_participants_have_rs_log_rank_test_and_median():
@@ -76,7 +80,7 @@ def test_times_of_different_participants_have_rs_log_rank_test_and_median():
         for level in LEVELS["delay"]
     }
     found = compare_drives("times", sides)
-    told = {one["model"]: float(one["estimate"]) for one in rows_of("fits.csv")[-2:]}
+    told = {one["model"]: float(one["estimate"]) for one in rows_of("fits.csv")}
     assert found.name == "log-rank χ²"
     assert found.statistic == pytest.approx(told["log-rank"])
     assert found.p == pytest.approx(stats.chi2.sf(told["log-rank"], 1))
@@ -119,11 +123,22 @@ def test_a_rate_ratio_counts_events_per_minute():
     assert found.p < 0.001
 
 
-def test_a_level_without_a_failure_has_no_estimate_and_says_why():
-    rows = [{"delay": delay} for delay in LEVELS["delay"] for _ in range(6)]
-    outcomes = drives(1, 1, 1, 1, 1, 1) + drives(1, 0, 1, 0, 1, 1, start=6)
-    with pytest.raises(CannotFitError, match="separate the outcomes completely"):
-        fit_family("proportions", outcomes, design_of(LEVELS, ("delay",), rows), ("delay",))
+def test_a_level_without_a_failure_has_a_test_and_no_coefficients():
+    rows = [{"delay": delay} for delay in LEVELS["delay"] for _ in range(12)]
+    outcomes = drives(*[1] * 12) + drives(*[1, 0, 0] * 4, start=12)
+    found = fit_family("proportions", outcomes, design_of(LEVELS, ("delay",), rows), ("delay",))
+    assert found.terms[0].p < 0.01
+    assert found.coefficients == ()
+    assert found.remark == "no estimate: the effects separate the outcomes completely"
+
+
+def test_why_a_model_cannot_be_fitted_is_said():
+    rows = [{"delay": delay} for delay in LEVELS["delay"] for _ in range(2)]
+    design = design_of(LEVELS, ("delay",), rows)
+    with pytest.raises(CannotFitError, match="no variance"):
+        fit_family("proportions", drives(1, 1, 1, 1), design, ("delay",))
+    with pytest.raises(CannotFitError, match="fewer than three participants"):
+        fit_family("proportions", drives(1, 0) + drives(0, 1), design, ("delay",))
 
 
 def test_sides_that_separate_the_outcomes_have_a_test_and_no_ratio():
