@@ -236,16 +236,28 @@ def _unknown_metrics(definition: StudyDefinition) -> Iterator[Problem]:
     if not definition.analyses:
         return
     # with numpy and scipy, which a page about a study without analyses need not load
-    from experiments.analysis.metrics.sessions import METRICS  # noqa: PLC0415
+    from experiments.analysis.metrics.definitions import (  # noqa: PLC0415
+        METRICS,
+        unfit_for,
+    )
 
     known = {column.name for column in METRICS}
     for n, one in enumerate(definition.analyses):
-        found = (
+        unknown = (
             Problem(_("there is no metric %(name)s."), {"name": measure})
             for measure in one.measures
             if "." not in measure and measure not in known
         )
-        yield from within(found, ProblemPlace("analyses", n), _("Analysis"), one.key)
+        unfit = (
+            Problem(
+                _("%(name)s cannot be tested so; choose: %(tests)s."),
+                {"name": measure, "tests": tests},
+            )
+            for measure in one.measures
+            if (tests := unfit_for(one.test, measure))
+        )
+        for found in (unknown, unfit):
+            yield from within(found, ProblemPlace("analyses", n), _("Analysis"), one.key)
 
 
 def _attention_checks(definition: StudyDefinition) -> Iterator[Problem]:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from experiments.analysis.dataset.counting import counting
 from experiments.analysis.dataset.records import COUNTING, Dataset
 from experiments.analysis.figures.drawing import as_svg
 from experiments.analysis.report import reports
@@ -30,7 +31,7 @@ def findings(study: Study) -> Findings:
         str(drive.session_id): _record(drive, is_practice=drive.step in practice)
         for drive in drives
     }
-    dataset = dataset_of(study).counting(("bot",))
+    dataset = counting(dataset_of(study), ("bot",))
     drawn, not_drawn = _draw(dataset)
     different = discrepancies(drives, np.random.default_rng(1))
     return Findings(records, sorted(_empty(dataset, definition)), drawn, not_drawn, different)

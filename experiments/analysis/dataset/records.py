@@ -13,9 +13,8 @@ from typing import Annotated, Any
 
 import msgspec
 
-from experiments.analysis.dataset import columns, counting, levels
+from experiments.analysis.dataset import columns, levels
 from experiments.analysis.dataset.columns import NO_YES, REQUIRED, column, described
-from experiments.analysis.dataset.exclusions import PlanExclusion, excluded_participants
 from experiments.analysis.dataset.levels import PLATFORM, Kind
 from experiments.analysis.dataset.states import NO_NETWORK, NO_STATES
 from experiments.definition.publication import PublicationDetails
@@ -122,7 +121,7 @@ class SessionRecord:
     )
     practice: bool = column(False, "1 for practice, which counts nowhere")
     counts_why: str = column(
-        "", "why it does not count; empty when it does", late=True, levels=counting.REASONS
+        "", "why it does not count; empty when it does", late=True, levels=levels.UNCOUNTED
     )
     site: str = column("", "name of the floor plan")
     condition: str = column("", "assigned condition")
@@ -244,8 +243,8 @@ class SessionRecord:
     @property
     def uncounted_because(self) -> str:
         """Why it does not count, in words; empty when it counts."""
-        own = {counting.PLATFORM_FAULT: self.fault, counting.EXCLUDED: self.excluded}
-        return own.get(self.counts_why) or counting.REASONS.get(self.counts_why, "")
+        own = {levels.PLATFORM_FAULT: self.fault, levels.EXCLUDED: self.excluded}
+        return own.get(self.counts_why) or levels.UNCOUNTED.get(self.counts_why, "")
 
     @property
     def fault(self) -> str:
@@ -394,6 +393,25 @@ NO_PUBLICATION = PublicationDetails()
 
 
 @dataclass(frozen=True)
+class PlanExclusion:
+    """One reason to leave out a participant, or one session of theirs.
+
+    Attributes:
+        participant: their code.
+        rule: its name.
+        value: what was found, in words.
+        session: the session's code; empty when the participant is excluded.
+        is_planned: whether the plan has the rule.
+    """
+
+    participant: str
+    rule: str
+    value: str
+    session: str = ""
+    is_planned: bool = True
+
+
+@dataclass(frozen=True)
 class Dataset:
     """A study and all that was recorded of it. `states` and `network` read those of a session,
     which may have none. Datasets of earlier releases have no `freeze`.
@@ -466,19 +484,8 @@ class Dataset:
     @property
     def included(self) -> tuple[ParticipantRecord, ...]:
         """The participants who neither withdrew nor are excluded by a rule of the plan."""
-        excluded = excluded_participants(self.exclusions) if not self.is_with_excluded else ()
+        excluded = {one.participant for one in self.exclusions if not one.session}
+        excluded = set() if self.is_with_excluded else excluded
         return tuple(
             one for one in self.participants if not one.withdrawn and one.id not in excluded
         )
-
-    def counting(
-        self, kinds: Sequence[Kind] = ("participant",), *, with_excluded: bool = False
-    ) -> "Dataset":
-        """Return the part of a whole dataset that counts: participants of some kinds with the
-        drives that count, the answers about these, and all pages and events of their task.
-
-        Args:
-            kinds: who is chosen.
-            with_excluded: whether what is excluded counts as well: a sensitivity analysis.
-        """
-        return counting.counting_part(self, kinds, with_excluded=with_excluded)

@@ -95,6 +95,7 @@ def measure(dataset: Dataset, session: SessionRecord, events: Iterable[EventReco
 
 def _times(session: SessionRecord, found: Milestones) -> Values:
     return {
+        "completed": float(session.outcome == COMPLETED) if session.outcome else math.nan,
         "total_time": found.end - found.start,
         "time_to_motion": found.motion - found.start,
         "task_time": found.docked - found.start if session.outcome == COMPLETED else math.nan,

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 
 from experiments.analysis.dataset.records import Dataset, ResponseRecord
 from experiments.analysis.statistics.conditions import compare
-from experiments.analysis.tables.comparisons import READ_AS, compared, corrected_for, head_of
+from experiments.analysis.tables.comparisons import READ_AS, Group, compared, corrected_for, head_of
 from experiments.analysis.tables.effects import family
 from experiments.analysis.tables.paper_tables import behind, label_of, lines_of
 from experiments.analysis.tables.response_selection import RULES
@@ -26,12 +26,15 @@ def compare_answers(dataset: Dataset) -> Table:
     lines = counted[keys[0]][0] if keys else []
     is_paired = dataset.study.allocation.design == "within"
     groups = [
-        [(scores(counted[key][1], line.statements), behind(line, counted[key][1])) for key in keys]
+        [
+            Group(scores(counted[key][1], line.statements), behind(line, counted[key][1]))
+            for key in keys
+        ]
         for line in lines
     ]
     tests = [
         compare(
-            {key: values for key, (values, _) in zip(keys, row, strict=True)}, is_paired=is_paired
+            {key: group.values for key, group in zip(keys, row, strict=True)}, is_paired=is_paired
         )
         for row in groups
     ]

@@ -3,9 +3,10 @@ that a reader needs to check it.
 """
 
 from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass
 
 from experiments.analysis.statistics.comparisons import IntervalEstimate, Test, holm
-from experiments.analysis.statistics.descriptive import spread
+from experiments.analysis.statistics.descriptive import Spread, spread
 from experiments.analysis.tables.table import TableCell, count, number, probability, words
 
 REMARK = "Remark"
@@ -29,12 +30,24 @@ TESTED = (
 READ_AS = (
     "n tested: participants, or pairs for a paired test; from, to: 95 % confidence interval.",
     (
-        "Difference: of means, first less second. Effect: d, Cohen's with the pooled SD; d_z, mean"
-        " over SD of the differences; η²p, partial eta squared; W (Kendall), its interval by"
-        " resampling participants."
+        "Difference: of means or proportions, first less second. Effect: d, the difference over the"
+        " root of the mean of both variances; d_z, mean over SD of the differences; η²p, partial"
+        " eta squared; W (Kendall); odds, rate and hazard ratio (second over first: above 1, times"
+        " of the first are longer). Effects of several conditions have no interval."
     ),
 )
-Group = tuple[Mapping[str, float], Sequence[str]]  # a value a participant, the sessions behind them
+
+
+@dataclass(frozen=True)
+class Group:
+    """A side of a comparison: a value a participant, and the sessions behind them. Times that are
+    censored have no mean, and the median that is given.
+    """
+
+    values: Mapping[str, float]
+    sessions: Sequence[str] = ()
+    is_censored: bool = False
+    median: float | None = None
 
 
 def head_of(keys: Sequence[str], *, is_ordinal: bool = False) -> tuple[str, ...]:
@@ -48,8 +61,10 @@ def compared(
 ) -> tuple[TableCell, ...]:
     """Return a row: what was compared, each group, and the test with its corrected p value."""
     cells: list[TableCell] = []
-    for values, ids in groups:
-        about = spread(list(values.values()))
+    for group in groups:
+        about, ids = spread(list(group.values.values())), group.sessions
+        if group.is_censored:
+            about = Spread(about.n, median=group.median)
         cells += [count(about.n, ids), number(about.mean, 3, ids), number(about.sd, 3)]
         if is_ordinal:
             cells += [number(about.median, 2, ids), number(about.iqr, 2)]
@@ -100,4 +115,4 @@ def corrected_for(
 
 
 def _data(groups: Sequence[Group]) -> Hashable:
-    return tuple(tuple(sorted(values.items())) for values, _ids in groups)
+    return tuple(tuple(sorted(group.values.items())) for group in groups)

@@ -194,7 +194,8 @@ def score_tests(dataset: Dataset, found: ScoredQuestionnaire) -> Table:
 def _of_condition(found: ScoredQuestionnaire, key: str, scale: ScoredScale) -> Group:
     own = found.of_condition(key)
     responses = [one for group in own for one in group.responses]
-    return mean_scores(responses, scale), [ids for group in own for ids in group.behind(scale)]
+    sessions = [ids for group in own for ids in group.behind(scale)]
+    return Group(mean_scores(responses, scale), sessions)
 
 
 def _test(
@@ -207,7 +208,7 @@ def _test(
     if differing := found.differing(scale):
         return Test(NO_TEST, 0, remark=f"not the same items: {', '.join(differing)}")
     return compare(
-        {key: values for key, (values, _ids) in zip(keys, row, strict=True)},
+        {key: group.values for key, group in zip(keys, row, strict=True)},
         is_paired=dataset.study.allocation.design == "within",
     )
 

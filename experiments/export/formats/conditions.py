@@ -7,9 +7,8 @@ from statistics import fmean
 from typing import Any
 
 from experiments.analysis.dataset.columns import Column, amount_of, flag, share
-from experiments.analysis.dataset.counting import REASONS
 from experiments.analysis.dataset.files import table
-from experiments.analysis.dataset.levels import KINDS, OUTCOMES
+from experiments.analysis.dataset.levels import KINDS, OUTCOMES, UNCOUNTED
 from experiments.analysis.dataset.records import (
     COMPLETED,
     Dataset,
@@ -31,7 +30,7 @@ ABOUT = (
     amount_of("sessions", "", "drives of the participant in this condition, without practice"),
     flag("counts", "1 when a drive counts in the results on participants"),
     Column("counts_why", "", "why the last drive does not count; empty when one does").one_of(
-        REASONS
+        UNCOUNTED
     ),
     Column("session", "", "code of the last drive that counts, or of the last one without any"),
     Column("outcome", "", "how that drive ended").one_of(OUTCOMES),

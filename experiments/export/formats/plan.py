@@ -5,6 +5,7 @@ which rule, and the reporting sheet.
 from collections.abc import Iterator
 
 from experiments.analysis.dataset.columns import Column, flag
+from experiments.analysis.dataset.counting import counting
 from experiments.analysis.dataset.exclusions import RULES
 from experiments.analysis.dataset.files import table
 from experiments.analysis.dataset.records import Dataset
@@ -31,7 +32,7 @@ class PlanFormat(ExportFormat):
     def __init__(self, source: ExportSource) -> None:
         super().__init__(source)
         there = {one.kind for one in source.dataset.participants} or {"participant"}
-        self._chosen = [source.dataset.counting([kind]) for kind in KINDS if kind in there]
+        self._chosen = [counting(source.dataset, [kind]) for kind in KINDS if kind in there]
 
     def of_study(self) -> Iterator[File]:
         """Yield the preregistration, and everybody who is excluded."""

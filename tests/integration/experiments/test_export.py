@@ -21,6 +21,7 @@ from django.core.management import CommandError, call_command
 from django.db import connection
 from mcap.reader import make_reader
 
+from experiments.analysis.dataset.counting import counting
 from experiments.analysis.dataset.folder import read, write
 from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.dataset.states import STATES
@@ -265,7 +266,7 @@ def test_bots_and_pilots_are_exported_as_what_they_are(stored, tmp_path):
     exported(stored.study, tmp_path)
     found = read(tmp_path)
     assert {one.participant for one in found.sessions if one.kind == "bot"} == {"P000"}
-    assert "P000" not in {one.participant for one in found.counting().sessions}
+    assert "P000" not in {one.participant for one in counting(found).sessions}
 
 
 def test_an_exported_session_says_whether_it_counts_and_why_not(tmp_path):
@@ -290,6 +291,9 @@ def test_an_exported_session_says_whether_it_counts_and_why_not(tmp_path):
     whys = [one.counts_why for one in found.sessions]
     assert whys[:3] == ["excluded", "not_driven", "not_exposed"]
     assert {one.counts_why for one in found.sessions if one.participant == pilot} == {"pilot"}
+    kept = {one.id for one in found.sessions if one.counts}
+    assert {one.session for one in found.responses} > kept
+    assert {one.session for one in counting(found).responses} - {""} <= kept
     with (tmp_path / "data/description-sessions_data.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["counts"] for row in rows] == [str(int(not why)) for why in whys]

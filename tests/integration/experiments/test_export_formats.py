@@ -15,6 +15,7 @@ import numpy as np
 import pyreadstat
 import pytest
 
+from experiments.analysis.dataset.counting import counting
 from experiments.analysis.dataset.folder import read
 from experiments.analysis.metrics.sessions import measure_all
 from experiments.dataset.selection import Selection
@@ -68,14 +69,14 @@ def test_each_participant_has_a_line_for_each_condition(folder):
     }
     assert len({(row["participant"], row["condition"]) for row in rows}) == len(rows)
     numbers = {one.session.id: one.values for one in measure_all(dataset)}
-    counting = {one.id for one in dataset.counting().sessions}
+    kept = {one.id for one in counting(dataset).sessions}
     for row in rows:
         own = [
             one
             for one in dataset.sessions
             if (one.participant, one.condition) == (row["participant"], row["condition"])
         ]
-        counted = [one for one in own if one.id in counting]
+        counted = [one for one in own if one.id in kept]
         assert (row["kind"], row["sessions"]) == (people[row["participant"]].kind, str(len(own)))
         assert row["counts"] == str(int(bool(counted)))
         assert bool(row["counts_why"]) is not bool(counted)
