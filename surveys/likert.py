@@ -71,29 +71,27 @@ def summarise(
     Raises:
         ValueError: when an answer is no value of the scale.
     """
-    given = [
-        [value for key in statements if (value := answers.get(key)) is not None]
-        for answers in responses
-    ]
+    found = [[answers.get(key) for key in statements] for answers in responses]
+    given = [[value for value in values if value is not None] for values in found]
     counts = Counter(value for values in given for value in values)
     if outside := sorted(set(counts) - set(scale)):
         raise ValueError(f"answers outside the scale: {outside}")
     scores = [statistics.fmean(values) for values in given if values]
     mean, sd = mean_and_sd(scores)
     total = counts.total()
-    parts = tuple(100.0 * counts[value] / total for value in scale) if total else None
-    positive = sum(n for value, n in counts.items() if value > neutral)
+    above = sum(n for value, n in counts.items() if value > neutral)
+    positive = 100.0 * above / total if total else None
     return Summary(
         respondents=len(scores),
         answers=total,
         counts=tuple(counts[value] for value in scale),
-        percentages=parts,
+        percentages=tuple(100.0 * counts[one] / total for one in scale) if total else None,
         mean=mean,
         sd=sd,
         ci95=half_width(sd, len(scores), 0.95, interval),
         ci99=half_width(sd, len(scores), 0.99, interval),
-        positive=100.0 * positive / total if total else None,
-        nonpositive=100.0 - 100.0 * positive / total if total else None,
+        positive=positive,
+        nonpositive=None if positive is None else 100.0 - positive,
     )
 
 

@@ -188,18 +188,15 @@ def save_page(
     offered = set(offered)
     if page > response.reached or not here or offered - set(here):
         raise NotAskedError(str(page))
-    stored = response.given()
-    given: dict[str, AnswerValue] = {}
-    errors: dict[str, str] = {}
+    stored, given, errors = response.given(), dict[str, AnswerValue](), dict[str, str]()
     for key, question in here.items():
         # an answer may hide questions after it
-        if key not in offered or key not in _shown(response, definition, stored | given):
-            continue
-        try:
-            given[key] = read_answer(question, fields, saving.now)
-            check_complete(question, given[key])
-        except RefusedError as error:
-            errors[key] = str(error)
+        if key in offered and key in _shown(response, definition, stored | given):
+            try:
+                given[key] = read_answer(question, fields, saving.now)
+                check_complete(question, given[key])
+            except RefusedError as error:
+                errors[key] = str(error)
     changed = [(here[key], one) for key, one in given.items() if stored.get(key) != one]
     _write(response, definition, changed, saving)
     asked = set(_shown(response, definition, stored | given))
