@@ -40,7 +40,7 @@ def test_a_form_is_read_with_what_it_holds_what_it_asks_and_how_it_is_sent():
     assert [(button.name, button.value) for button in form.buttons] == [("", ""), ("go", "decline")]
 
 
-def test_what_most_people_do_next_is_told_from_the_rest():
+def test_the_primary_link_and_button_are_found():
     page = HtmlPage(CONSENT)
     assert page.next_form() == (page.main_forms()[0], 0)
     assert page.next_link == "?leaf=2"
