@@ -31,9 +31,7 @@ def robot():
 
 @pytest.fixture
 def arrive(browser, live_server):
-    """Open a study's link in a browser of its own; Prolific is not there, and says with what it was
-    asked. No page may have raised.
-    """
+    """Open a study's link in a browser of its own; no page may have raised."""
     made = []
 
     def make(size: str, identifier: str, **options):
@@ -46,10 +44,7 @@ def arrive(browser, live_server):
         ).new_page()
         page.problems = []
         page.on("pageerror", lambda error: page.problems.append(str(error)))
-        page.context.route(
-            "https://app.prolific.com/**",
-            lambda route: route.fulfill(body=f"Prolific got {route.request.url}"),
-        )
+        page.context.route("**/return/", go_no_further)
         page.goto(f"{FRONT}?PROLIFIC_PID={identifier}&STUDY_ID=s&SESSION_ID=session-{identifier}")
         made.append(page)
         return page
@@ -58,6 +53,12 @@ def arrive(browser, live_server):
     for page in made:
         page.context.close()
     assert [problem for page in made for problem in page.problems] == []
+
+
+def go_no_further(route) -> None:
+    """Say where the site redirects to, instead of going there."""
+    answer = route.fetch(max_redirects=0)
+    route.fulfill(body=f"Redirected to {answer.headers['location']}")
 
 
 def check(page, name: str) -> None:
