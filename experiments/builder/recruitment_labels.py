@@ -47,7 +47,10 @@ HINTS: dict[str, Any] = {
         "Where participants go at the end. {code}, {id} and {session} are filled in. Leave blank "
         "for that of Prolific or Mechanical Turk; Sona, CloudResearch and other sites show you one."
     ),
-    "returning": _("If you tick none, everyone who gets a code returns."),
+    "returning": _(
+        "If you tick none, everyone who gets a code; on Sona and CloudResearch, only those who are "
+        "usually paid."
+    ),
     "Recruiting.codes": _(
         "Leave blank for codes that this site makes. They stay the same in all versions."
     ),

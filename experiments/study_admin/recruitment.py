@@ -81,6 +81,7 @@ class RecruitmentPages:
             site=sites.PROFILES[site].title if site in sites.PROFILES else "",
             link=sites.study_link(definition.recruiting, address),
             endings=_endings(row),
+            has_appointments=definition.appointments is not None,
             appointments=upcoming[:MOST_LISTED],
             keys=StudyKey.objects.filter(slug=row.slug).order_by("label"),
             form=form,
