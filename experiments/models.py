@@ -559,7 +559,7 @@ class Drive(models.Model):
         ordering = ("-granted_at",)
 
     def __str__(self) -> str:
-        return f"{self.participant_id} · {self.condition} · {self.number}"
+        return f"{self.participant.code} · {self.condition} · {self.number}"
 
 
 class TaskEvent(models.Model):

@@ -225,10 +225,14 @@ class Start(DocumentPart, frozen=True, kw_only=True):
 
 
 class Analysis(DocumentPart, frozen=True, kw_only=True):
-    """Which of several responses of one visitor counts in tables, and of which kind the intervals
-    of confidence are.
+    """What counts in results, and of which kind the intervals of confidence are.
+
+    `drives` is which of several drives of one participant in one condition count; of `all`, values
+    are averaged first. `counts` is which of several responses of one participant counts, among
+    those about drives that count.
     """
 
+    drives: Literal["first", "last", "all"] = "all"
     counts: Literal["first", "last", "all"] = "first"
     interval: Literal["normal", "t"] = "t"
     statements: Slug = "experience"

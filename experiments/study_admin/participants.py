@@ -24,7 +24,7 @@ from experiments.builder.labels import GUIDE
 from experiments.definition.quality_flags import Grade, QualityFlag
 from experiments.models import Drive, Participant, Study, StudyMember
 from experiments.research.study_access import OfStudies
-from experiments.study_admin.document_text import in_words
+from experiments.study_admin.document_text import assigned_in_words, recorded_in_words, time_text
 from experiments.study_admin.filters import (
     ENDING_NAMES,
     CompletionFilter,
@@ -38,6 +38,8 @@ from robots.admin import NOTHING, link_to
 from surveys.document_forms.fields import language_name
 
 LEAST_REASON, MOST_REASON = 3, 300
+WHICH = ("code", "study_name", "session_link", "replay")  # of a drive, with links
+RECORDED = ("result_told", "ends_told")
 GRADE_NAMES = {
     Grade.NOTE: _("note"),
     Grade.DOUBTFUL: _("doubtful"),
@@ -278,27 +280,22 @@ class DriveAdmin(StudyRows):
     search_fields = ("participant__code",)
     date_hierarchy = "granted_at"
     readonly_fields = (
-        "code",
-        "study_name",
-        "session_link",
-        "replay",
+        *WHICH,
+        *RECORDED,
+        "granted",
+        "finalised",
+        "round_shown",
         "outcome_told",
         "assigned_told",
         "applied_told",
-        "result_told",
-        "ends_told",
         "differs",
         "excluded",
     )
     fieldsets = (
-        section(
-            None,
-            *("code", "study_name", "session_link", "replay"),
-            *("step", "visit", "round", "number", "condition", "seed"),
-        ),
+        section(None, *WHICH, "step", "visit", "round_shown", "number", "condition", "seed"),
         section(
             _("Outcome"),
-            *("granted_at", "exposed", "outcome_told", "settled_at", "result_told", "ends_told"),
+            *("granted", "exposed", "outcome_told", "finalised", *RECORDED),
         ),
         section(_("Condition"), "differs", "assigned_told", "applied_told"),
         section(_("Excluded"), "excluded"),
@@ -337,19 +334,19 @@ class DriveAdmin(StudyRows):
 
     @admin.display(description=_("assigned"))
     def assigned_told(self, row: Drive) -> str | SafeString:
-        return in_words({"condition": row.assigned.get("condition")}, row.assigned)
+        return assigned_in_words(row.assigned)
 
     @admin.display(description=_("applied"))
     def applied_told(self, row: Drive) -> str | SafeString:
-        return in_words(row.applied)
+        return recorded_in_words(row.applied)
 
     @admin.display(description=_("result"))
     def result_told(self, row: Drive) -> str | SafeString:
-        return in_words(row.result)
+        return recorded_in_words(row.result)
 
     @admin.display(description=_("robot at start and end"))
     def ends_told(self, row: Drive) -> str | SafeString:
-        return in_words({"start state": row.began_with, "end state": row.ended_with})
+        return recorded_in_words({"began_with": row.began_with, "ended_with": row.ended_with})
 
     @admin.display(description=_("differs"))
     def differs(self, row: Drive) -> str:
@@ -360,11 +357,19 @@ class DriveAdmin(StudyRows):
         if not row.excluded_reason:
             return gettext("no")
         who = row.excluded_by.shown_name if row.excluded_by is not None else NOTHING
-        return (
-            f"{row.excluded_reason} ({who}, {timezone.localtime(row.excluded_at):%Y-%m-%d %H:%M})"
-            if row.excluded_at
-            else row.excluded_reason
-        )
+        return f"{row.excluded_reason} ({who}, {time_text(row.excluded_at)})"
+
+    @admin.display(description=_("round"))
+    def round_shown(self, row: Drive) -> int:
+        return row.round + 1  # stored from 0
+
+    @admin.display(description=_("granted"))
+    def granted(self, row: Drive) -> str:
+        return time_text(row.granted_at)
+
+    @admin.display(description=_("finalised"))
+    def finalised(self, row: Drive) -> str:
+        return time_text(row.settled_at)
 
     def get_urls(self) -> list[URLPattern]:
         page = self.admin_site.admin_view(never_cache(self.exclude_view))
