@@ -20,7 +20,7 @@ from experiments.definition.feasibility import Known, RobotFacts, obstacles
 from experiments.definition.plan import AttentionCheck
 from experiments.definition.problems import name_problems, problems
 from experiments.definition.reachability import unreachable
-from experiments.definition.recruiting import AnswerQuota, AnswerRule
+from experiments.definition.recruitment.recruiting import AnswerQuota, AnswerRule
 from experiments.definition.schema import StudyDefinition, digest
 from experiments.definition.steps.consent import TEMPLATE
 from experiments.models import PersonalLink, Rehearsal, StudyMember

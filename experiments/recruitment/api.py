@@ -1,5 +1,5 @@
-"""The JSON API of a study's participants: how somebody with a recruitment id stands, for programs
-that approve and pay. docs/howto/recruit-participants.md describes it.
+"""The JSON API of a study's participants: the status of a recruitment id, for programs that approve
+and pay. docs/howto/recruit-participants.md describes it.
 
 A key belongs to one study and to the researcher who made it: it is refused as soon as they may not
 see participants' ids any more.

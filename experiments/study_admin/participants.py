@@ -21,7 +21,7 @@ from accounts import audit
 from experiments import publishing
 from experiments.access import may
 from experiments.builder.labels import GUIDE
-from experiments.definition.quality_flags import Grade, QualityFlag
+from experiments.definition.recruitment.quality_flags import Grade, QualityFlag
 from experiments.models import Drive, Participant, Study, StudyMember
 from experiments.research.study_access import OfStudies
 from experiments.study_admin.document_text import assigned_in_words, recorded_in_words, time_text
