@@ -91,7 +91,7 @@ def read_on(page) -> None:
     page.get_by_role("button", name="I have read this, continue").click()
 
 
-@pytest.mark.parametrize("size", ["phone", "desktop"])
+@pytest.mark.parametrize("size", ["phone", pytest.param("desktop", marks=pytest.mark.nightly)])
 def test_a_recruit_goes_from_the_link_back_to_the_site_with_the_code(robot, arrive, size):
     study = p.published(p.of("exploration"), entry="code")
     page = arrive(size, "5f0c")
@@ -114,7 +114,7 @@ def test_a_recruit_goes_from_the_link_back_to_the_site_with_the_code(robot, arri
     expect(page.get_by_text(f"complete?cc={code}")).to_be_visible()
 
 
-@pytest.mark.parametrize("size", ["phone", "desktop"])
+@pytest.mark.parametrize("size", ["phone", pytest.param("desktop", marks=pytest.mark.nightly)])
 def test_a_recruit_who_leaves_the_robot_unmoved_reads_so_and_returns(robot, arrive, size):
     study = p.published(p.of("exploration"), entry="code")
     page = arrive(size, "5f0c")
@@ -134,6 +134,7 @@ def test_a_recruit_who_leaves_the_robot_unmoved_reads_so_and_returns(robot, arri
     expect(page.get_by_text(f"complete?cc={code}")).to_be_visible()
 
 
+@pytest.mark.nightly
 def test_a_minor_names_a_guardian_and_a_phone_without_a_computer_is_turned_away(robot, arrive):
     p.published(p.of("exploration", devices=["computer"], turned_away_code=True), entry="code")
     page = arrive("desktop", "minor")
@@ -155,6 +156,7 @@ def test_a_minor_names_a_guardian_and_a_phone_without_a_computer_is_turned_away(
     expect(phone.get_by_text("complete?cc=")).to_be_visible()
 
 
+@pytest.mark.nightly
 def test_a_participant_books_a_time_on_a_phone(robot, arrive):
     p.published(p.of("exploration", appointments={"minutes": 30}), entry="code")
     page = arrive("phone", "5f0c")
