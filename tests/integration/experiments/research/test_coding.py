@@ -12,7 +12,7 @@ from django.utils import timezone
 
 from experiments.coding import store
 from experiments.models import Coding, CodingEdit, CodingSchemeVersion, Participant, StudyMember
-from experiments.participation.own_data import gather
+from experiments.participation.own_data.gathering import gather
 from experiments.participation.withdrawal import receipt
 from experiments.participation.withdrawal.deletion import withdraw
 from robots.files import limited_process
