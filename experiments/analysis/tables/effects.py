@@ -29,7 +29,8 @@ from experiments.analysis.tables.comparisons import (
     tested,
 )
 from experiments.analysis.tables.drive_outcomes import (
-    CUT_SHORT,
+    CENSORED_AT_END,
+    RATES,
     comparable,
     metric_test,
     values_by_participant,
@@ -70,7 +71,8 @@ def compare_conditions(
     cells, members = _rows(names, sides, is_paired=dataset.study.allocation.design == "within")
     below = (
         "A participant's sessions under a condition are averaged first.",
-        CUT_SHORT,
+        CENSORED_AT_END,
+        RATES,
         family(members),
         *READ_AS,
     )
@@ -277,7 +279,8 @@ def learnt(measured: Sequence[Measured]) -> Table:
     below = (
         "Participants who came back, in the conditions that they drove on both visits.",
         "Difference: second less first visit.",
-        CUT_SHORT,
+        CENSORED_AT_END,
+        RATES,
         family(members),
         *READ_AS,
     )
