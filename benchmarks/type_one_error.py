@@ -343,13 +343,14 @@ def reported(rng: Rng, study: StudyDefinition, people: int) -> dict[str, bool | 
                 drive_of(who, condition, values, "completed" if seconds <= ends else "left")
             )
     whole = Dataset(study, participants=tuple(participants), sessions=tuple(s for s, _ in drives))
-    kept = {one.id for one in counting(whole).sessions}
+    counted = counting(whole)
+    kept = {one.id for one in counted.sessions}
     measured = [
         Measured(session, Milestones(), values, (), np.empty((0, 2)))
         for session, values in drives
         if session.id in kept
     ]
-    tables = declared(counting(whole), measured)
+    tables = declared(counted, measured)
     found = {}
     for name, table_ in zip(REPORTED, tables, strict=True):
         p = table_.rows[0][table_.head.index("p")].value
