@@ -234,11 +234,9 @@ def four_levels(rng: Rng, n: int, *, missing: float = 0.0) -> FittedModel | None
     )
 
 
-def groups_by_conditions(rng: Rng, n: int, m: int) -> FittedModel | None:
-    """Two groups of different size and variance, each under three conditions."""
-    values = np.concatenate(
-        [correlated(rng, n, (3.0, 3.0, 3.0)), correlated(rng, m, (1.0, 1.0, 2.0))]
-    )
+def groups_by_conditions(rng: Rng, n: int, m: int, sd: float) -> FittedModel | None:
+    """Two groups of different size under three conditions; the first has `sd`, the second 1 to 2."""
+    values = np.concatenate([correlated(rng, n, (sd, sd, sd)), correlated(rng, m, (1.0, 1.0, 2.0))])
     rows: list[dict[str, str | float]] = [
         {"group": group, "condition": f"c{at}"}
         for group, size in (("novice", n), ("expert", m))
@@ -562,9 +560,9 @@ NULLS = (
     ),
     Case(
         "Wald F (mixed)",
-        "groups of 12 and 24, SD 3 and 1, three conditions",
+        "groups of 12 and 24, SD 2 and 1, three conditions",
         lambda rng: terms(
-            groups_by_conditions(rng, 12, 24), "group", "condition", "group:condition"
+            groups_by_conditions(rng, 12, 24, 2.0), "group", "condition", "group:condition"
         ),
     ),
     Case(
@@ -756,7 +754,7 @@ INTERVALS = (
     Case(
         "coefficient, mixed model",
         "groups of 12 and 24, SD 3 and 1",
-        lambda rng: _coefficient(groups_by_conditions(rng, 12, 24), "group novice", 0.0),
+        lambda rng: _coefficient(groups_by_conditions(rng, 12, 24, 3.0), "group novice", 0.0),
     ),
 )
 
