@@ -12,7 +12,7 @@ from django.template.loader import render_to_string
 from django.urls import URLPattern, path, reverse
 from django.utils.html import format_html
 from django.utils.safestring import SafeString
-from django.utils.translation import gettext
+from django.utils.translation import get_language, gettext
 from django.utils.translation import gettext_lazy as _
 
 from accounts import audit
@@ -26,7 +26,7 @@ from surveys.editor import views as editor
 from surveys.forms import QuestionnaireForm
 from surveys.importing.report import from_stored
 from surveys.models import Answer, Questionnaire, Response
-from surveys.questionnaires import problems_of
+from surveys.questionnaires import listed_title, named_by, problems_of, shipped
 
 NOTHING = "–"
 
@@ -37,7 +37,7 @@ class QuestionnaireAdmin(ShownFilters):
 
     form = QuestionnaireForm
     list_display = (
-        "title",
+        "listed",
         "slug",
         "version",
         "state",
@@ -59,10 +59,32 @@ class QuestionnaireAdmin(ShownFilters):
         """Count the responses in the same query."""
         return super().get_queryset(request).annotate(answered=Count("responses"))
 
-    def changelist_view(self, request: HttpRequest, *args: Any, **more: Any) -> Any:
-        """Show the list; who comes by it to the editor was not led there by a study."""
+    def changelist_view(self, request: HttpRequest, extra_context: Any = None) -> Any:
+        """Show the list, and offer what comes with the site; who comes by it to the editor was not
+        led there by a study.
+        """
         request.session.pop(editor.OPENED_FROM, None)
-        return super().changelist_view(request, *args, **more)
+        known = set(Questionnaire.objects.values_list("slug", "version"))
+        language = get_language() or ""
+        built_in = [
+            (slug, listed_title(slug, spoken(one.title, language)), one.template)
+            for slug, one in shipped().items()
+            if (slug, one.version) not in known
+        ]
+        return super().changelist_view(request, {**(extra_context or {}), "built_in": built_in})
+
+    def get_search_results(
+        self, request: HttpRequest, queryset: QuerySet[Any], search_term: str
+    ) -> tuple[QuerySet[Any], bool]:
+        """Find instruments also by the name that researchers know."""
+        found, may_repeat = super().get_search_results(request, queryset, search_term)
+        named = named_by(search_term) if search_term.strip() else []
+        return found | queryset.filter(slug__in=named), may_repeat
+
+    @admin.display(description=_("title"), ordering="title")
+    def listed(self, row: Questionnaire) -> str:
+        """What it is called, with the name of its instrument."""
+        return listed_title(row.slug, row.title)
 
     def get_fieldsets(
         self, _request: HttpRequest, obj: Questionnaire | None = None

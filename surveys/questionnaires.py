@@ -25,6 +25,15 @@ from surveys.problems import parse, problems
 
 # How often somebody else may take the next version's number first.
 ATTEMPTS = 5
+# What researchers call and search for questionnaires that have another title for respondents.
+INSTRUMENTS: Mapping[str, str] = {
+    "tlx": "NASA-TLX",
+    "sus": "SUS, System Usability Scale",
+    "godspeed": "Godspeed Questionnaire",
+    "presence": "PQ, Presence Questionnaire",
+    "simulator-sickness": "SSQ, Simulator Sickness Questionnaire",
+    "social-presence": "TPI, Temple Presence Inventory",
+}
 SHIPPED = Path(__file__).resolve().parent / "definitions"
 
 
@@ -33,6 +42,16 @@ def shipped() -> Mapping[str, Definition]:
     """Return the questionnaires that come with the site, by name; templates among them."""
     definitions = [parse(path.read_bytes()) for path in sorted(SHIPPED.glob("*.json"))]
     return {definition.slug: definition for definition in definitions}
+
+
+def listed_title(slug: str, title: str) -> str:
+    """Return what lists for researchers call a questionnaire: "NASA-TLX: The effort it took"."""
+    return f"{INSTRUMENTS[slug]}: {title}" if slug in INSTRUMENTS else title
+
+
+def named_by(term: str) -> list[str]:
+    """Return the questionnaires whose name among researchers has a term in it."""
+    return [slug for slug, name in INSTRUMENTS.items() if term.strip().lower() in name.lower()]
 
 
 def store(definition: Definition, now: datetime.datetime) -> Questionnaire:

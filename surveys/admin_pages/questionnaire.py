@@ -155,15 +155,16 @@ def new_version(request: HttpRequest, pk: UUID) -> HttpResponseRedirect:
 
 @require_POST
 def take_shipped(request: HttpRequest) -> HttpResponseRedirect:
-    """Put the questionnaires that come with the site into the database, where they are not there
-    yet.
+    """Put the questionnaires that come with the site into the database, or one of them, where they
+    are not there yet.
     """
     _may(request, ADD)
     known = set(Questionnaire.objects.values_list("slug", "version"))
+    wanted = request.POST.get("questionnaire", "")
     new = [
         definition
-        for definition in shipped().values()
-        if (definition.slug, definition.version) not in known
+        for slug, definition in shipped().items()
+        if (slug, definition.version) not in known and wanted in {"", slug}
     ]
     for definition in new:
         store(definition, timezone.now())
