@@ -49,7 +49,6 @@ def _said(key: str, value: Any) -> Any:
 
 
 def as_json(content: Any) -> str | SafeString:
-    """Return a document as it is stored."""
     return (
         format_html("<pre>{}</pre>", json.dumps(content, indent=2, ensure_ascii=False))
         if content

@@ -60,6 +60,8 @@ FOR_ALL = {
     "screen_key",
     "agent_configuration",
     "study_link",
+    "study_invitation",
+    "study_media",
     "study_code",
     "check",
     "practice",
@@ -212,7 +214,7 @@ def research_pages() -> list[tuple]:
         ("study_live_data", ["study.slug"], VIEWERS, None),
         ("study_live_act", ["study.slug"], RESEARCHERS, {"act": "dance"}),
         ("study_wizard", ["operated.slug"], ADMINISTRATOR | {"researcher", "wizard"}, None),
-        ("study_wizard", ["study.slug"], NOBODY, None),
+        ("study_wizard", ["study.slug"], RESEARCHERS, None),
         ("study_coding", ["study.slug"], VIEWERS | {"coder"}, None),
         ("coding_scheme", ["study.slug"], RESEARCHERS, {}),
         ("code_session", ["session.pk"], CODERS, None),
@@ -260,17 +262,13 @@ def study_pages() -> list[tuple]:
         ("publish", [], STUDY_OWNER, None),
         ("members", [], STUDY_OWNER, {"add": "1", "person": "staff", "role": "owner"}),
         ("hours", [], STUDY_OWNER, {"time_zone": "UTC"}),
-        (
-            "publication",
-            [],
-            STUDY_OWNER,
-            {"form-TOTAL_FORMS": "0", "form-INITIAL_FORMS": "0", "doi": "10.1000/182"},
-        ),
+        ("publication", [], STUDY_OWNER, {"doi": "10.1000/182"}),
+        ("copy", [], STUDY_OWNER, None),
         ("links", [], RESEARCHERS, {"make": "1", "count": "1", "access": "open"}),
     ]
     draft = [
         ("section", ["about"], STUDY_OWNER, {"do": "save"}),
-        ("section", ["steps"], STUDY_OWNER, {"do": "add:task"}),
+        ("section", ["steps"], STUDY_OWNER, {"do": "add:practice"}),
         ("part", ["steps", 0], STUDY_OWNER, {"do": "save"}),
         ("publish", [], STUDY_OWNER, {"reason": "because it is a test"}),
     ]
