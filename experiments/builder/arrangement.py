@@ -111,7 +111,8 @@ def _with_cells(
     if not 0 < len(cells) <= MOST_CELLS:
         return study
     written = {one.key: _automatic(former, levels_of(former, one)) for one in former.conditions}
-    made, keys = [], {}
+    made: list[Condition] = []
+    keys: dict[str, str] = {}
     for cell, own, is_new in _matched(study, cells, blank):
         key, titles = _automatic(study, cell)
         former_key, former_titles = written.get(own.key, ("", {}))

@@ -118,7 +118,7 @@ def problems(study: StudyDefinition) -> Iterator[Problem]:
     """Yield what is wrong with the factors of a study and their cells."""
     keys = (factor.key for factor in study.factors)
     yield from within(duplicates(_("Factor"), keys), ProblemPlace("factors"))
-    changed = Counter(name for factor in study.factors for name in factor.changes)
+    changed = Counter[str](name for factor in study.factors for name in factor.changes)
     for n, factor in enumerate(study.factors):
         place = ProblemPlace("factors", n)
         yield from within(_of_factor(factor, changed), place, _("Factor"), factor.key)
