@@ -8,6 +8,7 @@ from django.utils.translation import gettext_lazy as _
 from django.utils.translation import gettext_lazy as translated
 from django.utils.translation import pgettext_lazy
 
+from experiments.builder import recruitment_labels
 from experiments.definition.coding import CodingScheme
 from experiments.definition.factors import SETTING_NAMES
 from experiments.definition.plan import Hypothesis
@@ -119,7 +120,8 @@ LABELS: dict[str, Words] = {
     "condition_applied": _("Condition was applied"),
     "operator_absent": _("No operator intervened"),
     "analysis": _("Analysis"),
-    "counts": _("Of several responses in one condition, count"),
+    "drives": _("Drives that count, of several in one condition"),
+    "counts": _("Responses that count, of several by one participant"),
     "interval": _("Confidence intervals"),
     "statements": _("Questionnaire in the tables"),
     "operator": _("What it says about the hidden operator"),
@@ -407,6 +409,7 @@ CHOICES: dict[str, dict[str, Words]] = {
         "treatment": _("against the first level"),
         "sum": _("against the mean of all levels"),
     },
+    "drives": {"first": _("the first"), "last": _("the last"), "all": _("all")},
     "counts": {"first": _("the first"), "last": _("the last"), "all": _("all")},
     "interval": {"normal": _("normal distribution"), "t": _("Student's t")},
     "outcomes": SURVEY_CHOICES["outcome"],
@@ -430,10 +433,10 @@ ITEMS: dict[str, Words] = {
     "modifiers": _("Modifier"),
 }
 GUIDE = FormGuide(
-    LABELS,
-    HINTS,
-    ITEMS,
-    CHOICES,
+    {**LABELS, **recruitment_labels.LABELS},
+    {**HINTS, **recruitment_labels.HINTS},
+    {**ITEMS, **recruitment_labels.ITEMS},
+    {**CHOICES, **recruitment_labels.CHOICES},
     # Parts of a list that are added as one of several kinds, by the list.
     kinds={
         "WizardStage.steps": {"": _("Line")} | CHOICES["move"],
@@ -459,6 +462,6 @@ GUIDE = FormGuide(
             *("stopping", "blinding", "missing_data", "notes", "line", "description"),
         }
     ),
-    spaced=frozenset({"values"}),
+    spaced=frozenset({"values", "answers"}),
     angles=frozenset({"angular", "heading", "view", "angle"}),
 )

@@ -36,7 +36,11 @@ from surveys.document_forms.submitted import number
 PAGES: Mapping[str, Collection[str]] = {
     "about": (
         *("title", "intro", "source", "licence", "recruitment", "compensation"),
-        *("turned_away_code", "observers_allowed", "languages"),
+        *("observers_allowed", "languages"),
+    ),
+    "recruitment": (
+        *("recruiting", "turned_away_code", "devices", "browsers"),
+        *("screening", "answer_quotas", "appointments"),
     ),
     "rules": ("start", "refill", "quality", "analysis"),
     "wizard": ("wizard",),
@@ -304,6 +308,8 @@ def new_part(
         "attention_checks": {"questionnaire": "questionnaire", "item": "item"},
         "speeders": {"questionnaire": "questionnaire", "seconds": 30.0},
         "expected": {"measure": "task_time"},
+        "screening": {"questionnaire": "questionnaire", "item": "item"},
+        "answer_quotas": {"questionnaire": "questionnaire", "item": "item"},
         "modifiers": {"name": f"modifier {n + 1}", "values": []},
         "checkpoints": {"number": n, "x": round(x, 2), "y": round(y, 2)},
         "zones": {

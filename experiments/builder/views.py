@@ -82,6 +82,7 @@ from surveys.editor.views import leads_here
 
 TITLES = {
     "about": gettext_lazy("About the study"),
+    "recruitment": gettext_lazy("Recruitment"),
     DESIGN: gettext_lazy("Design"),
     "conditions": gettext_lazy("Conditions"),
     "courses": gettext_lazy("Courses"),

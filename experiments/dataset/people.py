@@ -38,6 +38,7 @@ def _participant(row: Row, begun: str, outcome: str) -> ParticipantRecord:
         kind=row.kind,
         age=NAN if row.age is None or withdrawn else float(row.age),
         cell=row.cell,
+        place=row.stage,
         reached=row.withdrawn_step or row.step or begun,
         left=LEFT.get(row.status, lost),
         finished=bool(row.completion) and not turned_away,

@@ -4,7 +4,7 @@ import datetime
 from typing import Any
 
 from experiments.coding import store
-from experiments.models import Coding, Drive, Participant
+from experiments.models import Coding, Contact, Drive, Participant
 from experiments.participation import progress
 from sessions.models import Session
 from surveys.models import Response
@@ -16,110 +16,93 @@ def gather(user: Any) -> dict[str, Any]:
     """Return all that is kept of somebody, as JSON takes it; the record of a drive by its summary,
     because it has thousands of states.
     """
-    account = {
-        "username": user.username,
-        "displayName": user.display_name,
-        "kind": user.kind,
-        "email": user.email,
-        "joined": _iso(user.date_joined),
-        "lastLogin": _iso(user.last_login),
+    answered = Response.objects.filter(user=user).select_related("questionnaire")
+    driven = Session.objects.filter(visitor=user).select_related("robot")
+    return {
+        "account": _of(
+            user,
+            *("username", "kind", "email"),
+            displayName="display_name",
+            joined="date_joined",
+            lastLogin="last_login",
+        ),
+        "studies": [_participation(one) for one in progress.of_user(user)],
+        "questionnaires": [_response(row) for row in answered.order_by("started_at")],
+        "drives": [_session(row) for row in driven.order_by("queued_at")],
     }
-    taking_part = [_participation(one) for one in progress.of_user(user)]
-    answers = [
-        _response(row)
-        for row in (
-            Response.objects.filter(user=user)
-            .select_related("questionnaire")
-            .order_by("started_at")
-        )
-    ]
-    visits = [
-        _session(row)
-        for row in (
-            Session.objects.filter(visitor=user).select_related("robot").order_by("queued_at")
-        )
-    ]
-    return {"account": account, "studies": taking_part, "questionnaires": answers, "drives": visits}
+
+
+def _of(row: Any, *names: str, **renamed: str) -> dict[str, Any]:
+    """Return fields of a row, some under another name; times as text."""
+    found = {
+        key: getattr(row, name)
+        for key, name in {**dict(zip(names, names, strict=True)), **renamed}.items()
+    }
+    return {
+        key: value.isoformat() if isinstance(value, datetime.datetime) else value
+        for key, value in found.items()
+    }
 
 
 def _participation(one: Participant) -> dict[str, Any]:
-    consents = one.consents.order_by("agreed_at")
-    steps = one.step_visits.order_by("began_at")
+    contact = Contact.objects.filter(participant=one).first()
     return {
-        "study": one.study.slug,
-        "version": one.study.version,
-        "title": one.study.shown_title,
-        "code": one.code,
-        "status": one.status,
-        "language": one.language,
-        "age": one.age,
-        "recruitment": one.recruitment,
-        "cell": one.cell,
-        "came": _iso(one.created_at),
-        "finished": _iso(one.finished_at),
-        "completion": one.completion,
-        "completionCode": one.completion_code,
+        **_of(one.study, "version", study="slug", title="shown_title"),
+        **_of(
+            one,
+            *("code", "status", "language", "age", "recruitment", "cell", "completion"),
+            recruitmentId="recruitment_id",
+            came="created_at",
+            finished="finished_at",
+            completionCode="completion_code",
+        ),
         "consents": [
-            {
-                "step": r.step,
-                "version": r.version,
-                "language": r.language,
-                "text": r.text,
-                "guardian": r.guardian,
-                "agreed": _iso(r.agreed_at),
-            }
-            for r in consents
+            _of(row, "step", "version", "language", "text", "guardian", agreed="agreed_at")
+            for row in one.consents.order_by("agreed_at")
         ],
         "steps": [
-            {
-                "visit": s.visit,
-                "round": s.round,
-                "step": s.step,
-                "began": _iso(s.began_at),
-                "finished": _iso(s.finished_at),
-            }
-            for s in steps
+            _of(row, "visit", "round", "step", began="began_at", finished="finished_at")
+            for row in one.step_visits.order_by("began_at")
         ],
+        "appointments": [
+            _of(row, "visit", starts="starts_at", ends="ends_at", reminded="reminded_at")
+            for row in one.appointments.order_by("starts_at")
+        ],
+        "reminders": _of(contact, "email", given="given_at", invited="invite_at")
+        if contact
+        else {},
     }
 
 
 def _response(row: Response) -> dict[str, Any]:
-    answers = row.answers.order_by("position")
     return {
-        "questionnaire": row.questionnaire.slug,
-        "version": row.questionnaire.version,
-        "askedIn": row.context_label,
-        "started": _iso(row.started_at),
-        "finished": _iso(row.finished_at),
+        **_of(row.questionnaire, "version", questionnaire="slug"),
+        **_of(row, askedIn="context_label", started="started_at", finished="finished_at"),
         "answers": [
-            {
-                "question": a.item,
-                "value": a.value,
-                "missing": a.missing,
-                "answered": _iso(a.answered_at),
-            }
-            for a in answers
+            _of(answer, "value", "missing", question="item", answered="answered_at")
+            for answer in row.answers.order_by("position")
         ],
     }
 
 
 def _session(row: Session) -> dict[str, Any]:
     return {
+        **_of(
+            row,
+            *("outcome", "device", "summary"),
+            queued="queued_at",
+            granted="granted_at",
+            ended="ended_at",
+        ),
         "id": str(row.pk),
         "robot": row.robot.name,
-        "queued": _iso(row.queued_at),
-        "granted": _iso(row.granted_at),
-        "ended": _iso(row.ended_at),
-        "outcome": row.outcome,
-        "device": row.device,
-        "summary": row.summary,
         "photos": row.snapshots.count(),
         "stateSeconds": row.chunks.count(),
         "networkSamples": row.network_samples.count(),
         "events": [
-            {"type": e.type, "source": e.source, "stamp": e.stamp, "data": _own_part(e.data)}
-            for e in row.events.order_by("received_at")
-            if not e.type.startswith(OF_OPERATORS) or _is_debriefed(row)
+            {**_of(event, "type", "source", "stamp"), "data": _own_part(event.data)}
+            for event in row.events.order_by("received_at")
+            if not event.type.startswith(OF_OPERATORS) or _is_debriefed(row)
         ],
         "codings": [_coding(coding) for coding in row.codings.order_by("number")],
     }
@@ -128,16 +111,10 @@ def _session(row: Session) -> dict[str, Any]:
 def _coding(coding: Coding) -> dict[str, Any]:
     """Return what a coder noted on a drive; the coder has a number."""
     return {
+        **_of(coding, finished="done_at"),
         "coder": f"C{coding.number}",
-        "finished": _iso(coding.done_at),
         "events": [
-            {
-                "code": event.code,
-                "begin": event.begin,
-                "end": event.end,
-                "modifiers": event.modifiers,
-                "comment": event.comment,
-            }
+            _of(event, "code", "begin", "end", "modifiers", "comment")
             for event in store.events_of(coding)
         ],
     }
@@ -153,7 +130,3 @@ def _is_debriefed(row: Session) -> bool:
     from the debriefing.
     """
     return not Drive.objects.filter(session=row, participant__completion="").exists()
-
-
-def _iso(at: datetime.datetime | None) -> str | None:
-    return at.isoformat() if at is not None else None

@@ -6,7 +6,7 @@ import uuid
 from typing import Any
 
 from django.contrib import admin, messages
-from django.db.models import Exists, OuterRef, QuerySet
+from django.db.models import Case, Exists, F, OuterRef, QuerySet, Value, When
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
 from django.shortcuts import render
 from django.urls import URLPattern, path, reverse
@@ -21,11 +21,12 @@ from accounts import audit
 from experiments import publishing
 from experiments.access import may
 from experiments.builder.labels import GUIDE
-from experiments.models import Drive, Participant, Study
+from experiments.definition.quality_flags import Grade, QualityFlag
+from experiments.models import Drive, Participant, Study, StudyMember
 from experiments.research.study_access import OfStudies
-from experiments.study_admin.document_text import in_words
+from experiments.study_admin.document_text import assigned_in_words, recorded_in_words, time_text
 from experiments.study_admin.filters import (
-    ENDINGS,
+    ENDING_NAMES,
     CompletionFilter,
     ExcludedFilter,
     LanguageFilter,
@@ -37,6 +38,28 @@ from robots.admin import NOTHING, link_to
 from surveys.document_forms.fields import language_name
 
 LEAST_REASON, MOST_REASON = 3, 300
+WHICH = ("code", "study_name", "session_link", "replay")  # of a drive, with links
+RECORDED = ("result_told", "ends_told")
+GRADE_NAMES = {
+    Grade.NOTE: _("note"),
+    Grade.DOUBTFUL: _("doubtful"),
+    Grade.SERIOUS: _("serious"),
+}
+FLAG_NAMES: dict[QualityFlag, Any] = {
+    "attention_check": _("failed an attention check"),
+    "speeding": _("answered too fast"),
+    "straight_lining": _("gave the same answer throughout"),
+    "never_moved": _("never moved the robot"),
+    "regular_input": _("drove like a program"),
+    "frozen_video": _("saw frozen video"),
+    "same_network": _("shares a network with others"),
+    "same_id": _("shares a recruitment id with others"),
+}
+
+
+def section(title: Any, *fields: str) -> tuple[Any, dict[str, Any]]:
+    """Return a fieldset of the administration."""
+    return title, {"fields": fields}
 
 
 class StudyRows(OfStudies):
@@ -53,7 +76,6 @@ class StudyRows(OfStudies):
     def render_change_form(
         self, request: HttpRequest, context: dict[str, Any], *args: Any, **options: Any
     ) -> Any:
-        """Show the tabs of the row's study."""
         context |= self._tabs_of(self.study_of(context["original"]))
         return super().render_change_form(request, context, *args, **options)
 
@@ -76,6 +98,8 @@ class ParticipantAdmin(StudyRows):
         "where",
         "condition",
         "drive_count",
+        "ending",
+        "known_id",
         "created_at",
         "seen_at",
     )
@@ -90,10 +114,12 @@ class ParticipantAdmin(StudyRows):
     )
     list_select_related = ("study", "user")
     list_per_page = 50
-    search_fields = ("code",)
+    search_fields = ("code", "visible_id")
+    search_help_text = _("Search by participant code or by the id of a recruitment site.")
     date_hierarchy = "created_at"
     readonly_fields = (
         "person",
+        "quality",
         "drives_told",
         "language_name",
         "came_with",
@@ -105,59 +131,43 @@ class ParticipantAdmin(StudyRows):
     def get_fieldsets(
         self, request: HttpRequest, obj: Participant | None = None
     ) -> list[tuple[Any, dict[str, Any]]]:
-        """The person is shown to researchers alone."""
         is_known = obj is not None and may(request.user, obj.study.slug, "researcher")
-        who = (
-            "code",
-            "study",
-            "kind",
-            "access",
-            "language_name",
-            *(("person", "came_with", "age") if is_known else ()),
-        )
+        who = ("person", "recruitment_id", "came_with", "age") if is_known else ()
         return [
-            (None, {"fields": who}),
-            (
+            section(None, "code", "study", "kind", "access", "language_name", *who),
+            section(
                 _("Assignment"),
-                {
-                    "fields": (
-                        "cell",
-                        "condition",
-                        "drawn_among",
-                        "draw_seed",
-                        "assigned_at",
-                        "stage",
-                    )
-                },
+                *("cell", "condition", "drawn_among", "draw_seed", "assigned_at", "stage"),
             ),
-            (
+            section(
                 _("Progress"),
-                {
-                    "fields": (
-                        "status",
-                        "visit",
-                        "step",
-                        "round",
-                        "created_at",
-                        "seen_at",
-                        "finished_at",
-                        "ending",
-                    )
-                },
+                *("status", "visit", "step", "round"),
+                *("created_at", "seen_at", "finished_at", "ending"),
             ),
-            (_("Withdrawn"), {"fields": ("withdrawn_at", "withdrawn_step")}),
-            (_("Drives"), {"fields": ("drives_told",)}),
+            section(_("Withdrawn"), "withdrawn_at", "withdrawn_step"),
+            section(_("Drives"), "drives_told"),
+            *([section(_("Quality"), "quality")] if is_known else []),
         ]
 
     def get_queryset(self, request: HttpRequest) -> "QuerySet[Participant]":
-        """Tell in the same query who has driven."""
+        """Read in the same query who has driven, and the recruitment ids that this user may see:
+        viewers neither read them nor find anybody by them.
+        """
         rows: QuerySet[Participant] = super().get_queryset(request)
-        return rows.annotate(has_driven=Exists(Drive.objects.filter(participant=OuterRef("pk"))))
+        known: Any = F("recruitment_id")
+        if not request.user.is_superuser:
+            ranks = (StudyMember.Role.OWNER, StudyMember.Role.RESEARCHER)
+            own = StudyMember.objects.filter(user=request.user, role__in=ranks)
+            known = Case(
+                When(study__slug__in=list(own.values_list("slug", flat=True)), then=known),
+                default=Value(""),
+            )
+        driven = Exists(Drive.objects.filter(participant=OuterRef("pk")))
+        return rows.annotate(has_driven=driven, visible_id=known)
 
     def change_view(
         self, request: HttpRequest, object_id: str, form_url: str = "", extra_context: Any = None
     ) -> HttpResponse:
-        """Note who was shown which person."""
         row: Any = self.get_object(request, object_id)
         if row is not None and may(request.user, row.study.slug, "researcher"):
             audit.note(
@@ -171,47 +181,56 @@ class ParticipantAdmin(StudyRows):
 
     @admin.display(description=_("person"))
     def person(self, row: Participant) -> str:
-        """Return the user's shown name."""
         return row.user.shown_name if row.user is not None else NOTHING
 
     @admin.display(description=_("current step"), ordering="step")
     def where(self, row: Participant) -> str:
-        """Return the step on which they stand."""
         return row.step or NOTHING
 
     @admin.display(description=_("condition"), ordering="cell")
     def condition(self, row: Participant) -> str:
-        """Return their conditions in order."""
         return ", ".join(row.conditions) or NOTHING
 
     @admin.display(description=_("language"))
     def language_name(self, row: Participant) -> str:
-        """Return what their language is called."""
         return language_name(row.language)
 
     @admin.display(description=_("recruitment"))
     def came_with(self, row: Participant) -> str:
-        """Return the parameters of the link that they came by."""
         return ", ".join(f"{name} {value}" for name, value in row.recruitment.items()) or NOTHING
+
+    @admin.display(description=_("recruitment id"), ordering="visible_id")
+    def known_id(self, row: Participant) -> str:
+        return getattr(row, "visible_id", "") or NOTHING
+
+    @admin.display(description=_("quality flags"))
+    def quality(self, row: Participant) -> str | SafeString:
+        """Return what speaks against the participant's data, the most serious first. Nobody is left
+        out because of it.
+        """
+        # with NumPy, which other pages need not load
+        from experiments.recruitment.quality import flags_of_study  # noqa: PLC0415
+
+        lines = (
+            (GRADE_NAMES[one.grade], FLAG_NAMES[one.name], one.value)
+            for one in flags_of_study(row.study, [row.code])
+        )
+        return format_html_join(format_html("<br>"), "{}: {} ({})", lines) or gettext("none")
 
     @admin.display(description=_("randomised among"))
     def drawn_among(self, row: Participant) -> str:
-        """Return the cells that theirs was drawn from."""
         return ", ".join(row.candidates) or NOTHING
 
     @admin.display(description=_("completion"))
     def ending(self, row: Participant) -> Any:
-        """Return how taking part ended."""
-        return ENDINGS.get(row.completion, NOTHING)
+        return ENDING_NAMES.get(row.completion, NOTHING)
 
     @admin.display(description=_("drives"), boolean=True)
     def drive_count(self, row: Participant) -> bool:
-        """Tell whether they ever had the robot."""
         return bool(getattr(row, "has_driven", False))
 
     @admin.display(description=_("drives"))
     def drives_told(self, row: Participant) -> str | SafeString:
-        """Return their drives with links."""
         drives = row.drives.order_by("number")
         lines = (
             (
@@ -261,130 +280,98 @@ class DriveAdmin(StudyRows):
     search_fields = ("participant__code",)
     date_hierarchy = "granted_at"
     readonly_fields = (
-        "code",
-        "study_name",
-        "session_link",
-        "replay",
+        *WHICH,
+        *RECORDED,
+        "granted",
+        "finalised",
+        "round_shown",
         "outcome_told",
         "assigned_told",
         "applied_told",
-        "result_told",
-        "ends_told",
         "differs",
         "excluded",
     )
     fieldsets = (
-        (
-            None,
-            {
-                "fields": (
-                    "code",
-                    "study_name",
-                    "session_link",
-                    "replay",
-                    "step",
-                    "visit",
-                    "round",
-                    "number",
-                    "condition",
-                    "seed",
-                )
-            },
-        ),
-        (
+        section(None, *WHICH, "step", "visit", "round_shown", "number", "condition", "seed"),
+        section(
             _("Outcome"),
-            {
-                "fields": (
-                    "granted_at",
-                    "exposed",
-                    "outcome_told",
-                    "settled_at",
-                    "result_told",
-                    "ends_told",
-                )
-            },
+            *("granted", "exposed", "outcome_told", "finalised", *RECORDED),
         ),
-        (_("Condition"), {"fields": ("differs", "assigned_told", "applied_told")}),
-        (_("Excluded"), {"fields": ("excluded",)}),
+        section(_("Condition"), "differs", "assigned_told", "applied_told"),
+        section(_("Excluded"), "excluded"),
     )
     change_form_template = "admin/experiments/drive/change_form.html"
 
     @admin.display(description=_("participant"), ordering="participant__code")
     def code(self, row: Drive) -> str | SafeString:
-        """Return the participant's code, with a link."""
         return link_to(
             "admin:experiments_participant_change", row.participant.code, row.participant_id
         )
 
     @admin.display(description=_("study"), ordering="participant__study")
     def study_name(self, row: Drive) -> str:
-        """Return the study and its version."""
         return f"{row.participant.study.slug} {row.participant.study.version}"
 
     @admin.display(description=_("as assigned"), boolean=True)
     def as_assigned(self, row: Drive) -> bool:
-        """Tell whether everything was as the condition says."""
         return not row.mismatches
 
     @admin.display(description=_("included"), boolean=True)
     def is_counted(self, row: Drive) -> bool:
-        """Tell whether nobody excluded it."""
         return not row.excluded_reason
 
     @admin.display(description=_("task outcome"), ordering="outcome")
     def outcome_told(self, row: Drive) -> Any:
-        """Return how the task ended."""
         return GUIDE.word("outcomes", row.outcome) if row.outcome else NOTHING
 
     @admin.display(description=_("session"))
     def session_link(self, row: Drive) -> str | SafeString:
-        """Return the way to the session."""
         return link_to("admin:telepresence_sessions_session_change", row.session_id, row.session_id)
 
     @admin.display(description=_("replay"))
     def replay(self, row: Drive) -> str | SafeString:
-        """Return the way to its replay."""
         return link_to("replay", gettext("Replay"), row.session_id)
 
     @admin.display(description=_("assigned"))
     def assigned_told(self, row: Drive) -> str | SafeString:
-        """Return what was assigned."""
-        return in_words({"condition": row.assigned.get("condition")}, row.assigned)
+        return assigned_in_words(row.assigned)
 
     @admin.display(description=_("applied"))
     def applied_told(self, row: Drive) -> str | SafeString:
-        """Return what was in force."""
-        return in_words(row.applied)
+        return recorded_in_words(row.applied)
 
     @admin.display(description=_("result"))
     def result_told(self, row: Drive) -> str | SafeString:
-        """Return what the task came to."""
-        return in_words(row.result)
+        return recorded_in_words(row.result)
 
     @admin.display(description=_("robot at start and end"))
     def ends_told(self, row: Drive) -> str | SafeString:
-        """Return how the robot stood in the first and in the last state."""
-        return in_words({"start state": row.began_with, "end state": row.ended_with})
+        return recorded_in_words({"began_with": row.began_with, "ended_with": row.ended_with})
 
     @admin.display(description=_("differs"))
     def differs(self, row: Drive) -> str:
-        """Return what was not as assigned."""
         return ", ".join(row.mismatches) or NOTHING
 
     @admin.display(description=_("excluded"))
     def excluded(self, row: Drive) -> str:
-        """Return who excluded it, when and why."""
         if not row.excluded_reason:
             return gettext("no")
         who = row.excluded_by.shown_name if row.excluded_by is not None else NOTHING
-        return (
-            f"{row.excluded_reason} ({who}, {timezone.localtime(row.excluded_at):%Y-%m-%d %H:%M})"
-            if row.excluded_at
-            else row.excluded_reason
-        )
+        return f"{row.excluded_reason} ({who}, {time_text(row.excluded_at)})"
+
+    @admin.display(description=_("round"))
+    def round_shown(self, row: Drive) -> int:
+        return row.round + 1  # stored from 0
+
+    @admin.display(description=_("granted"))
+    def granted(self, row: Drive) -> str:
+        return time_text(row.granted_at)
+
+    @admin.display(description=_("finalised"))
+    def finalised(self, row: Drive) -> str:
+        return time_text(row.settled_at)
 
     def get_urls(self) -> list[URLPattern]:
-        """Add the page that excludes."""
         page = self.admin_site.admin_view(never_cache(self.exclude_view))
         return [
             path("<uuid:pk>/exclude/", page, name="experiments_drive_exclude"),
@@ -394,7 +381,6 @@ class DriveAdmin(StudyRows):
     def render_change_form(
         self, request: HttpRequest, context: dict[str, Any], *args: Any, **options: Any
     ) -> Any:
-        """Offer exclusion to researchers."""
         row = context.get("original")
         context["may_exclude"] = row is not None and may(
             request.user, row.participant.study.slug, "researcher"

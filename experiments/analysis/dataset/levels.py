@@ -20,6 +20,7 @@ METHODS: tuple[str, ...] = get_args(InputMethod)
 WAYS: tuple[str, ...] = get_args(Way)
 TURNED_AWAY = "screened out"
 WITHDREW = "withdrew"
+PLATFORM = "platform"  # the side of a fault that keeps a session out of every result
 WITHHELD = "withheld"  # why a value is missing that was given, and tells who gave it
 
 
@@ -77,6 +78,21 @@ LEFT = {
     TURNED_AWAY: "was not eligible",
     WITHDREW: "withdrew the consent",
     **{word: OUTCOMES[word] for word in OUTCOMES if word not in {"completed", "timed_out"}},
+}
+# What became of a place in a cell (experiments/participation/assignment.py).
+REPLACED = "refilled"
+PLACES = {
+    "under_way": "the participant holds it and has conditions to drive",
+    "freed": "it was given back, because the participant was not exposed",
+    "filled": "the participant was exposed",
+    REPLACED: "the participant was exposed, and the place was given to another participant",
+}
+STAGES = {
+    "arrived": "came to the study",
+    "assigned": "was assigned to a condition, or to an order of them",
+    "exposed": "saw the robot's video in the task",
+    "ended": "a drive of theirs ended with an outcome",
+    "answered": "and finished the questionnaire of the table",
 }
 CONTROL_WAYS = explained(
     get_args(ControlWay),

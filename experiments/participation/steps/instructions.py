@@ -12,7 +12,6 @@ from experiments.definition.steps.instructions import OWN_MEDIA, InstructionPage
 from experiments.instruction_media import is_video
 from experiments.participation import grants, progress
 from experiments.participation.step_page import StepPage, to_step
-from surveys.documents import spoken
 
 PICTURES = frozenset(
     path.stem for path in (settings.BASE_DIR / "static" / "img" / "instructions").glob("*.svg")
@@ -51,7 +50,7 @@ class InstructionsStepPage(StepPage):
         )
         page = pages[number - 1]
         more = {
-            "text": spoken(page.text, self.language(request)),
+            "text": self.filled(page.text, request),
             "picture": _address(page.picture or ""),
             "is_video": is_video(page.picture or ""),
             "is_built_in": page.picture in PICTURES,

@@ -172,7 +172,7 @@ def _drive(dataset: Dataset, session: SessionRecord, stored: Stored, robot: Robo
         seed=1,
         mismatches=[session.mismatch] if session.mismatch else [],
         granted_at=granted,
-        exposed=session.exposed,
+        exposed=session.drove,
         outcome=session.outcome,
         result={"started": first},
         settled_at=granted + 21 * MINUTE,
