@@ -800,3 +800,61 @@ def test_what_is_no_angle_is_shown_as_it_was_typed_and_limits_are_in_degrees(cli
     assert (
         "Write a number of at most 183.3." in read(send(client, rules, start__heading="200")).text
     )
+
+
+# --- a whole study --------------------------------------------------------------------------------
+
+
+def test_a_study_is_copied_as_a_new_one(client, study, boss):
+    designed(client, study, "assist")
+    page = reverse("admin:experiments_study_copy", args=[study.pk])
+    taken = client.post(page, {"name": study.slug, "title": "Again"})
+    assert "There is a study cabin-study already." in read(taken).text
+    answer = client.post(page, {"name": "cabin-again", "title": "Again"})
+    copy = Study.objects.get(slug="cabin-again")
+    assert answer.headers["Location"] == reverse("admin:experiments_study_change", args=[copy.pk])
+    original, made = Study.objects.get(slug="cabin-study").as_definition(), copy.as_definition()
+    named = msgspec.structs.replace(original, slug="cabin-again", title={"en": "Again"})
+    assert (made, copy.version, copy.status) == (named, 1, Study.Status.DRAFT)
+    assert not copy.participants.exists()
+
+
+def test_problems_of_the_study_and_of_this_site_are_listed_at_once(client, study):
+    send(client, section(study, "steps", 0), title__en="")
+    send(client, section(study, "courses", 0), checkpoints__1__x="20")
+    text = " ".join(wrong())
+    assert "has no text in en" in text
+    assert "checkpoint 1 is not in a room" in text
+
+
+def test_questionnaire_asked_once_is_no_measure_of_a_within_study(client, study):
+    designed(client, study, "assist")
+    send(client, section(study, "design"), factors__0__design="within")
+    add_to(client, study, "analyses")
+    analysis = section(study, "analyses", 0)
+    send(client, analysis, title__en="Main", measures=["experience.q1"])
+    asked = section(study, "steps", 1)
+    form = form_of(client.get(asked))
+    del form["repeat"]
+    client.post(asked, dict(form.lists()) | {"do": "save"})
+    assert any("experience is asked only once, so it cannot be compared" in one for one in wrong())
+
+
+def test_expectations_are_sentences_about_levels_and_about_contrasts(client, study):
+    designed(client, study, "video_delay")
+    send(client, section(study, "design"), factors__0__levels__1__sets__video_delay="0.3")
+    add_to(client, study, "analyses")
+    analysis = section(study, "analyses", 0)
+    send(client, analysis, "add:contrasts", title__en="Doors", measures=["task_time"])
+    first, second = (one.key for one in stored().conditions)
+    sides = {"contrasts__0__first": [first], "contrasts__0__second": [second]}
+    send(client, analysis, **sides)
+    assert stored().analyses[0].contrasts[0].title == {"en": "Open – Shut"}
+    send(client, section(study, "plan"), "add:hypotheses")
+    page = client.get(section(study, "plan"))
+    offered = [one.text for one in read(page).all("option")]
+    assert "Open – Shut: greater with Open than with Shut" in offered
+    send(client, section(study, "plan"), hypotheses__0__direction="less:analysis:1:")
+    (one,) = stored().plan.hypotheses
+    assert (one.contrast, one.direction) == (1, "less")
+    assert one.text == "Task time (s) – Open – Shut: smaller with Open than with Shut."
