@@ -17,6 +17,7 @@ from django.db.models import Max, Model
 from django.utils.translation import get_language, gettext
 
 from accounts import audit
+from experiments.definition.factors import of_condition
 from experiments.definition.feasibility import Known, RobotFacts, obstacles
 from experiments.definition.plan import AttentionCheck
 from experiments.definition.problems import doubts, name_problems, problems
@@ -400,19 +401,18 @@ def _heard_of() -> list[Robot]:
     return [robot for robot in robots if robot.presence.factsheet]
 
 
-def _elsewhere(definition: StudyDefinition) -> Iterator[str]:
+def _elsewhere(definition: StudyDefinition) -> Iterator[Problem]:
     here = {
         ((robot.presence.factsheet or {})["series"], robot.floor_plan.name)
         for robot in _heard_of()
         if robot.floor_plan is not None
     }
     series = {name for name, _site in here}
-    for condition in definition.conditions:
+    for n, condition in enumerate(definition.conditions):
         if condition.robot in series and (condition.robot, condition.site) not in here:
-            yield (
-                f"Condition {condition.key}: there is no {condition.robot} at the "
-                f"site {condition.site}."
-            )
+            words = _("there is no %(robot)s at the site %(site)s.")
+            named = {"robot": condition.robot, "site": condition.site}
+            yield from of_condition(n, condition, [Problem(words, named)])
 
 
 def usable() -> Iterator[QuestionnaireDefinition]:

@@ -4,7 +4,6 @@ that others refer to.
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
-from pathlib import Path
 from typing import get_args
 
 import msgspec
@@ -22,6 +21,7 @@ from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.feasibility import too_fast
 from experiments.definition.schema import Condition, Outcome, StudyDefinition
 from experiments.models import Study as Row
+from experiments.participation.steps.instructions import PICTURES
 from robots.api.floorplan import FloorPlan as Plan
 from sessions.interfaces import INTERFACES
 from surveys import questionnaires
@@ -35,7 +35,6 @@ DIRECTED = 2  # sides that a directed hypothesis has
 # Outcomes after which a place may be given away: not those of the task itself.
 REFILLED = [one for one in get_args(Outcome) if one not in {"completed", "timed_out"}]
 _MEASURING = {"analyses", "plan"}  # sections whose forms name measures
-PICTURES = Path(settings.BASE_DIR) / "static" / "img" / "instructions"
 
 
 def at_hand() -> AtHand:
@@ -85,7 +84,7 @@ def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
 def _pictures(row: Row, part: Document) -> dict[str, str]:
     """Return the pictures for instructions: those that come with the site, and own ones."""
     used = [page.get("picture") or "" for page in part.get("leaves", ())]
-    built_in = {file.stem: file.stem for file in sorted(PICTURES.glob("*.svg"))}
+    built_in = {name: name for name in sorted(PICTURES)}
     return built_in | instruction_media.titles(row.slug, used)
 
 

@@ -11,6 +11,7 @@ from experiments import publishing
 from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped
 from experiments.models import ParticipantKind, Study
+from robots.models import FloorPlan, Robot
 from surveys import questionnaires
 from surveys.document_forms.problem_text import sentences
 from surveys.models import Questionnaire
@@ -858,3 +859,14 @@ def test_expectations_are_sentences_about_levels_and_about_contrasts(client, stu
     (one,) = stored().plan.hypotheses
     assert (one.contrast, one.direction) == (1, "less")
     assert one.text == "Task time (s) – Open – Shut: smaller with Open than with Shut."
+
+
+def test_robot_that_is_at_another_site_is_listed_with_the_page_of_its_condition(client, study):
+    other = FloorPlan.objects.get()
+    other.pk, other.name = None, "barn"
+    other.save()
+    Robot.objects.update(floor_plan=other)
+    page = read(client.get(reverse("admin:experiments_study_change", args=[study.pk])))
+    told = "Condition shut: there is no giraff at the site cabin."
+    (link,) = [a for a in page.all("a") if a.text == told]
+    assert link.attributes["href"] == section(study, "conditions", 1)
