@@ -323,6 +323,7 @@ class BuilderPages(StudyPages):
             changed = change(parts, verb, n)
             if verb == "copy" and len(changed) > len(parts):
                 changed[n + 1] = copied(section, parts[n], whole)
+                place = BuilderPlace(section, n + 1)
         is_same = request.POST.get("sha256") == row.sha256
         saved = _keep(row, with_parts(whole, section, changed)) if is_same else str(MEANWHILE)
         if isinstance(saved, str):

@@ -412,7 +412,8 @@ def test_a_text_of_a_script_that_is_missing_leads_to_its_stage(client, study):
 def test_saving_every_page_as_it_is_changes_nothing(client, boss, slug):
     row = publishing.store(shipped()[slug], NOW)
     definition = row.as_definition()
-    addresses = [section(row, "about"), section(row, "recruitment"), section(row, "rules")]
+    whole = ("about", "recruitment", "design", "rules", "plan")
+    addresses = [section(row, name) for name in whole]
     addresses += [
         section(row, name, n)
         for name in ("steps", "conditions", "courses", "analyses")
@@ -493,7 +494,7 @@ def test_parts_are_added_copied_moved_and_removed(client, study):
             section(study, "conditions"), {"do": do, "sha256": Study.objects.get().sha256}
         )
 
-    press("copy:0")
+    assert press("copy:0").headers["Location"] == section(study, "conditions", 1)
     assert [one.key for one in stored().conditions] == ["all_open", "all_open_2", "shut"]
     press("down:0")
     assert [one.key for one in stored().conditions] == ["all_open_2", "all_open", "shut"]
