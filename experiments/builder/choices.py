@@ -17,7 +17,7 @@ from experiments.builder.design import shared_fields
 from experiments.builder.labels import CHOICES
 from experiments.builder.pages import AtHand
 from experiments.builder.study_form import claim_of
-from experiments.definition.analyses import DeclaredAnalysis
+from experiments.definition.analyses import AGE, DeclaredAnalysis
 from experiments.definition.feasibility import too_fast
 from experiments.definition.schema import Condition, Outcome, StudyDefinition
 from experiments.models import Study as Row
@@ -78,6 +78,7 @@ def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
         "claims": claims(study, language),
         "measures": measures,
         "measure": measures,
+        "covariates": _covariates(study, language) if section == "analyses" else {},
     }
 
 
@@ -86,6 +87,22 @@ def _pictures(row: Row, part: Document) -> dict[str, str]:
     used = [page.get("picture") or "" for page in part.get("leaves", ())]
     built_in = {name: name for name in sorted(PICTURES)}
     return built_in | instruction_media.titles(row.slug, used)
+
+
+def _covariates(study: StudyDefinition, language: str) -> dict[str, str]:
+    """Return what a model can adjust for: the age, and items of questionnaires about the person."""
+    asked = {
+        (one.slug, one.version): one
+        for one in publishing.usable()
+        if any(one.slug == step.questionnaire for step in study.asking if step.is_about_person)
+    }
+    named = {
+        f"{slug}.{item.key}": spoken(item.text, language)
+        for (slug, _version), one in asked.items()
+        for item in one.questions()
+        if not item.item.is_free_text
+    }
+    return {AGE: _("Age"), **named}
 
 
 def _measures(study: StudyDefinition) -> dict[str, dict[str, str]]:
@@ -143,11 +160,11 @@ def _claims(
     study: StudyDefinition, one: DeclaredAnalysis, language: str
 ) -> Iterator[tuple[str, str]]:
     words = effects(study, language)
-    if one.effects:
-        crossed = {key for effect in one.effects if ":" in effect for key in effect.split(":")}
+    if one.is_model:
         for effect in one.effects:
             # what depends on another factor has no direction
-            factor = next((it for it in study.factors if it.key == effect not in crossed), None)
+            directed = (it for it in study.factors if not one.interacts(it.key))
+            factor = next((it for it in directed if it.key == effect), None)
             sides = [spoken(level.title, language) for level in factor.levels] if factor else []
             last = effect.replace(":", ".")
             yield from _directions(words.get(effect, effect), sides, f":{one.key}::{last}")

@@ -99,7 +99,8 @@ LABELS: dict[str, Words] = {
     "conditions": _("Conditions"),
     "post_hoc": _("Compare all pairs"),
     "effects": _("Effects of the model"),
-    "coding": _("Coding of levels"),
+    "covariates": _("Covariates"),
+    "coding": _("Coding of printed coefficients"),
     "allocation": _("Assignment to conditions"),
     "left_after_hours": _("Counts as dropped out after (hours)"),
     "design": _("Design"),
@@ -149,6 +150,7 @@ LABELS: dict[str, Words] = {
     "measure": _("Measure"),
     "condition": _("Condition"),
     "difference": _("Difference from the first condition"),
+    "level": _("Level in this condition"),
     "sd": _("Standard deviation"),
     "correlation": _("Correlation within participants (0-1)"),
     "blinding": _("Blinding"),
@@ -277,7 +279,12 @@ HINTS: dict[str, Words] = {
     "speeders": _("Participants who answer a questionnaire this fast are excluded."),
     "participants": _("Number of complete cases. Leave blank if not decided."),
     "expected": _("In the unit of the measure. The study's power is simulated from these values."),
-    "effects": _("Of a mixed model."),
+    "level": _(
+        "Only for proportions (a share), counts (events per minute) and times (the median in "
+        "seconds), in place of a difference."
+    ),
+    "covariates": _("Of a model."),
+    "effects": _("Of a model."),
     "docked": _("Otherwise the participant waits and the study's researchers get an e-mail."),
     "charge": _(
         "0.3 is 30 %; 0 accepts any charge. A robot that does not report its charge is always "
@@ -398,6 +405,9 @@ CHOICES: dict[str, dict[str, Words]] = {
     "test": {
         "means": _("means: t tests, analysis of variance"),
         "ranks": _("ranks: Wilcoxon, Mann-Whitney, Friedman, Kruskal-Wallis"),
+        "proportions": _("proportions: completed or not"),
+        "counts": _("counts per minute: Poisson regression"),
+        "times": _("times to success: log-rank, Cox regression"),
         "mixed": _("linear mixed model"),
     },
     "incomplete": {

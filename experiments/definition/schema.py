@@ -31,7 +31,7 @@ from experiments.definition.design import (
     OwnAction,
 )
 from experiments.definition.plan import StudyPlan
-from experiments.definition.recruiting import (
+from experiments.definition.recruitment.recruiting import (
     AnswerQuota,
     AnswerRule,
     Appointments,
