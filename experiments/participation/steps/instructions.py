@@ -90,5 +90,5 @@ class InstructionsStepPage(StepPage):
 def _address(picture: str) -> str:
     """Return where a picture or video is; empty for none."""
     if picture.startswith(OWN_MEDIA):
-        return reverse("study_media", args=[picture])
-    return static(f"img/instructions/{picture}.svg") if picture in PICTURES else ""
+        return str(reverse("study_media", args=[picture]))
+    return str(static(f"img/instructions/{picture}.svg")) if picture in PICTURES else ""
