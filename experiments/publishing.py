@@ -312,7 +312,7 @@ def _unknown_measures(definition: StudyDefinition) -> Iterator[Problem]:
         )
         unfit = (
             Problem(
-                _("%(name)s cannot be tested so; choose: %(tests)s."),
+                _("the test does not fit %(name)s; choose one of: %(tests)s."),
                 {"name": measure, "tests": tests},
             )
             for measure in one.measures

@@ -16,7 +16,13 @@ from typing import cast
 import numpy as np
 
 from experiments.analysis.dataset.records import Dataset
-from experiments.analysis.metrics.definitions import KINDS, METRICS
+from experiments.analysis.metrics.definitions import (
+    CENSORED,
+    KINDS,
+    METRICS,
+    OF_COMPLETED,
+    PER_MINUTE,
+)
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.statistics.comparisons import Test, holm
 from experiments.analysis.statistics.conditions import Compared, compare
@@ -48,7 +54,9 @@ from experiments.analysis.tables.comparisons import (
     tested,
 )
 from experiments.analysis.tables.drive_outcomes import (
-    CUT_SHORT,
+    CENSORED_AT_END,
+    ONLY_KNOWN,
+    RATES,
     group_of,
     outcomes,
     values_by_participant,
@@ -271,7 +279,12 @@ def _compared(one: DeclaredAnalysis, data: Data) -> Table:
 
 
 def _about_metrics(one: DeclaredAnalysis) -> tuple[str, ...]:
-    return (CUT_SHORT,) if any("." not in measure for measure in one.measures) else ()
+    """Return what is done about sessions that were cut short, in sentences."""
+    if one.test == "times":
+        return (CENSORED_AT_END,)
+    times = (ONLY_KNOWN,) if CENSORED.intersection(one.measures) else ()
+    rates = (PER_MINUTE | OF_COMPLETED).intersection(one.measures)
+    return (*times, *((RATES,) if rates else ()))
 
 
 def _test_sides(

@@ -21,9 +21,13 @@ from experiments.analysis.statistics.regression import (
 from experiments.analysis.tables.comparisons import Group
 
 MetricTest = Literal["means"] | Family
-CUT_SHORT = (
-    "Sessions that were cut short: times that never came are censored at the end of the session,"
-    " their medians are by Kaplan and Meier; counts and durations are per minute that has states;"
+CENSORED_AT_END = (
+    "Times that never came are censored at the end of the session; their medians are by Kaplan and"
+    " Meier."
+)
+ONLY_KNOWN = "Times are those of sessions in which they came."
+RATES = (
+    "Sessions that were cut short: counts and durations are per minute that has states;"
     f" {', '.join(sorted(OF_COMPLETED))} are those of completed sessions."
 )
 

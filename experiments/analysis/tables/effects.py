@@ -29,7 +29,8 @@ from experiments.analysis.tables.comparisons import (
     tested,
 )
 from experiments.analysis.tables.drive_outcomes import (
-    CUT_SHORT,
+    CENSORED_AT_END,
+    RATES,
     comparable,
     metric_test,
     values_by_participant,
@@ -68,7 +69,11 @@ def compare_conditions(
     keys = _conditions(dataset, measured)
     sides = {key: [one for one in measured if one.session.condition == key] for key in keys}
     found = _tested(names, sides, is_paired=dataset.study.allocation.design == "within")
-    notes = ("A participant's sessions under a condition are averaged first.", CUT_SHORT)
+    notes = (
+        "A participant's sessions under a condition are averaged first.",
+        CENSORED_AT_END,
+        RATES,
+    )
     return comparison_table("conditions", "Metrics by condition.", "Metric", keys, found, notes)
 
 
@@ -257,7 +262,8 @@ def learnt(measured: Sequence[Measured]) -> Table:
     notes = (
         "Participants who came back, in the conditions that they drove on both visits.",
         "Difference: second less first visit.",
-        CUT_SHORT,
+        CENSORED_AT_END,
+        RATES,
     )
     title = "Second against first visit."
     return comparison_table("learning-tests", title, "Metric", tuple(sides), found, notes)

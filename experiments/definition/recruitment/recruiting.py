@@ -112,7 +112,8 @@ def screening_problems(
 ) -> Iterator[Problem]:
     """Yield the problems of rules and quotas; `asked` are the study's questionnaires."""
     known = set(asked)
-    for one in (*rules, *quotas):
+    both: tuple[AnswerRule | AnswerQuota, ...] = (*rules, *quotas)
+    for one in both:
         if one.questionnaire not in known:
             words = _("the study does not ask the questionnaire %(name)s.")
             yield Problem(words, {"name": one.questionnaire})

@@ -10,6 +10,7 @@ from django.utils import timezone
 
 from experiments.models import Appointment, Contact, Participant
 from experiments.participation import progress
+from experiments.participation.grants import StudyTerms
 from experiments.participation.own_data.gathering import gather
 from experiments.recruitment import appointments, reminders
 from tests.support.browsers.html_page import faults, read
@@ -78,6 +79,17 @@ def test_nobody_drives_without_an_appointment_where_it_is_required(walk):
     assert walker.client.get(walker.url("study_drive")).status_code == 200
     move(walker, datetime.timedelta(hours=-2))
     assert "Go to the robot" not in walker.look().text
+
+
+def test_the_robot_itself_is_granted_only_at_the_appointment(walk, robot):
+    walker = walk()
+    why_not = StudyTerms().why_not
+    assert why_not(walker.user, robot, timezone.now()) == "closed"
+    book(walker)
+    move(walker, datetime.timedelta(minutes=-5))
+    assert why_not(walker.user, robot, timezone.now()) == ""
+    move(walker, 3 * HOUR)
+    assert why_not(walker.user, robot, timezone.now()) == "closed"
 
 
 def test_an_optional_appointment_keeps_nobody_from_driving(walk):
