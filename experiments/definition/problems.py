@@ -10,8 +10,8 @@ from experiments.definition import factors, plan_problems
 from experiments.definition import wizard as wizards
 from experiments.definition.analyses import AGE, EFFECTS, FAMILIES, DeclaredAnalysis
 from experiments.definition.coding import scheme_problems
-from experiments.definition.piping import piping_problems
-from experiments.definition.recruiting import recruiting_problems, screening_problems
+from experiments.definition.recruitment.piping import piping_problems
+from experiments.definition.recruitment.recruiting import recruiting_problems, screening_problems
 from experiments.definition.schema import Condition, Course, Impairment, StudyDefinition
 from experiments.definition.step import Step
 from experiments.definition.steps import KINDS
@@ -66,7 +66,7 @@ def _of_recruitment(study: StudyDefinition) -> Iterator[Problem]:
         yield from recruiting_problems(study.recruiting)
     asked = (step.questionnaire for step in study.asking)
     yield from screening_problems(study.screening, study.answer_quotas, asked)
-    yield from piping_problems(study)
+    yield from piping_problems(study.steps)
 
 
 def of_course(n: int, course: Course, found: Iterable[Problem]) -> Iterator[Problem]:

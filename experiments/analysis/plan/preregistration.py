@@ -361,8 +361,8 @@ def _sampling(
 def _eligibility(study: StudyDefinition) -> Iterator[str]:
     """Yield who cannot take part, by age, device and answers."""
     if study.consent is not None:
-        rule = "need a guardian" if study.consent.minors == "guardian" else "cannot take part"
-        yield f"- Participants younger than {study.consent.minimum_age} {rule}."
+        minors = "need a guardian" if study.consent.minors == "guardian" else "cannot take part"
+        yield f"- Participants younger than {study.consent.minimum_age} {minors}."
     for what, named in (("devices", study.devices), ("browsers", study.browsers)):
         if named:
             yield f"- Only with these {what}: {', '.join(named)}."

@@ -23,9 +23,9 @@ from experiments.analysis.statistics.descriptive import spread, wilson
 from experiments.analysis.tables.comparisons import (
     READ_AS,
     TESTED,
-    compared,
-    corrected_for,
-    head_of,
+    Comparison,
+    comparison_table,
+    family,
     tested,
 )
 from experiments.analysis.tables.drive_outcomes import (
@@ -35,7 +35,7 @@ from experiments.analysis.tables.drive_outcomes import (
     metric_test,
     values_by_participant,
 )
-from experiments.analysis.tables.table import Table, TableCell, amount, count, number, words
+from experiments.analysis.tables.table import Table, TableCell, count, number, words
 
 OUTCOMES = (
     "completed",
@@ -68,37 +68,20 @@ def compare_conditions(
     """Return every metric by condition, with a test of the difference."""
     keys = _conditions(dataset, measured)
     sides = {key: [one for one in measured if one.session.condition == key] for key in keys}
-    cells, members = _rows(names, sides, is_paired=dataset.study.allocation.design == "within")
-    below = (
+    found = _tested(names, sides, is_paired=dataset.study.allocation.design == "within")
+    notes = (
         "A participant's sessions under a condition are averaged first.",
         CENSORED_AT_END,
         RATES,
-        family(members),
-        *READ_AS,
     )
-    head = ("Metric", *head_of(keys, is_ordinal=True))
-    return Table("conditions", "Metrics by condition.", head, cells, below)
+    return comparison_table("conditions", "Metrics by condition.", "Metric", keys, found, notes)
 
 
-def _rows(
+def _tested(
     names: Sequence[str], sides: Mapping[str, Sequence[Measured]], *, is_paired: bool
-) -> tuple[tuple[tuple[TableCell, ...], ...], int]:
-    """Return a row for each metric between sides of sessions, and how many different tests they
-    are.
-    """
-    found = [metric_test(name, sides, is_paired=is_paired) for name in names]
-    groups = [own for _, own in found]
-    corrected, members = corrected_for([test for test, _ in found], groups)
-    cells = tuple(
-        compared(label_of(name), own, test, p, is_ordinal=True)
-        for name, (test, own), p in zip(names, found, corrected, strict=True)
-    )
-    return cells, members
-
-
-def family(members: int) -> str:
-    """Return the sentence on what the p values of a table are corrected for."""
-    return f"p (Holm): corrected for the {amount(members, 'different test')} of this table."
+) -> list[Comparison]:
+    """Return each metric compared between sides of sessions."""
+    return [(label_of(name), *metric_test(name, sides, is_paired=is_paired)) for name in names]
 
 
 def _conditions(dataset: Dataset, measured: Sequence[Measured]) -> list[str]:
@@ -275,14 +258,12 @@ def learnt(measured: Sequence[Measured]) -> Table:
         name: [one for key, one in own[n].items() if key in both]
         for name, n in (("second", 2), ("first", 1))
     }
-    cells, members = _rows(LEARNT, sides, is_paired=True)
-    below = (
+    found = _tested(LEARNT, sides, is_paired=True)
+    notes = (
         "Participants who came back, in the conditions that they drove on both visits.",
         "Difference: second less first visit.",
         CENSORED_AT_END,
         RATES,
-        family(members),
-        *READ_AS,
     )
-    head = ("Metric", *head_of(tuple(sides), is_ordinal=True))
-    return Table("learning-tests", "Second against first visit.", head, cells, below)
+    title = "Second against first visit."
+    return comparison_table("learning-tests", title, "Metric", tuple(sides), found, notes)

@@ -10,7 +10,6 @@ from experiments.analysis.dataset.columns import Column, amount_of, flag, share
 from experiments.analysis.dataset.files import table
 from experiments.analysis.dataset.levels import KINDS, OUTCOMES, UNCOUNTED
 from experiments.analysis.dataset.records import (
-    COMPLETED,
     Dataset,
     ParticipantRecord,
     SessionRecord,
@@ -34,7 +33,6 @@ ABOUT = (
     ),
     Column("session", "", "code of the last drive that counts, or of the last one without any"),
     Column("outcome", "", "how that drive ended").one_of(OUTCOMES),
-    share("success", "1 when it was completed; of several drives that count, the share"),
 )
 
 
@@ -73,7 +71,12 @@ def condition_columns(dataset: Dataset) -> tuple[Column, ...]:
         ).within(*scale.bounds)
         for slug, scale in _scales(dataset)
     )
-    return (*ABOUT[:3], *factors, *ABOUT[3:], *scores, *METRICS)
+    return (*ABOUT[:3], *factors, *ABOUT[3:], *scores, *map(_averaged, METRICS))
+
+
+def _averaged(metric: Column) -> Column:
+    """Return the column of a metric's mean: that of a flag is a share."""
+    return share(metric.name, metric.meaning) if metric.levels else metric
 
 
 def _scales(dataset: Dataset) -> Iterator[tuple[str, ScoredScale]]:
@@ -123,7 +126,6 @@ def _row(
         "not_driven" if last is None else last.counts_why,
         last.id if last else "",
         last.outcome if last else "",
-        _mean([float(one.outcome == COMPLETED) for one in used]),
         *_scores(dataset, person.id, {one.id for one in used}),
         *(_mean(_values(measured, column.name)) for column in METRICS),
     )

@@ -83,7 +83,7 @@ def test_each_participant_has_a_line_for_each_condition(folder):
         used = counted or own[-1:]
         assert row["session"] == used[-1].id
         completed = [one.outcome == "completed" for one in used]
-        assert float(row["success"]) == pytest.approx(np.mean(completed))
+        assert float(row["completed"]) == pytest.approx(np.mean(completed))
         times = [numbers[one.id]["task_time"] for one in used]
         known = [one for one in times if not math.isnan(one)]
         assert float(row["task_time"] or "nan") == pytest.approx(
@@ -105,7 +105,7 @@ def test_every_column_of_the_conditions_is_in_the_code_book(folder):
         if one["description"].startswith("conditions: ")
     }
     assert set(table(folder, "conditions")[0]) == told
-    assert {"experience.overall", "order", "success", "task_time"} <= told
+    assert {"experience.overall", "order", "completed", "task_time"} <= told
 
 
 def test_labelled_files_have_the_rows_of_the_csv_files(folder):

@@ -111,6 +111,19 @@ def test_an_id_that_looks_like_a_formula_is_guarded_in_the_payment_table(client,
     assert "'=HYPERLINK" in text
 
 
+def test_a_rule_on_an_item_or_answer_that_does_not_exist_stands_in_the_way(study):
+    for rule, words in (
+        ({"item": "gendre", "answers": ["woman"]}, "no such item"),
+        ({"item": "gender", "answers": ["female"]}, "its answers are man, other, woman"),
+        ({"item": "gender", "at_least": 3}, ""),
+    ):
+        definition = p.of("exploration", screening=[{"questionnaire": "ict", **rule}])
+        found = [one.sentence(str) for one in p.publishing.obstacles_here(definition)]
+        told = [one for one in found if "ict.gend" in one]
+        assert len(told) == bool(words), told
+        assert all(words in one for one in told)
+
+
 # --- the API --------------------------------------------------------------------------------------
 
 

@@ -9,7 +9,7 @@ from experiments.analysis.quality.driving import (
     never_moved,
     regular_input,
 )
-from experiments.definition.quality_flags import Grade
+from experiments.definition.recruitment.quality_flags import Grade
 
 RATE = 5.0  # states in a second
 

@@ -2,7 +2,7 @@
 their intervals holds the true value: by simulated studies on data that are difficult (ties, zeros,
 unequal variances and group sizes, time-outs, drives that are missing).
 
-    python -m benchmarks.type_one_error [--runs 2000] [--only WORDS]
+    python -m benchmarks.studies.type_one_error [--runs 2000] [--only WORDS]
 
 prints the tables of docs/explanation/statistics.md, and fails where a rate is out of its bounds: at
 α = 5 %, 3 to 7 % of true nulls may be rejected, and 93 to 97 % of intervals hold the true value.
