@@ -235,7 +235,7 @@ def four_levels(rng: Rng, n: int, *, missing: float = 0.0) -> FittedModel | None
 
 
 def groups_by_conditions(rng: Rng, n: int, m: int, sd: float) -> FittedModel | None:
-    """Two groups of different size under three conditions; the first has `sd`, the other 1 to 2."""
+    """Two groups of different size under three conditions; the SD of the first is `sd`."""
     values = np.concatenate([correlated(rng, n, (sd, sd, sd)), correlated(rng, m, (1.0, 1.0, 2.0))])
     rows: list[dict[str, str | float]] = [
         {"group": group, "condition": f"c{at}"}
@@ -697,7 +697,7 @@ def _coefficient(model: FittedModel | None, name: str, true: float) -> bool | No
 
 
 INTERVALS = (
-    Case("Welch t", "n = 12 and 24, SD 3 and 1", _unequal),
+    Case("two groups", "n = 12 and 24, SD 3 and 1", _unequal),
     Case("pairs", "n = 20, SD 1 and 3", _pairs),
     Case(
         "Hodges-Lehmann, groups",
