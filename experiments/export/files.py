@@ -6,14 +6,17 @@ files: an export without sums was broken off.
 """
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from hashlib import sha256
 
 from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.tables.participant_kinds import counted
 from experiments.analysis.tables.software import PROGRAM, versions
 from experiments.dataset.build import dataset_of, release_of
+from experiments.dataset.people import people_of
 from experiments.dataset.selection import Selection
 from experiments.dataset.sessions import drives_of
+from experiments.export.anonymity import anonymity
 from experiments.export.format import ExportSource, File
 from experiments.export.formats import chosen
 from experiments.models import Study
@@ -72,6 +75,13 @@ def read_me(dataset: Dataset) -> str:
     )
 
 
+def _about_anonymity(study: Study, dataset: Dataset, choice: Selection) -> str:
+    if not choice.public:
+        return ""
+    everybody = people_of(study, replace(choice, public=False)).count()
+    return anonymity(dataset, everybody - len(dataset.participants))
+
+
 def _summed(name: str, parts: Iterable[bytes], sums: list[str]) -> Iterator[bytes]:
     found = sha256()
     for part in parts:
@@ -82,11 +92,11 @@ def _summed(name: str, parts: Iterable[bytes], sums: list[str]) -> Iterator[byte
 
 def _files(study: Study, choice: Selection) -> Iterator[File]:
     classes = chosen(choice)
-    drives = list(drives_of(study))
+    drives = list(drives_of(study, choice))
     dataset = dataset_of(study, choice=choice, drives=drives)
     yield (
         "README.md",
-        [read_me(dataset).encode()],
+        [(read_me(dataset) + _about_anonymity(study, dataset, choice)).encode()],
     )
     more = {name: columns for one in classes for name, columns in one.tables.items()}
     source = ExportSource(dataset, drives, release_of(study, choice), more)

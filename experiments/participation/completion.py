@@ -46,7 +46,7 @@ def way_of(participant: Participant) -> str:
     did not end by a failure.
     """
     practice = participant.study.as_definition().practice_keys
-    moved = Q(exposed=True) | Q(session__first_motion_at__isnull=False)
+    moved = Q(moved=True) | Q(session__first_motion_at__isnull=False)
     drives = (
         Drive.objects.filter(moved, participant=participant)
         .exclude(step__in=practice)

@@ -1,5 +1,5 @@
-"""Participants and drives in the administration: to look at, and to exclude drives with a reason.
-Nothing is edited or deleted.
+"""Participants and drives in the administration: to look at, to exclude drives with a reason, and
+to withdraw participants on their request. Nothing is edited.
 """
 
 import uuid
@@ -33,6 +33,7 @@ from experiments.study_admin.filters import (
     StudyFilter,
     StudyOfDriveFilter,
 )
+from experiments.study_admin.withdrawal import may_withdraw, withdraw_page
 from robots.admin import NOTHING, link_to
 from surveys.document_forms.fields import language_name
 
@@ -45,7 +46,6 @@ class StudyRows(OfStudies):
     study_tab = ""
 
     def changelist_view(self, request: HttpRequest, extra_context: Any = None) -> HttpResponse:
-        """Show the tabs of the chosen study."""
         chosen = request.GET.get(StudyFilter.parameter_name, "")
         study = Study.objects.filter(pk=chosen).first() if is_uuid(chosen) else None
         return super().changelist_view(request, {**(extra_context or {}), **self._tabs_of(study)})
@@ -53,7 +53,6 @@ class StudyRows(OfStudies):
     def render_change_form(
         self, request: HttpRequest, context: dict[str, Any], *args: Any, **options: Any
     ) -> Any:
-        """Show the tabs of the row's study."""
         context |= self._tabs_of(self.study_of(context["original"]))
         return super().render_change_form(request, context, *args, **options)
 
@@ -98,9 +97,10 @@ class ParticipantAdmin(StudyRows):
         "language_name",
         "came_with",
         "condition",
-        "drawn_among",
+        "draws_told",
         "ending",
     )
+    change_form_template = "admin/experiments/participant/change_form.html"
 
     def get_fieldsets(
         self, request: HttpRequest, obj: Participant | None = None
@@ -119,16 +119,7 @@ class ParticipantAdmin(StudyRows):
             (None, {"fields": who}),
             (
                 _("Assignment"),
-                {
-                    "fields": (
-                        "cell",
-                        "condition",
-                        "drawn_among",
-                        "draw_seed",
-                        "assigned_at",
-                        "stage",
-                    )
-                },
+                {"fields": ("cell", "condition", "draws_told", "stage")},
             ),
             (
                 _("Progress"),
@@ -150,7 +141,6 @@ class ParticipantAdmin(StudyRows):
         ]
 
     def get_queryset(self, request: HttpRequest) -> "QuerySet[Participant]":
-        """Tell in the same query who has driven."""
         rows: QuerySet[Participant] = super().get_queryset(request)
         return rows.annotate(has_driven=Exists(Drive.objects.filter(participant=OuterRef("pk"))))
 
@@ -171,37 +161,58 @@ class ParticipantAdmin(StudyRows):
 
     @admin.display(description=_("person"))
     def person(self, row: Participant) -> str:
-        """Return the user's shown name."""
         return row.user.shown_name if row.user is not None else NOTHING
 
     @admin.display(description=_("current step"), ordering="step")
     def where(self, row: Participant) -> str:
-        """Return the step on which they stand."""
         return row.step or NOTHING
 
     @admin.display(description=_("condition"), ordering="cell")
     def condition(self, row: Participant) -> str:
-        """Return their conditions in order."""
         return ", ".join(row.conditions) or NOTHING
 
     @admin.display(description=_("language"))
     def language_name(self, row: Participant) -> str:
-        """Return what their language is called."""
         return language_name(row.language)
 
     @admin.display(description=_("recruitment"))
     def came_with(self, row: Participant) -> str:
-        """Return the parameters of the link that they came by."""
         return ", ".join(f"{name} {value}" for name, value in row.recruitment.items()) or NOTHING
 
-    @admin.display(description=_("randomised among"))
-    def drawn_among(self, row: Participant) -> str:
-        """Return the cells that theirs was drawn from."""
-        return ", ".join(row.candidates) or NOTHING
+    @admin.display(description=_("draws"))
+    def draws_told(self, row: Participant) -> str | SafeString:
+        """Return every draw: when, which cell, why, and the places taken in each cell then."""
+        lines = (
+            (
+                f"{timezone.localtime(one.at):%Y-%m-%d %H:%M} · " if one.at else "",
+                one.cell,
+                one.get_reason_display(),
+                ", ".join(f"{cell} {count}" for cell, count in one.counts.items()),
+                one.seed if one.seed is not None else NOTHING,
+            )
+            for one in row.draws.order_by("number")
+        )
+        told = gettext("{}{}: {}; places taken: {}; seed {}")
+        return format_html_join(format_html("<br>"), told, lines) or NOTHING
+
+    def get_urls(self) -> list[URLPattern]:
+        page = self.admin_site.admin_view(never_cache(self.withdraw_view))
+        name = "experiments_participant_withdraw"
+        return [path("<uuid:pk>/withdraw/", page, name=name), *super().get_urls()]
+
+    def withdraw_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
+        frame = self.admin_site.each_context(request) | {"opts": self.opts}
+        return withdraw_page(request, pk, frame | {"study_tab": self.study_tab})
+
+    def render_change_form(
+        self, request: HttpRequest, context: dict[str, Any], *args: Any, **options: Any
+    ) -> Any:
+        row = context["original"]
+        context["may_withdraw"] = row is not None and may_withdraw(request.user, row)
+        return super().render_change_form(request, context, *args, **options)
 
     @admin.display(description=_("completion"))
     def ending(self, row: Participant) -> Any:
-        """Return how taking part ended."""
         return ENDINGS.get(row.completion, NOTHING)
 
     @admin.display(description=_("drives"), boolean=True)
@@ -211,7 +222,6 @@ class ParticipantAdmin(StudyRows):
 
     @admin.display(description=_("drives"))
     def drives_told(self, row: Participant) -> str | SafeString:
-        """Return their drives with links."""
         drives = row.drives.order_by("number")
         lines = (
             (
@@ -241,7 +251,7 @@ class DriveAdmin(StudyRows):
         "study_name",
         "number",
         "condition",
-        "exposed",
+        "moved",
         "outcome_told",
         "as_assigned",
         "is_counted",
@@ -252,7 +262,7 @@ class DriveAdmin(StudyRows):
         "participant__status",
         "condition",
         "outcome",
-        "exposed",
+        "moved",
         MismatchFilter,
         ExcludedFilter,
     )
@@ -271,6 +281,7 @@ class DriveAdmin(StudyRows):
         "result_told",
         "ends_told",
         "differs",
+        "versions_told",
         "excluded",
     )
     fieldsets = (
@@ -288,6 +299,7 @@ class DriveAdmin(StudyRows):
                     "number",
                     "condition",
                     "seed",
+                    "versions_told",
                 )
             },
         ),
@@ -296,7 +308,8 @@ class DriveAdmin(StudyRows):
             {
                 "fields": (
                     "granted_at",
-                    "exposed",
+                    "exposed_at",
+                    "moved",
                     "outcome_told",
                     "settled_at",
                     "result_told",
@@ -311,69 +324,60 @@ class DriveAdmin(StudyRows):
 
     @admin.display(description=_("participant"), ordering="participant__code")
     def code(self, row: Drive) -> str | SafeString:
-        """Return the participant's code, with a link."""
         return link_to(
             "admin:experiments_participant_change", row.participant.code, row.participant_id
         )
 
     @admin.display(description=_("study"), ordering="participant__study")
     def study_name(self, row: Drive) -> str:
-        """Return the study and its version."""
         return f"{row.participant.study.slug} {row.participant.study.version}"
 
     @admin.display(description=_("as assigned"), boolean=True)
     def as_assigned(self, row: Drive) -> bool:
-        """Tell whether everything was as the condition says."""
         return not row.mismatches
 
     @admin.display(description=_("included"), boolean=True)
     def is_counted(self, row: Drive) -> bool:
-        """Tell whether nobody excluded it."""
         return not row.excluded_reason
 
     @admin.display(description=_("task outcome"), ordering="outcome")
     def outcome_told(self, row: Drive) -> Any:
-        """Return how the task ended."""
         return GUIDE.word("outcomes", row.outcome) if row.outcome else NOTHING
 
     @admin.display(description=_("session"))
     def session_link(self, row: Drive) -> str | SafeString:
-        """Return the way to the session."""
         return link_to("admin:telepresence_sessions_session_change", row.session_id, row.session_id)
 
     @admin.display(description=_("replay"))
     def replay(self, row: Drive) -> str | SafeString:
-        """Return the way to its replay."""
         return link_to("replay", gettext("Replay"), row.session_id)
 
     @admin.display(description=_("assigned"))
     def assigned_told(self, row: Drive) -> str | SafeString:
-        """Return what was assigned."""
         return in_words({"condition": row.assigned.get("condition")}, row.assigned)
 
     @admin.display(description=_("applied"))
     def applied_told(self, row: Drive) -> str | SafeString:
-        """Return what was in force."""
         return in_words(row.applied)
 
     @admin.display(description=_("result"))
     def result_told(self, row: Drive) -> str | SafeString:
-        """Return what the task came to."""
         return in_words(row.result)
 
     @admin.display(description=_("robot at start and end"))
     def ends_told(self, row: Drive) -> str | SafeString:
-        """Return how the robot stood in the first and in the last state."""
         return in_words({"start state": row.began_with, "end state": row.ended_with})
+
+    @admin.display(description=_("versions"))
+    def versions_told(self, row: Drive) -> str:
+        return ", ".join(f"{name} {version}" for name, version in row.versions.items()) or NOTHING
 
     @admin.display(description=_("differs"))
     def differs(self, row: Drive) -> str:
-        """Return what was not as assigned."""
         return ", ".join(row.mismatches) or NOTHING
 
     @admin.display(description=_("excluded"))
     def excluded(self, row: Drive) -> str:
-        """Return who excluded it, when and why."""
         if not row.excluded_reason:
             return gettext("no")
         who = row.excluded_by.shown_name if row.excluded_by is not None else NOTHING
@@ -384,7 +388,6 @@ class DriveAdmin(StudyRows):
         )
 
     def get_urls(self) -> list[URLPattern]:
-        """Add the page that excludes."""
         page = self.admin_site.admin_view(never_cache(self.exclude_view))
         return [
             path("<uuid:pk>/exclude/", page, name="experiments_drive_exclude"),
@@ -394,7 +397,6 @@ class DriveAdmin(StudyRows):
     def render_change_form(
         self, request: HttpRequest, context: dict[str, Any], *args: Any, **options: Any
     ) -> Any:
-        """Offer exclusion to researchers."""
         row = context.get("original")
         context["may_exclude"] = row is not None and may(
             request.user, row.participant.study.slug, "researcher"

@@ -170,8 +170,20 @@ NETWORK = (
 PARTICIPANTS = (
     Column("id", "", "code of the participant"),
     Column("kind", "", "who took part").one_of(levels.KINDS),
-    amount_of("age", "years", "age, as told on the consent page"),
+    amount_of("age", "years", "self-reported age (consent page); empty in a public dataset"),
+    Column("age_band", "", "that, as a range", late=True).one_of(levels.AGE_BANDS),
     Column("cell", "", "assigned condition, or conditions in order").some_of({}, "-"),
+    Column(
+        "first_cell",
+        "",
+        "cell that was drawn first; another than `cell` where the participant saw nothing of it and"
+        " was drawn again",
+        late=True,
+    ).some_of({}, "-"),
+    amount_of("draws", "", "how often a cell was drawn", late=True),
+    Column("stage", "", "last stage of the study that was reached", late=True).one_of(
+        levels.STAGES
+    ),
     Column("reached", "", "last step of the study that was begun"),
     Column(
         "left",
@@ -189,6 +201,8 @@ SESSIONS = (
     amount_of(
         "number", "", "first, second … session of the participant in this study; 0 for practice"
     ),
+    amount_of("visit", "", "first, second … visit of the participant to the study", late=True),
+    amount_of("round", "", "first, second … condition of the participant in this visit", late=True),
     flag("practice", "1 for practice, which counts nowhere"),
     Column("robot", "", "name of the robot"),
     Column("site", "", "name of the floor plan"),
@@ -229,7 +243,8 @@ SESSIONS = (
         "first_frame",
         "s",
         "when the server heard from the page that it showed the first video frame, since the grant,"
-        " by the server's clock; the task's time begins here",
+        " by the server's clock; exposure and the task's time begin here; empty when the page never"
+        " showed one",
     ),
     Column(
         "first_motion",
@@ -294,6 +309,10 @@ SESSIONS = (
     ).one_of(levels.SIDES),
     Column("fault_part", "", "part of the platform that was unavailable then", late=True).one_of(
         levels.PARTS
+    ),
+    *(
+        Column(f"{name}_version", "", f"version of {what}", late=True)
+        for name, what in levels.VERSIONED.items()
     ),
 )
 

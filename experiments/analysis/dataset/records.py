@@ -5,6 +5,7 @@ States and network samples are numbers in columns, read a session at a time, bec
 thousand sessions do not fit beside each other.
 """
 
+import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -63,7 +64,11 @@ class ParticipantRecord:
     id: str
     kind: Kind = "participant"
     age: float = float("nan")
+    age_band: str = ""
     cell: str = ""
+    first_cell: str = ""
+    draws: int = 0
+    stage: str = ""
     reached: str = ""
     left: str = ""
     finished: bool = False
@@ -79,6 +84,8 @@ class SessionRecord:
     robot: str
     kind: Kind = "participant"
     number: int = 1
+    visit: int = 0
+    round: int = 0
     practice: bool = False
     site: str = ""
     condition: str = ""
@@ -115,6 +122,12 @@ class SessionRecord:
     excluded: str = ""
     fault_side: str = ""
     fault_part: str = ""
+    server_version: str = ""
+    agent_version: str = ""
+    adapter_version: str = ""
+    driver_version: str = ""
+    metrics_version: str = ""
+    definition_version: str = ""
 
     @property
     def ruled_out(self) -> str:
@@ -126,8 +139,8 @@ class SessionRecord:
 
     @property
     def exposed(self) -> bool:
-        """Tell whether a velocity of the visitor ever moved the robot."""
-        return self.first_motion == self.first_motion
+        """Tell whether the page showed the robot's video, or the robot moved for its visitor."""
+        return not (math.isnan(self.first_frame) and math.isnan(self.first_motion))
 
 
 @dataclass(frozen=True)

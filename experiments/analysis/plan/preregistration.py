@@ -15,7 +15,7 @@ from experiments.definition.plan import (
     hypotheses_of,
     measures_of,
 )
-from experiments.definition.schema import Condition, StudyDefinition
+from experiments.definition.schema import BalanceFactor, Condition, StudyDefinition
 from surveys.documents import spoken
 
 UNANSWERED = "*Unanswered: the definition of the study does not say.*"
@@ -183,6 +183,11 @@ def described(study: StudyDefinition, condition: Condition) -> str:
     return "; ".join(part for part in parts if part)
 
 
+def _balance_factor(factor: BalanceFactor) -> str:
+    limits = ", ".join(f"{limit:g}" for limit in factor.limits)
+    return f"{factor.item} (from {limits})" if limits else factor.item
+
+
 def _randomization(study: StudyDefinition) -> str:
     allocation = study.allocation
     when = (
@@ -191,8 +196,21 @@ def _randomization(study: StudyDefinition) -> str:
         else "On first getting the robot"
     )
     told = (
-        f"{when}, a participant is assigned to the cell with the fewest"
-        " places filled or in progress; ties are drawn with a seed that is kept."
+        f"{when}, a participant is assigned to the cell with the fewest places filled or in"
+        f" progress with probability {allocation.best_probability:g}, otherwise to one of the"
+        " others; ties and chance follow from a seed that is kept."
+    )
+    if allocation.balance:
+        factors = ", ".join(_balance_factor(one) for one in allocation.balance)
+        alike = (
+            "each of these factors, added up (minimization)"
+            if allocation.balancing == "minimization"
+            else "all of these factors (strata)"
+        )
+        told += f" The places that count are those of participants alike in {alike}: {factors}."
+    told += (
+        " A participant who has seen nothing of the condition gives up the place and is assigned"
+        " again."
     )
     if allocation.design == "within":
         told += f" Conditions are done {ORDERS[allocation.order]}."

@@ -35,8 +35,8 @@ print(json.dumps([str(p.comer(study, user).pk) for user in users]))
 COUNT = """
 import json, django
 django.setup()
-from experiments.models import Participant
-rows = list(Participant.objects.exclude(cell="").values_list("cell", "drawn_as", "stage"))
+from experiments.models import Draw
+rows = list(Draw.objects.values_list("participant__cell", "number", "participant__stage"))
 print(json.dumps(rows))
 """
 
