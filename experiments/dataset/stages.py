@@ -21,7 +21,10 @@ def stages_of(study: Study, rows: Iterable[Participant]) -> dict[Any, str]:
     rows, definition = list(rows), study.as_definition()
     own = Q(participant__in=[row.pk for row in rows])
     seen = Drive.objects.filter(own & EXPOSED).exclude(step__in=definition.practice_keys)
-    exposed = dict(seen.order_by("outcome").values_list("participant_id", "outcome"))
+    exposed, ended = set(), set()
+    for who, *outcomes in seen.values_list("participant_id", "outcome", "session__outcome"):
+        exposed.add(who)
+        ended.update([who] if any(outcomes) else [])
     responses = StepResponse.objects.filter(
         own,
         response__questionnaire__slug=definition.analysis.statements,
@@ -34,7 +37,7 @@ def stages_of(study: Study, rows: Iterable[Participant]) -> dict[Any, str]:
             return str(row.withdrawn_stage)
         if row.pk not in exposed:
             return "assigned" if row.cell else "arrived"
-        if not exposed[row.pk]:  # the last in order: an outcome, if there is one
+        if row.pk not in ended:
             return "exposed"
         return "answered" if row.pk in answered else "ended"
 

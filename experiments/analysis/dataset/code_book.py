@@ -89,6 +89,7 @@ def _named(dataset: Dataset) -> Mapping[str, Levels]:
     return {
         "condition": conditions,
         "cell": conditions,
+        "first_cell": conditions,
         "doors_closed": closed | {door.name: door.title for door in doors},
         "step": steps,
         "reached": steps,

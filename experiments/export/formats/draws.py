@@ -25,7 +25,7 @@ DRAWS = (
         }
     ),
     Column("cell", "", "cell that was drawn").some_of({}, "-"),
-    Column("best", "", "cells with the lowest score").some_of({}),
+    Column("best", "", "cells with the lowest score, with | between them"),
     Column("counts", "", "JSON: places taken in each open cell before the draw"),
     Column("scores", "", "JSON: of these, those of participants alike in the balance factors"),
     Column("levels", "", "JSON: the participant's level of each balance factor; none in public"),

@@ -286,9 +286,10 @@ def test_every_word_of_a_coded_column_is_in_the_code_book(stored, tmp_path):
         place = one["description"].split(":")[0], one["name"]
         if "valueReference" in one:
             known[place] = {level["value"] for level in one["valueReference"]}
-        if divided := re.search(r"words are separated by (.)$", one["description"]):
-            dividers[place] = divided[1]
-    assert {name for _, name in dividers} == {"cell", "mismatch", "doors_closed", "problems"}
+        if found := re.search(r"words are separated by (.)$", one["description"]):
+            dividers[place] = found[1]
+    divided = {"cell", "first_cell", "mismatch", "doors_closed", "problems"}
+    assert {name for _, name in dividers} == divided
     assert set(dividers) <= set(known)
     checked = 0
     for name, content in files.items():
@@ -491,7 +492,8 @@ def test_public_dataset_is_of_those_who_agreed_without_exact_ages_and_devices(st
     agreed(yes, True)
     agreed(also, True)
     agreed(no, False)
-    Participant.objects.filter(pk=yes.pk).update(age=37)
+    for one, age in ((yes, 37), (also, 20)):
+        Participant.objects.filter(pk=one.pk).update(age=age)
     whole = exported(study, tmp_path / "whole")
     files = exported(study, tmp_path / "public", public=True)
     people = {row["id"]: row for row in lines(files, "participants")}

@@ -329,7 +329,8 @@ def read_by_condition(*keys: str) -> list[dict]:
 
 def test_a_page_for_some_conditions_is_read_by_those_alone_who_are_assigned_when_they_come(robot):
     keys = ("giraff_open", "giraff_lab_closed", "giraff_lounge_closed")
-    study = p.published(p.of("exploration", steps=read_by_condition(*keys)))
+    even = {"best_probability": 1.0}
+    study = p.published(p.of("exploration", steps=read_by_condition(*keys), allocation=even))
     for n in range(3):
         walker = Walker(study, person(f"p{n}"), robot)
         walker.come()

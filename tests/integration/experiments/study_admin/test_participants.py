@@ -120,7 +120,7 @@ def test_withdrawing_is_for_researchers_and_owners_alone(client, drive):
     signed_in(client, "viewer")
     assert client.get(withdrawal(drive.participant)).status_code == 404
     assert client.post(withdrawal(drive.participant), {"code": "x"}).status_code == 404
-    assert "Withdraw" not in read(client.get(change(drive.participant))).text
+    assert "Withdraw and delete data" not in read(client.get(change(drive.participant))).text
 
 
 def test_participants_page_shows_every_draw(client, drive):
@@ -189,7 +189,7 @@ def test_nothing_is_added_changed_or_deleted_by_hand(client, drive):
         ({"excluded": "yes"}, False),
         ({"participant__kind__exact": "participant"}, True),
         ({"participant__kind__exact": "bot"}, False),
-        ({"exposed__exact": "1"}, True),
+        ({"moved__exact": "1"}, True),
         ({"study": "nonsense"}, False),
     ],
 )
