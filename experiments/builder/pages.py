@@ -266,6 +266,7 @@ def new_part(key: str, n: int, at: Point) -> Document | None:
         "attention_checks": {"questionnaire": "questionnaire", "item": "item"},
         "speeders": {"questionnaire": "questionnaire", "seconds": 30.0},
         "expected": {"measure": "task_time"},
+        "balance": {"item": "age"},
         "modifiers": {"name": f"modifier {n + 1}", "values": []},
         "checkpoints": {"number": n, "x": round(x, 2), "y": round(y, 2)},
         "zones": {

@@ -384,6 +384,8 @@ def _press(part: Document, sent: Any) -> str:
     on.
     """
     verb, key, n = pressed(sent)
+    if key == "balance":  # of all lists the one that is deeper inside
+        part = part.setdefault("allocation", {})
     values = part.get(key, [])
     if verb == "add" and key == "steps":
         step = new_script_step(part, n, places(publishing.sites().values()))

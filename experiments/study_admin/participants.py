@@ -136,7 +136,7 @@ class ParticipantAdmin(StudyRows):
                     )
                 },
             ),
-            (_("Withdrawn"), {"fields": ("withdrawn_at", "withdrawn_step")}),
+            (_("Withdrawn"), {"fields": ("withdrawn_at", "withdrawn_step", "withdrawn_stage")}),
             (_("Drives"), {"fields": ("drives_told",)}),
         ]
 

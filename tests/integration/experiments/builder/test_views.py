@@ -117,6 +117,25 @@ def test_the_design_is_chosen_once_with_the_factors_where_there_are_any(client, 
     assert stored().allocation.design == "between"
 
 
+def test_assignment_is_balanced_by_factors_that_are_known_before_the_first_drive(client, study):
+    rules = section(study, "rules")
+    send(client, rules, "add:balance", allocation__best_probability="0.9")
+    send(
+        client,
+        rules,
+        allocation__balance__0__item="age",
+        allocation__balance__0__limits="30, 50",
+        allocation__balancing="strata",
+    )
+    allocation = stored().allocation
+    assert (allocation.best_probability, allocation.balancing) == (0.9, "strata")
+    assert [(one.item, one.limits) for one in allocation.balance] == [("age", (30.0, 50.0))]
+    assert form_of(client.get(rules))["allocation.balance.0.limits"] == "30, 50"
+    assert any("the consent does not ask the age" in one for one in wrong())
+    send(client, rules, allocation__balance__0__item="experience.q1")
+    assert any("not asked before the first drive" in one for one in wrong())
+
+
 def test_a_speed_above_the_robots_own_is_not_saved_and_the_field_says_what_it_reaches(
     client, study
 ):
