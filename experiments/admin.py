@@ -30,11 +30,12 @@ from experiments.participation import completion
 from experiments.research.notices import mail_to_owner
 from experiments.research.study_access import OfStudies, study_for
 from experiments.study_admin import opening_hours
-from experiments.study_admin.filters import ENDINGS
+from experiments.study_admin.filters import ENDING_NAMES
 from experiments.study_admin.participants import DriveAdmin, ParticipantAdmin
 from experiments.study_admin.people import PeoplePages, made
 from experiments.study_admin.plan import PlanPages
 from experiments.study_admin.publication import PublicationPages
+from experiments.study_admin.recruitment import RecruitmentPages
 from experiments.study_admin.rehearsals import RehearsalAdmin, offer_of
 from experiments.study_admin.walk_through import WalkThroughPages
 from robots.admin import NOTHING
@@ -47,7 +48,13 @@ register_section("mail", mail_to_owner)
 
 @admin.register(Study)
 class StudyAdmin(
-    BuilderPages, PeoplePages, PlanPages, PublicationPages, WalkThroughPages, OfStudies
+    BuilderPages,
+    PeoplePages,
+    PlanPages,
+    PublicationPages,
+    RecruitmentPages,
+    WalkThroughPages,
+    OfStudies,
 ):
     """Studies by version. A published version stays as it is."""
 
@@ -235,7 +242,9 @@ class StudyAdmin(
             "is_owner": may(request.user, row.slug, "owner"),
             "may_research": may(request.user, row.slug, "researcher"),
             "sections": sections(row),
-            "codes": [(ENDINGS[way], code) for way, code in completion.codes(row).items()],
+            "codes": [
+                (ENDING_NAMES[ending], code) for ending, code in completion.codes(row).items()
+            ],
             "share": request.build_absolute_uri(reverse("study", args=[row.slug])),
             "rehearsal": publishing.passed_rehearsal(row),
             "offer": offer_of(row),
@@ -285,6 +294,7 @@ class StudyAdmin(
             *self.people_urls(),
             *self.plan_urls(),
             *self.publication_urls(),
+            *self.recruitment_urls(),
             *self.walk_through_urls(),
             *super().get_urls(),
         ]

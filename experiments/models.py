@@ -10,7 +10,7 @@ name.
 
 import secrets
 import uuid
-from typing import Any
+from typing import Any, Final
 
 from django.conf import settings
 from django.db import models
@@ -23,8 +23,17 @@ from sessions.models import Session
 from surveys.documents import spoken
 
 CODE_LENGTH = 8
-# How taking part ended, for whoever recruited the participant.
-DONE, TECHNICAL_FAILURE, SCREENED_OUT = "done", "technical_failure", "screened_out"
+# How taking part ended: experiments.definition.recruiting.Ending.
+DONE: Final = "done"
+TECHNICAL_FAILURE: Final = "technical_failure"
+SCREENED_OUT: Final = "screened_out"
+TIMED_OUT: Final = "timed_out"
+LEFT: Final = "left"
+
+
+def not_drawn() -> str:
+    """Return a unique word for a column that is unique and has no value yet."""
+    return uuid.uuid4().hex
 
 
 def new_code() -> str:
@@ -108,6 +117,9 @@ class Study(models.Model):
     # Keys the hash of networks, so that distinct ones can be counted within this study and nowhere
     # else.
     secret = models.CharField(max_length=64, default=secrets.token_hex, editable=False)
+    # Makes the completion codes; empty: the secret does. A new version has that of the former one,
+    # because a recruitment site knows the codes of the study, whatever its version.
+    code_key = models.CharField(max_length=64, blank=True, editable=False)
 
     class Meta:
         verbose_name = _("study")
@@ -229,6 +241,12 @@ class Participant(models.Model):
     language = models.CharField(_("language"), max_length=16, default="en")
     # parameters of the link they came by
     recruitment = models.JSONField(_("recruitment"), default=dict, blank=True)
+    # The id that a recruitment site gave them, and "<study's name>:<its hash>": unique, so that one
+    # id is one participant of the study, in all of its versions. A random word without an id.
+    recruitment_id = models.CharField(
+        _("recruitment id"), max_length=100, blank=True, db_index=True
+    )
+    recruited_as = models.CharField(max_length=120, unique=True, default=not_drawn, editable=False)
     age = models.PositiveIntegerField(_("age"), null=True, blank=True)
 
     # --- assignment, at the first grant of the robot: as the last draw says ---
@@ -252,7 +270,7 @@ class Participant(models.Model):
     created_at = models.DateTimeField(_("joined"), db_index=True)
     seen_at = models.DateTimeField(_("last seen"))
     finished_at = models.DateTimeField(_("finished"), null=True, blank=True)
-    # done, technical_failure, screened_out
+    # experiments.definition.recruiting.Ending
     completion = models.CharField(_("completion"), max_length=20, blank=True)
     completion_code = models.CharField(_("completion code"), max_length=20, blank=True)
     withdrawn_at = models.DateField(_("withdrawn on"), null=True, blank=True)
@@ -395,6 +413,83 @@ class PersonalLink(models.Model):
         return self.revoked_at is None and (self.redeemed_at is None or self.guest is not None)
 
 
+class StudyKey(models.Model):
+    """A key for programs that read the participants of a study, in all of its versions
+    (experiments/recruitment/api.py); only its hash is stored.
+    """
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    slug = models.SlugField(_("study"), max_length=40, db_index=True)
+    label = models.CharField(_("label"), max_length=60)
+    token_sha256 = models.CharField(max_length=64, unique=True, editable=False)
+    made_at = models.DateTimeField(_("created"))
+    made_by = models.ForeignKey(
+        settings.AUTH_USER_MODEL, models.CASCADE, related_name="+", verbose_name=_("created by")
+    )
+    last_used_at = models.DateTimeField(_("last used"), null=True, editable=False)
+
+    class Meta:
+        verbose_name = _("API key of a study")
+        verbose_name_plural = _("API keys of studies")
+        constraints = [
+            models.UniqueConstraint(fields=["slug", "label"], name="one_study_key_of_a_label")
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.slug} · {self.label}"
+
+
+class Contact(models.Model):
+    """The e-mail address of a participant, who gave it for reminders; deleted when none is due any
+    more. `token` is in the address by which they stop the e-mails.
+    """
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    participant = models.OneToOneField(
+        Participant, models.CASCADE, related_name="contact", verbose_name=_("participant")
+    )
+    email = models.EmailField(_("e-mail address"))
+    site = models.CharField(max_length=200, editable=False)  # address of the site in its e-mails
+    token = models.CharField(max_length=64, unique=True, default=secrets.token_urlsafe)
+    given_at = models.DateTimeField(_("given"))
+    # When to invite them to their second session; None: not, or done.
+    invite_at = models.DateTimeField(_("invited to a second session"), null=True, blank=True)
+
+    class Meta:
+        verbose_name = _("e-mail address of a participant")
+        verbose_name_plural = _("e-mail addresses of participants")
+
+    def __str__(self) -> str:
+        return str(self.participant_id)
+
+
+class Appointment(models.Model):
+    """When a participant drives a robot. `slot` is "<robot>:<start>", unique, so that of two who
+    choose the same time at once one has to choose again.
+    """
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    participant = models.ForeignKey(
+        Participant, models.CASCADE, related_name="appointments", verbose_name=_("participant")
+    )
+    robot = models.ForeignKey(
+        "robots.Robot", models.CASCADE, related_name="+", verbose_name=_("robot")
+    )
+    visit = models.PositiveIntegerField(_("visit"))
+    starts_at = models.DateTimeField(_("starts"), db_index=True)
+    ends_at = models.DateTimeField(_("ends"))
+    slot = models.CharField(max_length=80, unique=True, editable=False)
+    reminded_at = models.DateTimeField(_("reminded"), null=True, blank=True)
+
+    class Meta:
+        verbose_name = _("appointment")
+        verbose_name_plural = _("appointments")
+        ordering = ("starts_at",)
+
+    def __str__(self) -> str:
+        return f"{self.participant_id} · {self.starts_at:%Y-%m-%d %H:%M}"
+
+
 class StepVisit(models.Model):
     """A participant on a step of the study, from seeing it first to going on: what the funnel is
     made of.
@@ -508,7 +603,7 @@ class Drive(models.Model):
         ordering = ("-granted_at",)
 
     def __str__(self) -> str:
-        return f"{self.participant_id} · {self.condition} · {self.number}"
+        return f"{self.participant.code} · {self.condition} · {self.number}"
 
 
 class TaskEvent(models.Model):

@@ -68,10 +68,16 @@ def store(definition: StudyDefinition, now: datetime.datetime) -> Row:
 
 def _put(definition: StudyDefinition, now: datetime.datetime) -> Row:
     fields = _fields(definition)
+    former = Row.objects.filter(slug=definition.slug).order_by("-version").first()
+    key = (former.code_key or former.secret) if former is not None else ""
     try:
         with transaction.atomic():
             return Row.objects.create(
-                slug=definition.slug, version=definition.version, created_at=now, **fields
+                slug=definition.slug,
+                version=definition.version,
+                created_at=now,
+                code_key=key,
+                **fields,
             )
     except IntegrityError:
         return _replace(definition, fields)

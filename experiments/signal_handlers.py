@@ -1,13 +1,10 @@
-"""What studies want to hear from the app below: who asks for a robot, and everything that the
-session manager tells.
-"""
+"""Connects studies to the signals and registries of the apps below."""
 
 from typing import Any
 
 from django.db.models.signals import post_delete, post_save, pre_delete
 
 from accounts.models import User
-from experiments import interface_suggestion
 from experiments.access import forget_members
 from experiments.models import Study, StudyMember
 from experiments.participation.grants import StudyTerms, claimed, invited_to
@@ -17,7 +14,7 @@ from experiments.research.notices import publish_not_ready, publish_pause
 from experiments.tasks.runner import Runner
 from experiments.wizard.operators import StudyOperators
 from robots.access import register_guest_list, register_guest_rule
-from sessions import interfaces, signals
+from sessions import signals
 from sessions.leases import terms
 from sessions.page_channel import check_pages, visitor_group
 from sessions.wizard import operators
@@ -35,7 +32,6 @@ def connect() -> None:
     register_outer_progress(outer_progress)
     register_guest_list(invited_to)
     register_guest_rule(User.Kind.PARTICIPANT, claimed)
-    interfaces.suggest_by(interface_suggestion.suggested_to)
     pre_delete.connect(
         withdraw_everywhere, sender=User, weak=False, dispatch_uid="experiments.withdraw_everywhere"
     )

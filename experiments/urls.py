@@ -2,14 +2,25 @@
 
 from django.urls import URLPattern, URLResolver, path
 
-from experiments.participation import step_views, views
+from experiments.participation import appointment_views, step_views, views
 from experiments.participation.withdrawal.views import receipt_text
+from experiments.recruitment import api
 
 urlpatterns: list[URLPattern | URLResolver] = [
     path("studies/link/<str:token>/", views.link, name="study_link"),
     path("studies/<slug:slug>/", views.front, name="study"),
     path("studies/<slug:slug>/step/", step_views.step, name="study_step"),
     path("studies/<slug:slug>/drive/", step_views.drive, name="study_drive"),
+    path(
+        "studies/<slug:slug>/appointment/", appointment_views.appointment, name="study_appointment"
+    ),
+    path(
+        "taking-part/reminders/<str:token>/stop/",
+        appointment_views.stop_reminders,
+        name="study_reminders_stop",
+    ),
+    path("api/v1/studies/<slug:slug>/participants/", api.participants, name="api_participants"),
+    path("studies/<slug:slug>/return/", step_views.go_back, name="study_return"),
     path("taking-part/", views.enter_code, name="study_code"),
     path("taking-part/receipt.txt", receipt_text, name="withdrawal_receipt"),
     path("taking-part/<slug:code>/withdraw/", views.withdraw, name="study_withdraw"),

@@ -1,4 +1,4 @@
-"""What somebody says to one question, judged: a value of the right kind within its bounds, or a
+"""Whether an answer to one question is allowed: a value of the right kind within its bounds, or a
 reason why there is none.
 
 On the page a question `q` is the field `q`; a reason comes as `~preferred_not` in the same field
@@ -22,7 +22,7 @@ REASON_MARK = "~"
 
 class Missing(StrEnum):
     """Why there is no value. NOT_APPLICABLE is what the respondent chose, where the question offers
-    it. NOT_ASKED and NOT_REACHED are never stored: nothing was said.
+    it. NOT_ASKED and NOT_REACHED are never stored: there was no answer.
     """
 
     SKIPPED = "skipped"
@@ -43,31 +43,30 @@ class AnswerValue:
 
     @property
     def is_left_empty(self) -> bool:
-        """Whether nothing at all was said."""
         return self.missing is Missing.SKIPPED
 
 
 def read_answer(
     question: Question, fields: Mapping[str, Sequence[str]], now: datetime.datetime
 ) -> AnswerValue:
-    """Return what the fields of a page say to a question; saying nothing is `SKIPPED`, whether or
+    """Return the answer to a question in the fields of a page; no answer is `SKIPPED`, whether or
     not that is allowed.
 
     Args:
         question: the question.
         fields: values by field name, as the page sends them.
-        now: when it is said, for bounds that move with the day.
+        now: when it is answered, for bounds that move with the day.
 
     Raises:
         RefusedError: when the value is of the wrong kind, out of bounds, or a reason is given that
             the question does not offer.
     """
     item = question.item
-    values = [
+    sent = [
         value.replace("\r\n", "\n").replace("\r", "\n").replace("\x00", "").strip()
-        for value in item.values_sent(question.key, fields)
+        for value in fields.get(question.key, ())
     ]
-    values = [value for value in values if value]
+    values = [value for value in sent if value]
     reasons = [value for value in fields.get(question.key + REASON_MARK, ()) if value]
     if not item.is_free_text:
         reasons += [value[1:] for value in values if value.startswith(REASON_MARK)]
@@ -105,10 +104,10 @@ def response_statuses(
     circumstances: Circumstances,
     reached: int,
 ) -> dict[str, AnswerValue]:
-    """Return how every question of a response stands, by key in written order: its value, or the
+    """Return the status of every question of a response, by key in written order: its value, or the
     reason why there is none.
 
-    Of a question that was not asked nothing counts, whatever was said before an earlier answer
+    Of a question that was not asked nothing counts, whatever was answered before an earlier answer
     changed. One that was asked without an answer was skipped, if its page was left behind.
 
     Args:
@@ -119,17 +118,13 @@ def response_statuses(
     """
     values = {key: given.value for key, given in stored.items()}
     asked = set(shown_keys(definition, values, circumstances))
-    return {
-        question.key: _status(question, stored.get(question.key), question.key in asked, reached)
-        for question in definition.questions()
-    }
-
-
-def _status(
-    question: Question, given: AnswerValue | None, asked: bool, reached: int
-) -> AnswerValue:
-    if question.page >= reached and given is None:
-        return AnswerValue(missing=Missing.NOT_REACHED)
-    if not asked:
-        return AnswerValue(missing=Missing.NOT_ASKED)
-    return given or AnswerValue(missing=Missing.SKIPPED)
+    statuses = {}
+    for key, question in definition.by_key.items():
+        given = stored.get(key)
+        if given is None and question.page >= reached:
+            statuses[key] = AnswerValue(missing=Missing.NOT_REACHED)
+        elif key not in asked:
+            statuses[key] = AnswerValue(missing=Missing.NOT_ASKED)
+        else:
+            statuses[key] = given or AnswerValue(missing=Missing.SKIPPED)
+    return statuses

@@ -6,8 +6,8 @@ static/js/pages/survey/conditions.js says the same for questions on the page in 
 visitor; tests/golden/survey_conditions.json binds the two.
 """
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Container, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from surveys.definition import Definition
@@ -18,27 +18,14 @@ from surveys.item import ItemCondition
 class Circumstances:
     """What is known beside the answers. A robot may go by several words: its name, its series."""
 
-    robot: frozenset[str] = field(default_factory=frozenset)
+    robot: frozenset[str] = frozenset()
     outcome: str = ""
 
-
-def answer_fits(condition: ItemCondition, value: Any) -> bool:
-    """Tell whether an answer, as its type compares it, meets the part of a condition that asks
-    one.
-    """
-    if condition.one_of:
-        chosen = value if isinstance(value, list) else [value]
-        return any(one in condition.one_of for one in chosen)
-    # bounds are asked of numbers alone (surveys/problems.py)
-    above = condition.at_least is None or value >= condition.at_least
-    return above and (condition.at_most is None or value <= condition.at_most)
-
-
-def circumstances_fit(condition: ItemCondition, circumstances: Circumstances) -> bool:
-    """Tell whether robot and outcome are among those that a condition names."""
-    if condition.robot and not circumstances.robot.intersection(condition.robot):
-        return False
-    return not condition.outcome or circumstances.outcome in condition.outcome
+    def fit(self, condition: ItemCondition) -> bool:
+        """Tell whether robot and outcome are among those that a condition names."""
+        if condition.robot and not self.robot.intersection(condition.robot):
+            return False
+        return not condition.outcome or self.outcome in condition.outcome
 
 
 def shown_keys(
@@ -55,7 +42,7 @@ def shown_keys(
     for question in definition.questions():
         conditions = (definition.pages[question.page].show_if, question.item.show_if)
         if all(
-            _holds(condition, definition, values, shown, circumstances)
+            circumstances.fit(condition) and _answer_fits(condition, definition, values, shown)
             for condition in conditions
             if condition is not None
         ):
@@ -63,18 +50,21 @@ def shown_keys(
     return list(shown)
 
 
-def _holds(
+def _answer_fits(
     condition: ItemCondition,
     definition: Definition,
     values: Mapping[str, Any],
-    shown: Iterable[str],
-    circumstances: Circumstances,
+    shown: Container[str],
 ) -> bool:
-    if not circumstances_fit(condition, circumstances):
-        return False
     if not condition.item:
         return True
-    asked, value = definition.question(condition.item), values.get(condition.item)
-    if asked is None or condition.item not in shown or value is None:
+    asked, stored = definition.question(condition.item), values.get(condition.item)
+    if asked is None or condition.item not in shown or stored is None:
         return False
-    return answer_fits(condition, asked.item.compared(value))
+    value = asked.item.compared(stored)
+    if condition.one_of:
+        chosen = value if isinstance(value, list) else [value]
+        return any(one in condition.one_of for one in chosen)
+    # only numbers have conditions with bounds (surveys/problems.py)
+    above = condition.at_least is None or value >= condition.at_least
+    return above and (condition.at_most is None or value <= condition.at_most)

@@ -6,7 +6,7 @@ answer is stored for good. The classes refuse unknown fields and wrong types; su
 tells what types cannot.
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from functools import cached_property
 from hashlib import sha256
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
@@ -35,7 +35,6 @@ class Page(DocumentPart, frozen=True, kw_only=True):
     items: tuple[AnyItem, ...]
 
     def items_shown(self, seed: int) -> list[AnyItem]:
-        """Return the items in the order shown to somebody with a seed."""
         return ordered(self.items, self.order, seed, f"page {self.key}")
 
 
@@ -68,19 +67,19 @@ class Definition(DocumentPart, frozen=True, kw_only=True, dict=True):
 
     def questions(self) -> Collection[Question]:
         """Every question in written order."""
-        return self._by_key.values()
+        return self.by_key.values()
 
     def question(self, key: str) -> Question | None:
-        """Return the question with a key."""
-        return self._by_key.get(key)
+        return self.by_key.get(key)
 
     def questions_shown(self, seed: int) -> list[Question]:
         """Return every question in the order in which somebody with a seed meets them."""
-        shown = (item for page in self.pages for item in page.items_shown(seed))
-        keys = (
-            item.key if row is None else row.key for item in shown for row in item.rows_shown(seed)
-        )
-        return [self._by_key[key] for key in keys]
+        return [
+            self.by_key[key]
+            for page in self.pages
+            for item in page.items_shown(seed)
+            for key in item.keys_asked(seed)
+        ]
 
     def positions(self, seed: int) -> dict[str, int]:
         """Return the place of each question in the order shown, from 1, by key."""
@@ -112,26 +111,22 @@ class Definition(DocumentPart, frozen=True, kw_only=True, dict=True):
         None is no answer.
         """
         turned = {
-            key: self._by_key[key].from_other_end(values[key])
+            key: self.by_key[key].from_other_end(values[key])
             for key in self.reversed
             if values.get(key) is not None
         }
         return {**values, **turned}
 
     @cached_property
-    def _by_key(self) -> dict[str, Question]:
-        """Made once, because exports ask for it with every response. Of keys that stand twice,
-        which is refused, the last one counts.
-        """
-        return {question.key: question for question in _walk(self)}
-
-
-def _walk(definition: Definition) -> Iterator[Question]:
-    for index, page in enumerate(definition.pages):
-        for item in page.items:
-            points = item.points(definition.scales)
-            for row in item.rows_asked():
-                yield Question(page=index, item=item, row=row, points=points)
+    def by_key(self) -> dict[str, Question]:
+        """Its questions by key. Of keys that occur twice, which is refused, the last one counts."""
+        questions = (
+            Question(number, item, row, item.points(self.scales))
+            for number, page in enumerate(self.pages)
+            for item in page.items
+            for row in item.rows_asked()
+        )
+        return {question.key: question for question in questions}
 
 
 def language_for(definition: Definition, wanted: str) -> str:
@@ -162,36 +157,3 @@ def digest(definition: Definition) -> str:
 def from_stored(document: Any) -> Definition:
     """Return the definition that a database row holds; it was checked when it was stored."""
     return msgspec.convert(document, Definition)
-
-
-# --- answers as tables with a line a response -----------------------------------------------------
-
-
-def columns_of(versions: Sequence[Definition]) -> list[str]:
-    """Return the columns of a table with a line a response to any version of a questionnaire: those
-    of each question's type, and why there is no answer.
-    """
-    named: dict[str, dict[str, None]] = {}
-    for definition in versions:
-        for question in definition.questions():
-            columns = named.setdefault(question.key, {})
-            columns |= dict.fromkeys(question.item.columns(question.key))
-    return [column for key, columns in named.items() for column in (*columns, f"{key}_missing")]
-
-
-def cells_of(
-    questions: Mapping[str, Question], values: Mapping[str, Any], missing: Mapping[str, str]
-) -> dict[str, Any]:
-    """Return the cells of a response by their columns.
-
-    Args:
-        questions: what may have been asked, by key.
-        values: stored values by key; None or no entry is no answer.
-        missing: why there is none, by key.
-    """
-    cells: dict[str, Any] = {}
-    for key, question in questions.items():
-        item = question.item
-        cells |= zip(item.columns(key), item.cells(values.get(key)), strict=True)
-        cells[f"{key}_missing"] = missing.get(key, "")
-    return cells

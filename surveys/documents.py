@@ -86,18 +86,18 @@ class Problem:
         return self.sentence(str)
 
     def sentence(self, translate: Callable[[str], str]) -> str:
-        """Return the sentence that also says where."""
-        names = (" ".join(str(_said(one, translate)) for one in name) for name in self.names)
+        """Return the sentence with the names around it."""
+        names = (" ".join(str(_in_words(one, translate)) for one in name) for name in self.names)
         return ": ".join([*names, self.text(translate)])
 
     def text(self, translate: Callable[[str], str]) -> str:
-        """Return what is said at its place."""
-        words = str(_said(self.words, translate))
-        values = {name: _said(value, translate) for name, value in self.values.items()}
+        """Return the sentence without them, for the page on which it is corrected."""
+        words = str(_in_words(self.words, translate))
+        values = {name: _in_words(value, translate) for name, value in self.values.items()}
         return words % values if values else words
 
 
-def _said(one: Any, translate: Callable[[str], str]) -> Any:
+def _in_words(one: Any, translate: Callable[[str], str]) -> Any:
     return translate(one) if isinstance(one, MarkedText) else one
 
 
@@ -119,7 +119,7 @@ class BadDefinitionError(ValueError):
 
 
 class ChangedMeanwhileError(RuntimeError):
-    """Somebody else changed the draft, or put it to use, since it was read."""
+    """Another user changed the draft, or put it to use, since it was read."""
 
 
 def spoken(text: Mapping[str, str], language: str) -> str:
@@ -152,15 +152,15 @@ def checked(
             search at the first.
     """
     if len(document) > limit:
-        told = Problem(_("The file is larger than %(n)d kB."), {"n": limit // 1024})
-        raise BadDefinitionError([told])
+        words = _("The file is larger than %(n)d kB.")
+        raise BadDefinitionError([Problem(words, {"n": limit // 1024})])
     try:
         found = msgspec.json.decode(document, type=cls)
     except msgspec.ValidationError as error:
         raise BadDefinitionError([_of_types(str(error), kinds, kind_name)]) from error
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        told = Problem(_("This is not valid JSON: %(error)s."), {"error": error})
-        raise BadDefinitionError([told]) from error
+        words = _("This is not valid JSON: %(error)s.")
+        raise BadDefinitionError([Problem(words, {"error": error})]) from error
     wrong = list(islice(problems_of(found), MOST_PROBLEMS + 1))
     if len(wrong) > MOST_PROBLEMS:
         wrong[-1] = Problem(_("Only the first %(n)d problems are listed."), {"n": MOST_PROBLEMS})
@@ -187,7 +187,7 @@ def duplicates(what: str, names: Iterable[str]) -> Iterator[Problem]:
 
 
 def text_problems(part: DocumentPart, name: str, languages: tuple[str, ...]) -> Iterator[Problem]:
-    """Yield what is wrong with any text inside a part: each must be there in all of the languages
+    """Yield what is wrong with the texts inside a part: each must be there in all of the languages
     and in no other. The paths begin in the part.
     """
     for called, path, text, needed in _texts(part, name, ()):
@@ -198,13 +198,13 @@ def text_problems(part: DocumentPart, name: str, languages: tuple[str, ...]) -> 
                 words = _("%(text)s has no text in %(language)s.")
                 named = {"text": called, "language": language}
                 yield Problem(words, named, path=path, language=language)
-        for language, said in text.items():
+        for language, own in text.items():
             values = {"text": called, "language": language, "n": MAX_TEXT}
             if language not in languages:
                 yield Problem(_NOT_A_LANGUAGE, values)
-            if "\x00" in said:
+            if "\x00" in own:
                 yield Problem(_NULL_CHARACTER, values)
-            if len(said) > MAX_TEXT:
+            if len(own) > MAX_TEXT:
                 yield Problem(_TOO_LONG, values)
 
 

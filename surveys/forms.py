@@ -56,33 +56,31 @@ class DocumentForm(forms.ModelForm):
         self.is_new = self.instance._state.adding
 
     def sent(self) -> bytes:
-        """Return the document that was sent; empty when there was none."""
         upload, text = self.cleaned_data.get("file"), self.cleaned_data.get("document", "")
         document: bytes = text.encode() if upload is None else upload.read(self.limit + 1)
         return document if document.strip() else b""
 
     def check_version(self, slug: str, version: int) -> None:
-        """Keep an import from replacing what is there unseen, and a change from becoming something
-        else.
+        """Refuse to replace another version, and to change name or version of this one.
 
         Raises:
-            BadDefinitionError: the version is there already, or is another than the one changed.
+            BadDefinitionError: the version exists already, or is another than the one changed.
         """
         own = self.instance.slug, self.instance.version
         if not self.is_new and own != (slug, version):
-            told = gettext("This is version %(n)d of %(slug)s. Its name and version can't change.")
-            raise BadDefinitionError([told % {"n": own[1], "slug": own[0]}])
+            words = gettext("This is version %(n)d of %(slug)s. Its name and version can't change.")
+            raise BadDefinitionError([words % {"n": own[1], "slug": own[0]}])
         rows = type(self.instance).objects.filter(slug=slug, version=version)
         if self.is_new and rows.exists():
-            told = gettext(
+            words = gettext(
                 "Version %(n)d of %(slug)s already exists. Edit that one, or give yours another "
                 "version number."
             )
-            raise BadDefinitionError([told % {"n": version, "slug": slug}])
+            raise BadDefinitionError([words % {"n": version, "slug": slug}])
 
 
 class QuestionnaireForm(DocumentForm):
-    """A questionnaire; every problem of it is told at once."""
+    """A questionnaire; all of its problems are listed at once."""
 
     reference, limit = "questionnaires", MAX_BYTES
 
@@ -96,8 +94,8 @@ class QuestionnaireForm(DocumentForm):
             self.fields["document"].initial = to_json(self.instance.as_definition()).decode()
 
     def clean(self) -> dict[str, Any]:
-        """Store the definition. Here and not later, so that a version that was frozen a moment ago
-        is told like any other problem.
+        """Store the definition already here, so that a version that was frozen a moment ago is a
+        problem like any other.
         """
         cleaned = super().clean() or self.cleaned_data
         if self.errors:

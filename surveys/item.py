@@ -12,13 +12,22 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from hashlib import sha256
-from typing import Annotated, Any, ClassVar, Literal, Protocol, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 import msgspec
 from django.utils.formats import sanitize_separators
 from django.utils.translation import gettext as _
 
-from surveys.documents import DocumentPart, Key, Problem, Text, duplicates, gettext_noop, spoken
+from surveys.documents import (
+    DocumentPart,
+    Key,
+    Problem,
+    Text,
+    duplicates,
+    fields_of,
+    gettext_noop,
+    spoken,
+)
 
 T = TypeVar("T")
 
@@ -27,6 +36,7 @@ Whole = Annotated[int, msgspec.Meta(ge=-10_000, le=10_000)]
 Order = Literal["fixed", "shuffled"]
 ScoringRule = Literal["likert", "topics", "sus", "tlx_raw"]
 Scales = Mapping[str, "tuple[ScalePoint, ...]"]
+Labelled = Sequence[tuple[str | int, Text]]
 MAX_DIGITS = 30
 NUMBER_LIMIT = 1e12
 # Hours from UTC of the places where days begin last and first.
@@ -53,6 +63,10 @@ class ItemCondition(DocumentPart, frozen=True, kw_only=True):
     one_of: tuple[str | int | float, ...] = msgspec.field(name="is", default=())
     at_least: float | None = None
     at_most: float | None = None
+
+    @property
+    def is_bounded(self) -> bool:
+        return self.at_least is not None or self.at_most is not None
 
 
 class ScalePoint(DocumentPart, frozen=True, kw_only=True):
@@ -107,7 +121,7 @@ class Viewing:
 class Widget:
     """What a type draws. `template` gets the control, and with it this.
 
-    `style` names its class in CSS, `value` is what stands in its one input (`has_one_input`: its
+    `style` names its class in CSS, `value` is the text of its one input (`has_one_input`: its
     label is the question's text), `attributes` are those of the input by their names in HTML.
     `more` is what only its own template knows.
     """
@@ -122,19 +136,6 @@ class Widget:
     is_scale: bool = False
 
 
-# --- what a bot reads -----------------------------------------------------------------------------
-
-
-class Bot(Protocol):
-    """A bot that fills in a page, `experiments.bots.answers.Answering`."""
-
-    def answer(self, asked: Any) -> list[tuple[str, str]]:
-        """Return what is sent for one field, from its control in HTML alone."""
-
-    def option(self, name: str, count: int) -> int:
-        """Return which of `count` options without an order is chosen."""
-
-
 # --- items ----------------------------------------------------------------------------------------
 
 
@@ -143,18 +144,21 @@ class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
     also be left empty.
     """
 
-    # What the editor calls it; empty is the name of the type.
+    # What the editor calls it, and the labels and hints of the fields that only this type has; an
+    # empty name is that of the type.
     plain_name: ClassVar[Any] = ""
+    labels: ClassVar[Mapping[str, Any]] = {}
+    hints: ClassVar[Mapping[str, Any]] = {}
     # One value of several is sent for the question; else a second one is refused.
     takes_several: ClassVar[bool] = False
-    # A reason for no answer is one of the choices, sent in the same field; else it stands beside.
+    # A reason for no answer is one of the choices, sent in the same field; else it is beside them.
     has_reason_choices: ClassVar[bool] = False
     # What somebody writes may begin with the mark of a reason, and may tell who they are: exports
     # leave it out unless asked.
     is_free_text: ClassVar[bool] = False
     # `show_if` may compare its answer with bounds.
     is_number: ClassVar[bool] = False
-    # Its text and hint stand above several questions, which have keys of their own.
+    # Its text and hint are shown above several questions, which have keys of their own.
     is_group: ClassVar[bool] = False
     # The rules of scoring that take its answers.
     scored_by: ClassVar[Collection[ScoringRule]] = ()
@@ -174,31 +178,25 @@ class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
 
     # what it is made of
 
-    def rows_asked(self) -> tuple[Row | None, ...]:
-        """Return its questions: None is the item itself."""
+    def rows_asked(self, seed: int | None = None) -> Sequence[Row | None]:
+        """Return its questions, in the order shown to somebody with a seed, or as written: None is
+        the item itself.
+        """
         return (None,)
 
-    def rows_shown(self, seed: int) -> Sequence[Row | None]:
-        """Return its questions in the order shown."""
-        return self.rows_asked()
+    def keys_asked(self, seed: int | None = None) -> list[str]:
+        """Return the keys of its questions, in this order."""
+        return [self.key if row is None else row.key for row in self.rows_asked(seed)]
 
     def points(self, scales: Scales) -> tuple[ScalePoint, ...]:
         """Return the points of its scale; none without one, or when it names none that is there."""
         return ()
-
-    def own_texts(self) -> Iterator[Text]:
-        """Yield what is shown beside text, hint and scale."""
-        yield from ()
 
     def problems(self, scales: Scales) -> Iterator[Problem]:
         """Yield what is wrong with it, beside what types and texts tell."""
         yield from ()
 
     # answers
-
-    def values_sent(self, key: str, fields: Mapping[str, Sequence[str]]) -> Sequence[str]:
-        """Return what a page sent for a question, in order; empty values are left out later."""
-        return fields.get(key, ())
 
     def parse(self, question: "Question", values: Sequence[str], now: datetime.datetime) -> Any:
         """Return the value to be stored (int, float, str, list of str) of what the page sent, which
@@ -209,9 +207,13 @@ class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
         """
         raise NotImplementedError
 
-    def labelled_values(
-        self, points: Sequence[ScalePoint]
-    ) -> "Sequence[tuple[str | int, Mapping[str, str]]]":
+    def sent(self, value: Any) -> list[str]:
+        """Return a stored value as the page would send it."""
+        if isinstance(value, list):
+            return list(value)
+        return [plain(value) if isinstance(value, float) else str(value)]
+
+    def labelled_values(self, points: Sequence[ScalePoint]) -> Labelled:
         """Return all values that can be chosen, with their labels; none where they are not listed.
         Tables count them, and `show_if` may only expect one of them.
         """
@@ -223,60 +225,46 @@ class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
         """
         return value
 
-    def expected(self, value: str | float) -> str | float:
-        """Return how the page sends an answer that `show_if` names."""
-        return value
-
     def score_values(self, points: Sequence[ScalePoint]) -> Sequence[int]:
         """Return the numbers that an answer can be, rising, where a score takes them."""
         return ()
-
-    def is_reversed(self, row: Row | None) -> bool:
-        """Tell whether scores count the answer to one of its questions from the other end."""
-        return False
 
     def ends(self, points: Sequence[ScalePoint]) -> tuple[Text, Text]:
         """Return what the least and the greatest number are called on the page."""
         return {}, {}
 
-    def cell(self, value: Any) -> Any:
-        """Return a stored value as one cell of a table."""
-        return value
-
-    def columns(self, key: str) -> tuple[str, ...]:
-        """Return the columns of an answer in tables with a line a response."""
-        return (key,)
-
-    def column_labels(self) -> tuple[Text, ...]:
-        """Return what each of these columns is about, beside the question."""
-        return ({},)
+    def columns(self, key: str) -> Mapping[str, Text]:
+        """Return the columns of an answer in tables with a line a response, each with what it is
+        about beside the question.
+        """
+        return {key: {}}
 
     def cells(self, value: Any) -> tuple[Any, ...]:
-        """Return what stands in these columns for a stored value; None is no answer."""
-        return ("" if value is None else self.cell(value),)
+        """Return the cells of these columns for a stored value; None is no answer."""
+        return ("" if value is None else one_cell(value),)
 
     # pages
-
-    def sent(self, value: Any) -> list[str]:
-        """Return a stored value as the page would send it."""
-        return [str(value)]
 
     def widget(self, question: "Question", chosen: Sequence[str], viewing: Viewing) -> Widget:
         """Return what the page draws; `chosen` is what the page would send now."""
         raise NotImplementedError
 
-    def joins(self, before: "Item") -> bool:
-        """Tell whether it stands in one frame with the item before it."""
-        return False
-
-    # bots
-
-    @classmethod
-    def bot_answer(cls, fields: Sequence[Any], bot: Bot) -> list[tuple[str, str]]:
-        """Return what a bot sends for the fields of one question (experiments.bots.page.Field),
-        without those of reasons.
-        """
-        return [pair for one in fields for pair in bot.answer(one)]
+    def entry(
+        self,
+        chosen: Sequence[str],
+        attributes: Mapping[str, Any],
+        template: str = "surveys/_entry.html",
+        **more: Any,
+    ) -> Widget:
+        """Return a widget that is one input; attributes that are None are left out."""
+        return Widget(
+            template,
+            self.kind,
+            value=chosen[0] if chosen else "",
+            attributes={name: str(one) for name, one in attributes.items() if one is not None},
+            more=more,
+            has_one_input=True,
+        )
 
 
 class ScaleItem(Item, frozen=True, kw_only=True):
@@ -289,43 +277,31 @@ class ScaleItem(Item, frozen=True, kw_only=True):
     scale: str
 
     def points(self, scales: Scales) -> tuple[ScalePoint, ...]:
-        """Return the points of its scale."""
         return scales.get(self.scale, ())
 
     def problems(self, scales: Scales) -> Iterator[Problem]:
-        """Yield that its scale is not there."""
         if not self.points(scales):
             yield Problem(gettext_noop("Choose a scale."), names=(("scale", self.scale),))
 
     def parse(self, question: "Question", values: Sequence[str], now: datetime.datetime) -> int:
-        """Return the value of the point."""
         return one_of({str(point.value): point.value for point in question.points}, values[0])
 
-    def labelled_values(
-        self, points: Sequence[ScalePoint]
-    ) -> "Sequence[tuple[str | int, Mapping[str, str]]]":
-        """Return the points."""
+    def labelled_values(self, points: Sequence[ScalePoint]) -> Labelled:
         return [(point.value, point.label) for point in points]
 
     def score_values(self, points: Sequence[ScalePoint]) -> Sequence[int]:
-        """Return the values of the points."""
         return [point.value for point in points]
 
     def ends(self, points: Sequence[ScalePoint]) -> tuple[Text, Text]:
-        """Return the labels of the first and the last point."""
         return (points[0].label, points[-1].label) if points else ({}, {})
 
     def widget(self, question: "Question", chosen: Sequence[str], viewing: Viewing) -> Widget:
-        """Return the points as a line of choices."""
-        named = all(spoken(point.label, viewing.language) for point in question.points)
+        """Return the points as a line of choices; numbers where not all have a label."""
+        labels = {str(one.value): spoken(one.label, viewing.language) for one in question.points}
+        named = all(labels.values())
         choices = tuple(
-            Choice(
-                str(point.value),
-                spoken(point.label, viewing.language),
-                str(point.value) in chosen,
-                number="" if named else str(point.value),
-            )
-            for point in question.points
+            Choice(value, label, value in chosen, number="" if named else value)
+            for value, label in labels.items()
         )
         return Widget("surveys/_choices.html", "scale", choices=choices, is_scale=True)
 
@@ -336,12 +312,7 @@ class OptionsItem(Item, frozen=True, kw_only=True):
     options: tuple[Option, ...]
     order: Order = "fixed"
 
-    def own_texts(self) -> Iterator[Text]:
-        """Yield the labels of the options."""
-        yield from (option.label for option in self.options)
-
     def problems(self, scales: Scales) -> Iterator[Problem]:
-        """Yield that there are no options, or two of one name."""
         if not self.options:
             yield Problem(gettext_noop("There are no options; add some."))
         yield from duplicates(gettext_noop("Option"), (option.value for option in self.options))
@@ -355,22 +326,18 @@ class OptionsItem(Item, frozen=True, kw_only=True):
             option for option in self.options if option.alone
         ]
 
-    def labelled_values(
-        self, points: Sequence[ScalePoint]
-    ) -> "Sequence[tuple[str | int, Mapping[str, str]]]":
-        """Return the options."""
+    def labelled_values(self, points: Sequence[ScalePoint]) -> Labelled:
         return [(option.value, option.label) for option in self.options]
 
     def widget(self, question: "Question", chosen: Sequence[str], viewing: Viewing) -> Widget:
-        """Return the options as choices."""
         choices = tuple(
             Choice(
-                option.value,
-                spoken(option.label, viewing.language),
-                option.value in chosen,
-                is_alone=option.alone,
+                one.value,
+                spoken(one.label, viewing.language),
+                one.value in chosen,
+                is_alone=one.alone,
             )
-            for option in self.options_shown(viewing.seed)
+            for one in self.options_shown(viewing.seed)
         )
         return Widget("surveys/_choices.html", self.kind, choices=choices)
 
@@ -396,28 +363,25 @@ class Question:
 
     @property
     def text(self) -> Text:
-        """Its own words; those of a grid stand above all rows."""
+        """Its own words; those of a grid are shown above all rows."""
         return self.item.text if self.row is None else self.row.text
 
     @cached_property
-    def labelled_values(self) -> "Sequence[tuple[str | int, Mapping[str, str]]]":
-        """All values that can be chosen, with their labels."""
+    def labelled_values(self) -> Labelled:
         return self.item.labelled_values(self.points)
 
     @property
     def score_values(self) -> Sequence[int]:
-        """The numbers that an answer can be, where a score takes them."""
         return self.item.score_values(self.points)
 
     @property
     def ends(self) -> tuple[Text, Text]:
-        """What the least and the greatest of these numbers are called on the page."""
         return self.item.ends(self.points)
 
     @property
     def is_reversed(self) -> bool:
         """Whether its definition says that scores count its answer from the other end."""
-        return self.item.is_reversed(self.row)
+        return bool(getattr(self.row or self.item, "reverse", False))
 
     def from_other_end(self, value: float) -> float:
         """Return an answer counted from the other end of its scale: least + greatest - value."""
@@ -425,10 +389,15 @@ class Question:
 
     def fingerprint(self, language: str) -> str:
         """Return 12 hexadecimal digits that change with any word that is shown for it in a
-        language.
+        language. They are stored with answers: the order of the texts must stay.
         """
         own = [self.item.text, self.text, self.item.hint, *(point.label for point in self.points)]
-        own += self.item.own_texts()
+        for one in fields_of(type(self.item)):
+            value = getattr(self.item, one.name)
+            if one.type == Text and one.name not in {"text", "hint"}:
+                own.append(value)
+            elif one.name == "options":
+                own += [option.label for option in value]
         return sha256("\x1f".join(text.get(language, "") for text in own).encode()).hexdigest()[:12]
 
 
@@ -448,8 +417,13 @@ def ordered(things: Iterable[T], order: Order, seed: int, name: str) -> list[T]:
     return arranged
 
 
+def one_cell(value: Any) -> Any:
+    """Return a stored value as one cell of a table: of several, with bars between them."""
+    return "|".join(value) if isinstance(value, list) else value
+
+
 def one_of(choices: Mapping[str, T], value: str) -> T:
-    """Return what a value that was sent stands for.
+    """Return what a value that was sent means.
 
     Raises:
         RefusedError: when it is not among the choices.
@@ -465,16 +439,13 @@ def parsed_number(value: str) -> float:
     Raises:
         RefusedError: when it is none, or too large to be meant.
     """
+    number = float("nan")
     try:
-        number = (
-            float(sanitize_separators(value))
-            if len(value) <= MAX_DIGITS and "_" not in value
-            else float("nan")
-        )
+        if len(value) <= MAX_DIGITS and "_" not in value:
+            number = float(sanitize_separators(value))
     except ValueError as error:
         if "," in value:
             raise RefusedError(_("Use a decimal point and no comma: 0.6, or 1000.")) from error
-        raise RefusedError(_("Enter a number.")) from error
     if not abs(number) < NUMBER_LIMIT:
         raise RefusedError(_("Enter a number."))
     return number
@@ -488,8 +459,3 @@ def plain(number: float) -> str:
 def day_at(now: datetime.datetime, hours: int) -> datetime.date:
     """Return which day it is at a place so many hours from UTC."""
     return now.astimezone(datetime.timezone(datetime.timedelta(hours=hours))).date()
-
-
-def first_choice(chosen: Sequence[str]) -> str:
-    """Return what stands in the one input of a question."""
-    return chosen[0] if chosen else ""

@@ -13,8 +13,9 @@ because the text gives none):
 """
 
 import math
+import statistics
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -25,6 +26,7 @@ from surveys.documents import spoken
 
 Interval = Literal["normal", "t"]
 Answers = Mapping[str, int | None]
+Kind = Literal["overall", "topic", "statement"]
 
 
 @dataclass(frozen=True)
@@ -69,42 +71,34 @@ def summarise(
     Raises:
         ValueError: when an answer is no value of the scale.
     """
-    given = [
-        [value for key in statements if (value := answers.get(key)) is not None]
-        for answers in responses
-    ]
-    given = [values for values in given if values]
+    found = [[answers.get(key) for key in statements] for answers in responses]
+    given = [[value for value in values if value is not None] for values in found]
     counts = Counter(value for values in given for value in values)
-    if set(counts) - set(scale):
-        raise ValueError(f"answers outside the scale: {sorted(set(counts) - set(scale))}")
-    total = counts.total()
-    scores = [math.fsum(values) / len(values) for values in given]
+    if outside := sorted(set(counts) - set(scale)):
+        raise ValueError(f"answers outside the scale: {outside}")
+    scores = [statistics.fmean(values) for values in given if values]
     mean, sd = mean_and_sd(scores)
-    above = (
-        100.0 * sum(n for value, n in counts.items() if value > neutral) / total if total else None
-    )
+    total = counts.total()
+    above = sum(n for value, n in counts.items() if value > neutral)
+    positive = 100.0 * above / total if total else None
     return Summary(
         respondents=len(scores),
         answers=total,
         counts=tuple(counts[value] for value in scale),
-        percentages=tuple(100.0 * counts[value] / total for value in scale) if total else None,
+        percentages=tuple(100.0 * counts[one] / total for one in scale) if total else None,
         mean=mean,
         sd=sd,
         ci95=half_width(sd, len(scores), 0.95, interval),
         ci99=half_width(sd, len(scores), 0.99, interval),
-        positive=above,
-        nonpositive=None if above is None else 100.0 - above,
+        positive=positive,
+        nonpositive=None if positive is None else 100.0 - positive,
     )
 
 
 def mean_and_sd(scores: Sequence[float]) -> tuple[float | None, float | None]:
     """Return mean and standard deviation (n - 1) of scores; None where there are too few."""
-    if not scores:
-        return None, None
-    mean = math.fsum(scores) / len(scores)
-    if len(scores) == 1:
-        return mean, None
-    return mean, math.sqrt(math.fsum((score - mean) ** 2 for score in scores) / (len(scores) - 1))
+    mean = statistics.fmean(scores) if scores else None
+    return mean, statistics.stdev(scores) if len(scores) > 1 else None
 
 
 def half_width(sd: float | None, n: int, level: float, interval: Interval) -> float | None:
@@ -127,7 +121,7 @@ class LikertRow:
     pools. `is_reversed`: of one statement, which is reverse-coded.
     """
 
-    kind: Literal["overall", "topic", "statement"]
+    kind: Kind
     key: str
     label: str
     statements: tuple[str, ...]
@@ -158,28 +152,23 @@ def likert_table(
     """
     if definition.scoring != "likert":
         raise ValueError(f"{definition.slug} is not scored as statements on one scale")
-    statements = definition.scored
-    scale = list(statements[0].score_values)
+    scale = definition.scored[0].score_values
     neutral = (scale[0] + scale[-1]) / 2.0
-    rows: list[tuple[Literal["overall", "topic", "statement"], str, str, tuple[str, ...]]] = [
-        ("overall", "", overall, tuple(question.key for question in statements)),
-        *(
-            ("topic", topic.key, spoken(topic.text, language), topic.items)
-            for topic in definition.topics
-        ),
-        *(
-            ("statement", question.key, spoken(question.text, language), (question.key,))
-            for question in statements
-        ),
-    ]
     return [
         LikertRow(
-            kind,
-            key,
-            label,
-            keys,
+            *(kind, key, label, keys),
             summarise(responses, keys, scale, interval=interval, neutral=neutral),
             is_reversed=kind == "statement" and key in definition.reversed,
         )
-        for kind, key, label, keys in rows
+        for kind, key, label, keys in _rows(definition, language, overall)
     ]
+
+
+def _rows(
+    definition: Definition, language: str, overall: str
+) -> Iterator[tuple[Kind, str, str, tuple[str, ...]]]:
+    yield "overall", "", overall, tuple(question.key for question in definition.scored)
+    for topic in definition.topics:
+        yield "topic", topic.key, spoken(topic.text, language), topic.items
+    for question in definition.scored:
+        yield "statement", question.key, spoken(question.text, language), (question.key,)

@@ -42,7 +42,6 @@ class Questionnaire(models.Model):
         return f"{self.title} · {self.slug} {self.version}"
 
     def as_definition(self) -> Definition:
-        """Return what it asks."""
         return from_stored(self.definition)
 
 
@@ -101,25 +100,20 @@ class Response(models.Model):
 
     @property
     def circumstances(self) -> Circumstances:
-        """What is known beside the answers."""
         return Circumstances(robot=frozenset(self.robot), outcome=self.outcome)
 
     def given(self) -> dict[str, AnswerValue]:
-        """Return what is stored, by question."""
         return {row.item: row.given for row in self.answers.only("item", "value", "missing")}
 
     def response_statuses(
         self, definition: Definition, stored: dict[str, AnswerValue]
     ) -> dict[str, AnswerValue]:
-        """Return how every question stands, from what is stored: its value, or
-        why there is none.
-        """
         reached = self.reached if self.finished_at is None else len(definition.pages)
         return response_statuses(definition, stored, self.circumstances, reached)
 
 
 class Answer(models.Model):
-    """What was said to one question: `value`, or in `missing` the reason why there is none."""
+    """The answer to one question: `value`, or in `missing` the reason why there is none."""
 
     class Reason(models.TextChoices):
         """Why there is no value."""
@@ -160,7 +154,4 @@ class Answer(models.Model):
 
     @property
     def given(self) -> AnswerValue:
-        """What was said."""
-        return AnswerValue(
-            value=self.value, missing=Missing(self.missing) if self.missing else None
-        )
+        return AnswerValue(self.value, Missing(self.missing) if self.missing else None)

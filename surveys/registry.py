@@ -28,10 +28,8 @@ def family(package: str, path: Iterable[str], base: type[T]) -> dict[str, type[T
 
 
 def _class_in(module: ModuleType, name: str, base: type[T]) -> type[T]:
-    own = [
-        one for one in vars(module).values() if getattr(one, "__module__", "") == module.__name__
-    ]
-    found = [one for one in own if isinstance(one, type) and issubclass(one, base)]
+    classes = (one for one in vars(module).values() if isinstance(one, type))
+    found = [one for one in classes if one.__module__ == module.__name__ and issubclass(one, base)]
     tags = {one.__struct_config__.tag for one in found if issubclass(one, msgspec.Struct)}
     if len(found) != 1 or not tags <= {name}:
         raise TypeError(f"{module.__name__} needs one subclass of {base.__name__}, named {name!r}")

@@ -1,14 +1,14 @@
 """Responses: begun once a respondent and context, saved question by question, left page by page,
 finished once.
 
-Everything here can be asked twice with the same result. Nothing rests on transactions: rows are
-unique, and updates say what they expect to find.
+Everything here can be called twice with the same result. Nothing relies on transactions: rows are
+unique, and updates name the state that they expect.
 """
 
 import datetime
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -66,7 +66,7 @@ class Context:
 @dataclass(frozen=True)
 class Saving:
     """What comes with a saved answer: its time, the language shown, seconds of attention by
-    question, and who writes for the how-manieth time.
+    question, and which page load writes it, as which of its writings.
     """
 
     now: datetime.datetime
@@ -108,11 +108,10 @@ def begin(
     Raises:
         BadDefinitionError: when the questionnaire is a template.
     """
-    slot = hashlib.sha256(
-        json.dumps([questionnaire.slug, respondent.name, context.key]).encode()
-    ).hexdigest()
-    found = Response.objects.filter(slot=slot).select_related("questionnaire").first()
-    if found is not None:
+    parts = [questionnaire.slug, respondent.name, context.key]
+    slot = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
+    rows = Response.objects.select_related("questionnaire")
+    if found := rows.filter(slot=slot).first():
         return found
     frozen = freeze(questionnaire, now)
     fields = {
@@ -130,7 +129,6 @@ def begin(
         "started_at": now,
         "seen_at": now,
     }
-    rows = Response.objects.select_related("questionnaire")
     return rows.get_or_create(slot=slot, defaults=fields)[0]
 
 
@@ -141,7 +139,7 @@ def save_one(
     fields: Mapping[str, Sequence[str]],
     saving: Saving,
 ) -> AnswerValue:
-    """Store what the fields say to one question, empty or not, and return it.
+    """Store the answer to one question in the fields of a page, empty or not, and return it.
 
     Raises:
         ClosedError: when the response is finished.
@@ -149,8 +147,7 @@ def save_one(
         RefusedError: when the question does not allow the answer.
     """
     _check_open(response)
-    question = definition.question(key)
-    stored = response.given()
+    question, stored = definition.question(key), response.given()
     if (
         question is None
         or question.page > response.reached
@@ -159,7 +156,6 @@ def save_one(
         raise NotAskedError(key)
     given = read_answer(question, fields, saving.now)
     _write(response, definition, [(question, given)], saving)
-    _note_seen(response, saving.now)
     return given
 
 
@@ -172,8 +168,8 @@ def save_page(
     offered: Iterable[str],
     saving: Saving,
 ) -> PageResult:
-    """Store what a whole page says and tell what is still wrong; what is right is stored in any
-    case.
+    """Store the answers of a whole page and tell what is still wrong; what is right is stored in
+    any case.
 
     Args:
         response: whose page it is.
@@ -188,61 +184,36 @@ def save_page(
         NotAskedError: when the page was not reached, or fields of other questions came with it.
     """
     _check_open(response)
-    here = {question.key: question for question in definition.questions() if question.page == page}
+    here = {key: one for key, one in definition.by_key.items() if one.page == page}
     offered = set(offered)
     if page > response.reached or not here or offered - set(here):
         raise NotAskedError(str(page))
-    stored = response.given()
-    visible = {key: question for key, question in here.items() if key in offered}
-    told, errors = _read_page(
-        visible,
-        fields,
-        saving.now,
-        asked=lambda told: _shown(response, definition, {**stored, **told}),
-    )
-    changed = [(here[key], given) for key, given in told.items() if stored.get(key) != given]
+    stored, given, errors = response.given(), dict[str, AnswerValue](), dict[str, str]()
+    for key, question in here.items():
+        # an answer may hide questions after it
+        if key in offered and key in _shown(response, definition, stored | given):
+            try:
+                given[key] = read_answer(question, fields, saving.now)
+                check_complete(question, given[key])
+            except RefusedError as error:
+                errors[key] = str(error)
+    changed = [(here[key], one) for key, one in given.items() if stored.get(key) != one]
     _write(response, definition, changed, saving)
-    _note_seen(response, saving.now)
-    asked = set(_shown(response, definition, {**stored, **told}))
-    appeared = (asked & set(here)) - offered
+    asked = set(_shown(response, definition, stored | given))
     return PageResult(
         errors={key: text for key, text in errors.items() if key in asked},
-        more_appeared=bool(appeared),
+        more_appeared=bool((asked & set(here)) - offered),
     )
-
-
-def _read_page(
-    visible: Mapping[str, Question],
-    fields: Mapping[str, Sequence[str]],
-    now: datetime.datetime,
-    *,
-    asked: Callable[[dict[str, AnswerValue]], list[str]],
-) -> tuple[dict[str, AnswerValue], dict[str, str]]:
-    """Return what was told and what was refused, question by question: an answer may hide those
-    that follow it.
-    """
-    told: dict[str, AnswerValue] = {}
-    errors: dict[str, str] = {}
-    for key, question in visible.items():
-        if key not in asked(told):
-            continue
-        try:
-            told[key] = read_answer(question, fields, now)
-            check_complete(question, told[key])
-        except RefusedError as error:
-            errors[key] = str(error)
-    return told, errors
 
 
 def leave_page(response: Response, definition: Definition, page: int) -> int | None:
-    """Note that a page was left behind and return the next one with questions;
-    None after the last.
+    """Note that a page was left behind and return the next one with questions; None after the
+    last.
     """
     following = next((n for n in pages_shown(response, definition) if n > page), None)
     left_behind = len(definition.pages) if following is None else following
-    Response.objects.filter(pk=response.pk, finished_at=None, reached__lt=left_behind).update(
-        reached=left_behind
-    )
+    unfinished = Response.objects.filter(pk=response.pk, finished_at=None)
+    unfinished.filter(reached__lt=left_behind).update(reached=left_behind)
     response.refresh_from_db(fields=["reached"])
     return following
 
@@ -252,14 +223,9 @@ def finish(response: Response, definition: Definition, now: datetime.datetime) -
     answer is missing.
     """
     stored = response.given()
-    asked = set(_shown(response, definition, stored))
-    for question in definition.questions():
-        given = stored.get(question.key)
-        if (
-            question.key in asked
-            and question.item.required
-            and (given is None or given.is_left_empty)
-        ):
+    for key in _shown(response, definition, stored):
+        question, given = definition.by_key[key], stored.get(key)
+        if question.item.required and (given is None or given.is_left_empty):
             return question.page
     Response.objects.filter(pk=response.pk, finished_at=None).update(
         finished_at=now, reached=len(definition.pages)
@@ -281,20 +247,15 @@ def place(response: Response, definition: Definition) -> int | None:
 
 def pages_shown(response: Response, definition: Definition) -> list[int]:
     """Return the pages on which this respondent is asked anything, from 0, rising."""
-    asked = set(_shown(response, definition, response.given()))
-    return sorted({question.page for question in definition.questions() if question.key in asked})
+    shown = _shown(response, definition, response.given())
+    return sorted({definition.by_key[key].page for key in shown})
 
 
 def _shown(
     response: Response, definition: Definition, stored: Mapping[str, AnswerValue]
 ) -> list[str]:
-    return shown_keys(
-        definition, {key: given.value for key, given in stored.items()}, response.circumstances
-    )
-
-
-def _note_seen(response: Response, now: datetime.datetime) -> None:
-    Response.objects.filter(pk=response.pk).update(seen_at=now)
+    values = {key: given.value for key, given in stored.items()}
+    return shown_keys(definition, values, response.circumstances)
 
 
 def _check_open(response: Response) -> None:
@@ -305,11 +266,11 @@ def _check_open(response: Response) -> None:
 def _write(
     response: Response,
     definition: Definition,
-    told: Sequence[tuple[Question, AnswerValue]],
+    answers: Sequence[tuple[Question, AnswerValue]],
     saving: Saving,
 ) -> None:
-    places = definition.positions(response.seed) if told else {}
-    for question, given in told:
+    places = definition.positions(response.seed) if answers else {}
+    for question, given in answers:
         fields: dict[str, Any] = {
             "value": given.value,
             "missing": given.missing.value if given.missing else "",
@@ -320,11 +281,11 @@ def _write(
             "writer": saving.writer,
             "writing": saving.writing,
         }
-        seconds = saving.seconds.get(question.key)
-        if seconds is not None:
+        if (seconds := saving.seconds.get(question.key)) is not None:
             elapsed = (saving.now - response.started_at).total_seconds()
             fields["seconds"] = round(min(max(seconds, 0.0), elapsed, MAX_SECONDS), 2)
         _write_row(response, question.key, fields, saving)
+    Response.objects.filter(pk=response.pk).update(seen_at=saving.now)
 
 
 def _write_row(response: Response, key: str, fields: dict[str, Any], saving: Saving) -> None:

@@ -1,4 +1,4 @@
-"""The scales of a questionnaire and their scores. Pure.
+"""The scales of a questionnaire, their scores, and the table of answers and scores. Pure.
 
 `likert` declares that all statements are one scale, of which the topics are parts; `topics` that
 each topic is a scale of its own. A score of either is the mean of the answers that were given, with
@@ -18,42 +18,8 @@ from surveys.definition import Definition
 from surveys.documents import Text
 from surveys.item import Question, ScoringRule
 
-SUS_HIGHEST = 5
 SUS_FACTOR = 2.5
 WHOLE = "overall"
-
-
-def sus(answers: Sequence[int | None]) -> float | None:
-    """Return the SUS score, 0 to 100, of ten answers in the order of the scale's items; None when
-    one is missing.
-
-    Raises:
-        ValueError: when there are not ten, or one is not from 1 to 5.
-    """
-    if len(answers) != 10:
-        raise ValueError(f"SUS has 10 items, not {len(answers)}")
-    if any(answer is not None and not 1 <= answer <= SUS_HIGHEST for answer in answers):
-        raise ValueError(f"SUS answers must be from 1 to {SUS_HIGHEST}")
-    given = [answer for answer in answers if answer is not None]
-    if len(given) < len(answers):
-        return None
-    return SUS_FACTOR * sum(
-        answer - 1 if n % 2 else SUS_HIGHEST - answer for n, answer in enumerate(given, start=1)
-    )
-
-
-def tlx_raw(ratings: Sequence[float | None]) -> float | None:
-    """Return the raw TLX, 0 to 100, of six ratings; None when one is missing.
-
-    Raises:
-        ValueError: when there are not six, or one is not from 0 to 100.
-    """
-    if len(ratings) != 6:
-        raise ValueError(f"the TLX has 6 scales, not {len(ratings)}")
-    if any(rating is not None and not 0 <= rating <= 100 for rating in ratings):
-        raise ValueError("TLX ratings must be from 0 to 100")
-    given = [rating for rating in ratings if rating is not None]
-    return sum(given) / len(given) if len(given) == len(ratings) else None
 
 
 @dataclass(frozen=True)
@@ -104,13 +70,13 @@ def scales_of(definition: Definition) -> tuple[ScoredScale, ...]:
     """Return the scales of a questionnaire, the whole first; none where it is not scored, and no
     whole where nothing says that all items are one scale (`topics`).
     """
-    rule, scored = definition.scoring, definition.scored
+    rule = definition.scoring
     if rule == "none":
         return ()
     topics = topic_scales(definition) if rule in {"likert", "topics"} else ()
     if rule == "topics":
         return topics
-    items = tuple(question.key for question in scored)
+    items = tuple(question.key for question in definition.scored)
     bounds = (0.0, 100.0) if rule == "sus" else _bounds(definition, items)
     name = "score" if rule == "likert" else rule
     return (ScoredScale(WHOLE, name, {}, items, rule, bounds), *topics)
@@ -120,11 +86,7 @@ def topic_scales(definition: Definition) -> tuple[ScoredScale, ...]:
     """Return a scale for each topic: the mean of its items that were answered."""
     return tuple(
         ScoredScale(
-            topic.key,
-            f"score_{topic.key}",
-            topic.text,
-            topic.items,
-            "topics",
+            *(topic.key, f"score_{topic.key}", topic.text, topic.items, "topics"),
             _bounds(definition, topic.items),
         )
         for topic in definition.topics
@@ -133,30 +95,28 @@ def topic_scales(definition: Definition) -> tuple[ScoredScale, ...]:
 
 def parts_of(definition: Definition) -> tuple[ScoredScale, ...]:
     """Return the six scales of the TLX, which are reported beside their mean; none of others."""
-    if definition.scoring != "tlx_raw":
-        return ()
-    return tuple(item_scale(definition, question) for question in definition.scored)
+    scored = definition.scored if definition.scoring == "tlx_raw" else ()
+    return tuple(_item_scale(definition, question) for question in scored)
 
 
 def measured_scale(definition: Definition, key: str) -> ScoredScale | None:
     """Return the scale that a key names: WHOLE, a topic, or an item by itself; None without one."""
     found = {scale.key: scale for scale in (*topic_scales(definition), *scales_of(definition))}
     question = definition.question(key)
-    if question is None or not question.item.is_number:
+    if key in found or question is None or not question.item.is_number:
         return found.get(key)
-    return found.get(key) or item_scale(definition, question)
+    return _item_scale(definition, question)
 
 
-def item_scale(definition: Definition, question: Question) -> ScoredScale:
+def _item_scale(definition: Definition, question: Question) -> ScoredScale:
     """Return the scale that one item is by itself: its score is the answer."""
-    keys = (question.key,)
-    bounds = _bounds(definition, keys)
-    return ScoredScale(question.key, question.key, question.text, keys, "likert", bounds)
+    key, keys = question.key, (question.key,)
+    return ScoredScale(key, key, question.text, keys, "likert", _bounds(definition, keys))
 
 
 def _bounds(definition: Definition, items: Sequence[str]) -> tuple[float, float]:
-    known = [question for key in items if (question := definition.question(key)) is not None]
-    values = next((question.score_values for question in known if question.score_values), (0, 0))
+    known = (definition.by_key[key].score_values for key in items if key in definition.by_key)
+    values = next((values for values in known if values), (0, 0))
     return float(values[0]), float(values[-1])
 
 
@@ -169,3 +129,44 @@ def scores(definition: Definition, values: Mapping[str, Any]) -> dict[str, float
     """
     coded = definition.coded(values)
     return {scale.name: scale.score(coded) for scale in scales_of(definition)}
+
+
+# --- a table with a line a response ---------------------------------------------------------------
+
+
+class WideTable:
+    """Answers and scores of responses to any version of a questionnaire. `head` names the columns:
+    two a question (its value, for which a type may need several, and why there is none), and the
+    scores.
+    """
+
+    def __init__(self, versions: Sequence[Definition]) -> None:
+        self._questions = {key: one for each in versions for key, one in each.by_key.items()}
+        columns: dict[str, dict[str, None]] = {key: {} for key in self._questions}
+        for question in (one for each in versions for one in each.questions()):
+            columns[question.key] |= dict.fromkeys(question.item.columns(question.key))
+        answers = [one for key, own in columns.items() for one in (*own, f"{key}_missing")]
+        self._scores = list(dict.fromkeys(name for each in versions for name in scores(each, {})))
+        self.head = answers + self._scores
+
+    def row(
+        self,
+        definition: Definition | None,
+        values: Mapping[str, Any],
+        missing: Mapping[str, str],
+    ) -> list[Any]:
+        """Return the cells of a response in the order of `head`.
+
+        Args:
+            definition: the version that was answered; None for one that is not among them.
+            values: stored values by key; None or no entry is no answer.
+            missing: why there is none, by key.
+        """
+        own = definition.by_key if definition is not None else {}
+        cells: dict[str, Any] = scores(definition, values) if definition is not None else {}
+        for key, question in (self._questions | own).items():
+            item = question.item
+            cells |= zip(item.columns(key), item.cells(values.get(key)), strict=True)
+            cells[f"{key}_missing"] = missing.get(key, "")
+        found = (cells.get(column) for column in self.head)
+        return ["" if one is None else one for one in found]

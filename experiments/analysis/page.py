@@ -11,66 +11,54 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments.analysis.tables.table import Table
+from experiments.analysis.tables.table import SessionSets, Table
 
 if TYPE_CHECKING:  # it draws with matplotlib, which whoever only reads a page does not need
+    from experiments.analysis.figures.drawing import Drawing
     from experiments.analysis.report import Report
 
 PAGE = "page"
-LAYOUT = 6  # of these files; a report whose page has another one is made again
+LAYOUT = 7  # of these files; a report whose page has another one is made again
 OF_CONDITIONS = frozenset({"Condition", "condition"})  # columns that hold keys of conditions
 REMARKS = "Remark"  # the column whose parts begin with a key, and a colon
 
 
 def write_page(found: "Report", folder: Path) -> None:
     """Write what the page needs of a report into its folder."""
-    sets: dict[tuple[str, ...], int] = {}
-    for name, content in _files(found, sets):
+    for name, content in _files(found, SessionSets()):
         path = folder / PAGE / f"{name}.json"
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(
-            json.dumps(content, ensure_ascii=False, separators=(",", ":")),
-            encoding="utf-8",
-            newline="",
-        )
+        text = json.dumps(content, ensure_ascii=False, separators=(",", ":"))
+        path.write_text(text, encoding="utf-8", newline="")
 
 
-def _files(found: "Report", sets: dict[tuple[str, ...], int]) -> Iterator[tuple[str, Any]]:
-    def place(sessions: tuple[str, ...]) -> int | None:
-        return sets.setdefault(tuple(dict.fromkeys(sessions)), len(sets)) if sessions else None
-
+def _files(found: "Report", sets: SessionSets) -> Iterator[tuple[str, Any]]:
     for table in found.tables:
-        yield (
-            f"table-{table.name}",
+        rows = [
             [
-                [
-                    (_shown(head, cell.text, found.titles), at)
-                    for head, cell, at in zip(
-                        table.head, row, [place(cell.sessions) for cell in row], strict=True
-                    )
-                ]
-                for row in table.rows
-            ],
-        )
-    figures = [
-        {
-            "name": one.name,
-            "title": one.title,
-            "notes": one.numbers.notes,
-            "empty": is_empty(one.numbers),
-            "behind": {gid: place(ids) for gid, ids in one.behind.items()},
-        }
-        for one in found.figures
-    ]
-    yield (
-        "summary",
-        {
-            "tables": [_head(table, found.titles) for table in found.tables],
-            "figures": figures,
-            "sessions": _sessions(found),
-        },
-    )
+                (_shown(head, cell.text, found.titles), sets.number(cell.sessions))
+                for head, cell in zip(table.head, row, strict=True)
+            ]
+            for row in table.rows
+        ]
+        yield f"table-{table.name}", rows
+    summary = {
+        "tables": [_head(table, found.titles) for table in found.tables],
+        "figures": [_figure(one, sets) for one in found.figures],
+        "sessions": _sessions(found),
+    }
+    yield "summary", summary
     yield "sets", list(sets)
+
+
+def _figure(one: "Drawing", sets: SessionSets) -> dict[str, Any]:
+    return {
+        "name": one.name,
+        "title": one.title,
+        "notes": one.numbers.notes,
+        "empty": is_empty(one.numbers),
+        "behind": {gid: sets.number(ids) for gid, ids in one.behind.items()},
+    }
 
 
 def is_empty(table: Table) -> bool:
@@ -125,15 +113,15 @@ def _sessions(found: "Report") -> dict[str, dict[str, Any]]:
     return {
         one.session.id: {
             "participant": one.session.participant,
-            "number": one.session.number,
+            "number": one.session.visit,
             "robot": one.session.robot,
             "condition": _named(one.session.condition, found.titles),
             "outcome": one.session.outcome,
             "kind": one.session.kind,
-            "excluded": one.session.excluded or one.session.ruled_out,
+            "excluded": one.session.uncounted_because,
             "problems": found.verdicts[one.session.id].problems,
             "start": one.milestones.start if one.milestones.start == one.milestones.start else 0.0,
             "segments": [segment.start for segment in one.segments],
         }
-        for one in (*found.measured, *found.ruled_out)
+        for one in (*found.measured, *found.others)
     }

@@ -8,21 +8,22 @@ same dataset gives the same bytes.
                                                        trajectory
     SHA256SUMS                                         of all of these
 
-A selection is `all`, or `without-excluded` where a researcher has excluded sessions.
+A selection is `counting`, of the drives that count in results, or `all`, where something is
+excluded: a sensitivity analysis with the excluded drives.
 """
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 from experiments.analysis.dataset.levels import Kind
-from experiments.analysis.dataset.records import EVERY, WITHOUT, Dataset
+from experiments.analysis.dataset.records import COUNTING, EVERY, Dataset, SessionRecord
 from experiments.analysis.documents.latex import as_latex, latex, runs_as_latex
 from experiments.analysis.documents.runs import Run
-from experiments.analysis.documents.sentences import sentences_of
+from experiments.analysis.documents.sentences import Decisions, Sentence, sentences_of
 from experiments.analysis.documents.word import table_document, text_document
 from experiments.analysis.figures.drawing import Drawing, as_pdf, as_png, as_svg, drawn_of_whom
 from experiments.analysis.figures.opinions import figure_8a, figure_8b
@@ -30,14 +31,16 @@ from experiments.analysis.figures.scores import score_figures
 from experiments.analysis.figures.trajectories import figure_6, figure_7
 from experiments.analysis.metrics.definitions import VERSION
 from experiments.analysis.metrics.sessions import Measured, measure_all
-from experiments.analysis.plan.exclusions import (
-    excluded_participants,
-    exclusions,
-    exclusions_table,
+from experiments.analysis.plan.exclusions import exclusion_effects, exclusions_table
+from experiments.analysis.plan.hypotheses import (
+    SENSITIVITY,
+    by_row,
+    decisions_of,
+    hypotheses_table,
+    marked_figure,
+    marked_table,
 )
-from experiments.analysis.plan.hypotheses import hypotheses_table, marked_figure, marked_table
 from experiments.analysis.plan.reporting_sheet import reporting_sheet
-from experiments.analysis.plan.sensitivity import ALPHA, exclusion_effects
 from experiments.analysis.tables.ages import ages
 from experiments.analysis.tables.answers import compare_answers
 from experiments.analysis.tables.declared import declared
@@ -49,7 +52,7 @@ from experiments.analysis.tables.effects import (
     learnt,
     outcomes_by_condition,
 )
-from experiments.analysis.tables.flow import fault_sides, flow, funnel
+from experiments.analysis.tables.flow import fault_sides, flow, funnel, orders
 from experiments.analysis.tables.paper_tables import table_1, table_3, table_4, table_5
 from experiments.analysis.tables.participant_kinds import note_of, of_whom
 from experiments.analysis.tables.people import participants_table, table_2
@@ -65,125 +68,131 @@ from experiments.analysis.tables.summaries import (
     sessions_table,
     verdicts_table,
 )
-from experiments.analysis.tables.table import Table, as_csv
+from experiments.analysis.tables.table import SessionSets, Table, as_csv
+from experiments.definition.plan import StudyPlan
+from experiments.definition.schema import StudyDefinition
 
 _NO_TEST = "No test could be computed: there are too few cases."
 
 
 @dataclass(frozen=True)
 class Report:
-    """The tables and figures of a selection of sessions, with the sessions' numbers, those of
-    sessions that count nowhere by rule, the verdicts on their records, and what each condition is
-    called, by its key. `note` tells of whom it is where that is not participants alone.
+    """The tables and figures of a selection of drives, with the drives' numbers, those of drives
+    that do not count, the verdicts on their records, and what each condition is called, by its key.
+
+    `alpha` is the level of significance, and `decisions` are the hypotheses on which declared tests
+    decide: none in a sensitivity analysis. `note` tells of whom the report is where that is not
+    participants alone, and that it is a sensitivity analysis.
     """
 
     name: str
     tables: tuple[Table, ...]
     figures: tuple[Drawing, ...]
     measured: tuple[Measured, ...]
-    ruled_out: tuple[Measured, ...]
+    others: tuple[Measured, ...]
     verdicts: dict[str, QualityVerdict]
     titles: dict[str, str]
+    alpha: float
+    decisions: Decisions = field(default_factory=dict)
     note: str = ""
 
 
 def reports(dataset: Dataset, kinds: Sequence[Kind] = ("participant",)) -> Iterator[Report]:
-    """Yield the report on all sessions that count, and the one without the excluded ones where
-    there are any.
+    """Yield the report on the drives that count and, where something is excluded, the sensitivity
+    analysis with the excluded ones.
     """
-    every = dataset.chosen(kinds)
-    measured = measure_all(every)
-    ruled_out = measure_all(replace(dataset, sessions=every.ruled_out))
-    found = exclusions(every)
-    left_out = excluded_participants(found)
-    sheet = reporting_sheet(every, measured, found, dataset.participants)
-    about = (exclusions_table(found), sheet)
-    if not left_out and not any(session.excluded for session in every.sessions):
-        yield report(EVERY, every, measured, ruled_out, also=about)
+    counting = dataset.counting(kinds)
+    every = dataset.counting(kinds, with_excluded=True)
+    task_drives = replace(counting, sessions=(*counting.sessions, *counting.others), others=())
+    measured = {one.session.id: one for one in measure_all(task_drives)}
+    if [one.id for one in every.sessions] == [one.id for one in counting.sessions]:
+        yield report(counting, measured, dataset)
         return
-    without = dataset.chosen(kinds, with_excluded=False).without(left_out)
-    kept_ids = {one.id for one in without.sessions}
-    kept = [one for one in measured if one.session.id in kept_ids]
-    plan = dataset.study.plan
-    alpha = ALPHA if plan is None else plan.alpha
-    effects = exclusion_effects(declared(every, measured), declared(without, kept), alpha)
-    yield report(EVERY, every, measured, ruled_out, also=(effects, *about))
-    yield report(WITHOUT, without, kept, ruled_out, also=(effects, *about))
+    effects = exclusion_effects(
+        declared(counting, _measured(counting.sessions, measured)),
+        declared(every, _measured(every.sessions, measured)),
+        alpha_of(dataset.study),
+    )
+    yield report(counting, measured, dataset, effects)
+    yield report(every, measured, dataset)
+
+
+def alpha_of(study: StudyDefinition) -> float:
+    """Return the level of significance of a study."""
+    return (study.plan or StudyPlan()).alpha
+
+
+def _measured(sessions: Sequence[SessionRecord], found: Mapping[str, Measured]) -> list[Measured]:
+    """Return drives with their numbers, with what a selection says of them."""
+    return [replace(found[one.id], session=one) for one in sessions]
 
 
 def report(
-    name: str,
-    dataset: Dataset,
-    measured: Sequence[Measured],
-    ruled_out: Sequence[Measured] = (),
-    also: Sequence[Table] = (),
+    dataset: Dataset, numbers: Mapping[str, Measured], whole: Dataset, *also: Table
 ) -> Report:
-    """Return the tables and figures of a dataset whose sessions were measured, with the tables of
-    `also`, which are about all of them.
+    """Return the tables and figures of a dataset of what counts.
+
+    Args:
+        dataset: of what counts (`Dataset.counting`).
+        numbers: its drives and the others as they were measured, by session.
+        whole: the dataset that it was chosen from.
+        also: more tables on exclusions.
     """
-    verdicts = {
-        one.session.id: judge(one, dataset.study.quality) for one in (*measured, *ruled_out)
-    }
-    people = dataset.participants
-    tables = tuple(
-        of_whom(marked_table(dataset.study, table), people)
-        for table in (*_tables(dataset, measured, ruled_out, verdicts), *also)
-    )
-    figures = tuple(
-        drawn_of_whom(marked_figure(dataset.study, one), people)
-        for one in _figures(dataset, measured)
-    )
-    titles = {one.key: dataset.say(one.title) or one.key for one in dataset.study.conditions}
+    measured, others = (_measured(some, numbers) for some in (dataset.sessions, dataset.others))
+    verdicts = {one.session.id: judge(one, dataset.study.quality) for one in (*measured, *others)}
+    study, tested = dataset.study, declared(dataset, measured)
+    decisions = [] if dataset.is_with_excluded else decisions_of(study, tested)
+    tables = [*_tables(dataset, measured, others, verdicts), *tested]
+    if not dataset.is_with_excluded:
+        sheet = reporting_sheet(dataset, measured, whole.participants)
+        found = hypotheses_table(study, decisions)
+        tables += [found, *also, exclusions_table(dataset.exclusions), sheet]
+    notes = (note_of(dataset.participants), SENSITIVITY if dataset.is_with_excluded else "")
     return Report(
-        name,
-        (*tables, software_table()),
-        figures,
-        tuple(measured),
-        tuple(ruled_out),
-        verdicts,
-        titles,
-        note_of(people),
+        name=EVERY if dataset.is_with_excluded else COUNTING,
+        tables=(*_marked_tables(dataset, tables), software_table()),
+        figures=tuple(_marked_figures(dataset, measured)),
+        measured=tuple(measured),
+        others=tuple(others),
+        verdicts=verdicts,
+        titles={one.key: dataset.say(one.title) or one.key for one in study.conditions},
+        alpha=alpha_of(study),
+        decisions=by_row(decisions),
+        note=" ".join(filter(None, notes)),
     )
+
+
+def _marked_tables(dataset: Dataset, tables: Sequence[Table]) -> Iterator[Table]:
+    """Yield tables that say of whom they are, and whether they were planned."""
+    for table in tables:
+        marked = marked_table(table, is_sensitivity=dataset.is_with_excluded)
+        yield of_whom(marked, dataset.participants)
+
+
+def _marked_figures(dataset: Dataset, measured: Sequence[Measured]) -> Iterator[Drawing]:
+    for one in _figures(dataset, measured):
+        marked = marked_figure(dataset.study, one, is_sensitivity=dataset.is_with_excluded)
+        yield drawn_of_whom(marked, dataset.participants)
 
 
 def _tables(
     dataset: Dataset,
     measured: Sequence[Measured],
-    ruled_out: Sequence[Measured],
+    others: Sequence[Measured],
     verdicts: Mapping[str, QualityVerdict],
-) -> tuple[Table, ...]:
+) -> Iterator[Table]:
     conditions = [one.key for one in dataset.study.conditions]
-    tested = declared(dataset, measured)
-    return (
-        *(table_1(dataset), table_2(dataset), table_3(dataset), table_4(dataset), table_5(dataset)),
-        *(table_5(dataset, key) for key in conditions if len(conditions) > 1),
-        *(participants_table(dataset), flow(dataset), funnel(dataset, measured)),
-        *(
-            metrics_table(measured),
-            segment_spreads(measured),
-            sessions_table(measured, verdicts),
-            segments_table(measured),
-        ),
-        *(
-            verdicts_table(measured, verdicts, ruled_out),
-            outcomes_by_condition(dataset, measured),
-            fault_sides(dataset),
-            compare_conditions(dataset, measured),
-        ),
-        *(
-            compare_answers(dataset),
-            *score_tables(dataset),
-            reliability_table(dataset),
-            against_network(measured),
-            by_network(measured),
-            ages(dataset, measured),
-            safety_limits(dataset, measured),
-            learning(measured),
-            learnt(measured),
-            *tested,
-            hypotheses_table(dataset, tested),
-        ),
-    )
+    all_drives = (*measured, *others)
+    yield from (table_1(dataset), table_2(dataset), table_3(dataset), table_4(dataset))
+    yield from (table_5(dataset), *(table_5(dataset, it) for it in conditions if conditions[1:]))
+    yield from (participants_table(dataset), flow(dataset), orders(dataset))
+    yield from (funnel(dataset, all_drives), metrics_table(measured), segment_spreads(measured))
+    yield from (sessions_table(all_drives, verdicts), segments_table(measured))
+    yield from (verdicts_table(measured, verdicts, others), fault_sides(dataset))
+    yield from (outcomes_by_condition(dataset, measured), compare_conditions(dataset, measured))
+    yield from (compare_answers(dataset), *score_tables(dataset), reliability_table(dataset))
+    yield from (against_network(measured), by_network(measured), ages(dataset, measured))
+    yield from (safety_limits(dataset, measured), learning(measured), learnt(measured))
 
 
 def _figures(dataset: Dataset, measured: Sequence[Measured]) -> Iterator[Drawing]:
@@ -242,15 +251,15 @@ def write(found: Report, folder: Path, *, png: bool = True) -> Iterator[Path]:
 
 
 def _results(found: Report) -> dict[str, bytes]:
-    """Return the sentences on all tests below the titles of their tables, by kind of file."""
+    """Return the sentences on all tests, by kind of file: first those that decide on hypotheses of
+    the plan, then the exploratory ones below the titles of their tables.
+    """
     text, tex, paragraphs = list[str](), list[str](), list[tuple[Run, ...]]()
-    for table in found.tables:
-        sentences = list(sentences_of(table))
-        if sentences:
-            text += [table.title, *(one.text for one in sentences), ""]
-            bold = rf"\paragraph{{{latex(table.title)}}}"
-            tex += [bold, *(f"{runs_as_latex(one.runs)}\n" for one in sentences)]
-            paragraphs += [(Run(table.title, italic=True),), *(one.runs for one in sentences)]
+    for title, sentences in _sections(found):
+        text += [title, *(one.text for one in sentences), ""]
+        bold = rf"\paragraph{{{latex(title)}}}"
+        tex += [bold, *(f"{runs_as_latex(one.runs)}\n" for one in sentences)]
+        paragraphs += [(Run(title, italic=True),), *(one.runs for one in sentences)]
     if not text:
         text, tex, paragraphs = [_NO_TEST], [_NO_TEST], [(Run(_NO_TEST),)]
     if found.note:
@@ -263,6 +272,22 @@ def _results(found: Report) -> dict[str, bytes]:
     }
 
 
+def _sections(found: Report) -> Iterator[tuple[str, list[Sentence]]]:
+    status = "sensitivity analysis" if found.name == EVERY else "exploratory"
+    sentences = [
+        (table.title.removesuffix("."), one)
+        for table in found.tables
+        for one in sentences_of(table, found.alpha, found.decisions)
+    ]
+    planned = sorted((one for _, one in sentences if one.hypothesis), key=lambda it: it.hypothesis)
+    if planned:
+        yield "Hypotheses of the plan.", planned
+    for title in dict.fromkeys(title for title, _ in sentences):
+        own = [one for other, one in sentences if other == title and not one.hypothesis]
+        if own:
+            yield f"{title} ({status}).", own
+
+
 def _file(path: Path, content: bytes) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(content)
@@ -271,25 +296,16 @@ def _file(path: Path, content: bytes) -> Path:
 
 def sources(found: Report) -> dict[str, Any]:
     """Return which sessions are behind every cell (table, row, column) and every part of a figure
-    (figure, gid).
-
-    Sets of sessions are written once, in `sets`, and named by their place there, because many cells
-    share one.
+    (figure, gid), by the number of their set in `sets`.
     """
-    sets: dict[tuple[str, ...], int] = {}
-
-    def place(sessions: tuple[str, ...]) -> int:
-        return sets.setdefault(tuple(dict.fromkeys(sessions)), len(sets))
-
+    sets = SessionSets()
     tables = {
-        table.name: [
-            [place(cell.sessions) if cell.sessions else None for cell in row] for row in table.rows
-        ]
+        table.name: [[sets.number(cell.sessions) for cell in row] for row in table.rows]
         for table in found.tables
         if table.name not in {"sessions", "segments"}  # a row of these names its session
     }
     figures = {
-        drawing.name: {gid: place(ids) for gid, ids in drawing.behind.items()}
+        drawing.name: {gid: sets.number(ids) for gid, ids in drawing.behind.items()}
         for drawing in found.figures
     }
     return {

@@ -6,6 +6,7 @@ from django.utils.functional import Promise
 from django.utils.translation import gettext_lazy as _
 from django.utils.translation import pgettext_lazy
 
+from experiments.builder import recruitment_labels
 from experiments.definition.coding import CodingScheme
 from experiments.definition.schema import StudyCheckpoint
 from experiments.definition.step import AskingStep
@@ -106,7 +107,8 @@ LABELS: dict[str, Words] = {
     "condition_applied": _("Condition was applied"),
     "operator_absent": _("No operator intervened"),
     "analysis": _("Analysis"),
-    "counts": _("Response counted per visitor"),
+    "drives": _("Drives that count, of several in one condition"),
+    "counts": _("Responses that count, of several by one participant"),
     "interval": _("Confidence intervals"),
     "statements": _("Questionnaire in the tables"),
     "operator": _("What it says about the hidden operator"),
@@ -401,6 +403,7 @@ CHOICES: dict[str, dict[str, Words]] = {
         "treatment": _("against the first level"),
         "sum": _("against the mean of all levels"),
     },
+    "drives": {"first": _("the first"), "last": _("the last"), "all": _("all")},
     "counts": {"first": _("the first"), "last": _("the last"), "all": _("all")},
     "interval": {"normal": _("normal distribution"), "t": _("Student's t")},
     "outcomes": SURVEY_CHOICES["outcome"],
@@ -424,10 +427,10 @@ ITEMS: dict[str, Words] = {
     "modifiers": _("Modifier"),
 }
 GUIDE = FormGuide(
-    LABELS,
-    HINTS,
-    ITEMS,
-    CHOICES,
+    {**LABELS, **recruitment_labels.LABELS},
+    {**HINTS, **recruitment_labels.HINTS},
+    {**ITEMS, **recruitment_labels.ITEMS},
+    {**CHOICES, **recruitment_labels.CHOICES},
     # Parts of a list that are added as one of several kinds, by the list.
     kinds={"WizardStage.steps": {"": _("Line")} | CHOICES["move"]},
     hidden={
@@ -444,6 +447,6 @@ GUIDE = FormGuide(
             *("stopping", "blinding", "missing_data", "notes", "line", "description"),
         }
     ),
-    spaced=frozenset({"values"}),
+    spaced=frozenset({"values", "answers"}),
     angles=frozenset({"angular", "heading", "view", "angle"}),
 )

@@ -24,7 +24,11 @@ from surveys.document_forms.parts import Document, in_languages, read_points
 PAGES: Mapping[str, Collection[str]] = {
     "about": (
         *("title", "intro", "source", "licence", "recruitment", "compensation"),
-        *("turned_away_code", "observers_allowed", "languages"),
+        *("observers_allowed", "languages"),
+    ),
+    "recruitment": (
+        *("recruiting", "turned_away_code", "devices", "browsers"),
+        *("screening", "answer_quotas", "appointments"),
     ),
     "rules": ("allocation", "start", "refill", "quality", "analysis"),
     "wizard": ("wizard",),
@@ -267,6 +271,8 @@ def new_part(key: str, n: int, at: Point) -> Document | None:
         "speeders": {"questionnaire": "questionnaire", "seconds": 30.0},
         "expected": {"measure": "task_time"},
         "balance": {"item": "age"},
+        "screening": {"questionnaire": "questionnaire", "item": "item"},
+        "answer_quotas": {"questionnaire": "questionnaire", "item": "item"},
         "modifiers": {"name": f"modifier {n + 1}", "values": []},
         "checkpoints": {"number": n, "x": round(x, 2), "y": round(y, 2)},
         "zones": {

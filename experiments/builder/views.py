@@ -69,6 +69,7 @@ from surveys.editor.views import leads_here
 
 TITLES = {
     "about": gettext_lazy("About the study"),
+    "recruitment": gettext_lazy("Recruitment"),
     "steps": gettext_lazy("Steps"),
     "factors": gettext_lazy("Factors"),
     "conditions": gettext_lazy("Conditions"),

@@ -1,99 +1,181 @@
 """How well coders agree. Pure: numbers in, numbers out.
 
-Time is cut into bins of one declared width. In each bin a coder either coded a code or did not: an
-interval counts in the bins whose middle it covers, a point in the bin that it lies in. Bins are the
-units, coders the judges, and each code is a variable of its own with two values.
+By time, the units are bins of one declared width, coders the judges, and each code is a variable
+with two values: an interval counts in the bins whose middle it covers, a point in its own bin. For
+all codes together, the value of a bin is the set of codes in it.
 
 - Cohen's kappa (Cohen, 1960, "A coefficient of agreement for nominal scales", Educational and
   Psychological Measurement 20, 37-46): (p_o - p_e) / (1 - p_e).
 - Krippendorff's alpha for nominal data, any number of coders and missing values (Krippendorff,
   2011, "Computing Krippendorff's Alpha-Reliability"): 1 - D_o / D_e from the matrix of
   coincidences.
-- Beside them, how many events of two coders lie within a tolerance of each other (their beginnings
-  do), each matched once, in order of time.
 
-Events of two coders are aligned: first those of one code that match, then the nearest of what is
-left, which the coders took for different codes; the rest only one of them has. Nobody can count the
-events that both left out, so the cell (none, none) is a structural zero, and kappa takes its
-expected shares from quasi-independence (Bakeman, Quera and Gnisci, 2009, "Observer agreement for
+By events, the units are those of two coders that are the same (alignment.py). The events that both
+left out cannot be counted, so the cell (none, none) is a structural zero, and the expected shares
+of kappa are those of quasi-independence (Bakeman, Quera and Gnisci, 2009, "Observer agreement for
 timed-event sequential data", Behavior Research Methods 41, 137-147). Without such a cell this is
 Cohen's kappa.
+
+Bins and events of one session depend on each other, so the sessions are what a confidence interval
+resamples: it is that of the jackknife that leaves out one session at a time, with Student's t
+(Efron and Tibshirani, 1993, An Introduction to the Bootstrap, chapter 11). It describes other
+sessions of the same coders. Of a single session, parts of BLOCK_S seconds are left out instead.
+
+Each figure is a closed formula of sums over units, which are subtracted for a session that is left
+out; statsmodels and krippendorff, with which the tests compare, would need all units each time.
 """
 
-from bisect import bisect_left, bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
+from experiments.coding.alignment import aligned, matched
 from experiments.coding.scheme import CodedEvent
 
 MAX_BINS = 200_000
 FITTING_ROUNDS = 200
 TINY = 1e-12
+BLOCK_S = 30.0
+LEAST_CLUSTERS = 5  # sessions, or blocks of one
+LEVEL = 0.95
 
 Floats = NDArray[np.float64]
 Units = NDArray[np.int64]
+Pair = tuple[int, int]
 # Duration in seconds, and the events of each coder in the same order of coders; None for one who
 # did not code the session.
 SessionCodings = tuple[float, Sequence[Sequence[CodedEvent] | None]]
+# Of each cluster: the units on which two coders agree (n,), and how many each gave each category,
+# (n, k) and (n, k).
+Sums = tuple[Floats, Floats, Floats]
 
 
 @dataclass(frozen=True)
 class Matches:
     """Events of two coders: in both within the tolerance, only in the first, only in the second."""
 
-    both: int
-    first: int
-    second: int
+    both: int = 0
+    first: int = 0
+    second: int = 0
+
+
+@dataclass(frozen=True)
+class ReliabilityEstimate:
+    """A value and its 95 % confidence interval; None where it is not defined."""
+
+    value: float | None
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True)
+class PairReliability:
+    """Two coders, by their places. `agreement` is the share of bins in which they say the same."""
+
+    coders: Pair
+    agreement: ReliabilityEstimate
+    kappa: ReliabilityEstimate
+    matches: Matches
+
+
+@dataclass(frozen=True)
+class CodeReliability:
+    """All coders on one code; "" is all codes together. `bins` is how many have two values."""
+
+    code: str
+    bins: int
+    alpha: ReliabilityEstimate
+    pairs: tuple[PairReliability, ...]
+
+
+@dataclass(frozen=True)
+class EventReliability:
+    """Two coders' aligned events: rows are what the first coded, columns the second; the last of
+    both is none. `table` is (codes + 1, codes + 1).
+    """
+
+    coders: Pair
+    labels: tuple[str, ...]
+    table: Floats
+    kappa: ReliabilityEstimate
+
+
+@dataclass(frozen=True)
+class Reliability:
+    """The reliability of codings of several sessions."""
+
+    codes: tuple[CodeReliability, ...]
+    events: tuple[EventReliability, ...]
+
+
+def reliability(
+    sessions: Sequence[SessionCodings], codes: Sequence[str], *, width: float, tolerance: float
+) -> Reliability:
+    """Return how reliable codings are, for each code, and for all of them when there are several.
+
+    Args:
+        sessions: as coded.
+        codes: which codes.
+        width: of a bin, s.
+        tolerance: between beginnings, s.
+
+    Raises:
+        ValueError: the width is not positive, or makes too many bins.
+    """
+    if not width > 0:
+        raise ValueError("a bin needs a width")
+    coders = range(len(sessions[0][1]) if sessions else 0)
+    pairs = [pair for pair in combinations(coders, 2) if any(_of_both(sessions, pair))]
+    subjects = {code: [code] for code in codes} | ({"": list(codes)} if len(codes) > 1 else {})
+    return Reliability(
+        tuple(
+            _of_code(name, some, sessions, pairs, width, tolerance)
+            for name, some in subjects.items()
+        ),
+        tuple(_of_events(codes, sessions, pair, tolerance) for pair in pairs),
+    )
+
+
+def _of_both(
+    sessions: Sequence[SessionCodings], pair: Pair
+) -> Iterator[tuple[int, Sequence[CodedEvent], Sequence[CodedEvent]]]:
+    """Yield the events of two coders in each session that both have coded, with its number."""
+    for number, (_duration, codings) in enumerate(sessions):
+        one, two = codings[pair[0]], codings[pair[1]]
+        if one is not None and two is not None:
+            yield number, one, two
 
 
 # --- figures --------------------------------------------------------------------------------------
 
 
-class Sums(NamedTuple):
-    """What kappa and alpha need of n tables (or matrices of coincidences) of k categories:
-    `agreed` is (n,), the diagonal's sum; `rows` and `columns` are (n, k), the marginal sums.
-    """
-
-    agreed: Floats
-    rows: Floats
-    columns: Floats
-
-
-def sums_of(tables: Floats) -> Sums:
-    """Return the sums of square tables, one judge's categories as rows and the other's as columns:
-    (n, k, k).
-    """
-    return Sums(np.trace(tables, axis1=1, axis2=2), tables.sum(axis=2), tables.sum(axis=1))
-
-
-def agreements(sums: Sums) -> Floats:
+def agreements(agreed: Floats, rows: Floats, _columns: Floats) -> Floats:
     """Return the share of units on which two judges agree: (n,), nan without units."""
-    return ratio(sums.agreed, sums.rows.sum(axis=1))
+    return ratio(agreed, rows.sum(axis=1))
 
 
-def kappas(sums: Sums) -> Floats:
+def kappas(agreed: Floats, rows: Floats, columns: Floats) -> Floats:
     """Return Cohen's kappa: (n,), nan without units, or when chance agreement is complete."""
-    expected = ratio((sums.rows * sums.columns).sum(axis=1), sums.rows.sum(axis=1) ** 2)
-    return ratio(agreements(sums) - expected, 1.0 - expected)
+    expected = ratio((rows * columns).sum(axis=1), rows.sum(axis=1) ** 2)
+    return ratio(agreements(agreed, rows, columns) - expected, 1.0 - expected)
 
 
-def alphas(sums: Sums) -> Floats:
-    """Return Krippendorff's alpha of matrices of coincidences: (n,), nan without pairs, or when all
-    values are the same.
+def alphas(agreed: Floats, rows: Floats, _columns: Floats) -> Floats:
+    """Return Krippendorff's alpha of the sums of matrices of coincidences: (n,), nan without pairs,
+    or when all values are the same.
     """
-    total = sums.rows.sum(axis=1)
-    expected = ratio(total**2 - (sums.rows**2).sum(axis=1), total - 1.0)
-    return 1.0 - ratio(total - sums.agreed, expected)
+    total = rows.sum(axis=1)
+    expected = ratio(total**2 - (rows**2).sum(axis=1), total - 1.0)
+    return 1.0 - ratio(total - agreed, expected)
 
 
 def event_kappas(tables: Floats) -> Floats:
-    """Return kappa of tables whose last cell is a structural zero: the expected shares are those of
-    quasi-independence, by iterative proportional fitting.
+    """Return kappa of tables (n, k, k) whose last cell is a structural zero: the expected shares
+    are those of quasi-independence, by iterative proportional fitting.
     """
     fitted = np.ones_like(tables)
     fitted[:, -1, -1] = 0.0
@@ -101,56 +183,100 @@ def event_kappas(tables: Floats) -> Floats:
     for _ in range(FITTING_ROUNDS):
         fitted *= np.nan_to_num(ratio(rows, fitted.sum(axis=2)))[:, :, None]
         fitted *= np.nan_to_num(ratio(columns, fitted.sum(axis=1)))[:, None, :]
-    expected = agreements(sums_of(fitted))
-    return ratio(agreements(sums_of(tables)) - expected, 1.0 - expected)
+    observed, expected = (
+        ratio(np.trace(one, axis1=1, axis2=2), one.sum(axis=(1, 2))) for one in (tables, fitted)
+    )
+    return ratio(observed - expected, 1.0 - expected)
 
 
 def ratio(above: Floats, below: Floats) -> Floats:
-    """Return quotients, nan where the divisor is nothing."""
-    fit = np.abs(below) > TINY
-    quotient: Floats = np.where(fit, above / np.where(fit, below, 1.0), np.nan)
+    """Return quotients, nan where the divisor is 0."""
+    is_fit = np.abs(below) > TINY
+    quotient: Floats = np.where(is_fit, above / np.where(is_fit, below, 1.0), np.nan)
     return quotient
 
 
-def block_sums(values: Units, block: Units, shape: tuple[int, int]) -> Sums:
-    """Return the sums of the table of two coders in each block.
+def estimate(
+    figure: Callable[..., Floats], *clusters: Floats, least: float = -1.0
+) -> ReliabilityEstimate:
+    """Return a figure of the sums over all clusters, and its interval by the jackknife.
 
     Args:
-        values: (2, units) the categories from 0; -1 is a missing value.
-        block: (units,) the number of each unit's block, from 0.
-        shape: how many blocks and categories there are.
+        figure: of sums.
+        clusters: the sums of each cluster, the first axis.
+        least: value that the figure can have; the greatest is 1.
     """
-    known = (values >= 0).all(axis=0)
-    one, two, at = values[0][known], values[1][known], block[known]
-    sums = Sums(np.zeros(shape[0]), np.zeros(shape), np.zeros(shape))
-    np.add.at(sums.agreed, at, one == two)
-    np.add.at(sums.rows, (at, one), 1.0)
-    np.add.at(sums.columns, (at, two), 1.0)
-    return sums
+    whole = [part.sum(axis=0, keepdims=True) for part in clusters]
+    value = float(figure(*whole)[0])
+    if np.isnan(value):
+        return ReliabilityEstimate(None)
+    has_units = clusters[-1].reshape(len(clusters[-1]), -1).any(axis=1)
+    left = [total - part[has_units] for total, part in zip(whole, clusters, strict=True)]
+    count, others = len(left[0]), figure(*left)
+    if count < LEAST_CLUSTERS or np.isnan(others).any():
+        return ReliabilityEstimate(value)
+    error = np.sqrt((count - 1) / count * ((others - others.mean()) ** 2).sum())
+    reach = float(error * special.stdtrit(count - 1, (1.0 + LEVEL) / 2.0))
+    return ReliabilityEstimate(value, max(value - reach, least), min(value + reach, 1.0))
 
 
-def block_coincidences(values: Units, block: Units, shape: tuple[int, int]) -> Sums:
-    """Return the sums of the matrix of coincidences of each block, as `block_sums` of all coders:
-    two values of a unit that has m of them count 1 / (m - 1), in either order.
+# --- by time --------------------------------------------------------------------------------------
+
+
+def _of_code(
+    name: str,
+    codes: Sequence[str],
+    sessions: Sequence[SessionCodings],
+    pairs: Sequence[Pair],
+    width: float,
+    tolerance: float,
+) -> CodeReliability:
+    values, cluster = _values(sessions, codes, width)
+    shape = (int(cluster.max(initial=-1)) + 1, int(values.max(initial=-1)) + 1)
+    found = []
+    for pair in pairs:
+        sums = pair_sums(values[list(pair)], cluster, shape)
+        share = estimate(agreements, *sums, least=0.0)
+        matches = _matches_in(sessions, pair, codes, tolerance)
+        found.append(PairReliability(pair, share, estimate(kappas, *sums), matches))
+    bins = int(((values >= 0).sum(axis=0) >= 2).sum())
+    alpha = estimate(alphas, *coincidence_sums(values, cluster, shape))
+    return CodeReliability(name, bins, alpha, tuple(found))
+
+
+def _values(
+    sessions: Sequence[SessionCodings], codes: Sequence[str], width: float
+) -> tuple[Units, Units]:
+    """Return the categories of bins from 0, -1 where a coder did not code: (coders, bins); and the
+    number of each bin's cluster: (bins,).
     """
-    valued = (values >= 0).sum(axis=0)
-    sums = Sums(np.zeros(shape[0]), np.zeros(shape), np.zeros(shape))
-    for one, two in combinations(values, 2):
-        known = (one >= 0) & (two >= 0)
-        share, at = 1.0 / (valued[known] - 1), block[known]
-        np.add.at(sums.agreed, at, 2.0 * share * (one[known] == two[known]))
-        for value in (one[known], two[known]):
-            np.add.at(sums.rows, (at, value), share)
-            np.add.at(sums.columns, (at, value), share)
-    return sums
+    coders = len(sessions[0][1]) if sessions else 0
+    parts, clusters = [np.zeros((coders, 0), dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+    for number, (duration, codings) in enumerate(sessions):
+        rows = np.stack([_row(events, codes, duration, width) for events in codings])
+        bins = np.arange(rows.shape[1])
+        is_single = len(sessions) == 1
+        parts.append(rows)
+        clusters.append((bins * width // BLOCK_S).astype(int) if is_single else 0 * bins + number)
+    values = np.concatenate(parts, axis=1)
+    known = np.unique(values[values >= 0])
+    numbered = np.where(values < 0, -1, np.searchsorted(known, values))
+    return numbered, np.concatenate(clusters)
 
 
-# --- bins -----------------------------------------------------------------------------------------
+def _row(
+    events: Sequence[CodedEvent] | None, codes: Sequence[str], duration: float, width: float
+) -> Units:
+    """Return the set of codes in each bin as the number of its bits, -1 without a coding."""
+    if events is None:
+        return np.full(len(coded_bins((), "", duration, width)), -1, dtype=np.int64)
+    # at most 40 codes, so the bits fit
+    rows = (coded_bins(events, code, duration, width) << place for place, code in enumerate(codes))
+    total: Units = np.sum(list(rows), axis=0)
+    return total
 
 
-def coded_bins(
-    events: Sequence[CodedEvent], code: str, duration: float, width: float
-) -> NDArray[np.float64]:
+def coded_bins(events: Iterable[CodedEvent], code: str, duration: float, width: float) -> Units:
     """Return 1 for each bin in which the code was coded, else 0; (bins,).
 
     Args:
@@ -167,111 +293,78 @@ def coded_bins(
     count = max(int(np.ceil(duration / width - 1e-9)), 1)
     if count > MAX_BINS:
         raise ValueError(f"{count} bins are too many; make them wider")
-    found = np.zeros(count)
+    found = np.zeros(count, dtype=np.int64)
     middles = (np.arange(count) + 0.5) * width
     for event in events:
         if event.code != code:
             continue
         if event.end is None:
-            found[min(int(event.begin / width + 1e-9), count - 1)] = 1.0
+            found[min(int(event.begin / width + 1e-9), count - 1)] = 1
         else:
-            found[(middles >= event.begin) & (middles < event.end)] = 1.0
+            found[(middles >= event.begin) & (middles < event.end)] = 1
     return found
+
+
+def pair_sums(
+    values: Units, cluster: Units, shape: tuple[int, int], weight: Floats | None = None
+) -> Sums:
+    """Return the sums of the table of two coders in each cluster.
+
+    Args:
+        values: (2, units) the categories from 0; -1 is a missing value.
+        cluster: (units,) the number of each unit's cluster, from 0.
+        shape: the numbers of clusters and categories.
+        weight: (units,) of each unit, 1 by default.
+    """
+    known = (values >= 0).all(axis=0)
+    one, two, at = values[0][known], values[1][known], cluster[known]
+    counts = 1.0 if weight is None else weight[known]
+    agreed, rows, columns = np.zeros(shape[0]), np.zeros(shape), np.zeros(shape)
+    np.add.at(agreed, at, counts * (one == two))
+    np.add.at(rows, (at, one), counts)
+    np.add.at(columns, (at, two), counts)
+    return agreed, rows, columns
+
+
+def coincidence_sums(values: Units, cluster: Units, shape: tuple[int, int]) -> Sums:
+    """Return the sums of the matrix of coincidences of all coders in each cluster, as `pair_sums`:
+    two values of a unit that has m of them count 1 / (m - 1), in either order.
+    """
+    agreed, both = np.zeros(shape[0]), np.zeros(shape)
+    weight = 1.0 / np.maximum((values >= 0).sum(axis=0) - 1, 1)
+    for pair in combinations(range(len(values)), 2):
+        of_pair, rows, columns = pair_sums(values[list(pair)], cluster, shape, weight)
+        agreed += 2.0 * of_pair
+        both += rows + columns
+    return agreed, both, both
 
 
 # --- events ---------------------------------------------------------------------------------------
 
 
-def matched(
-    first: Sequence[CodedEvent], second: Sequence[CodedEvent], code: str, tolerance: float
+def _of_events(
+    codes: Sequence[str], sessions: Sequence[SessionCodings], pair: Pair, tolerance: float
+) -> EventReliability:
+    place = {code: number for number, code in enumerate((*codes, ""))}
+    found = [
+        (int(begin // BLOCK_S) if len(sessions) == 1 else number, place[first], place[second])
+        for number, one, two in _of_both(sessions, pair)
+        for begin, first, second in aligned(one, two, tolerance)
+    ]
+    clusters = max((number for number, *_codes in found), default=0) + 1
+    tables = np.zeros((clusters, len(place), len(place)))
+    for cell in found:
+        tables[cell] += 1.0
+    kappa = estimate(event_kappas, tables)
+    return EventReliability(pair, tuple(codes), tables.sum(axis=0), kappa)
+
+
+def _matches_in(
+    sessions: Sequence[SessionCodings], pair: Pair, codes: Sequence[str], tolerance: float
 ) -> Matches:
-    """Return how many events of a code two coders have in common: beginnings at most `tolerance`
-    seconds apart, the earliest pairs first.
-    """
-    one, two = (
-        sorted(event.begin for event in events if event.code == code) for events in (first, second)
-    )
-    i = j = both = 0
-    while i < len(one) and j < len(two):
-        if abs(one[i] - two[j]) <= tolerance + 1e-9:
-            both, i, j = both + 1, i + 1, j + 1
-        elif one[i] < two[j]:
-            i += 1
-        else:
-            j += 1
-    return Matches(both, len(one) - both, len(two) - both)
-
-
-def aligned(
-    first: Sequence[CodedEvent], second: Sequence[CodedEvent], tolerance: float
-) -> list[tuple[str, str]]:
-    """Return the events of two coders as pairs of codes, "" where one of them has none: first those
-    of one code as in `matched`, then the nearest of the others, within the tolerance.
-    """
-    pairs: list[tuple[str, str]] = []
-    left: list[CodedEvent] = []
-    right: list[CodedEvent] = []
-    for code in sorted({event.code for event in (*first, *second)}):
-        one, two = (
-            sorted((event for event in events if event.code == code), key=lambda e: e.begin)
-            for events in (first, second)
-        )
-        i = j = 0
-        while i < len(one) and j < len(two):
-            if abs(one[i].begin - two[j].begin) <= tolerance + 1e-9:
-                pairs.append((code, code))
-                i, j = i + 1, j + 1
-            elif one[i].begin < two[j].begin:
-                left.append(one[i])
-                i += 1
-            else:
-                right.append(two[j])
-                j += 1
-        left += one[i:]
-        right += two[j:]
-    return [*pairs, *_confused(left, right, tolerance)]
-
-
-def _confused(
-    left: Sequence[CodedEvent], right: Sequence[CodedEvent], tolerance: float
-) -> Iterator[tuple[str, str]]:
-    """Yield events of different codes that lie near each other, and those that nobody else has."""
-    right = sorted(right, key=lambda event: event.begin)
-    begins = [event.begin for event in right]
-    near = []
-    for i, one in enumerate(left):
-        first = bisect_left(begins, one.begin - tolerance - 1e-9)
-        last = bisect_right(begins, one.begin + tolerance + 1e-9)
-        near += [
-            (abs(one.begin - begins[j]), i, j)
-            for j in range(first, last)
-            if one.code != right[j].code
-        ]
-    ones, twos = set(range(len(left))), set(range(len(right)))
-    for _distance, i, j in sorted(near):
-        if i in ones and j in twos:
-            ones.discard(i)
-            twos.discard(j)
-            yield left[i].code, right[j].code
-    yield from ((left[i].code, "") for i in ones)
-    yield from (("", right[j].code) for j in twos)
-
-
-def matched_in(
-    sessions: Sequence[SessionCodings],
-    pair: tuple[int, int],
-    codes: Sequence[str],
-    tolerance: float,
-) -> Matches:
-    """Return the matches of two coders on some codes in several sessions."""
     parts = [
         matched(one, two, code, tolerance)
-        for _duration, codings in sessions
-        if (one := codings[pair[0]]) is not None and (two := codings[pair[1]]) is not None
+        for _number, one, two in _of_both(sessions, pair)
         for code in codes
     ]
-    return Matches(
-        sum(part.both for part in parts),
-        sum(part.first for part in parts),
-        sum(part.second for part in parts),
-    )
+    return Matches(*(sum(len(part[place]) for part in parts) for place in range(3)))

@@ -20,7 +20,10 @@ from surveys.document_forms.problem_text import sentences
 from surveys.documents import BadDefinitionError
 from surveys.importing import safe_xml
 
-SCHEMA = "http://www.mpi.nl/tools/elan/EAFv3.0.xsd"
+SCHEMA = {
+    "xmlns:xsi": "http://www.w3.org/2001/XMLSchema-instance",
+    "xsi:noNamespaceSchemaLocation": "http://www.mpi.nl/tools/elan/EAFv3.0.xsd",
+}
 POINT_MS = 1
 MAX_DIGITS = 12  # of a time in milliseconds
 MODIFIER, ASSOCIATION = "modifier", "Symbolic_Association"
@@ -35,38 +38,30 @@ def to_eaf(codes: Sequence[Code], events: Sequence[CodedEvent], coder: str, date
         coder: the pseudonym that the file names.
         date: ISO 8601 with a time zone, as the schema demands.
     """
-    root = ET.Element(
-        "ANNOTATION_DOCUMENT",
-        {
-            "AUTHOR": coder,
-            "DATE": date,
-            "FORMAT": "3.0",
-            "VERSION": "3.0",
-            "xmlns:xsi": "http://www.w3.org/2001/XMLSchema-instance",
-            "xsi:noNamespaceSchemaLocation": SCHEMA,
-        },
-    )
+    about = {"AUTHOR": coder, "DATE": date, "FORMAT": "3.0", "VERSION": "3.0"}
+    root = ET.Element("ANNOTATION_DOCUMENT", about | SCHEMA)
     header = ET.SubElement(root, "HEADER", {"MEDIA_FILE": "", "TIME_UNITS": "milliseconds"})
     last = ET.SubElement(header, "PROPERTY", {"NAME": "lastUsedAnnotationId"})
     slots = _time_order(root, events)
     numbers = count(1)
     for code in codes:
-        own = [
-            (event, slots[place]) for place, event in enumerate(events) if event.code == code.code
-        ]
+        own = [one for one in zip(events, slots, strict=True) if one[0].code == code.code]
         _tiers(root, code, own, coder, numbers)
     last.text = str(next(numbers) - 1)
-    for kind in ("point", "interval"):
-        _linguistic_type(root, kind, {"TIME_ALIGNABLE": "true"})
-    _linguistic_type(root, MODIFIER, {"CONSTRAINTS": ASSOCIATION, "TIME_ALIGNABLE": "false"})
-    about = "1-1 association with a parent annotation"
-    ET.SubElement(root, "CONSTRAINT", {"DESCRIPTION": about, "STEREOTYPE": ASSOCIATION})
+    types = {"point": {"TIME_ALIGNABLE": "true"}, "interval": {"TIME_ALIGNABLE": "true"}} | {
+        MODIFIER: {"CONSTRAINTS": ASSOCIATION, "TIME_ALIGNABLE": "false"}
+    }
+    for name, more in types.items():
+        named = {"GRAPHIC_REFERENCES": "false", "LINGUISTIC_TYPE_ID": name}
+        ET.SubElement(root, "LINGUISTIC_TYPE", named | more)
+    text = "1-1 association with a parent annotation"
+    ET.SubElement(root, "CONSTRAINT", {"DESCRIPTION": text, "STEREOTYPE": ASSOCIATION})
     ET.indent(root)
-    text: str = ET.tostring(root, "unicode")
-    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
+    document: bytes = ET.tostring(root, "UTF-8", xml_declaration=True)
+    return document + b"\n"
 
 
-def _time_order(root: ET.Element, events: Sequence[CodedEvent]) -> list[tuple[str, str]]:
+def _time_order(root: ET.Element, events: Sequence[CodedEvent]) -> list[list[str]]:
     """Write the time slots in order; return the two of each event."""
     order = ET.SubElement(root, "TIME_ORDER")
     times = []
@@ -74,22 +69,17 @@ def _time_order(root: ET.Element, events: Sequence[CodedEvent]) -> list[tuple[st
         begin = round(event.begin * 1000)
         end = begin + POINT_MS if event.end is None else max(round(event.end * 1000), begin + 1)
         times += [(begin, place, 0), (end, place, 1)]
-    names: dict[tuple[int, int], str] = {}
+    slots = [["", ""] for _event in events]
     for number, (time, place, which) in enumerate(sorted(times), start=1):
-        names[place, which] = f"ts{number}"
+        slots[place][which] = f"ts{number}"
         ET.SubElement(order, "TIME_SLOT", {"TIME_SLOT_ID": f"ts{number}", "TIME_VALUE": str(time)})
-    return [(names[place, 0], names[place, 1]) for place in range(len(events))]
-
-
-def _linguistic_type(root: ET.Element, name: str, more: dict[str, str]) -> None:
-    named = {"GRAPHIC_REFERENCES": "false", "LINGUISTIC_TYPE_ID": name}
-    ET.SubElement(root, "LINGUISTIC_TYPE", named | more)
+    return slots
 
 
 def _tiers(
     root: ET.Element,
     code: Code,
-    events: Sequence[tuple[CodedEvent, tuple[str, str]]],
+    events: Sequence[tuple[CodedEvent, list[str]]],
     coder: str,
     numbers: Iterator[int],
 ) -> None:
@@ -146,7 +136,7 @@ def from_eaf(document: bytes, codes: Sequence[Code]) -> tuple[list[CodedEvent], 
 
 
 class _Reading:
-    """What was read so far: events by their annotations' ids, and what is not imported."""
+    """The events that were read so far, by their annotations' ids, and what is not imported."""
 
     def __init__(self, root: ET.Element, codes: Sequence[Code]) -> None:
         self.events: dict[str, CodedEvent] = {}
@@ -157,14 +147,12 @@ class _Reading:
         }
 
     def take(self, tier: ET.Element) -> None:
-        """Read a tier of a code."""
         name = tier.get("TIER_ID", "")
         code = self._codes.get(name)
         if code is None:
             if self._modifier_of(tier) is None:
-                self.problems.append(
-                    _("Tier “%(name)s” is not a code of the scheme.") % {"name": name}
-                )
+                text = _("Tier “%(name)s” is not a code of the scheme.")
+                self.problems.append(text % {"name": name})
             return
         lost = 0
         for annotation in tier.findall("ANNOTATION/*"):
@@ -175,49 +163,43 @@ class _Reading:
                 key = annotation.get("ANNOTATION_ID") or f"{name} {len(self.events)}"
                 self.events[key] = event
         if lost:
-            self.problems.append(
-                _("Tier “%(name)s”: annotations left out because they have no times: %(n)d.")
-                % {"name": name, "n": lost}
-            )
+            text = _("Tier “%(name)s”: annotations left out because they have no times: %(n)d.")
+            self.problems.append(text % {"name": name, "n": lost})
 
     def take_modifier(self, tier: ET.Element) -> None:
         """Read a tier of a modifier, after those of codes."""
-        found = self._modifier_of(tier)
-        if found is None:
+        code, modifier = self._modifier_of(tier) or (None, None)
+        if code is None or modifier is None:
             return
-        code, modifier = found
         for annotation in tier.findall("ANNOTATION/REF_ANNOTATION"):
-            event = self.events.get(annotation.get("ANNOTATION_REF", ""))
-            value = clean(annotation.findtext("ANNOTATION_VALUE") or "")
+            key, value = annotation.get("ANNOTATION_REF", ""), _value(annotation)
+            event = self.events.get(key)
             if event is None or event.code != code.code or not value:
                 continue
-            if value not in modifier.values:
-                self.problems.append(
-                    _("“%(value)s” is not a value of the modifier “%(name)s”.")
-                    % {"value": value, "name": modifier.name}
-                )
-                continue
-            chosen = event.modifiers | {modifier.name: value}
-            key = annotation.get("ANNOTATION_REF", "")
-            self.events[key] = structs.replace(event, modifiers=chosen)
+            if value in modifier.values:
+                chosen = event.modifiers | {modifier.name: value}
+                self.events[key] = structs.replace(event, modifiers=chosen)
+            else:
+                text = _("“%(value)s” is not a value of the modifier “%(name)s”.")
+                self.problems.append(text % {"value": value, "name": modifier.name})
 
     def _modifier_of(self, tier: ET.Element) -> tuple[Code, Modifier] | None:
-        """Return whose modifier a tier is: it is below a code's tier, and named after both."""
-        parent, name = tier.get("PARENT_REF", ""), tier.get("TIER_ID", "")
-        code = self._codes.get(parent)
-        if code is None or not name.startswith(f"{parent}@"):
-            return None
-        wanted = name.removeprefix(f"{parent}@")
-        found = next((one for one in code.modifiers if one.name == wanted), None)
-        return None if found is None else (code, found)
+        """Return the modifier of a tier that is below a code's tier, and named after both."""
+        parent, _at, name = tier.get("TIER_ID", "").rpartition("@")
+        code = self._codes.get(parent) if parent == tier.get("PARENT_REF") else None
+        modifiers = code.modifiers if code is not None else ()
+        return next(((code, one) for one in modifiers if code and one.name == name), None)
 
     def _event_of(self, annotation: ET.Element, code: Code) -> CodedEvent | None:
         """Return the event of an annotation; None for one that has no times of its own."""
-        slots = [self._times.get(annotation.get(f"TIME_SLOT_REF{n}")) for n in (1, 2)]
-        if annotation.tag != "ALIGNABLE_ANNOTATION" or not all(
-            slot is not None and slot.isdecimal() and len(slot) < MAX_DIGITS for slot in slots
-        ):
+        slots = [self._times.get(annotation.get(f"TIME_SLOT_REF{n}")) or "" for n in (1, 2)]
+        has_times = all(slot.isdecimal() and len(slot) < MAX_DIGITS for slot in slots)
+        if annotation.tag != "ALIGNABLE_ANNOTATION" or not has_times:
             return None
-        begin, end = (int(slot or 0) / 1000 for slot in slots)
-        comment = clean(annotation.findtext("ANNOTATION_VALUE") or "")
-        return CodedEvent(code.code, begin, None if code.kind == "point" else end, comment)
+        begin, end = (int(slot) / 1000 for slot in slots)
+        is_point = code.kind == "point"
+        return CodedEvent(code.code, begin, None if is_point else end, _value(annotation))
+
+
+def _value(annotation: ET.Element) -> str:
+    return clean(annotation.findtext("ANNOTATION_VALUE") or "")

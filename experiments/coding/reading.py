@@ -1,4 +1,4 @@
-"""A coding from a file of ELAN or of BORIS, whichever it is."""
+"""A coding from a file of ELAN or of BORIS."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -16,7 +16,7 @@ from robots.files.limited_process import ImportRefusedError, run_limited
 def import_coding(
     document: bytes, codes: Sequence[Code], *, limit: int, duration: float, observation: str = ""
 ) -> tuple[list[CodedEvent], list[str]]:
-    """Return what `read_coding` does, of a child process.
+    """Return what `read_coding` does, which a child process does with limits.
 
     Raises:
         BadCodingError: the file cannot be read, or an event does not fit.
@@ -32,15 +32,10 @@ def import_coding(
 def read_plain(
     document: bytes, codes: list[Any], limit: int, duration: float, observation: str
 ) -> Any:
-    """Return what `read_coding` does, as plain data.
-
-    Raises:
-        BadCodingError: the file cannot be read, or an event does not fit.
-    """
+    """Return what `read_coding` does, as plain data: the function that the child process calls."""
     known = msgspec.convert(codes, tuple[Code, ...])
-    return msgspec.to_builtins(
-        read_coding(document, known, limit=limit, duration=duration, observation=observation)
-    )
+    found = read_coding(document, known, limit=limit, duration=duration, observation=observation)
+    return msgspec.to_builtins(found)
 
 
 def read_coding(

@@ -1,8 +1,4 @@
-"""The events that coders noted, checked against the scheme (experiments/definition/coding.py).
-
-An event of a code for points has a moment, one of a code for states a beginning and an end, in
-seconds since the grant, the time of the replay.
-"""
+"""The events that coders noted, checked against the scheme (experiments/definition/coding.py)."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
@@ -28,8 +24,8 @@ class BadCodingError(ValueError):
 
 
 class CodedEvent(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Something that a coder noted; `end` is None for a point. Times in seconds; `modifiers` are
-    the chosen values by the modifiers' names.
+    """What a coder noted; `end` is None for a point. Times in seconds since the grant, the time of
+    the replay; `modifiers` are the chosen values by the modifiers' names.
     """
 
     code: str
@@ -89,11 +85,9 @@ def events_from(document: Any, codes: Sequence[Code], duration: float) -> list[C
     if len(events) > MAX_EVENTS:
         raise BadCodingError([_("A coding has at most %(n)d events.") % {"n": MAX_EVENTS}])
     known = {code.code: code for code in codes}
-    if found := list(_event_problems(events, known, duration)):
+    if found := [text for event in events for text in _problems_of(event, known, duration)]:
         raise BadCodingError(found[:20])
-    ordered = sorted(
-        (_rounded(event) for event in events), key=lambda event: (event.begin, event.code)
-    )
+    ordered = sorted(map(_rounded, events), key=lambda event: (event.begin, event.code))
     if found := list(_overlaps(ordered, known)):
         raise BadCodingError(found[:20])
     return ordered
@@ -104,25 +98,44 @@ def _rounded(event: CodedEvent) -> CodedEvent:
     return msgspec.structs.replace(event, begin=round(event.begin, 3), end=end)
 
 
-def _event_problems(
-    events: Iterable[CodedEvent], known: Mapping[str, Code], duration: float
-) -> Iterator[str]:
-    limit = min(duration, MAX_SECONDS) + 0.001
-    for event in events:
-        where = {"code": event.code, "at": f"{event.begin:.3f}"}
-        code = known.get(event.code)
-        if code is None:
-            yield _("The scheme has no code “%(code)s”.") % where
-        elif code.kind == "point" and event.end is not None:
-            yield _("%(code)s at %(at)s s is a point, so it can't have an end.") % where
-        elif code.kind == "interval" and (event.end is None or not event.end > event.begin):
-            yield _("%(code)s at %(at)s s must end after it begins.") % where
-        if not (0 <= event.begin <= limit and (event.end is None or event.end <= limit)):
-            yield _("%(code)s at %(at)s s is outside the session.") % where
-        if not is_comment(event.comment):
-            yield _("%(code)s at %(at)s s: the comment is too long.") % where
-        if code is not None and not has_modifiers(code, event.modifiers):
-            yield _("%(code)s at %(at)s s has a modifier that the scheme does not have.") % where
+def _problems_of(event: CodedEvent, known: Mapping[str, Code], duration: float) -> Iterator[str]:
+    code, limit = known.get(event.code), min(duration, MAX_SECONDS) + 0.001
+    yield from event_problems(event, code, event.code)
+    if code is not None and code.kind == "interval" and event.end is None:
+        yield _not_ended(event, event.code)
+    if not (0 <= event.begin <= limit and (event.end is None or event.end <= limit)):
+        yield _("%(code)s at %(at)s s is outside the session.") % _where(event, event.code)
+
+
+def event_problems(event: Any, code: Code | None, name: str) -> Iterator[str]:
+    """Yield why an event cannot be stored. A state may have no end yet.
+
+    Args:
+        event: with the fields of CodedEvent.
+        code: that of the event; None when the scheme has none.
+        name: of the code, for the sentences.
+    """
+    where = _where(event, name)
+    if code is None:
+        yield _("The scheme has no code “%(code)s”.") % where
+    elif code.kind == "point" and event.end is not None:
+        yield _("%(code)s at %(at)s s is a point, so it can't have an end.") % where
+    elif event.end is not None and not event.end > event.begin:
+        yield _not_ended(event, name)
+    if len(event.comment) > MAX_COMMENT or not event.comment.isprintable():
+        yield _("%(code)s at %(at)s s: the comment is too long.") % where
+    allowed = {one.name: one.values for one in code.modifiers} if code is not None else {}
+    if code and any(value not in allowed.get(one, ()) for one, value in event.modifiers.items()):
+        yield _("%(code)s at %(at)s s has a modifier that the scheme does not have.") % where
+
+
+def _not_ended(event: Any, name: str) -> str:
+    text: str = _("%(code)s at %(at)s s must end after it begins.") % _where(event, name)
+    return text
+
+
+def _where(event: Any, name: str) -> dict[str, str]:
+    return {"code": name, "at": f"{event.begin:.3f}"}
 
 
 def clean(text: str) -> str:
@@ -130,22 +143,11 @@ def clean(text: str) -> str:
     return "".join(sign for sign in " ".join(text.split()) if sign.isprintable())
 
 
-def is_comment(text: str) -> bool:
-    """Tell whether a text can be a comment: of one line, and not too long."""
-    return len(text) <= MAX_COMMENT and text.isprintable()
-
-
-def has_modifiers(code: Code, chosen: Mapping[str, str]) -> bool:
-    """Tell whether a code has the modifiers, and each of them the value, that were chosen."""
-    allowed = {modifier.name: modifier.values for modifier in code.modifiers}
-    return all(value in allowed.get(name, ()) for name, value in chosen.items())
-
-
 def _overlaps(events: Iterable[CodedEvent], known: Mapping[str, Code]) -> Iterator[str]:
-    """Yield events of one code, or states of one group, that lie over each other."""
+    """Yield events of one code, or states of one group, that overlap."""
     last: dict[str, float] = {}
     for event in events:
-        where = {"code": event.code, "at": f"{event.begin:.3f}"}
+        where = _where(event, event.code)
         if event.end is None:
             if last.get(event.code) == event.begin:
                 yield _("%(code)s at %(at)s s appears twice.") % where

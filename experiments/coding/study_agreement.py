@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from experiments.coding import store
-from experiments.coding.agreement import SessionCodings
-from experiments.coding.reliability import Reliability, reliability
+from experiments.coding.agreement import Reliability, SessionCodings, reliability
 from experiments.models import Coding, CodingSchemeVersion
 from sessions.models import Session
 
@@ -14,7 +13,7 @@ from sessions.models import Session
 @dataclass(frozen=True)
 class StudyAgreement:
     """`coders` are the numbers of the coders, by the places that `found` has; `sessions` is how
-    many were compared, and `waiting` how many somebody still codes.
+    many were compared, and `waiting` how many are still being coded.
     """
 
     coders: tuple[int, ...]

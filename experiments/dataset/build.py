@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 from experiments.analysis.dataset.columns import NETWORK, STATES
+from experiments.analysis.dataset.counting import with_reasons
 from experiments.analysis.dataset.records import Columns, Dataset, columns_of
 from experiments.dataset.answers import questionnaires_of, responses_of
 from experiments.dataset.events import events_of, page_offset
@@ -47,7 +48,7 @@ def dataset_of(
     drives = list(drives_of(study, choice)) if drives is None else drives
     sessions = sessions_of(study, drives, release)
     places = places_of(drives, names)
-    return Dataset(
+    found = Dataset(
         study=study.as_definition(),
         robots=robots_of(study.as_definition(), (one.robot for one in sessions)),
         participants=tuple(participants_of(study, drives, choice)),
@@ -67,6 +68,7 @@ def dataset_of(
         network=_reader(drives, names, _network, columns_of(NETWORK)),
         publication=from_stored(study.publication),
     )
+    return with_reasons(found)
 
 
 def release_of(study: Study, choice: Selection) -> Release:

@@ -81,6 +81,7 @@ def _participant(
         first_cell=first_cell or row.cell,
         draws=row.draws_applied,
         stage=stage,
+        place=row.stage,
         reached=row.withdrawn_step or row.step or begun,
         left=LEFT.get(row.status, lost),
         finished=bool(row.completion) and not turned_away,

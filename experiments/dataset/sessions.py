@@ -2,7 +2,7 @@
 
 import datetime
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import msgspec
 from django.db.models import QuerySet
@@ -24,10 +24,11 @@ from sessions.models import Session as Visit
 from sessions.models import SessionEvent
 
 NAN = float("nan")
+WHOLE = Selection()
 OPERATOR = "operator"  # events of the server that begin so were an operator's doing
 
 
-def drives_of(study: Study, choice: Selection) -> QuerySet[Drive]:
+def drives_of(study: Study, choice: Selection = WHOLE) -> QuerySet[Drive]:
     """Return the drives whose data are in a dataset: those of the withdrawn are not."""
     rows = Drive.objects.filter(participant__in=people_of(study, choice)).exclude(
         participant__status=Participant.Status.WITHDRAWN
@@ -42,27 +43,17 @@ def sessions_of(study: Study, drives: Sequence[Drive], release: Release) -> list
     practice = definition.practice_keys
     touched = _touched([drive.session_id for drive in drives])
     faults = faults_of(drive.session for drive in drives)
-    numbers = _numbers([drive for drive in drives if drive.step not in practice])
     return [
         _session(
             drive,
             definition,
             release,
-            number=numbers.get(drive.pk, 0),
+            is_practice=drive.step in practice,
             operator=drive.session_id in touched,
             fault=faults[drive.session_id],
         )
         for drive in drives
     ]
-
-
-def _numbers(drives: Iterable[Drive]) -> dict[object, int]:
-    """First, second … of a participant, practice left out."""
-    count: dict[object, int] = {}
-    numbers: dict[object, int] = {}
-    for drive in drives:
-        numbers[drive.pk] = count[drive.participant_id] = count.get(drive.participant_id, 0) + 1
-    return numbers
 
 
 def _touched(sessions: Sequence[object]) -> set[object]:
@@ -77,7 +68,7 @@ def _session(
     definition: StudyDefinition,
     release: Release,
     *,
-    number: int,
+    is_practice: bool,
     operator: bool,
     fault: FaultAttribution,
 ) -> SessionRecord:
@@ -92,10 +83,9 @@ def _session(
         drive.participant.code,
         visit.robot.name,
         kind=drive.participant.kind,
-        number=number,
         visit=drive.visit,
         round=drive.round + 1,
-        practice=not number,
+        practice=is_practice,
         site=condition.site if condition else "",
         condition=drive.condition,
         mismatch="|".join(drive.mismatches),

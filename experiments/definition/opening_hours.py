@@ -89,9 +89,16 @@ def _around(
     """Return the spans from the day before a moment to a week after it, as moments in UTC: only
     there are they compared rightly.
     """
+    return spans(hours, time_zone, now, _WEEK + 1)
+
+
+def spans(
+    hours: Hours, time_zone: str, now: datetime.datetime, days_ahead: int
+) -> list[tuple[datetime.datetime, datetime.datetime]]:
+    """Return the spans from the day before a moment to so many days after it, as moments in UTC."""
     zone = ZoneInfo(time_zone)
     today = now.astimezone(zone).date()
-    days = [today + datetime.timedelta(days=shift) for shift in range(-1, _WEEK + 2)]
+    days = [today + datetime.timedelta(days=shift) for shift in range(-1, days_ahead + 1)]
     return [
         _moments(span, day, zone) for day in days for span in hours if day.weekday() in span["days"]
     ]

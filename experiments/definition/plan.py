@@ -2,8 +2,8 @@
 
 A plan is frozen with the study's version. Its hypotheses name the declared analyses
 (experiments/definition/analyses.py) that test them: such tests are *confirmatory*, every other one
-is *exploratory*. Its rules of exclusion are applied by experiments/analysis/plan/exclusions.py, its
-expected effects are simulated by experiments/analysis/power/.
+is *exploratory*. Its rules of exclusion are applied by experiments/analysis/dataset/exclusions.py,
+its expected effects are simulated by experiments/analysis/power/.
 
 All texts are the researchers' own, in one language: participants never see them.
 """
@@ -28,8 +28,8 @@ class Hypothesis(DocumentPart, frozen=True, kw_only=True):
 
     `measures` are those of the analysis that it is about (none: all of them), `contrast` the number
     of one of its contrasts, from 1 (None: all), `effect` the effect of a mixed model (empty: all).
-    With `greater` the first side of the contrast is expected to have the greater values, or the
-    second level of the effect.
+    With `greater` the first side of the contrast, or the first level of the effect, is expected to
+    have the greater values.
     """
 
     key: Key

@@ -10,6 +10,8 @@ from experiments.definition import factors, plan_problems
 from experiments.definition import wizard as wizards
 from experiments.definition.analyses import EFFECTS, DeclaredAnalysis
 from experiments.definition.coding import scheme_problems
+from experiments.definition.piping import piping_problems
+from experiments.definition.recruiting import recruiting_problems, screening_problems
 from experiments.definition.schema import Condition, Course, Impairment, StudyDefinition
 from experiments.definition.step import Step
 from experiments.definition.steps import KINDS
@@ -56,6 +58,15 @@ def problems(study: StudyDefinition) -> Iterator[Problem]:
             told=study.tells_of_operator,
         )
     yield from within(plan_problems.problems(study), ProblemPlace("plan"), _("Plan"))
+    yield from within(_of_recruitment(study), ProblemPlace("recruitment"))
+
+
+def _of_recruitment(study: StudyDefinition) -> Iterator[Problem]:
+    if study.recruiting is not None:
+        yield from recruiting_problems(study.recruiting)
+    asked = (step.questionnaire for step in study.asking)
+    yield from screening_problems(study.screening, study.answer_quotas, asked)
+    yield from piping_problems(study)
 
 
 def of_course(n: int, course: Course, found: Iterable[Problem]) -> Iterator[Problem]:

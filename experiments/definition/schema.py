@@ -24,6 +24,14 @@ from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.coding import CodingScheme
 from experiments.definition.design import Design, Factor, Levels
 from experiments.definition.plan import StudyPlan
+from experiments.definition.recruiting import (
+    AnswerQuota,
+    AnswerRule,
+    Appointments,
+    Browser,
+    DeviceKind,
+    Recruiting,
+)
 from experiments.definition.step import AskingStep, DriveStep, Step, Version
 from experiments.definition.steps import KINDS
 from experiments.definition.steps.consent import Consent
@@ -238,10 +246,14 @@ class Start(DocumentPart, frozen=True, kw_only=True):
 
 
 class Analysis(DocumentPart, frozen=True, kw_only=True):
-    """Which of several responses of one visitor counts in tables, and of which kind the intervals
-    of confidence are.
+    """What counts in results, and of which kind the intervals of confidence are.
+
+    `drives` is which of several drives of one participant in one condition count; of `all`, values
+    are averaged first. `counts` is which of several responses of one participant counts, among
+    those about drives that count.
     """
 
+    drives: Literal["first", "last", "all"] = "all"
     counts: Literal["first", "last", "all"] = "first"
     interval: Literal["normal", "t"] = "t"
     statements: Slug = "experience"
@@ -250,8 +262,10 @@ class Analysis(DocumentPart, frozen=True, kw_only=True):
 class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     """A whole study. `recruitment` says how participants are found, `compensation` what they get;
     researchers write and read both. With `turned_away_code`, people who are turned away get a code
-    of their own for the recruitment site. A participant's drive is private unless
-    `observers_allowed`: then whoever may watch the robot may watch it, too.
+    of their own for the recruitment site. Only people with one of the `devices` and `browsers`
+    (none means any) can begin. `screening` and `answer_quotas` turn away by answers. A
+    participant's drive is private unless `observers_allowed`: then whoever may watch the robot may
+    watch it, too.
     """
 
     format: Literal[1]
@@ -279,6 +293,12 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     wizard: Wizard | None = None
     plan: StudyPlan | None = None
     coding: CodingScheme | None = None
+    recruiting: Recruiting | None = None
+    devices: tuple[DeviceKind, ...] = ()
+    browsers: tuple[Browser, ...] = ()
+    screening: Annotated[tuple[AnswerRule, ...], Meta(max_length=40)] = ()
+    answer_quotas: Annotated[tuple[AnswerQuota, ...], Meta(max_length=40)] = ()
+    appointments: Appointments | None = None
 
     def condition(self, key: str) -> Condition | None:
         return next((condition for condition in self.conditions if condition.key == key), None)

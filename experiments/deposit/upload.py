@@ -1,20 +1,28 @@
-"""A deposit from beginning to end: a draft is made or found again, and each file is sent unless it
-is there, and compared by size and checksum with what the repository has.
+"""A deposit: a draft is made or found again, and each file is sent unless it is there, and compared
+by size and checksum with what the repository has.
 """
 
 from collections.abc import Callable, Mapping
-from hashlib import md5
+from functools import partial
+from hashlib import file_digest, md5
 from pathlib import Path
 
 from experiments.definition.publication import is_address
-from experiments.deposit.client import DepositError, NotThereError, Progress
 from experiments.deposit.osf import Osf
-from experiments.deposit.repository import MOST_NAME, DepositDraft, Record, Repository, StoredFile
+from experiments.deposit.repository import (
+    MOST_NAME,
+    PART,
+    DepositDraft,
+    DepositError,
+    NotThereError,
+    Progress,
+    Record,
+    Repository,
+)
 from experiments.deposit.zenodo import Zenodo
 
 REPOSITORIES: Mapping[str, type[Repository]] = {"osf": Osf, "zenodo": Zenodo}
-PART = 1 << 20
-STEPS = 10  # how often progress is told for a file
+STEPS = 10  # how often the progress of a file is reported
 Tell = Callable[[str], None]
 
 
@@ -57,43 +65,38 @@ def upload_all(
             raise DepositError(f"{name[:40]}… is longer than {MOST_NAME} characters.")
     there = repository.files(draft)
     for name, path in files.items():
-        size, checksum = path.stat().st_size, checksum_of(path)
+        size, checksum = path.stat().st_size, _checksum_of(path)
         known = there.get(name)
         if known is not None and (known.size, known.md5) == (size, checksum):
             tell(f"{name}: already there, {_megabytes(size)}")
             continue
         stored = repository.upload(draft, name, path, _progress(name, size, tell))
-        _compare(stored, name, size, checksum)
+        if stored.size != size:
+            raise DepositError(
+                f"{name} has {stored.size} bytes there and {size} here. Run it again to replace it."
+            )
+        if stored.md5 != checksum:
+            raise DepositError(
+                f"{name} has a different checksum there. Run it again to replace it."
+            )
         tell(f"{name}: {'replaced' if known else 'sent'} and compared, {_megabytes(size)}")
 
 
-def _compare(stored: StoredFile, name: str, size: int, checksum: str) -> None:
-    if stored.size != size:
-        raise DepositError(
-            f"{name} has {stored.size} bytes there and {size} here. Run it again to replace it."
-        )
-    if stored.md5 != checksum:
-        raise DepositError(f"{name} has a different checksum there. Run it again to replace it.")
-
-
-def checksum_of(path: Path) -> str:
+def _checksum_of(path: Path) -> str:
     """Return the MD5 of a file, by which both repositories compare."""
-    found = md5(usedforsecurity=False)
     with path.open("rb") as file:
-        while part := file.read(PART):
-            found.update(part)
-    return found.hexdigest()
+        return file_digest(file, partial(md5, usedforsecurity=False)).hexdigest()
 
 
 def _progress(name: str, size: int, tell: Tell) -> Progress:
-    told = 0
+    reported = 0
 
     def progress(sent: int) -> None:
-        nonlocal told
+        nonlocal reported
         step = sent * STEPS // size if size else STEPS
-        if told < step < STEPS and size > PART:
+        if reported < step < STEPS and size > PART:
             tell(f"{name}: {step * 100 // STEPS} % of {_megabytes(size)}")
-        told = max(told, step)
+        reported = max(reported, step)
 
     return progress
 

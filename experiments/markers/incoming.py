@@ -12,8 +12,8 @@ MAX_TEXT = 500
 
 
 def record(slug: str, marker: ForeignMarker, now: float) -> int:
-    """Store a marker with each session of a study that was in progress at its time, and return how
-    many these are.
+    """Store a marker with each session of a study that was in progress at its time, and return the
+    number of these sessions.
     """
     at = datetime.fromtimestamp(marker.at, UTC)
     drives = Drive.objects.filter(

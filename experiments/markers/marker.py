@@ -1,4 +1,4 @@
-"""What is said on a stream, and what was heard on one. Pure."""
+"""The samples of marker streams. Pure."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -7,8 +7,8 @@ import msgspec
 
 
 class Marker(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What a sample of the stream says, as JSON. `t` is in seconds since the grant of the robot,
-    absent without a session; `data` depends on the type as in the events of a dataset.
+    """A sample of our stream, sent as JSON. `t` is in seconds since the grant of the robot, absent
+    without a session; `data` depends on the type as in the events of a dataset.
     """
 
     type: str
@@ -19,13 +19,12 @@ class Marker(msgspec.Struct, frozen=True, omit_defaults=True):
     data: dict[str, Any] = {}
 
     def text(self) -> str:
-        """Return the sample."""
         return msgspec.json.encode(self).decode()
 
 
 @dataclass(frozen=True)
 class TimedMarker:
-    """A marker at `at`, Unix seconds by the server's clock; `key` tells it from all others."""
+    """A marker at `at`, Unix seconds by the server's clock; `key` identifies it."""
 
     key: tuple[Any, ...]
     at: float
@@ -34,7 +33,7 @@ class TimedMarker:
 
 @dataclass(frozen=True)
 class ForeignMarker:
-    """What a stream told at `at`, Unix seconds by the server's clock."""
+    """A sample of another stream at `at`, Unix seconds by the server's clock."""
 
     stream: str
     text: str

@@ -56,12 +56,18 @@ class ConsentForm(forms.Form):
             del self.fields["age"]
         else:
             self.fields["age"].help_text = self._age_hint()
-        if not step.minimum_age or step.minors == "refused":
+        # asked of minors alone, once their age is known
+        if step.minors == "refused" or not self._is_minor(data):
             del self.fields["guardian"]
-        else:
-            self.fields["guardian"].help_text = _(
-                "Required only if you are younger than %(age)d."
-            ) % {"age": step.minimum_age}
+
+    def _is_minor(self, data: Any) -> bool:
+        if data is None or "age" not in self.fields:
+            return False
+        try:
+            age = self.fields["age"].clean(data.get("age"))
+        except forms.ValidationError:
+            return False
+        return bool(age < self.step.minimum_age)
 
     def _age_hint(self) -> str:
         return (

@@ -12,13 +12,15 @@ from django.utils.translation import gettext as _
 
 from experiments.definition import opening_hours
 from experiments.definition.schema import Condition, Controller, StudyDefinition
-from experiments.models import Participant, Study
+from experiments.models import DONE, TIMED_OUT, Participant, Study
 from experiments.participation import journey, progress
 from experiments.participation.drive_status import longest_wait, robots_of
 from surveys.documents import spoken
 
 # In the order in which they are asked: the first that holds decides.
 Stand = Literal[
+    "recognized",
+    "other_account",
     "finished",
     "under_way",
     "screened_out",
@@ -26,6 +28,7 @@ Stand = Literal[
     "shut",
     "personal",
     "full",
+    "device",
     "anonymous",
     "stranger",
     "welcome",
@@ -54,12 +57,35 @@ class Landing:
     opens_at: datetime.datetime | None
     hours: tuple[str, ...]
     time_zone: str
+    devices: tuple[str, ...] = ()
+    browsers: tuple[str, ...] = ()
+    may_come_again: bool = False
+    is_recruited: bool = False
 
 
 def landing(
-    study: Study, user: Any, own: Participant | None, *, language: str, now: datetime.datetime
+    study: Study,
+    user: Any,
+    own: Participant | None,
+    *,
+    known: Participant | None = None,
+    has_device: bool = True,
+    is_recruited: bool = False,
+    language: str,
+    now: datetime.datetime,
 ) -> Landing:
-    """Return the front page of a study as somebody sees it, who takes part as `own`."""
+    """Return the front page of a study for one visitor.
+
+    Args:
+        study: the version that they see.
+        user: whom the browser has signed in.
+        own: their participation.
+        known: that of another user with the id that their link names.
+        has_device: whether the study allows their device and browser.
+        is_recruited: whether their link names an id of a recruitment site.
+        language: which they read.
+        now: the time.
+    """
     definition = study.as_definition()
     spoken_in = progress.language_of(definition, language)
     consent = definition.consent
@@ -74,7 +100,11 @@ def landing(
         minors_with_guardian=consent is not None and consent.minors == "guardian",
         controllers=controllers(definition),
         is_draft=study.status == Study.Status.DRAFT,
-        stand=stand(study, user, own, now),
+        stand=stand(study, user, own, now, known=known, has_device=has_device),
+        devices=definition.devices,
+        browsers=definition.browsers,
+        may_come_again=own is not None and may_come_again(own, now),
+        is_recruited=is_recruited,
         opens_at=opening_hours.opens_on_the_wall(study.opening_hours, study.time_zone, now),
         hours=tuple(in_words(study.opening_hours)),
         time_zone=study.time_zone,
@@ -126,14 +156,36 @@ def _invitation(study: Study, language: str, now: datetime.datetime) -> StudyInv
     )
 
 
-def stand(study: Study, user: Any, own: Participant | None, now: datetime.datetime) -> Stand:
-    """Return what somebody can do about a study now."""
+def stand(
+    study: Study,
+    user: Any,
+    own: Participant | None,
+    now: datetime.datetime,
+    *,
+    known: Participant | None = None,
+    has_device: bool = True,
+) -> Stand:
+    """Return what somebody can do about a study now; arguments as in `landing`."""
+    if known is not None:
+        return "recognized" if known.user is not None and known.user.is_guest else "other_account"
     if own is not None and own.status != Participant.Status.FINISHED:
         return "under_way" if own.status == Participant.Status.ACTIVE else "screened_out"
     shut = _shut(study, now)
     if shut is not None or own is not None:
         return shut or "finished"
-    return _to_first_time_visitors(study, user, now)
+    return _to_first_time_visitors(study, user, now, has_device=has_device)
+
+
+def may_come_again(participant: Participant, now: datetime.datetime) -> bool:
+    """Tell whether somebody who has finished may take part again. A recruitment site pays once, so
+    its participants do so only after a failure, or for a second session.
+    """
+    study, asked = participant.study, participant.study.as_definition().appointments
+    if _shut(study, now) is not None:
+        return False
+    has_second = asked is not None and asked.second_after_days is not None
+    is_paid = bool(participant.recruitment_id) and participant.completion in {DONE, TIMED_OUT}
+    return not is_paid or (has_second and participant.visit == 1)
 
 
 def _shut(study: Study, now: datetime.datetime) -> Literal["closed", "shut"] | None:
@@ -142,12 +194,16 @@ def _shut(study: Study, now: datetime.datetime) -> Literal["closed", "shut"] | N
     return None if progress.is_open(study, now) else "shut"
 
 
-def _to_first_time_visitors(study: Study, user: Any, now: datetime.datetime) -> Stand:
+def _to_first_time_visitors(
+    study: Study, user: Any, now: datetime.datetime, *, has_device: bool
+) -> Stand:
     kind = progress.kind_of(user, study)
     if study.entry == Study.Entry.PERSONAL and kind != "pilot":
         return "personal"
     if progress.is_full(study, "open", now, kind):
         return "full"
+    if not has_device:
+        return "device"
     if user.is_authenticated and not user.is_guest:
         return "welcome"
     return "anonymous" if study.entry == Study.Entry.CODE else "stranger"

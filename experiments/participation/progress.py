@@ -15,10 +15,18 @@ from django.db.models import Q, QuerySet
 from experiments.definition import opening_hours
 from experiments.definition.schema import Condition, StudyDefinition
 from experiments.definition.step import Step
-from experiments.models import Participant, ParticipantKind, StepVisit, Study, StudyMember
+from experiments.models import (
+    SCREENED_OUT,
+    Participant,
+    ParticipantKind,
+    StepVisit,
+    Study,
+    StudyMember,
+)
 from experiments.participation import assignment, completion, journey, places
 from experiments.participation.assignment import Access
 from experiments.participation.journey import JourneyPlace
+from experiments.recruitment import recognition
 from surveys.documents import spoken
 
 Status = Participant.Status
@@ -78,8 +86,9 @@ def study_for(user: Any, slug: str) -> Study | None:
 def _under_way_in(user: Any, slug: str) -> Participant | None:
     if not user.is_authenticated:
         return None
-    # a bot comes again to the version that it was made for, be it a draft
-    under_way = Q(status=Status.ACTIVE) | Q(kind=ParticipantKind.BOT)
+    # a bot comes again to the version that it was made for, be it a draft; and an id of a
+    # recruitment site takes part in one version only
+    under_way = Q(status=Status.ACTIVE) | Q(kind=ParticipantKind.BOT) | ~Q(recruitment_id="")
     own = Participant.objects.filter(under_way, user=user, study__slug=slug).select_related("study")
     return own.order_by("-created_at").first()
 
@@ -110,7 +119,8 @@ def enter(
     now: datetime.datetime,
 ) -> Participant:
     """Return somebody's row in a study, made when they have none; a second call changes nothing but
-    a better access before assignment.
+    a better access before assignment. An id of a recruitment site that another user has in this
+    study leads to the row of that user.
     """
     definition = study.as_definition()
     way = journey.route(definition, journey.rounds(definition, access), 1)
@@ -118,6 +128,7 @@ def enter(
     fields = {
         "access": access,
         "recruitment": kept_parameters(recruitment),
+        **recognition.fields(study, recruitment, kind),
         "kind": kind,
         "language": language_of(definition, language),
         "visit": start.visit,
@@ -135,7 +146,10 @@ def enter(
             Participant.objects.filter(slot=_slot(study, user), cell="", access="open").update(
                 access=access
             )
-    participant = Participant.objects.select_related("study", "user").get(slot=_slot(study, user))
+    rows = Participant.objects.select_related("study", "user")
+    participant = rows.filter(slot=_slot(study, user)).first()
+    if participant is None:  # the id of a recruitment site is somebody's already
+        return rows.get(recruited_as=fields["recruited_as"])
     see(participant, now)
     return participant
 
@@ -254,7 +268,8 @@ def see(participant: Participant, now: datetime.datetime) -> None:
 
 
 def screen_out(participant: Participant, now: datetime.datetime) -> None:
-    completion.close(participant, Status.SCREENED_OUT, completion.SCREENED_OUT, now)
+    """Turn away somebody whom the study's rules exclude."""
+    completion.close(participant, Status.SCREENED_OUT, SCREENED_OUT, now)
 
 
 def of_user(user: Any) -> "QuerySet[Participant]":

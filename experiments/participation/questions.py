@@ -7,9 +7,11 @@ about the person once for good, all others once a visit and round.
 
 import datetime
 import secrets
+from functools import partial
 
 from django.db import transaction
 
+from experiments.definition import piping, recruiting
 from experiments.definition.step import AskingStep
 from experiments.models import Participant, StepResponse
 from experiments.participation import progress
@@ -117,6 +119,45 @@ def ask(
     return response
 
 
+# --- answers in later texts -----------------------------------------------------------------------
+
+
+def with_answers(participant: Participant, text: str, *, language: str) -> str:
+    """Return a text of the study with the participant's answers filled in
+    (experiments/definition/piping.py).
+    """
+    if not piping.has_piping(text):
+        return text
+    found: dict[str, StepResponse | None] = {}
+
+    def answer(questionnaire: str, item: str) -> str:
+        if questionnaire not in found:
+            rows = StepResponse.objects.filter(
+                participant=participant,
+                response__questionnaire__slug=questionnaire,
+                response__finished_at__isnull=False,
+            ).select_related("response__questionnaire")
+            found[questionnaire] = rows.order_by("-response__finished_at").first()
+        asked = found[questionnaire]
+        return "" if asked is None else _said(asked.response, item, language)
+
+    return piping.filled(text, answer)
+
+
+def _said(response: Response, item: str, language: str) -> str:
+    """Return an answer in words: the labels of what was chosen, else what was written."""
+    question = response.questionnaire.as_definition().question(item)
+    given = response.given().get(item)
+    if question is None or given is None or given.value is None:
+        return ""
+    labels = {value: spoken(label, language) for value, label in question.labelled_values}
+    chosen = given.value if isinstance(given.value, list) else [given.value]
+    return ", ".join(labels.get(one) or recruiting.as_text(one) for one in chosen)
+
+
+# --- around the page of a questionnaire -----------------------------------------------------------
+
+
 def outer_progress(response: Response, language: str) -> OuterProgress | None:
     """Return the study in which a response is asked, and the step of a participant who stands on it
     (surveys.outer_progress.register_outer_progress).
@@ -135,4 +176,10 @@ def progress_around(participant: Participant, language: str) -> OuterProgress:
     spoken_in = progress.language_of(definition, language)
     number, total = progress.step_count(participant)
     step_title = spoken(progress.step_of(participant).title, spoken_in)
-    return OuterProgress(spoken(definition.title, spoken_in), number, total, step_title)
+    return OuterProgress(
+        spoken(definition.title, spoken_in),
+        number,
+        total,
+        step_title,
+        fill=partial(with_answers, participant, language=spoken_in),
+    )

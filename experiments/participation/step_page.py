@@ -15,8 +15,8 @@ from django.utils.functional import Promise
 from experiments.definition.opening_hours import opens_on_the_wall
 from experiments.definition.schema import StudyDefinition
 from experiments.definition.step import Step
-from experiments.models import Participant, Study
-from experiments.participation import completion, progress, questions
+from experiments.models import LEFT, TECHNICAL_FAILURE, Participant, Study
+from experiments.participation import completion, landing, progress, questions
 from experiments.participation.drive_status import (
     NEVER,
     DriveStatus,
@@ -26,11 +26,14 @@ from experiments.participation.drive_status import (
     robot_for,
     series_of,
 )
+from experiments.recruitment import appointments, recognition, sites
 from surveys.conditions import Circumstances
 from surveys.definition import language_for
 from surveys.documents import BadDefinitionError, Text, spoken
 from surveys.models import Questionnaire
 from surveys.page_form import Reader, page_form_of
+
+MAY_TRY_AGAIN = frozenset({LEFT, TECHNICAL_FAILURE})
 
 
 class StepPage:
@@ -71,6 +74,11 @@ class StepPage:
     def language(self, request: HttpRequest) -> str:
         """Return the language in which the study speaks."""
         return progress.language_of(self.participant.study.as_definition(), request.LANGUAGE_CODE)
+
+    def filled(self, text: Text, request: HttpRequest) -> str:
+        """Return a text of the study with the participant's earlier answers in it."""
+        language = self.language(request)
+        return questions.with_answers(self.participant, spoken(text, language), language=language)
 
     def render(
         self, request: HttpRequest, template: str, more: dict[str, Any], *, status: int = 200
@@ -187,6 +195,9 @@ class DrivePage(StepPage):
             "is_full": is_full,
             "opens_at": opens_on_the_wall(study.opening_hours, study.time_zone, now),
             "may_do_without": self.may_do_without(now),
+            "appointments": study.as_definition().appointments,
+            "appointment": appointments.current(participant),
+            "may_drive": appointments.may_drive(participant, now),
         }
         return self.render(request, "experiments/drive_step.html", more)
 
@@ -198,6 +209,7 @@ class DrivePage(StepPage):
             "minutes": round(self.step.minutes),
             "is_online": True,
             "keeps_place": True,
+            "may_drive": True,
         }
         return self.render(request, "experiments/drive_step.html", more)
 
@@ -205,20 +217,40 @@ class DrivePage(StepPage):
 def show_end(
     request: HttpRequest, participant: Participant, now: datetime.datetime
 ) -> HttpResponse:
-    """Return the page at which taking part has ended: thanks, and the completion code."""
+    """Return the page at which taking part has ended: thanks, how it ended, and the way back to the
+    recruitment site, or the code for it.
+    """
     if not participant.completion:
         completion.conclude(participant, now)
-    last = progress.step_of(participant)
     definition = participant.study.as_definition()
     language = progress.language_of(definition, request.LANGUAGE_CODE)
-    more = {
-        "text": spoken(last.end_text, language),
-        "operator": spoken(_told_of_operator(participant, definition), language),
-        "may_come_again": not is_walk_through(participant)
-        and participant.study.status != Study.Status.CLOSED
-        and progress.is_open(participant.study, now),
+    texts = {
+        "text": progress.step_of(participant).end_text,
+        "operator": _told_of_operator(participant, definition),
+    }
+    more: dict[str, Any] = {
+        name: questions.with_answers(participant, spoken(text, language), language=language)
+        for name, text in texts.items()
+    }
+    may_come_again = not is_walk_through(participant) and landing.may_come_again(participant, now)
+    more |= {
+        "may_come_again": may_come_again,
+        "may_try_again": may_come_again and participant.completion in MAY_TRY_AGAIN,
+        **way_back(participant),
     }
     return render_in_frame(request, participant, "experiments/debrief.html", more)
+
+
+def way_back(participant: Participant) -> dict[str, Any]:
+    """Return what the template `_code.html` needs: whether the participant returns to their
+    recruitment site by a button, and what that site is called.
+    """
+    came = recognition.arrival_of(participant.study, participant.recruitment)
+    profile = sites.PROFILES.get(came.site)
+    return {
+        "returns": bool(completion.return_address(participant)),
+        "site_title": profile.title if profile is not None else "",
+    }
 
 
 def _told_of_operator(participant: Participant, definition: StudyDefinition) -> Text:

@@ -8,7 +8,7 @@ does nothing twice.
 
 import datetime
 
-from django.http import Http404, HttpRequest, HttpResponseBase
+from django.http import Http404, HttpRequest, HttpResponseBase, HttpResponseRedirect
 from django.shortcuts import redirect, render
 from django.urls import reverse
 from django.utils import timezone
@@ -16,13 +16,15 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_safe
 
 from experiments.definition.course import CourseError
+from experiments.definition.step import AskingStep
 from experiments.models import Participant, Study
-from experiments.participation import advance, drive_config, journey, progress
+from experiments.participation import advance, completion, drive_config, journey, progress
 from experiments.participation.drive_status import driven, robot_for
-from experiments.participation.step_page import render_in_frame, show_end, to_step
+from experiments.participation.step_page import render_in_frame, show_end, to_step, way_back
 from experiments.participation.steps import page_of
 from experiments.participation.views import BAD
 from experiments.publishing import sites
+from experiments.recruitment import appointments, screening
 from robots.access import may_drive
 from sessions.views import page_config
 
@@ -66,7 +68,8 @@ def _show(request: HttpRequest, participant: Participant) -> HttpResponseBase:
     now = timezone.now()
     _catch_up(participant, now)
     if participant.status == Status.SCREENED_OUT:
-        return render_in_frame(request, participant, "experiments/screened_out.html", {})
+        more = way_back(participant)
+        return render_in_frame(request, participant, "experiments/screened_out.html", more)
     if participant.status == Status.FINISHED:
         return show_end(request, participant, now)
     progress.see(participant, now)
@@ -74,13 +77,29 @@ def _show(request: HttpRequest, participant: Participant) -> HttpResponseBase:
 
 
 def _catch_up(participant: Participant, now: datetime.datetime) -> None:
-    """Go on as far as facts say that steps are done: agreed to, answered, driven."""
-    while (
-        participant.status == Status.ACTIVE
-        and page_of(participant, progress.step_of(participant)).is_done()
-    ):
-        if not advance.go_on(participant, progress.place(participant), now):
+    """Go on as far as facts say that steps are done: agreed to, answered, driven. Answers may
+    screen a participant out.
+    """
+    while participant.status == Status.ACTIVE:
+        step = progress.step_of(participant)
+        if not page_of(participant, step).is_done():
             return
+        asked = step.questionnaire if isinstance(step, AskingStep) else ""
+        if asked and screening.is_screened_out(participant, asked, now):
+            progress.screen_out(participant, now)
+        elif not advance.go_on(participant, progress.place(participant), now):
+            return
+
+
+@never_cache
+@require_safe
+def go_back(request: HttpRequest, slug: str) -> HttpResponseBase:
+    """Lead a participant who has ended back to the recruitment site, with the code of how."""
+    participant = _participant(request, slug)
+    if participant is None:
+        return redirect("study", slug)
+    address = completion.return_address(participant)
+    return HttpResponseRedirect(address) if address else to_step(participant)
 
 
 @never_cache
@@ -99,6 +118,7 @@ def drive(request: HttpRequest, slug: str) -> HttpResponseBase:
         robot is None
         or participant.study.status == Study.Status.CLOSED
         or not progress.is_open(participant.study, now)
+        or not appointments.may_drive(participant, now)
     )
     if robot is None or done.standing == "moved" or (away and done.standing != "living"):
         return to_step(participant)

@@ -1,8 +1,10 @@
-"""The doors of a study: its front page, personal links, and a participant's own data."""
+"""Entry pages of a study: its front page, personal links, and a participant's own data."""
 
 import datetime
+import functools
 import time
-from typing import Any
+from collections.abc import Callable
+from typing import Any, Concatenate, ParamSpec
 
 from django.conf import settings
 from django.contrib import messages
@@ -32,23 +34,20 @@ from accounts.passwordless import (
 )
 from accounts.rate_limits import limited, too_many
 from experiments.models import ConsentReceipt, Participant, ParticipantKind, PersonalLink, Study
-from experiments.participation import (
-    advance,
-    consent,
-    landing,
-    links,
-    own_data,
-    progress,
-)
+from experiments.participation import advance, consent, landing, links, own_data, progress
 from experiments.participation.forms import EntryCodeForm
 from experiments.participation.withdrawal import leaving
 from experiments.participation.withdrawal.views import leave
+from experiments.recruitment import recognition, screening
+from sessions.devices import device_of
 
 # in the browser's session: the parameters of recruitment links, by study
 CAME_WITH = "studies_came_with"
 GONE, FORBIDDEN, BAD, WRONG = 410, 403, 400, 422
 LINKS, OWN_DATA = Attempts("study-link", limit=30), Attempts("own-data", limit=10)
 NEW_CODES = Attempts("new-codes", limit=5, seconds=300)
+Given = ParamSpec("Given")
+View = Callable[Concatenate[HttpRequest, Given], HttpResponseBase]
 
 
 def study_or_404(request: HttpRequest, slug: str) -> Study:
@@ -71,40 +70,63 @@ def study_or_404(request: HttpRequest, slug: str) -> Study:
 def front(request: HttpRequest, slug: str) -> HttpResponseBase:
     """Show what a study is and how to take part; a POST takes part, the first time or again."""
     study, now = study_or_404(request, slug), timezone.now()
-    own = progress.found(study, request.user)
+    given = _parameters(request, slug)
+    came, own = recognition.arrival_of(study, given), progress.found(study, request.user)
+    known = None
+    if own is not None and request.user.is_guest and recognition.is_someone_else(own, came):
+        own = None  # the next person at the same device
     if own is None:
-        _keep_parameters(request, slug)
-    page = landing.landing(study, request.user, own, language=get_language() or "", now=now)
+        _keep(request, slug, given)
+        known = recognition.known(study, came)
+    elif own.recruitment_id and own.recruitment_id == came.identifier:
+        recognition.note_submission(own, given)
+    page = landing.landing(
+        study,
+        request.user,
+        own,
+        known=known,
+        has_device=screening.has_device(study.as_definition(), _device(request)),
+        is_recruited=bool(came.identifier),
+        language=get_language() or "",
+        now=now,
+    )
     if request.method != "POST":
-        return render(
-            request,
-            "experiments/landing.html",
-            {
-                "study": study,
-                "page": page,
-                "own": own,
-                "sign_up": _sign_up(request),
-                "code_form": EntryCodeForm(),
-            },
-        )
-    return _come_in(request, study, own, page.stand)
+        more = {
+            "study": study,
+            "page": page,
+            "own": own,
+            "known": known,
+            "sign_up": _sign_up(request),
+            "code_form": EntryCodeForm(),
+        }
+        return render(request, "experiments/landing.html", more)
+    if page.stand == "recognized" and known is not None:
+        return _continue_as(request, known, given)
+    return _come_in(request, study, own, page)
 
 
 def _come_in(
-    request: HttpRequest, study: Study, own: Participant | None, stand: landing.Stand
+    request: HttpRequest, study: Study, own: Participant | None, page: landing.Landing
 ) -> HttpResponseBase:
-    now = timezone.now()
+    now, stand = timezone.now(), page.stand
+    has_none = stand == "device" and request.POST.get("go") == "none"
     if stand == "stranger":
         return redirect(_sign_up(request))
-    if stand == "anonymous":
-        return _come_in_anonymously(request, study, now)
-    if stand == "finished" and own is not None:
+    if stand == "anonymous" or (has_none and not _is_full_account(request.user)):
+        return _come_in_anonymously(request, study, now, screens_out=has_none)
+    if stand == "finished" and own is not None and page.may_come_again:
         advance.come_again(own, now)
-    elif stand == "welcome":
-        _enter(request, study, request.user, now)
+    elif stand == "welcome" or has_none:
+        participant = _enter(request, study, request.user, now)
+        if has_none:
+            progress.screen_out(participant, now)
     elif own is None:
         return redirect("study", study.slug)
     return redirect("study_step", study.slug)
+
+
+def _is_full_account(user: Any) -> bool:
+    return bool(user.is_authenticated and not user.is_guest)
 
 
 def _enter(request: HttpRequest, study: Study, user: Any, now: datetime.datetime) -> Participant:
@@ -125,15 +147,39 @@ def _enter(request: HttpRequest, study: Study, user: Any, now: datetime.datetime
 
 
 def _come_in_anonymously(
-    request: HttpRequest, study: Study, now: datetime.datetime
+    request: HttpRequest, study: Study, now: datetime.datetime, *, screens_out: bool = False
 ) -> HttpResponseBase:
-    """Make an account without a password, and show its code this once."""
+    """Make an account without a password. Its code is shown this once, unless the recruitment
+    site's link lets the participant in again.
+    """
     if (refused := _too_many_guests(request)) is not None:
         return refused
+    given = _parameters(request, study.slug)
     user = create_guest(User.Kind.PARTICIPANT)
-    _enter(request, study, user, now)
+    participant = _enter(request, study, user, now)
+    if participant.user_id != user.pk:  # the same id came in by another browser meanwhile
+        user.delete()
+        return _continue_as(request, participant, given)
     sign_in(request, user)
-    return _show_code(request, user, reverse("study_step", args=[study.slug]))
+    if screens_out:
+        progress.screen_out(participant, now)
+    step = reverse("study_step", args=[study.slug])
+    return redirect(step) if participant.recruitment_id else _show_code(request, user, step)
+
+
+def _continue_as(
+    request: HttpRequest, participant: Participant, given: dict[str, str]
+) -> HttpResponseBase:
+    """Let in a participant whom the id of a recruitment site names; an account is entered with its
+    password only.
+    """
+    if participant.user is None or not participant.user.is_guest:
+        return redirect("study", participant.study.slug)
+    sign_in(request, participant.user)
+    came = recognition.arrival_of(participant.study, given)
+    recognition.note_sign_in(request.session, participant, came)
+    recognition.note_submission(participant, given)
+    return redirect("study_step", participant.study.slug)
 
 
 def _too_many_guests(request: HttpRequest) -> HttpResponse | None:
@@ -149,11 +195,23 @@ def _show_code(request: HttpRequest, user: User, go_on: str) -> HttpResponse:
     return render(request, "experiments/entry_code.html", {"code": code, "go_on": go_on})
 
 
-def _keep_parameters(request: HttpRequest, slug: str) -> None:
-    """Keep what the recruiting site has written into the link, through sign-up and all."""
-    found = progress.kept_parameters({name: str(value) for name, value in request.GET.items()})
-    if found:
-        request.session[CAME_WITH] = {**request.session.get(CAME_WITH, {}), slug: found}
+def _parameters(request: HttpRequest, slug: str) -> dict[str, str]:
+    """Return what the recruiting site has written into the link, now or when it was opened."""
+    now = progress.kept_parameters({name: str(value) for name, value in request.GET.items()})
+    kept: dict[str, str] = request.session.get(CAME_WITH, {}).get(slug, {})
+    return now or kept
+
+
+def _keep(request: HttpRequest, slug: str, given: dict[str, str]) -> None:
+    """Keep the parameters in the browser's session, through sign-up and all."""
+    kept = request.session.get(CAME_WITH, {})
+    if given and kept.get(slug) != given:
+        request.session[CAME_WITH] = {**kept, slug: given}
+
+
+def _device(request: HttpRequest) -> dict[str, Any]:
+    headers = {name.lower(): value for name, value in request.headers.items()}
+    return device_of(headers, "")
 
 
 def _sign_up(request: HttpRequest) -> str:
@@ -246,8 +304,23 @@ def _follow(
 # --- one's own data -------------------------------------------------------------------------------
 
 
+def confirmed(view: View[Given]) -> View[Given]:
+    """Keep a view from browsers whose participant was let in by the recruitment site's id alone:
+    others know such ids.
+    """
+
+    @functools.wraps(view)
+    def kept(request: HttpRequest, *args: Given.args, **kwargs: Given.kwargs) -> HttpResponseBase:
+        if recognition.was_by_id_alone(request.session):
+            return render(request, "experiments/not_confirmed.html", status=FORBIDDEN)
+        return view(request, *args, **kwargs)
+
+    return kept
+
+
 @never_cache
 @login_required
+@confirmed
 @require_safe
 def data(request: HttpRequest) -> HttpResponse:
     """Show in what somebody takes part, and what they may do with what is kept of them."""
@@ -265,6 +338,7 @@ def data(request: HttpRequest) -> HttpResponse:
 
 @never_cache
 @login_required
+@confirmed
 @require_safe
 @limited(OWN_DATA, reading=True)
 def data_download(request: HttpRequest) -> JsonResponse:
@@ -280,6 +354,7 @@ def data_download(request: HttpRequest) -> JsonResponse:
 
 @never_cache
 @login_required
+@confirmed
 @require_POST
 @limited(OWN_DATA)
 def data_delete(request: HttpRequest) -> HttpResponseBase:
@@ -315,6 +390,7 @@ def data_delete(request: HttpRequest) -> HttpResponseBase:
 
 @never_cache
 @login_required
+@confirmed
 @require_POST
 @limited(NEW_CODES)
 def new_code(request: HttpRequest) -> HttpResponse:
@@ -348,6 +424,7 @@ def withdraw(request: HttpRequest, code: str) -> HttpResponseBase:
 
 @never_cache
 @login_required
+@confirmed
 @require_safe
 def receipt(request: HttpRequest, code: str, step: str) -> HttpResponse:
     """Answer with what somebody agreed to, as a text to keep."""

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from experiments.analysis.dataset.records import Dataset
+from experiments.analysis.dataset.records import COUNTING, Dataset
 from experiments.analysis.figures.drawing import as_svg
-from experiments.analysis.report import EVERY, reports
+from experiments.analysis.report import reports
 from experiments.analysis.tables.table import as_csv
 from experiments.dataset.build import dataset_of
 from experiments.definition.schema import StudyDefinition
@@ -21,43 +21,36 @@ ALWAYS_RARE = frozenset({"by_map", "by_script", "on_datachannel"})
 
 
 def findings(study: Study) -> Findings:
-    """Return what the database says of the bots' drives, answers and analysis."""
     definition = study.as_definition()
     practice = definition.practice_keys
     drives = Drive.objects.filter(
         participant__study=study, participant__kind=ParticipantKind.BOT
-    ).select_related("session")
+    ).select_related("session", "participant__study")
     records = {
         str(drive.session_id): _record(drive, is_practice=drive.step in practice)
         for drive in drives
     }
-    dataset = dataset_of(study).chosen(("bot",))
+    dataset = dataset_of(study).counting(("bot",))
     drawn, not_drawn = _draw(dataset)
-    otherwise = discrepancies(
-        drives.select_related("session", "participant__study"), np.random.default_rng(1)
-    )
-    return Findings(records, sorted(_empty(dataset, definition)), drawn, not_drawn, otherwise)
+    different = discrepancies(drives, np.random.default_rng(1))
+    return Findings(records, sorted(_empty(dataset, definition)), drawn, not_drawn, different)
 
 
 def _record(drive: Drive, *, is_practice: bool) -> DriveRecord:
     result: dict[str, Any] = drive.result or {}
     started, ended = result.get("started"), result.get("ended")
-    seconds = ended - started if started is not None and ended is not None else None
-    outcome = drive.outcome or drive.session.outcome
     return DriveRecord(
         drive.condition,
-        outcome,
+        drive.outcome or drive.session.outcome,
         len(result.get("checkpoints") or ()),
-        seconds,
+        ended - started if started is not None and ended is not None else None,
         tuple(drive.mismatches or ()),
         is_practice,
     )
 
 
 def _empty(dataset: Dataset, definition: StudyDefinition) -> Iterator[str]:
-    """Yield the questions that no bot answered, and the columns that have no
-    number in any session.
-    """
+    """Yield the questions that no bot answered, and the columns without a number in any session."""
     steps = {getattr(step, "questionnaire", "") for step in definition.steps}
     for questionnaire in dataset.questionnaires:
         if questionnaire.slug not in steps:
@@ -75,26 +68,20 @@ def _empty(dataset: Dataset, definition: StudyDefinition) -> Iterator[str]:
 
 def _without_numbers(dataset: Dataset, read: Any) -> list[str]:
     seen: dict[str, bool] = {}
-    for session in dataset.sessions:
-        columns = read(session.id)
-        for column in columns.layout:
-            has_number = bool(len(columns)) and bool(np.isfinite(columns[column.name]).any())
-            seen[column.name] = seen.get(column.name, False) or has_number
-    return [
-        name
-        for name, has_number in seen.items()
-        if not has_number and name not in NEVER_FOR_BOTS | ALWAYS_RARE
-    ]
+    for columns in map(read, (session.id for session in dataset.sessions)):
+        for name in (column.name for column in columns.layout):
+            has_number = bool(len(columns)) and bool(np.isfinite(columns[name]).any())
+            seen[name] = seen.get(name, False) or has_number
+    expected = seen.keys() - NEVER_FOR_BOTS - ALWAYS_RARE
+    return [name for name, has_number in seen.items() if name in expected and not has_number]
 
 
 def _draw(dataset: Dataset) -> tuple[list[str], list[str]]:
-    """Draw every table and figure; return the names of those that came about, and why others did
-    not.
-    """
+    """Draw every table and figure; return their names, and why some could not be drawn."""
     if not dataset.sessions:
         return [], ["tables and figures, because nobody drove"]
     try:
-        report = next(one for one in reports(dataset, ("bot",)) if one.name == EVERY)
+        report = next(one for one in reports(dataset, ("bot",)) if one.name == COUNTING)
         for table in report.tables:
             as_csv(table)
         for figure in report.figures:

@@ -1,6 +1,4 @@
-"""What a rehearsal finds, one issue at a time, and the sentence for each kind. Pure: pages
-translate the sentences.
-"""
+"""The issues that a rehearsal finds, and the sentence of each kind, which pages translate."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -31,8 +29,8 @@ NOTES = {
 
 @dataclass(frozen=True)
 class Issue:
-    """One of them: its kind, what its sentence names, and the key of the condition that it is
-    about, if it is about one. `place` is what leads to the page where it is corrected: a heading.
+    """One issue: its kind, the values in its sentence, and the key of the condition that it is
+    about, if any. `place` is the heading of the page where it is corrected.
     """
 
     kind: str
@@ -42,7 +40,6 @@ class Issue:
 
     @property
     def is_problem(self) -> bool:
-        """Whether it prevents publishing."""
         return self.kind in PROBLEMS
 
     @property
@@ -52,5 +49,5 @@ class Issue:
 
     def sentence(self) -> str:
         """Return it in English, for the command."""
-        said = self.template % self.values
-        return f"Condition {self.condition}: {said}" if self.condition else said
+        sentence = self.template % self.values
+        return f"Condition {self.condition}: {sentence}" if self.condition else sentence

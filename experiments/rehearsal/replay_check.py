@@ -1,8 +1,5 @@
-"""Whether the tasks of stored drives come out as they are stored when a new engine is told their
-records again.
-
-It is told states and inputs alone, in a random order and some of them twice; the stored events are
-not asked.
+"""Whether the tasks of stored drives end as they are stored when their states and inputs are fed to
+a new engine, in a random order and some of them twice.
 """
 
 from collections.abc import Iterable
@@ -19,9 +16,7 @@ TWICE = 0.3  # the share of records that come again
 
 
 def discrepancies(drives: Iterable[Drive], rng: np.random.Generator) -> list[str]:
-    """Return a sentence for each settled drive of a task that comes out otherwise than it is
-    stored.
-    """
+    """Return a sentence for each settled drive of a task whose replay differs from it."""
     return [sentence for drive in drives if (sentence := _difference(drive, rng))]
 
 
@@ -35,22 +30,17 @@ def _difference(drive: Drive, rng: np.random.Generator) -> str:
     for index in rng.permutation(len(records)):
         engine.feed(records[index])
     end(engine, drive.session)
-    if engine.progress.outcome not in {drive.outcome, None}:
+    outcome = engine.progress.outcome
+    if outcome not in {drive.outcome, None}:
         return (
             f"Session {drive.session_id}: a replay ends as "
-            f"{engine.progress.outcome}, but {drive.outcome} is stored."
+            f"{outcome}, but {drive.outcome} is stored."
         )
     found = [(event.type, event.at, event.data()) for event in engine.events]
-    rows = (
-        TaskEvent.objects.filter(drive=drive)
-        .order_by("number")
-        .values_list("type", "stamp", "data")
-    )
+    rows = TaskEvent.objects.filter(drive=drive).order_by("number")
+    if found == list(rows.values_list("type", "stamp", "data")):
+        return ""
     return (
-        ""
-        if found == list(rows)
-        else (
-            f"Session {drive.session_id}: a replay of its task gives events that differ from the "
-            f"stored ones."
-        )
+        f"Session {drive.session_id}: a replay of its task gives events that differ from the "
+        f"stored ones."
     )

@@ -1,9 +1,9 @@
-"""Rehearsals from the moment in which one is asked for: one at a time for a study, done by the
-process that takes it, on whichever computer.
+"""The rows of rehearsals: one at a time for a study, run by the process that takes it, on any
+computer.
 
 The row is all that the pages and the process share. The process signs it every few seconds; a row
-that was not signed for a while has lost its process, and gives its place to the next one. Ending a
-rehearsal is a change of its row, which its process finds when it signs.
+that was not signed for a while has lost its process, and is replaced by the next one. To end a
+rehearsal, its row is changed, which its process finds when it signs.
 """
 
 import datetime
@@ -16,8 +16,8 @@ from django.utils import timezone
 from experiments.models import Rehearsal, Study
 from experiments.rehearsal.report import RehearsalReport
 
-SILENT = datetime.timedelta(seconds=30)  # without a sign of life: the process is gone
-NOT_TAKEN = datetime.timedelta(seconds=15)  # waiting for so long: nobody seems to take it
+SILENT = datetime.timedelta(seconds=30)  # without a signature: the process is gone
+NOT_TAKEN = datetime.timedelta(seconds=15)  # waiting for longer: no process seems to take it
 Status = Rehearsal.Status
 LIVE = (Status.WAITING, Status.RUNNING)
 LOST = "Its process ended without giving a reason, or its computer was restarted."
@@ -28,17 +28,15 @@ class AlreadyRehearsedError(RuntimeError):
 
 
 def is_lost(row: Rehearsal, now: datetime.datetime) -> bool:
-    """Tell whether a rehearsal is said to run whose process is gone."""
+    """Tell whether the process of a running rehearsal is gone."""
     return row.status == Status.RUNNING and row.seen_at is not None and row.seen_at < now - SILENT
 
 
 def is_live(row: Rehearsal, now: datetime.datetime) -> bool:
-    """Tell whether a rehearsal waits or runs."""
     return row.status in LIVE and not is_lost(row, now)
 
 
 def latest(study: Study) -> Rehearsal | None:
-    """Return the newest rehearsal of a study, of whatever definition."""
     return Rehearsal.objects.filter(study=study).select_related("ended_by").first()
 
 
@@ -46,7 +44,7 @@ def request(study: Study, now: datetime.datetime) -> Rehearsal:
     """Ask for a rehearsal of a study.
 
     Raises:
-        AlreadyRehearsedError: one waits or runs; of several that ask at once, one is heard.
+        AlreadyRehearsedError: one waits or runs; of simultaneous requests, one succeeds.
     """
     for row in Rehearsal.objects.filter(live_key=str(study.pk)):
         if is_lost(row, now):
@@ -61,13 +59,12 @@ def request(study: Study, now: datetime.datetime) -> Rehearsal:
 
 
 def take(row: Rehearsal, host: str, now: datetime.datetime) -> bool:
-    """Begin a rehearsal that waits; False when somebody else was first."""
+    """Begin a rehearsal that waits; False when another process was first."""
     waiting = Rehearsal.objects.filter(pk=row.pk, status=Status.WAITING)
     return bool(waiting.update(status=Status.RUNNING, host=host, began_at=now, seen_at=now))
 
 
 def take_next(host: str, now: datetime.datetime) -> Rehearsal | None:
-    """Begin the rehearsal that has waited longest."""
     waiting = Rehearsal.objects.filter(status=Status.WAITING).select_related("study")
     return next((row for row in waiting.order_by("began_at") if take(row, host, now)), None)
 
@@ -104,11 +101,12 @@ def fail(key: UUID, reason: str) -> bool:
 
 
 def stop(key: UUID, user: Any) -> bool:
-    """End a rehearsal because somebody wants it; False when it was ended before."""
+    """End a rehearsal for a user; False when it was ended before."""
     return _end(key, Status.STOPPED, ended_by=user)
 
 
 def _end(key: UUID, status: str, **changes: Any) -> bool:
     living = Rehearsal.objects.filter(pk=key, status__in=LIVE)
-    told = {"status": status, "finished_at": timezone.now(), "live_key": str(key), **changes}
-    return bool(living.update(**told))
+    return bool(
+        living.update(status=status, finished_at=timezone.now(), live_key=str(key), **changes)
+    )

@@ -23,7 +23,7 @@ from django.db import connection
 from django.db.models import Count, Max
 
 from experiments.analysis.dataset.levels import Kind
-from experiments.analysis.dataset.records import EVERY, WITHOUT
+from experiments.analysis.dataset.records import COUNTING, EVERY
 from experiments.analysis.metrics.definitions import VERSION
 from experiments.analysis.page import LAYOUT, PAGE
 from experiments.export.reports import home
@@ -56,8 +56,8 @@ class Stored:
 
     @property
     def selections(self) -> tuple[str, ...]:
-        """All sessions, and those without the excluded ones where there are any."""
-        return tuple(name for name in (EVERY, WITHOUT) if (self.folder / name).is_dir())
+        """The drives that count, and the sensitivity analysis where something is excluded."""
+        return tuple(name for name in (COUNTING, EVERY) if (self.folder / name).is_dir())
 
     def read(self, selection: str, name: str) -> Any:
         """Return a file of the page (experiments/analysis/page.py)."""

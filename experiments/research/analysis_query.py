@@ -1,5 +1,5 @@
-"""What somebody asks the analysis page for: a version of a study, whose sessions, and whether with
-the excluded ones.
+"""What the analysis page is asked for: a version of a study, whose drives, and which of them: those
+that count, or the sensitivity analysis with the excluded ones.
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from django.http import Http404, HttpRequest
 from django.urls import reverse
 
 from experiments.analysis.dataset.levels import Kind
-from experiments.analysis.dataset.records import EVERY, WITHOUT
+from experiments.analysis.dataset.records import COUNTING, EVERY
 from experiments.models import ParticipantKind, Study
 
 
@@ -54,7 +54,7 @@ def asked_of(request: HttpRequest, slug: str) -> AnalysisQuery:
     study = rows.exclude(status=Study.Status.DRAFT).first() or rows.first()
     if study is None:
         raise Http404
-    selection = WITHOUT if request.GET.get("selection") == WITHOUT else EVERY
+    selection = EVERY if request.GET.get("selection") == EVERY else COUNTING
     return AnalysisQuery(study, _kinds(request.GET.getlist("kind")), selection)
 
 

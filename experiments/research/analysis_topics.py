@@ -41,7 +41,7 @@ class AnalysisTopic:
 
 
 TOPICS = (
-    AnalysisTopic("overview", _("Overview"), ("flow", "funnel", "table-1", "table-3")),
+    AnalysisTopic("overview", _("Overview"), ("flow", "orders", "funnel", "table-1", "table-3")),
     AnalysisTopic("participants", _("Participants"), ("participants", "table-2")),
     AnalysisTopic(
         "outcomes",

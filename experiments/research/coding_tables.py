@@ -7,13 +7,12 @@ from django.utils.formats import number_format
 from django.utils.translation import gettext as _
 
 from experiments.coding import store
-from experiments.coding.reliability import EventReliability, ReliabilityEstimate
+from experiments.coding.agreement import EventReliability, ReliabilityEstimate
 from experiments.coding.study_agreement import StudyAgreement
 from experiments.models import CodingSchemeVersion
 
 
 def shown(agreement: StudyAgreement, scheme: CodingSchemeVersion) -> dict[str, Any]:
-    """Return how coders agree as rows of texts."""
     names = {code.code: code.name for code in store.read_scheme(scheme).codes} | {
         "": _("All codes together")
     }

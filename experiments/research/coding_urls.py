@@ -13,16 +13,13 @@ urlpatterns: list[URLPattern] = [
     path("studies/coding/<uuid:session>/save/", views.save, name="coding_save"),
     path("studies/coding/<uuid:session>/done/", views.done, name="coding_done"),
     path("studies/coding/<uuid:session>/import/", views.upload, name="coding_import"),
-    path(
-        "studies/coding/<uuid:session>/coding.eaf",
-        views.download,
-        {"kind": "eaf"},
-        name="coding_eaf",
-    ),
-    path(
-        "studies/coding/<uuid:session>/coding.boris",
-        views.download,
-        {"kind": "boris"},
-        name="coding_boris",
+    *(
+        path(
+            f"studies/coding/<uuid:session>/coding.{kind}",
+            views.download,
+            {"kind": kind},
+            name=f"coding_{kind}",
+        )
+        for kind in ("eaf", "boris")
     ),
 ]

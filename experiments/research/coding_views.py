@@ -1,7 +1,7 @@
-"""Coding what happened: the sessions of a study and how coders agree, and the replay on which
-somebody codes one of them.
+"""The pages on which replays are coded: a study's sessions with the agreement of coders, and the
+replay of one session.
 
-Coders see codes of sessions, and of other coders nothing until all who code a session are done.
+Coders see pseudonyms of sessions, and nothing of other coders until all of a session are done.
 """
 
 import uuid
@@ -20,6 +20,7 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.csrf import ensure_csrf_cookie
 from django.views.decorators.gzip import gzip_page
 from django.views.decorators.http import require_GET, require_POST, require_safe
+from msgspec.structs import asdict
 
 from accounts import audit
 from accounts.attempts import Attempts
@@ -43,6 +44,7 @@ SAVES, FILES = Attempts("coding-save", limit=240), Attempts("coding-file", limit
 ROWS_A_PAGE = 100
 MAX_DIGITS = 9  # of a version
 MAX_FILE = 5 * 1024 * 1024
+EVENT_FIELDS = ("version", "code", "begin", "end", "modifiers", "comment")
 
 # --- a study's sessions ---------------------------------------------------------------------------
 
@@ -50,9 +52,10 @@ MAX_FILE = 5 * 1024 * 1024
 @never_cache
 @require_safe
 def study_page(request: HttpRequest, slug: str) -> HttpResponse:
-    """Show the sessions of a study to code, and how its coders agree."""
     study, is_coder = _study(request, slug)
     scheme = store.scheme_of(study, timezone.now())
+    # A coder sees only the sessions that they coded.
+    only = None if may(request.user, slug, "viewer") else request.user
     page = None
     if scheme is not None and is_coder:
         found = Paginator(_drives(study), ROWS_A_PAGE)
@@ -66,13 +69,13 @@ def study_page(request: HttpRequest, slug: str) -> HttpResponse:
         "page": page,
         "is_coder": is_coder,
         "may_upload": may(request.user, slug, "researcher"),
-        "agreement": shown(agreement_of(scheme, _only(request, slug)), scheme) if scheme else None,
+        "agreement": shown(agreement_of(scheme, only), scheme) if scheme else None,
     }
     return render(request, "experiments/coding/study.html", context)
 
 
 def _study(request: HttpRequest, slug: str) -> tuple[Study, bool]:
-    """Return the version of a study that is asked for, and whether whoever asks may code it.
+    """Return the requested version of a study, and whether the user may code it.
 
     Raises:
         Http404: there is none, or it is not for this user.
@@ -86,11 +89,6 @@ def _study(request: HttpRequest, slug: str) -> tuple[Study, bool]:
     if study is None or not (is_coder or may(request.user, slug, "viewer")):
         raise Http404
     return study, is_coder
-
-
-def _only(request: HttpRequest, slug: str) -> Any:
-    """Return whose codings alone are compared with others: a coder sees no sessions beside."""
-    return None if may(request.user, slug, "viewer") else request.user
 
 
 def _drives(study: Study) -> Any:
@@ -108,26 +106,24 @@ def _rows(
     drives = list(drives)
     names, definition = Pseudonyms(study.secret), study.as_definition()
     is_blind, language = store.read_scheme(scheme).blind, get_language() or "en"
-    codings: dict[uuid.UUID, list[Coding]] = {}
-    for coding in Coding.objects.filter(
-        scheme=scheme, session__in=[drive.session_id for drive in drives]
-    ):
-        codings.setdefault(coding.session_id, []).append(coding)
-    return [
-        {
-            "session": drive.session_id,
-            "name": names.session(drive.session_id),
-            "condition": ""
-            if is_blind
-            else live.condition_title(definition, drive.condition, language),
-            "own": next(
-                (one for one in codings.get(drive.session_id, []) if one.coder_id == user.pk), None
-            ),
-            "begun": len(codings.get(drive.session_id, [])),
-            "done": sum(one.done_at is not None for one in codings.get(drive.session_id, [])),
-        }
-        for drive in drives
-    ]
+    codings: dict[uuid.UUID, list[Coding]] = {drive.session_id: [] for drive in drives}
+    for coding in Coding.objects.filter(scheme=scheme, session__in=codings):
+        codings[coding.session_id].append(coding)
+    rows = []
+    for drive in drives:
+        of_session = codings[drive.session_id]
+        condition = live.condition_title(definition, drive.condition, language)
+        rows.append(
+            {
+                "session": drive.session_id,
+                "name": names.session(drive.session_id),
+                "condition": "" if is_blind else condition,
+                "own": next((one for one in of_session if one.coder_id == user.pk), None),
+                "begun": len(of_session),
+                "done": sum(one.done_at is not None for one in of_session),
+            }
+        )
+    return rows
 
 
 @require_POST
@@ -140,13 +136,17 @@ def upload_scheme(request: HttpRequest, slug: str) -> HttpResponse:
     try:
         scheme = scheme_in(file.read(MAX_FILE) if file is not None else b"")
     except BadCodingError as error:
-        for problem in error.problems[:10]:
-            messages.error(request, problem)
+        _show_problems(request, error)
     else:
         row = store.store_scheme(study, scheme, timezone.now())
         audit.note("coding_scheme_set", actor=request.user, study=slug, detail=f"{row.version}")
         messages.success(request, _("The coding scheme is version %(n)d now.") % {"n": row.version})
     return HttpResponseRedirect(_study_address(study))
+
+
+def _show_problems(request: HttpRequest, error: BadCodingError) -> None:
+    for problem in error.problems[:10]:
+        messages.error(request, problem)
 
 
 def _study_address(study: Study) -> str:
@@ -158,7 +158,7 @@ def _study_address(study: Study) -> str:
 
 def _asked(request: HttpRequest, session: uuid.UUID) -> tuple[Drive, CodingSchemeVersion]:
     """Return the drive of a session and the scheme by which it is coded: the newest, or the one
-    that `scheme` names, with which a page was opened before there was a newer one.
+    that `scheme` names, with which a page was opened earlier.
 
     Raises:
         Http404: there is none, or it is not for this user.
@@ -204,8 +204,11 @@ def code_page(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
 def _config(
     request: HttpRequest, drive: Drive, row: CodingSchemeVersion, scheme: CodingScheme
 ) -> dict[str, Any]:
-    session = drive.session_id
-    robot = drive.session.robot
+    session, robot = drive.session_id, drive.session.robot
+    addresses = {
+        name: f"{reverse(f'coding_{name}', args=[session])}?scheme={row.version}"
+        for name in ("events", "save", "done")
+    }
     return {
         "data": reverse("coding_record", args=[session]),
         "site": plan_content(robot.floor_plan) if robot.floor_plan else None,
@@ -213,39 +216,24 @@ def _config(
         "photos": [],
         "coding": {
             "codes": [
-                msgspec.structs.asdict(code) | {"modifiers": _modifiers(code)}
+                asdict(code) | {"modifiers": [asdict(one) for one in code.modifiers]}
                 for code in scheme.codes
             ],
-            **{
-                name: f"{reverse(f'coding_{name}', args=[session])}?scheme={row.version}"
-                for name in ("events", "save", "done")
-            },
-            # what a browser keeps of changes that were not saved yet
+            **addresses,
+            # the name under which a browser keeps changes that were not saved yet
             "kept": f"coding:{request.user.pk}:{row.pk}:{session}",
             **_answer(store.coding_of(session, row, request.user)),
         },
     }
 
 
-def _modifiers(code: Any) -> list[dict[str, Any]]:
-    return [msgspec.structs.asdict(modifier) for modifier in code.modifiers]
-
-
 def _answer(coding: Coding | None) -> dict[str, Any]:
-    """Return somebody's events as the page has them."""
+    """Return a coder's events as the page has them."""
     return {
         "isDone": coding is not None and coding.done_at is not None,
         "isShown": coding is not None and store.is_revealed(coding.session_id, coding.scheme),
         "saved": [
-            {
-                "event": str(edit.event),
-                "version": edit.version,
-                "code": edit.code,
-                "begin": edit.begin,
-                "end": edit.end,
-                "modifiers": edit.modifiers,
-                "comment": edit.comment,
-            }
+            {name: getattr(edit, name) for name in EVENT_FIELDS} | {"event": str(edit.event)}
             for edit in (store.current(coding) if coding is not None else ())
         ],
     }
@@ -265,7 +253,6 @@ def record(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
 @never_cache
 @require_GET
 def events(request: HttpRequest, session: uuid.UUID) -> JsonResponse:
-    """Answer with somebody's own events."""
     _drive, row = _asked(request, session)
     return JsonResponse(_answer(store.coding_of(session, row, request.user)))
 
@@ -292,7 +279,7 @@ def save(request: HttpRequest, session: uuid.UUID) -> JsonResponse:
 @require_POST
 @limited(SAVES, json=True)
 def done(request: HttpRequest, session: uuid.UUID) -> JsonResponse:
-    """Mark somebody's coding as done, or with `again` take that back."""
+    """Mark the coder's coding as done, or with `again` take that back."""
     drive, row = _asked(request, session)
     now = timezone.now()
     coding = store.begin(drive, row, request.user, now)
@@ -307,8 +294,7 @@ def done(request: HttpRequest, session: uuid.UUID) -> JsonResponse:
 
 
 def _duration(drive: Drive) -> float:
-    duration: float = replay(drive.session, drive)["duration"]
-    return duration
+    return float(replay(drive.session, drive)["duration"])
 
 
 # --- files ----------------------------------------------------------------------------------------
@@ -318,25 +304,22 @@ def _duration(drive: Drive) -> float:
 @require_safe
 @limited(FILES, reading=True)
 def download(request: HttpRequest, session: uuid.UUID, kind: str) -> HttpResponse:
-    """Answer with somebody's own coding as a file of ELAN or of BORIS."""
+    """Answer with the coder's own coding as a file of ELAN or of BORIS."""
     drive, row = _asked(request, session)
     coding = store.coding_of(session, row, request.user)
     name = Pseudonyms(drive.participant.study.secret).session(session)
     try:
         found = store.checked(coding, _duration(drive)) if coding is not None else []
     except BadCodingError as error:
-        for problem in error.problems[:10]:
-            messages.error(request, problem)
+        _show_problems(request, error)
         return HttpResponseRedirect(reverse("code_session", args=[session]))
-    scheme, who = store.read_scheme(row), f"C{coding.number}" if coding is not None else "C"
+    codes, who = store.read_scheme(row).codes, f"C{coding.number}" if coding is not None else "C"
     date = timezone.now()
-    body = (
-        to_eaf(scheme.codes, found, who, date.isoformat(timespec="seconds"))
-        if kind == "eaf"
-        else to_boris(
-            scheme.codes, {f"{name} {who}": found}, name, date.strftime("%Y-%m-%dT%H:%M:%S")
-        )
-    )
+    if kind == "eaf":
+        body = to_eaf(codes, found, who, date.isoformat(timespec="seconds"))
+    else:
+        observations = {f"{name} {who}": found}
+        body = to_boris(codes, observations, name, date.strftime("%Y-%m-%dT%H:%M:%S"))
     return HttpResponse(
         body,
         content_type="application/xml" if kind == "eaf" else "application/json",
@@ -347,7 +330,7 @@ def download(request: HttpRequest, session: uuid.UUID, kind: str) -> HttpRespons
 @require_POST
 @limited(FILES)
 def upload(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
-    """Put the events of a file into somebody's coding, in place of those that it has."""
+    """Put the events of a file into the coder's coding, in place of those that it has."""
     drive, row = _asked(request, session)
     file = request.FILES.get("file")
     scheme, now = store.read_scheme(row), timezone.now()
@@ -361,8 +344,7 @@ def upload(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
         )
         count = store.replace_events(store.begin(drive, row, request.user, now), found, now)
     except BadCodingError as error:
-        for problem in error.problems[:10]:
-            messages.error(request, problem)
+        _show_problems(request, error)
     else:
         for problem in left_out[:20]:
             messages.warning(request, problem)

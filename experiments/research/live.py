@@ -1,19 +1,18 @@
-"""Who is where in a study now: what the live view shows, read anew every two seconds with a fixed
+"""The live view of a study: participants, robots and drives, read every two seconds with a fixed
 number of queries.
 
-Everybody is called by their code. What a robot says is as old as `heard` tells; nothing is made up
-for what is not known.
+Participants are named by their codes. What a robot reported is as old as `heard` says; what is not
+known is left out.
 """
 
 import datetime
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import msgspec
 
 from experiments.definition.course import CourseError
 from experiments.definition.schema import StudyDefinition
-from experiments.definition.steps.task import TaskStep
 from experiments.models import Drive, Participant, StepVisit, Study, TaskEvent
 from experiments.participation.drive_config import ground
 from experiments.participation.robot_eligibility import is_shown
@@ -29,29 +28,50 @@ from surveys.documents import spoken
 RECENT = datetime.timedelta(hours=1)
 MOST_PEOPLE = 200
 DOORS_BACK = datetime.timedelta(days=1)
+# Who may drive a robot in the current version: everybody, invited participants, nobody.
+USES = ("open", "invitation", "none")
 
 
 def now_in(slug: str, language: str, now: datetime.datetime) -> dict[str, Any]:
     """Return what happens in all versions of a study: participants, robots, and drives; times in
     Unix seconds, ages in seconds.
     """
-    studies = {study.pk: study for study in Study.objects.filter(slug=slug)}
-    definitions = {key: study.as_definition() for key, study in studies.items()}
+    rows = list(Study.objects.filter(slug=slug).order_by("-version"))
+    definitions = {study.pk: study.as_definition() for study in rows}
     drives = list(_living(slug))
     robots = _robots(slug, definitions.values(), drives)
+    current = definitions[current_version(rows).pk] if rows else None
     unready = _unready(robots, now)
+    shown = [
+        _robot(robot, language, now)
+        | {"unready": unready[robot.pk], "use": _use_of(robot, current)}
+        for robot in robots
+    ]
     return {
         "stamp": now.timestamp(),
         "participants": _people(slug, definitions, language, now),
-        "robots": [
-            _robot(robot, language, now) | {"unready": unready[robot.pk]} for robot in robots
-        ],
+        "robots": sorted(shown, key=lambda robot: USES.index(robot["use"])),
         "queues": _queues(robots, slug),
         "drives": [
             _drive(drive, definitions[drive.participant.study_id], language, now)
             for drive in drives
         ],
     }
+
+
+def current_version(rows: Sequence[Study]) -> Study:
+    """Return the newest version of a study that was published, else the newest; `rows` are all of
+    its versions, the newest first.
+    """
+    return next((row for row in rows if row.status != Study.Status.DRAFT), rows[0])
+
+
+def _use_of(robot: Robot, study: StudyDefinition | None) -> str:
+    """Return whose robot it is in a version of a study: an element of USES."""
+    conditions = study.conditions if study is not None else ()
+    place = _place(robot)
+    accesses = {one.access for one in conditions if (one.robot, one.site) == place}
+    return next((use for use in USES if use in accesses), USES[-1])
 
 
 def _living(slug: str) -> Iterable[Drive]:
@@ -62,21 +82,16 @@ def _living(slug: str) -> Iterable[Drive]:
 
 
 def robots_of(slug: str) -> list[Robot]:
-    """Return the robots that a study is driven with."""
     return _robots(slug, [study.as_definition() for study in Study.objects.filter(slug=slug)], ())
 
 
 def _robots(
     slug: str, definitions: Iterable[StudyDefinition], drives: Iterable[Drive]
 ) -> list[Robot]:
-    """Those of the conditions' series at their sites, and those that are being driven; few, because
-    a site has few robots.
+    """Return the robots of the conditions' series at their sites, and those that are being driven;
+    few, because a site has few robots.
     """
-    wanted = {
-        (condition.robot, condition.site)
-        for definition in definitions
-        for condition in definition.conditions
-    }
+    wanted = {(one.robot, one.site) for study in definitions for one in study.conditions}
     driven = {drive.session.robot_id for drive in drives}
     rows = (
         Robot.objects.filter(practice=False)
@@ -120,13 +135,11 @@ def _drawn(study: StudyDefinition, robot: Robot, language: str) -> dict[str, Any
 
 
 def _place(robot: Robot) -> tuple[str, str]:
-    return (robot.presence.factsheet or {}).get(
-        "series", ""
-    ), robot.floor_plan.name if robot.floor_plan else ""
+    series = (robot.presence.factsheet or {}).get("series", "")
+    return series, robot.floor_plan.name if robot.floor_plan else ""
 
 
 def condition_title(definition: StudyDefinition, key: str, language: str) -> str:
-    """Return what a condition is called."""
     condition = definition.condition(key)
     return spoken(condition.title, language) if condition is not None else key
 
@@ -137,20 +150,13 @@ def condition_title(definition: StudyDefinition, key: str, language: str) -> str
 def _people(
     slug: str, definitions: dict[Any, StudyDefinition], language: str, now: datetime.datetime
 ) -> list[dict[str, Any]]:
-    rows = list(
-        Participant.objects.filter(study__slug=slug, seen_at__gte=now - RECENT).order_by(
-            "-seen_at"
-        )[:MOST_PEOPLE]
-    )
-    began = _began(rows)
-    return [_person(row, definitions[row.study_id], began, language, now) for row in rows]
-
-
-def _began(people: list[Participant]) -> dict[tuple[Any, int, int, str], datetime.datetime]:
-    rows = StepVisit.objects.filter(participant__in=people).values_list(
+    rows = Participant.objects.filter(study__slug=slug, seen_at__gte=now - RECENT)
+    people = list(rows.order_by("-seen_at")[:MOST_PEOPLE])
+    visits = StepVisit.objects.filter(participant__in=people).values_list(
         "participant_id", "visit", "round", "step", "began_at"
     )
-    return {(person, visit, turn, step): at for person, visit, turn, step, at in rows}
+    began = {tuple(place): at for *place, at in visits}
+    return [_person(row, definitions[row.study_id], began, language, now) for row in people]
 
 
 def _person(
@@ -162,23 +168,22 @@ def _person(
 ) -> dict[str, Any]:
     step = next((step for step in definition.steps if step.key == row.step), None)
     since = began.get((row.pk, row.visit, row.round, row.step))
+    key = row.conditions[row.round] if row.round < len(row.conditions) else ""
     return {
         "code": row.code,
         "kind": row.kind,
         "status": row.status,
         "step": spoken(step.title, language) if step is not None else row.step,
         "visit": row.visit,
-        "condition": condition_title(definition, row.conditions[row.round], language)
-        if row.round < len(row.conditions)
-        else "",
+        "condition": condition_title(definition, key, language) if key else "",
         "since": (now - since).total_seconds() if since is not None else None,
         "seen": (now - row.seen_at).total_seconds(),
     }
 
 
 def _queues(robots: list[Robot], slug: str) -> dict[str, list[str]]:
-    """Return who waits for which robot, first come first; who is none of this study's is an empty
-    code.
+    """Return the codes of those who wait for each robot, in order; an empty code for visitors who
+    are not of this study.
     """
     waiting = list(
         Session.objects.filter(robot__in=robots, state=Session.State.WAITING).order_by("queued_at")
@@ -198,28 +203,23 @@ def _queues(robots: list[Robot], slug: str) -> dict[str, list[str]]:
 
 
 def _unready(robots: list[Robot], now: datetime.datetime) -> dict[Any, str]:
-    """Return in words what each robot lacks for whoever would be next; empty where it lacks
-    nothing, or nobody waits.
+    """Return in words what each robot lacks for the next visitor; empty where it lacks nothing, or
+    nobody waits.
     """
-    found = {
-        key: next((visit.not_ready for visit in scene.queue if visit.not_ready), "")
-        for key, scene in store.load_scenes(robots, now).items()
-    }
-    return {
-        key: in_words(reason.removeprefix(f"{terms.START}: ")) if reason else ""
-        for key, reason in found.items()
-    }
+    found = {}
+    for key, scene in store.load_scenes(robots, now).items():
+        reason = next((visit.not_ready for visit in scene.queue if visit.not_ready), "")
+        found[key] = in_words(reason.removeprefix(f"{terms.START}: ")) if reason else ""
+    return found
 
 
 def _robot(robot: Robot, language: str, now: datetime.datetime) -> dict[str, Any]:
-    report = robot.presence.report or {}
+    report, seen_at = robot.presence.report or {}, robot.presence.last_seen_at
     return {
         "name": robot.name,
         "title": robot.shown_title,
         "online": robot.is_online(now),
-        "heard": (now - robot.presence.last_seen_at).total_seconds()
-        if robot.presence.last_seen_at
-        else None,
+        "heard": (now - seen_at).total_seconds() if seen_at else None,
         "pose": report.get("pose"),
         "stamp": report.get("stamp"),
         "battery": report.get("battery"),
@@ -233,33 +233,26 @@ def _robot(robot: Robot, language: str, now: datetime.datetime) -> dict[str, Any
 
 
 def _doors(robot: Robot, language: str, now: datetime.datetime) -> list[dict[str, Any]]:
-    """Return each door as it was set, and as the robot last said it is, with its stamp."""
+    """Return each door as it was set, and as the robot last reported it, with its stamp."""
     doors = robot.doors_in(language)
     if not doors:
         return []
-    changed = SessionEvent.objects.filter(
-        session__robot=robot, source=SessionEvent.Source.ROBOT, type="door_changed"
-    )
-    told = (
-        changed.filter(received_at__gte=(now - DOORS_BACK).timestamp())
-        .order_by("received_at")
-        .values_list("data", "received_at")
-    )
-    confirmed = {
-        name: (state, at)
-        for data, at in told
-        for name, _, state in [str(data.get("detail", "")).rpartition(" ")]
-    }
-    return [
-        {
-            "name": door["name"],
-            "title": door["title"],
-            "set": door["state"],
-            "confirmed": confirmed.get(door["name"], (None, None))[0],
-            "at": confirmed.get(door["name"], (None, None))[1],
-        }
-        for door in doors
-    ]
+    changes = SessionEvent.objects.filter(
+        session__robot=robot,
+        source=SessionEvent.Source.ROBOT,
+        type="door_changed",
+        received_at__gte=(now - DOORS_BACK).timestamp(),
+    ).order_by("received_at")
+    confirmed: dict[str, tuple[str, float]] = {}
+    for data, at in changes.values_list("data", "received_at"):
+        name, _, state = str(data.get("detail", "")).rpartition(" ")
+        confirmed[name] = state, at
+    rows = []
+    for door in doors:
+        state, at = confirmed.get(door["name"], (None, None))
+        about = {"name": door["name"], "title": door["title"], "set": door["state"]}
+        rows.append(about | {"confirmed": state, "at": at})
+    return rows
 
 
 # --- drives ---------------------------------------------------------------------------------------
@@ -295,19 +288,19 @@ def _drive(
 
 
 def _wizard(session: Session, now: datetime.datetime) -> dict[str, Any]:
-    """Return whether a hidden operator is there, or was and is `lost`, and the newest step of the
-    script with its age in seconds.
+    """Return whether a hidden operator is present, or `lost`, and the newest step of the script
+    with its age in seconds.
     """
-    told = SessionEvent.objects.filter(session=session, source=SessionEvent.Source.SERVER)
-    order = told.order_by("-stamp").values_list("type", "stamp", "data")
-    came = order.filter(type__in=(wizards.TOOK, wizards.LEFT, wizards.LOST)).first()
-    step = order.filter(type=wizards.STEP).first()
-    lost = came is not None and came[0] == wizards.LOST
+    rows = SessionEvent.objects.filter(session=session, source=SessionEvent.Source.SERVER)
+    newest = rows.order_by("-stamp").values_list("type", "stamp", "data")
+    presence = newest.filter(type__in=(wizards.TOOK, wizards.LEFT, wizards.LOST)).first()
+    _type, stamp, step = newest.filter(type=wizards.STEP).first() or ("", None, {})
+    lost = presence is not None and presence[0] == wizards.LOST
     return {
         "status": "there" if wizards.operator_of(session) else "lost" if lost else "absent",
-        "step": step[2].get("step", "") if step is not None else "",
-        "deviation": step[2].get("deviation", "") if step is not None else "",
-        "age": now.timestamp() - step[1] if step is not None else None,
+        "step": step.get("step", ""),
+        "deviation": step.get("deviation", ""),
+        "age": now.timestamp() - stamp if stamp is not None else None,
     }
 
 
@@ -321,33 +314,21 @@ def _network(sample: NetworkSample | None, now: datetime.datetime) -> dict[str, 
 def _task(
     drive: Drive, definition: StudyDefinition, now: datetime.datetime
 ) -> dict[str, Any] | None:
-    """Return how far the task is, from what the engine has told; None on a step without one."""
+    """Return how far the task is, by the engine's events; None on a step without one."""
     task = definition.task
     if task is None or drive.step != task.key:
         return None
-    events = list(
-        TaskEvent.objects.filter(drive=drive)
-        .order_by("number")
-        .values_list("type", "stamp", "data")
-    )
+    rows = TaskEvent.objects.filter(drive=drive).order_by("number")
+    events = list(rows.values_list("type", "stamp", "data"))
     started = next((stamp for kind, stamp, _ in events if kind == "task_started"), None)
     cue = next((data for kind, _, data in reversed(events) if kind == "cue"), {})
+    left = None if started is None else 60.0 * task.minutes - (now.timestamp() - started)
+    condition = definition.condition(drive.condition)
+    course = definition.course_of(condition) if condition is not None else None
     return {
         "cue": cue.get("name", ""),
         "number": cue.get("number"),
         "passed": [data.get("number") for kind, _, data in events if kind == "checkpoint"],
-        "checkpoints": _count(definition, drive),
-        "remaining": None
-        if started is None
-        else max(0.0, _limit(task) - (now.timestamp() - started)),
+        "checkpoints": len(course.checkpoints) - 1 if course is not None else 0,
+        "remaining": None if left is None else max(0.0, left),
     }
-
-
-def _limit(task: TaskStep) -> float:
-    return task.minutes * 60.0
-
-
-def _count(definition: StudyDefinition, drive: Drive) -> int:
-    condition = definition.condition(drive.condition)
-    course = definition.course_of(condition) if condition is not None else None
-    return len(course.checkpoints) - 1 if course is not None else 0

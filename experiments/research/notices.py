@@ -1,5 +1,5 @@
-"""Mail to researchers when a robot of their study cannot go on: once a pause, and once for each
-participant who waits for its start condition.
+"""Mail to researchers when a robot of their study cannot admit visitors: once a pause, and once for
+each participant who waits for its start condition.
 
 Also in the system log, as the events `queue_paused` (sessions/manager/return_to_dock.py) and
 `robot_not_ready` (sessions/manager/scheduler.py).
@@ -63,7 +63,6 @@ def publish_not_ready(
 
 
 def studies_with(robot: Robot) -> list[Study]:
-    """Return the published studies that drive a robot."""
     published = Study.objects.filter(status=Study.Status.PUBLISHED)
     return [
         study
@@ -73,15 +72,10 @@ def studies_with(robot: Robot) -> list[Study]:
 
 
 def addresses_of(study: Study) -> list[str]:
-    """Return the addresses of a study's owners and researchers; who only looks at
-    it cannot help.
-    """
+    """Return the addresses of a study's owners and researchers, who can help."""
+    role = StudyMember.Role
     members = StudyMember.objects.filter(slug=study.slug, user__is_active=True).exclude(
-        role__in=(
-            StudyMember.Role.VIEWER,
-            StudyMember.Role.CODER,
-            StudyMember.Role.WIZARD,
-        )
+        role__in=(role.VIEWER, role.CODER, role.WIZARD)
     )
     return sorted({address for address in members.values_list("user__email", flat=True) if address})
 

@@ -40,8 +40,8 @@ LIVE, ACTS = Attempts("live", limit=240), Attempts("live-act", limit=60)
 @for_role("viewer")
 def live_page(request: HttpRequest, slug: str) -> HttpResponse:
     """Show who is where in a study, and keep it fresh."""
-    study = Study.objects.filter(slug=slug).order_by("-version").first()
-    if study is None:
+    versions = list(Study.objects.filter(slug=slug).order_by("-version"))
+    if not versions:
         raise Http404
     acts, robots = may(request.user, slug, "researcher"), live.robots_of(slug)
     language = get_language() or "en"
@@ -55,22 +55,14 @@ def live_page(request: HttpRequest, slug: str) -> HttpResponse:
         },
         "replay": reverse("replay", args=[uuid.UUID(int=0)]),
         "record": reverse("replay_data", args=[uuid.UUID(int=0)]),
-        "version": _shown_version(slug),
+        "version": live.current_version(versions).version,
         "courses": live.courses_of(slug, robots, language),
         "sites": {
             robot.name: plan_content(robot.floor_plan) for robot in robots if robot.floor_plan
         },
     }
-    return render(
-        request, "experiments/research/live.html", {"study": study, "config": config, "acts": acts}
-    )
-
-
-def _shown_version(slug: str) -> int | None:
-    """Return the version whose course is shown while nobody drives."""
-    rows = Study.objects.filter(slug=slug).order_by("-version")
-    shown = rows.exclude(status=Study.Status.DRAFT).first() or rows.first()
-    return shown.version if shown is not None else None
+    context = {"study": versions[0], "config": config, "acts": acts}
+    return render(request, "experiments/research/live.html", context)
 
 
 @never_cache
@@ -78,7 +70,6 @@ def _shown_version(slug: str) -> int | None:
 @limited(LIVE, reading=True, json=True)
 @for_role("viewer")
 def live_data(_request: HttpRequest, slug: str) -> JsonResponse:
-    """Answer with what happens in a study now."""
     return JsonResponse(live.now_in(slug, get_language() or "en", timezone.now()))
 
 
@@ -156,7 +147,6 @@ def _on_session(request: HttpRequest, slug: str, act: str, text: str) -> str:
 @never_cache
 @require_safe
 def replay_page(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
-    """Show a session again."""
     row, drive, photos = session_for(request.user, session)
     audit.note(
         "session_opened",
@@ -224,7 +214,6 @@ def replay_data(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
 
 @require_safe
 def replay_photo(request: HttpRequest, session: uuid.UUID, photo: uuid.UUID) -> HttpResponse:
-    """Answer with a photo of the session."""
     row, _drive, photos = session_for(request.user, session)
     found = row.snapshots.filter(pk=photo).first() if photos else None
     if found is None:

@@ -7,13 +7,15 @@ from django.contrib import admin
 from django.http import HttpRequest
 from django.utils.translation import gettext_lazy as _
 
-from experiments.models import DONE, SCREENED_OUT, TECHNICAL_FAILURE, Study
+from experiments.models import DONE, LEFT, SCREENED_OUT, TECHNICAL_FAILURE, TIMED_OUT, Study
 from surveys.document_forms.fields import language_name
 
-ENDINGS = {
+ENDING_NAMES = {
     DONE: _("completed"),
+    TIMED_OUT: _("time ran out"),
     TECHNICAL_FAILURE: _("ended by a technical failure"),
     SCREENED_OUT: _("turned away"),
+    LEFT: _("left without driving"),
 }
 
 
@@ -101,4 +103,4 @@ class CompletionFilter(admin.AllValuesFieldListFilter):
     def choices(self, changelist: Any) -> Iterator[dict[str, Any]]:
         """Return them in words."""
         for one in super().choices(changelist):
-            yield {**one, "display": ENDINGS.get(str(one["display"]), one["display"])}
+            yield {**one, "display": ENDING_NAMES.get(str(one["display"]), one["display"])}

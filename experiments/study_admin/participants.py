@@ -6,7 +6,7 @@ import uuid
 from typing import Any
 
 from django.contrib import admin, messages
-from django.db.models import Exists, OuterRef, QuerySet
+from django.db.models import Case, Exists, F, OuterRef, QuerySet, Value, When
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
 from django.shortcuts import render
 from django.urls import URLPattern, path, reverse
@@ -21,11 +21,12 @@ from accounts import audit
 from experiments import publishing
 from experiments.access import may
 from experiments.builder.labels import GUIDE
-from experiments.models import Drive, Participant, Study
+from experiments.definition.quality_flags import Grade, QualityFlag
+from experiments.models import Drive, Participant, Study, StudyMember
 from experiments.research.study_access import OfStudies
-from experiments.study_admin.document_text import in_words
+from experiments.study_admin.document_text import assigned_in_words, recorded_in_words, time_text
 from experiments.study_admin.filters import (
-    ENDINGS,
+    ENDING_NAMES,
     CompletionFilter,
     ExcludedFilter,
     LanguageFilter,
@@ -38,6 +39,28 @@ from robots.admin import NOTHING, link_to
 from surveys.document_forms.fields import language_name
 
 LEAST_REASON, MOST_REASON = 3, 300
+WHICH = ("code", "study_name", "session_link", "replay")  # of a drive, with links
+RECORDED = ("result_told", "ends_told")
+GRADE_NAMES = {
+    Grade.NOTE: _("note"),
+    Grade.DOUBTFUL: _("doubtful"),
+    Grade.SERIOUS: _("serious"),
+}
+FLAG_NAMES: dict[QualityFlag, Any] = {
+    "attention_check": _("failed an attention check"),
+    "speeding": _("answered too fast"),
+    "straight_lining": _("gave the same answer throughout"),
+    "never_moved": _("never moved the robot"),
+    "regular_input": _("drove like a program"),
+    "frozen_video": _("saw frozen video"),
+    "same_network": _("shares a network with others"),
+    "same_id": _("shares a recruitment id with others"),
+}
+
+
+def section(title: Any, *fields: str) -> tuple[Any, dict[str, Any]]:
+    """Return a fieldset of the administration."""
+    return title, {"fields": fields}
 
 
 class StudyRows(OfStudies):
@@ -75,6 +98,8 @@ class ParticipantAdmin(StudyRows):
         "where",
         "condition",
         "drive_count",
+        "ending",
+        "known_id",
         "created_at",
         "seen_at",
     )
@@ -89,10 +114,12 @@ class ParticipantAdmin(StudyRows):
     )
     list_select_related = ("study", "user")
     list_per_page = 50
-    search_fields = ("code",)
+    search_fields = ("code", "visible_id")
+    search_help_text = _("Search by participant code or by the id of a recruitment site.")
     date_hierarchy = "created_at"
     readonly_fields = (
         "person",
+        "quality",
         "drives_told",
         "language_name",
         "came_with",
@@ -105,49 +132,43 @@ class ParticipantAdmin(StudyRows):
     def get_fieldsets(
         self, request: HttpRequest, obj: Participant | None = None
     ) -> list[tuple[Any, dict[str, Any]]]:
-        """The person is shown to researchers alone."""
         is_known = obj is not None and may(request.user, obj.study.slug, "researcher")
-        who = (
-            "code",
-            "study",
-            "kind",
-            "access",
-            "language_name",
-            *(("person", "came_with", "age") if is_known else ()),
-        )
+        who = ("person", "recruitment_id", "came_with", "age") if is_known else ()
         return [
-            (None, {"fields": who}),
-            (
+            section(None, "code", "study", "kind", "access", "language_name", *who),
+            section(
                 _("Assignment"),
-                {"fields": ("cell", "condition", "draws_told", "stage")},
+                *("cell", "condition", "draws_told", "stage"),
             ),
-            (
+            section(
                 _("Progress"),
-                {
-                    "fields": (
-                        "status",
-                        "visit",
-                        "step",
-                        "round",
-                        "created_at",
-                        "seen_at",
-                        "finished_at",
-                        "ending",
-                    )
-                },
+                *("status", "visit", "step", "round"),
+                *("created_at", "seen_at", "finished_at", "ending"),
             ),
-            (_("Withdrawn"), {"fields": ("withdrawn_at", "withdrawn_step", "withdrawn_stage")}),
-            (_("Drives"), {"fields": ("drives_told",)}),
+            section(_("Withdrawn"), "withdrawn_at", "withdrawn_step", "withdrawn_stage"),
+            section(_("Drives"), "drives_told"),
+            *([section(_("Quality"), "quality")] if is_known else []),
         ]
 
     def get_queryset(self, request: HttpRequest) -> "QuerySet[Participant]":
+        """Read in the same query who has driven, and the recruitment ids that this user may see:
+        viewers neither read them nor find anybody by them.
+        """
         rows: QuerySet[Participant] = super().get_queryset(request)
-        return rows.annotate(has_driven=Exists(Drive.objects.filter(participant=OuterRef("pk"))))
+        known: Any = F("recruitment_id")
+        if not request.user.is_superuser:
+            ranks = (StudyMember.Role.OWNER, StudyMember.Role.RESEARCHER)
+            own = StudyMember.objects.filter(user=request.user, role__in=ranks)
+            known = Case(
+                When(study__slug__in=list(own.values_list("slug", flat=True)), then=known),
+                default=Value(""),
+            )
+        driven = Exists(Drive.objects.filter(participant=OuterRef("pk")))
+        return rows.annotate(has_driven=driven, visible_id=known)
 
     def change_view(
         self, request: HttpRequest, object_id: str, form_url: str = "", extra_context: Any = None
     ) -> HttpResponse:
-        """Note who was shown which person."""
         row: Any = self.get_object(request, object_id)
         if row is not None and may(request.user, row.study.slug, "researcher"):
             audit.note(
@@ -211,13 +232,30 @@ class ParticipantAdmin(StudyRows):
         context["may_withdraw"] = row is not None and may_withdraw(request.user, row)
         return super().render_change_form(request, context, *args, **options)
 
+    @admin.display(description=_("recruitment id"), ordering="visible_id")
+    def known_id(self, row: Participant) -> str:
+        return getattr(row, "visible_id", "") or NOTHING
+
+    @admin.display(description=_("quality flags"))
+    def quality(self, row: Participant) -> str | SafeString:
+        """Return what speaks against the participant's data, the most serious first. Nobody is left
+        out because of it.
+        """
+        # with NumPy, which other pages need not load
+        from experiments.recruitment.quality import flags_of_study  # noqa: PLC0415
+
+        lines = (
+            (GRADE_NAMES[one.grade], FLAG_NAMES[one.name], one.value)
+            for one in flags_of_study(row.study, [row.code])
+        )
+        return format_html_join(format_html("<br>"), "{}: {} ({})", lines) or gettext("none")
+
     @admin.display(description=_("completion"))
     def ending(self, row: Participant) -> Any:
-        return ENDINGS.get(row.completion, NOTHING)
+        return ENDING_NAMES.get(row.completion, NOTHING)
 
     @admin.display(description=_("drives"), boolean=True)
     def drive_count(self, row: Participant) -> bool:
-        """Tell whether they ever had the robot."""
         return bool(getattr(row, "has_driven", False))
 
     @admin.display(description=_("drives"))
@@ -271,54 +309,36 @@ class DriveAdmin(StudyRows):
     search_fields = ("participant__code",)
     date_hierarchy = "granted_at"
     readonly_fields = (
-        "code",
-        "study_name",
-        "session_link",
-        "replay",
+        *WHICH,
+        *RECORDED,
+        "granted",
+        "finalised",
+        "round_shown",
         "outcome_told",
         "assigned_told",
         "applied_told",
-        "result_told",
-        "ends_told",
         "differs",
         "versions_told",
         "excluded",
     )
     fieldsets = (
-        (
+        section(
             None,
-            {
-                "fields": (
-                    "code",
-                    "study_name",
-                    "session_link",
-                    "replay",
-                    "step",
-                    "visit",
-                    "round",
-                    "number",
-                    "condition",
-                    "seed",
-                    "versions_told",
-                )
-            },
+            *WHICH,
+            "step",
+            "visit",
+            "round_shown",
+            "number",
+            "condition",
+            "seed",
+            "versions_told",
         ),
-        (
+        section(
             _("Outcome"),
-            {
-                "fields": (
-                    "granted_at",
-                    "exposed_at",
-                    "moved",
-                    "outcome_told",
-                    "settled_at",
-                    "result_told",
-                    "ends_told",
-                )
-            },
+            *("granted", "exposed_at", "moved", "outcome_told", "finalised", *RECORDED),
         ),
-        (_("Condition"), {"fields": ("differs", "assigned_told", "applied_told")}),
-        (_("Excluded"), {"fields": ("excluded",)}),
+        section(_("Condition"), "differs", "assigned_told", "applied_told"),
+        section(_("Excluded"), "excluded"),
     )
     change_form_template = "admin/experiments/drive/change_form.html"
 
@@ -354,19 +374,19 @@ class DriveAdmin(StudyRows):
 
     @admin.display(description=_("assigned"))
     def assigned_told(self, row: Drive) -> str | SafeString:
-        return in_words({"condition": row.assigned.get("condition")}, row.assigned)
+        return assigned_in_words(row.assigned)
 
     @admin.display(description=_("applied"))
     def applied_told(self, row: Drive) -> str | SafeString:
-        return in_words(row.applied)
+        return recorded_in_words(row.applied)
 
     @admin.display(description=_("result"))
     def result_told(self, row: Drive) -> str | SafeString:
-        return in_words(row.result)
+        return recorded_in_words(row.result)
 
     @admin.display(description=_("robot at start and end"))
     def ends_told(self, row: Drive) -> str | SafeString:
-        return in_words({"start state": row.began_with, "end state": row.ended_with})
+        return recorded_in_words({"began_with": row.began_with, "ended_with": row.ended_with})
 
     @admin.display(description=_("versions"))
     def versions_told(self, row: Drive) -> str:
@@ -381,11 +401,19 @@ class DriveAdmin(StudyRows):
         if not row.excluded_reason:
             return gettext("no")
         who = row.excluded_by.shown_name if row.excluded_by is not None else NOTHING
-        return (
-            f"{row.excluded_reason} ({who}, {timezone.localtime(row.excluded_at):%Y-%m-%d %H:%M})"
-            if row.excluded_at
-            else row.excluded_reason
-        )
+        return f"{row.excluded_reason} ({who}, {time_text(row.excluded_at)})"
+
+    @admin.display(description=_("round"))
+    def round_shown(self, row: Drive) -> int:
+        return row.round + 1  # stored from 0
+
+    @admin.display(description=_("granted"))
+    def granted(self, row: Drive) -> str:
+        return time_text(row.granted_at)
+
+    @admin.display(description=_("finalised"))
+    def finalised(self, row: Drive) -> str:
+        return time_text(row.settled_at)
 
     def get_urls(self) -> list[URLPattern]:
         page = self.admin_site.admin_view(never_cache(self.exclude_view))

@@ -21,6 +21,7 @@ from experiments import publishing
 from experiments.access import may
 from experiments.analysis.dataset.records import FreezeRecord
 from experiments.analysis.plan.preregistration import preregistration
+from experiments.dataset.answers import questionnaires_of
 from experiments.dataset.freeze import freeze_of
 from experiments.models import Study
 from experiments.research.analysis_cache import command, environment
@@ -106,7 +107,7 @@ class PlanPages:
         row = study_for(request, pk, "viewer")
         name = f"{row.slug}-{row.version}-preregistration.md"
         return HttpResponse(
-            preregistration(row.as_definition(), freeze_of(row)),
+            preregistration(row.as_definition(), freeze_of(row), questionnaires_of(row)),
             content_type="text/markdown; charset=utf-8",
             headers={"Content-Disposition": f'attachment; filename="{name}"'},
         )
@@ -146,7 +147,7 @@ class PlanPages:
             "sharing_tab": "",
             "plan": definition.plan,
             "analyses": definition.analyses,
-            "text": preregistration(definition, freeze),
+            "text": preregistration(definition, freeze, questionnaires_of(row)),
             "freeze": freeze,
             "data_then": data_when_frozen(freeze),
             "form": form,

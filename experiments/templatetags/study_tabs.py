@@ -86,6 +86,7 @@ def _coding(study: Study) -> Tab:
 def _sharing(study: Study, rank: int) -> Iterator[Tab]:
     if rank >= RANK["researcher"]:
         yield Tab("links", _("Personal links"), _admin("links", study.pk))
+        yield Tab("recruitment", _("Recruitment"), _admin("recruitment", study.pk))
     yield Tab("hours", _("Opening hours"), _admin("hours", study.pk))
     yield Tab("members", _("Researchers"), _admin("members", study.pk))
 

@@ -19,11 +19,9 @@ class StudyOperators:
     """Hidden operators by their role in a study."""
 
     def may_operate(self, user: User, robot: Robot) -> bool:
-        """Tell whether somebody operates any study that uses a robot."""
         return any(robot in robots_of(study.as_definition()) for study in _studies_of(user))
 
     def operated(self, user: User, session: Session) -> OperatedSession | None:
-        """Return what an operator is told of the session of a drive."""
         drive = (
             Drive.objects.filter(session=session, participant__status=Participant.Status.ACTIVE)
             .select_related("participant__study")
@@ -46,9 +44,7 @@ class StudyOperators:
 
 
 def is_kept_blind(user: User, slug: str) -> bool:
-    """Tell whether somebody has no other way to the conditions of a study's drives: who runs a
-    study may look them up.
-    """
+    """Tell whether a user cannot look up the conditions of a study's drives elsewhere."""
     return role_of(user, slug) == "wizard"
 
 
@@ -58,7 +54,7 @@ def _condition_title(definition: StudyDefinition, drive: Drive, language: str) -
 
 
 def _studies_of(user: User) -> list[Study]:
-    """Return the versions with a hidden operator of the studies that somebody may operate."""
+    """Return the versions with a hidden operator of the studies that a user may operate."""
     rows = Study.objects.all()
     if not user.is_superuser:
         members = StudyMember.objects.filter(user=user, role__in=OPERATING)

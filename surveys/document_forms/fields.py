@@ -110,7 +110,6 @@ class ValueField(forms.Field):
 
 
 def decimal_mark() -> str:
-    """Return what the language of the page writes before the decimals."""
     return str(get_format("DECIMAL_SEPARATOR"))
 
 
@@ -124,7 +123,6 @@ class NumberField(ValueField):
     """A number, with a point or the language's own decimal mark."""
 
     def prepare_value(self, value: Any) -> Any:
-        """Return a number without needless decimals."""
         return number_text(value) if isinstance(value, float) else str(super().prepare_value(value))
 
     def parse(self, text: str) -> Any:
@@ -134,7 +132,6 @@ class NumberField(ValueField):
         return text if is_word else read_number(text, whole=whole, mark=decimal_mark())
 
     def refusal(self, value: Any) -> str:
-        """Return what is said of text, or what the class says."""
         if isinstance(value, str) and value not in literals(self.member.annotation):
             if isinstance(read_number(value, whole=False, mark=decimal_mark()), float):
                 return gettext("Write a whole number.")
@@ -146,7 +143,6 @@ class NumberField(ValueField):
         return LIMITS[beyond[1]] % {"n": self.limit(float(beyond[2]))} if beyond else told
 
     def limit(self, value: float) -> str:
-        """Return how a limit of the class is written."""
         return f"{value:g}"
 
 
@@ -156,11 +152,9 @@ class DegreesInput(forms.TextInput):
     exact = ""
 
     def value_from_datadict(self, data: Any, _files: Any, name: str) -> Any:
-        """Return both, as they were sent."""
         return data.getlist(name)
 
     def render(self, name: str, value: Any, attrs: Any = None, renderer: Any = None) -> Any:
-        """Return both inputs."""
         shown = super().render(name, value, attrs, renderer)
         return forms.HiddenInput().render(name, self.exact) + shown
 
@@ -176,13 +170,11 @@ class DegreesField(NumberField):
         super().__init__(member, "number", widget)
 
     def prepare_value(self, value: Any) -> Any:
-        """Return the degrees of a number; what was typed stays as it is."""
         if isinstance(value, int | float):
             return f"{round(math.degrees(value), 2):.10g}"
         return text_of(value)
 
     def as_sent(self, value: Any) -> list[Any]:
-        """Return both inputs."""
         is_number = isinstance(value, int | float)
         return [repr(value) if is_number else "", self.prepare_value(value)]
 
@@ -195,18 +187,14 @@ class DegreesField(NumberField):
         return super().to_python(value)
 
     def parse(self, text: str) -> Any:
-        """Return the radians of a number."""
         number = super().parse(text)
         return math.radians(number) if isinstance(number, int | float) else number
 
     def limit(self, value: float) -> str:
-        """Return a limit in degrees."""
         return f"{math.degrees(value):.4g}"
 
 
 class CheckField(ValueField):
-    """Yes or no."""
-
     def to_python(self, value: Any) -> bool:
         """Return whether it was ticked: else nothing of it was sent."""
         return bool(value)
@@ -246,10 +234,7 @@ class NamesField(ValueField):
 
 
 class PointsField(ValueField):
-    """Points, one a line."""
-
     def prepare_value(self, value: Any) -> str:
-        """Return a line a point."""
         return (
             value
             if isinstance(value, str)
@@ -257,11 +242,9 @@ class PointsField(ValueField):
         )
 
     def to_python(self, value: Any) -> Any:
-        """Return the points."""
         return read_points(text_of(value), decimal_mark())
 
     def refusal(self, value: Any) -> str:
-        """Return what is said of text, or what the class says."""
         return NOT_POINTS if isinstance(value, str) else super().refusal(value)
 
 

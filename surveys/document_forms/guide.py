@@ -35,15 +35,12 @@ class FormGuide:
     angles: frozenset[str] = frozenset()
 
     def label(self, called: str) -> Any:
-        """Return what a field is called."""
         return _of(self.labels, called, called.rpartition(".")[2])
 
     def hint(self, called: str) -> Any:
-        """Return what is said below a field; empty for most."""
         return _of(self.hints, called, "")
 
     def item(self, called: str) -> Any:
-        """Return what one part of a list is called."""
         return _of(self.items, called, self.label(called))
 
     def added(self, called: str) -> list[tuple[str, Any]]:
@@ -51,23 +48,18 @@ class FormGuide:
         return list(self.kinds.get(called, {}).items())
 
     def word(self, called: str, value: str) -> Any:
-        """Return what a choice is called."""
         return _of(self.choices, called, {}).get(value, value)
 
     def is_detail(self, called: str) -> bool:
-        """Tell whether a field is folded away."""
-        return bool(_of(dict.fromkeys(self.details, True), called, otherwise=False))
+        return _is_among(self.details, called)
 
     def is_long(self, called: str) -> bool:
-        """Tell whether a text is written on several lines."""
-        return bool(_of(dict.fromkeys(self.long, True), called, otherwise=False))
+        return _is_among(self.long, called)
 
     def is_angle(self, called: str) -> bool:
-        """Tell whether a number in radians, or rad/s, is shown in degrees."""
-        return bool(_of(dict.fromkeys(self.angles, True), called, otherwise=False))
+        return _is_among(self.angles, called)
 
     def is_hidden(self, cls: type[Any], key: str) -> bool:
-        """Tell whether no form asks for a field of a class."""
         return any(key in self.hidden.get(base, ()) for base in cls.__mro__)
 
     def left_out(self, cls: type[Any], has: Callable[[str], Any]) -> frozenset[str]:
@@ -76,6 +68,10 @@ class FormGuide:
         return frozenset().union(*(others for key, others in instead.items() if has(key)))
 
 
+def _is_among(names: frozenset[str], called: str) -> bool:
+    return called in names or called.rpartition(".")[2] in names
+
+
 def _of(words: Mapping[str, Any], called: str, otherwise: Any) -> Any:
-    """Return what is said of a field, `key` or `Class.key`: of this class, or of any."""
+    """Return the words for a field, `key` or `Class.key`: of this class, or of any."""
     return words.get(called, words.get(called.rpartition(".")[2], otherwise))

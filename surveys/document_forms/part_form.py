@@ -44,13 +44,11 @@ class FormLayout:
 
     @property
     def details(self) -> list[forms.BoundField]:
-        """The fields that are folded away."""
         fields = (one for one in self.parts if isinstance(one, forms.BoundField))
         return [one for one in fields if one.field.is_detail]
 
     @property
     def has_wrong_details(self) -> bool:
-        """Whether one of these has an error."""
         return any(one.errors for one in self.details)
 
 
@@ -73,7 +71,6 @@ class Group(FormLayout):
 
     @property
     def key(self) -> str:
-        """The name of the field that holds it."""
         return self.member.key
 
     @property
@@ -93,7 +90,6 @@ class Group(FormLayout):
 
     @property
     def item(self) -> Any:
-        """What one part of the list is called."""
         return self.member.guide.item(self.member.called)
 
     @property
@@ -104,7 +100,6 @@ class Group(FormLayout):
 
     @property
     def hint(self) -> Any:
-        """What is said below it."""
         return "" if self.number is not None else self.member.guide.hint(self.member.called)
 
 
@@ -137,7 +132,6 @@ class PartForm(FormLayout, forms.Form):
 
     @property
     def told(self) -> dict[str, str]:
-        """The first error of each field, by its name."""
         return {name: str(found[0]) for name, found in self.errors.items()}
 
     def _parts(
@@ -187,7 +181,6 @@ class PartForm(FormLayout, forms.Form):
             yield Group(one, member, inner, number=n + 1, is_last=last)
 
     def add(self, name: str, one: ValueField, value: Any) -> forms.BoundField:
-        """Add a field with the value that it shows."""
         self.fields[name], self.initial[name] = one, value
         return self[name]
 

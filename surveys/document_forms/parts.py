@@ -3,9 +3,9 @@ and lists, as in JSON.
 """
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, get_args, get_origin
+from typing import Any, cast, get_args, get_origin
 
 import msgspec
 from msgspec import inspect
@@ -45,12 +45,10 @@ class AskedField:
         return inner.cls if isinstance(inner, inspect.StructType) else None
 
     def says(self, value: Any) -> bool:
-        """Tell whether the class says a value by itself."""
         return not self.is_required and bool(value == self.default)
 
 
 def members(guide: FormGuide, cls: type[Any], only: Collection[str] = ()) -> list[AskedField]:
-    """Return what of a class is asked for, in order."""
     fields = msgspec.structs.fields(cls)
     found = [_member(guide, one, cls) for one in fields if not guide.is_hidden(cls, one.name)]
     found.sort(key=lambda one: one.key in guide.last)
@@ -115,16 +113,10 @@ def read_number(text: str, *, whole: bool, mark: str = ".") -> int | float | str
 
 def read_points(text: str, mark: str = ".") -> list[list[float]] | str:
     """Return the points of a text with one a line, "x y"; the text itself when a line is none."""
-    found = [_point(line, mark) for line in text.splitlines() if line.strip()]
-    points = [point for point in found if point is not None]
-    return points if len(points) == len(found) else text
-
-
-def _point(line: str, mark: str) -> list[float] | None:
-    words = line.replace(";", " ").split()
-    numbers = [read_number(word, whole=False, mark=mark) for word in words]
-    x_and_y = [number for number in numbers if isinstance(number, float)]
-    return x_and_y if len(x_and_y) == len(numbers) == 2 else None
+    lines = [line.replace(";", " ").split() for line in text.splitlines() if line.strip()]
+    points = [[read_number(word, whole=False, mark=mark) for word in line] for line in lines]
+    are_points = all(len(one) == 2 and all(isinstance(n, float) for n in one) for one in points)
+    return cast("list[list[float]]", points) if are_points else text
 
 
 # --- lists ----------------------------------------------------------------------------------------
@@ -163,15 +155,9 @@ def _in_languages(one: Any, value: Any, languages: Collection[str]) -> Any:
     shape = _inner(inspect.type_info(one.type))[0]
     if isinstance(shape, inspect.StructType) and value is not None:
         return in_languages(shape.cls, value, languages)
-    inner = shape.item_type if isinstance(shape, inspect.VarTupleType) else None
-    kinds = inner.types if isinstance(inner, inspect.UnionType) else [inner]
-    classes = [kind for kind in kinds if isinstance(kind, inspect.StructType)]
-    return (
-        [in_languages(_class_of(classes, part), part, languages) for part in value]
-        if classes
-        else value
-    )
-
-
-def _class_of(classes: Sequence[inspect.StructType], part: Document) -> type[Any]:
-    return next((kind.cls for kind in classes if kind.tag == part.get("kind")), classes[0].cls)
+    kinds = _inner(shape.item_type) if isinstance(shape, inspect.VarTupleType) else []
+    classes = {kind.tag: kind.cls for kind in kinds if isinstance(kind, inspect.StructType)}
+    if not classes:
+        return value
+    usual = next(iter(classes.values()))
+    return [in_languages(classes.get(one.get("kind"), usual), one, languages) for one in value]

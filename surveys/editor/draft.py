@@ -60,39 +60,40 @@ class EditorPlace:
         if self.section == "scales":
             points = whole["scales"].get(self.key)
             return None if points is None else {"points": points}
-        return next((parts[n] for parts, n in located(whole, self)), None)
+        return next((parts[n] for parts, n in self.located(whole)), None)
 
     def put(self, whole: Document, part: Document) -> Document:
         """Return the questionnaire with this part of it replaced."""
         if self.section == "about":
             kept = {key: value for key, value in whole.items() if key not in ABOUT}
-            return _in_languages({**kept, **part}, part["languages"])
+            about, languages = (
+                in_languages(Definition, kept | part, part["languages"]),
+                part["languages"],
+            )
+            scales = {
+                name: [in_languages(ScalePoint, point, languages) for point in points]
+                for name, points in whole["scales"].items()
+            }
+            return about | {"scales": scales}
         if self.section == "scales":
             whole["scales"][self.key] = part["points"]
-        for parts, n in located(whole, self):
+        for parts, n in self.located(whole):
             kept = {key: parts[n][key] for key in ("kind", "items") if key in parts[n]}
-            parts[n] = {**kept, **part}
+            parts[n] = kept | part
         return whole
 
-
-def _in_languages(whole: Document, languages: Sequence[str]) -> Document:
-    scales = {
-        name: [in_languages(ScalePoint, point, languages) for point in points]
-        for name, points in whole["scales"].items()
-    }
-    return {**in_languages(Definition, whole, languages), "scales": scales}
-
-
-def located(whole: Document, place: EditorPlace) -> list[tuple[list[Document], int]]:
-    """Return the list that a page or question is in, and its number there; nothing for others."""
-    pages, key = whole["pages"], place.key
-    lists = {"pages": [pages], "questions": [page["items"] for page in pages]}
-    return [
-        (parts, n)
-        for parts in lists.get(place.section, ())
-        for n, part in enumerate(parts)
-        if part["key"] == key
-    ]
+    def located(self, whole: Document) -> list[tuple[list[Document], int]]:
+        """Return the list that a page or question is in, and its number there; nothing for
+        others.
+        """
+        pages = whole["pages"]
+        lists = {"pages": [pages], "questions": [page["items"] for page in pages]}
+        return [
+            (parts, n)
+            for parts in lists.get(self.section, ())
+            for n, part in enumerate(parts)
+            if part["key"] == self.key
+        ]
 
 
 # --- keys -----------------------------------------------------------------------------------------
@@ -103,10 +104,13 @@ def keys_of(part: Document) -> list[str]:
     return [part["key"], *(row["key"] for row in part.get("rows", ()))]
 
 
+def _parts(whole: Document) -> list[Document]:
+    """Return all pages and questions."""
+    return [*whole["pages"], *(item for page in whole["pages"] for item in page["items"])]
+
+
 def keys_in(whole: Document) -> set[str]:
-    """Return all that are taken."""
-    parts = itertools.chain(whole["pages"], *(page["items"] for page in whole["pages"]))
-    return {key for part in parts for key in keys_of(part)}
+    return {key for part in _parts(whole) for key in keys_of(part)}
 
 
 def numbered(stem: str, taken: Collection[str]) -> str:
@@ -115,10 +119,9 @@ def numbered(stem: str, taken: Collection[str]) -> str:
     return next(key for key in keys if key not in taken)
 
 
-def follow(whole: Document, renamed: Mapping[str, str]) -> None:
+def _follow(whole: Document, renamed: Mapping[str, str]) -> None:
     """Let conditions and topics name questions as they are called now."""
-    parts = itertools.chain(whole["pages"], *(page["items"] for page in whole["pages"]))
-    for condition in filter(None, (part.get("show_if") for part in parts)):
+    for condition in filter(None, (part.get("show_if") for part in _parts(whole))):
         if condition.get("item") in renamed:
             condition["item"] = renamed[condition["item"]]
     for topic in whole["topics"]:
@@ -126,8 +129,8 @@ def follow(whole: Document, renamed: Mapping[str, str]) -> None:
 
 
 def complete(part: Document, former: Document, whole: Document) -> Document:
-    """Return what a form said with the keys that it did not say, each once in the questionnaire;
-    the rest of the questionnaire follows keys that were changed.
+    """Return the part that a form made, with the keys that it lacks, each once in the
+    questionnaire; the rest of the questionnaire follows keys that were changed.
     """
     if "key" not in former:
         return part
@@ -138,11 +141,11 @@ def complete(part: Document, former: Document, whole: Document) -> Document:
         if not key or key in taken:
             one["key"] = numbered(f"{key or part['key']}_", taken)
         taken.add(one["key"])
-    follow(whole, dict(zip(keys_of(former), keys_of(part), strict=False)))
-    said: set[str] = set()
+    _follow(whole, dict(zip(keys_of(former), keys_of(part), strict=False)))
+    values: set[str] = set()
     for option in part.get("options", ()):
-        option["value"] = _option_value(option, said)
-        said.add(option["value"])
+        option["value"] = _option_value(option, values)
+        values.add(option["value"])
     return part
 
 
@@ -150,8 +153,8 @@ def _option_value(option: Document, taken: Collection[str]) -> str:
     """Return the name of an option in the data: of its first label, once it has one."""
     value = option.get("value", "")
     if value and value not in taken and not _NUMBERED.fullmatch(value):
-        return value
-    label = next((text for text in option.get("label", {}).values() if text), "")
+        return str(value)
+    label = next(filter(None, option.get("label", {}).values()), "")
     ascii_only = unicodedata.normalize("NFKD", label).encode("ascii", "ignore").decode().lower()
     stem = re.sub(r"[^a-z0-9]+", "_", ascii_only).strip("_")[:LONGEST_STEM]
     wanted = stem or value
@@ -175,21 +178,19 @@ def new_question(kind: str, scale: str, whole: Document) -> Document:
 
 def new_entry(cls: type[Any], name: str, part: Document, whole: Document) -> list[Document]:
     """Return a new part for a list in a page, question or scale; none for another name."""
-    field = next((one for one in msgspec.structs.fields(cls) if one.name == name), None)
-    shape = inspect.type_info(field.type) if field is not None else None
-    inner = shape.item_type if isinstance(shape, inspect.VarTupleType) else None
+    types = {one.name: inspect.type_info(one.type) for one in msgspec.structs.fields(cls)}
+    inner = getattr(types.get(name), "item_type", None)
     if not isinstance(inner, inspect.StructType):
         return []
-    others = part.get(name, [])
     stem = f"{part['key']}_" if name == "rows" else f"{name.removesuffix('s')}_"
     made: Document = {}
-    for one in msgspec.structs.fields(inner.cls):
-        said = [other.get(one.name) for other in others]
-        if isinstance(inspect.type_info(one.type), inspect.StrType) and one.required:
-            made[one.name] = numbered(stem, {*said, *keys_in(whole)})
-        elif isinstance(inspect.type_info(one.type), inspect.IntType) and one.required:
-            made[one.name] = max((n for n in said if isinstance(n, int)), default=0) + 1
-        elif one.required:
+    for one in (one for one in msgspec.structs.fields(inner.cls) if one.required):
+        others, shape = [other.get(one.name) for other in part.get(name, [])], one.type
+        if isinstance(inspect.type_info(shape), inspect.StrType):
+            made[one.name] = numbered(stem, {*others, *keys_in(whole)})
+        elif isinstance(inspect.type_info(shape), inspect.IntType):
+            made[one.name] = max((n for n in others if isinstance(n, int)), default=0) + 1
+        else:
             made[one.name] = _blank(one)
     return [made]
 
@@ -221,7 +222,7 @@ def arrange(whole: Document, verb: str, place: EditorPlace) -> None:
         whole["scales"].pop(place.key, None)
     if place.section == "pages" and verb == "remove" and len(pages) == 1:
         return
-    for parts, n in located(whole, place):
+    for parts, n in place.located(whole):
         here = next((m for m, page in enumerate(pages) if page["items"] is parts), None)
         if here is not None and verb == "up" and n == 0 and here > 0:
             pages[here - 1]["items"].append(parts.pop(n))
@@ -233,7 +234,7 @@ def arrange(whole: Document, verb: str, place: EditorPlace) -> None:
                 parts[n + 1] = copied(parts[n], whole)
 
 
-def answers_typed(
+def type_answers(
     condition: Document, former: Document | None, questions: Sequence[Question]
 ) -> None:
     """Let a condition name answers as they are stored, numbers as numbers; those of another

@@ -38,26 +38,12 @@ LABELS = {
     "outcome": _("After these outcomes"),
     "order": _("Order"),
     "scale": _("Scale"),
-    "rows": _("Statements"),
     "reverse": _("Score it from the other end of the scale"),
     "options": _("Options"),
     "label": _("Label"),
     "alone": _("Excludes all other options"),
     "points": _("Points"),
     "ScalePoint.value": _("Value in the data"),
-    "at_least": _("Choices at least"),
-    "at_most": _("Choices at most"),
-    "minimum": _("Minimum"),
-    "maximum": _("Maximum"),
-    "whole": _("Whole numbers only"),
-    "unit": _("Unit"),
-    "step": _("Step"),
-    "low": _("Left end"),
-    "high": _("Right end"),
-    "lines": _("Lines"),
-    "max_length": _("Maximum number of characters"),
-    "earliest": _("Earliest day"),
-    "latest": _("Latest day"),
     "key": _("Name in the data"),
     "value": _("Name in the data"),
 }
@@ -73,9 +59,6 @@ HINTS = {
     "show_if": _("If you set several of these, all must hold."),
     "ItemCondition.item": _("Choose one and save to see its answers here."),
     "robot": _("Names or series, separated by commas. Leave blank for all."),
-    "Number.maximum": _("Write this_year for the year of the answer."),
-    "earliest": _("As year-month-day, such as 2020-12-31, or today."),
-    "latest": _("As year-month-day, such as 2020-12-31, or today."),
     "key": _("Lower-case letters, digits and underscores. Used in the data."),
     "points": _("Only the first and the last point need a label."),
     "scale": _("You can add others on the page of the questionnaire."),
@@ -110,8 +93,9 @@ CHOICES = {
 
 LAST = ("required", "prefer_not", "not_applicable", "show_if")
 GUIDE = FormGuide(
-    LABELS,
-    HINTS,
+    {key: text for one in TYPES.values() for key, text in one.labels.items()} | LABELS,
+    HINTS
+    | {f"{one.__name__}.{key}": text for one in TYPES.values() for key, text in one.hints.items()},
     ITEMS,
     CHOICES,
     # Questions and scales have pages of their own.
@@ -124,8 +108,6 @@ GUIDE = FormGuide(
 
 
 class EditorForm(PartForm):
-    """The form of a part of a questionnaire."""
-
     guide = GUIDE
 
 
@@ -158,15 +140,14 @@ def ready_points(
     name: str, languages: Sequence[str], former: Sequence[Document] = ()
 ) -> list[Document]:
     """Return the points of a scale that the editor offers, in the languages that the site has. Of a
-    scale as it was so far, only languages without any label are filled in.
+    former scale, only languages without any label are filled in.
     """
     labels, known = READY[name][1], {code for code, _label in settings.LANGUAGES}
-    points = [{"label": {}} | one for one in former] or [
-        {"value": n, "label": {}} for n in range(1, len(labels) + 1)
-    ]
-    said = {language for point in points for language in point["label"]}
+    new = ({"value": n} for n in range(1, len(labels) + 1))
+    points = [{"label": {}} | one for one in former or new]
+    given = {language for point in points for language in point["label"]}
     for language in languages if len(points) == len(labels) else ():
-        if language.partition("-")[0] in known and language not in said:
+        if language.partition("-")[0] in known and language not in given:
             with override(language):
                 for point, label in zip(points, labels, strict=True):
                     point["label"] = {**point["label"], language: str(label)}

@@ -15,6 +15,7 @@ from django import forms
 from django.conf import settings
 from django.contrib import admin, messages
 from django.contrib.admin.models import CHANGE, LogEntry
+from django.contrib.auth.decorators import permission_required
 from django.core.exceptions import PermissionDenied
 from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
@@ -33,7 +34,6 @@ from surveys.document_forms.submitted import MEANWHILE, SubmittedPart, number, p
 from surveys.documents import BadDefinitionError, ChangedMeanwhileError
 from surveys.editor.draft import (
     EditorPlace,
-    answers_typed,
     arrange,
     complete,
     earlier,
@@ -41,9 +41,10 @@ from surveys.editor.draft import (
     new_entry,
     new_question,
     numbered,
+    type_answers,
 )
 from surveys.editor.labels import CHOICES, READY, EditorForm, kind_name, ready_points, scale_name
-from surveys.editor.overview import ABOUT, address, pages_of, preview_of, scales_of, text_of, told
+from surveys.editor.overview import address, listed, preview_of, text_of, told
 from surveys.importing.reading import MAX_SLUG, slug_for
 from surveys.item import Question
 from surveys.models import Questionnaire
@@ -61,8 +62,6 @@ TITLES = {
 
 
 class WriteForm(forms.Form):
-    """What a new questionnaire is called, and its languages."""
-
     title = forms.CharField(label=gettext_lazy("Title"), max_length=200)
     languages = forms.MultipleChoiceField(
         label=gettext_lazy("Languages"),
@@ -89,7 +88,6 @@ def leads_here(request: HttpRequest, title: str, url: str) -> None:
 
 
 def urls(guard: Callable[..., Any]) -> list[URLPattern]:
-    """Return the addresses of the editor."""
     name = "surveys_questionnaire"
     return [
         path("write/", guard(write), name=f"{name}_write"),
@@ -101,15 +99,15 @@ def urls(guard: Callable[..., Any]) -> list[URLPattern]:
 
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
+@permission_required(ADD, raise_exception=True)
 def write(request: HttpRequest) -> HttpResponse:
     """Ask title, languages and name, and begin a draft."""
-    _check(request, ADD)
     form = WriteForm(request.POST or None)
     if form.is_valid():
-        said = form.cleaned_data
-        name = said["name"] or slug_for(said["title"])
+        title, name = form.cleaned_data["title"], form.cleaned_data["name"]
+        languages = form.cleaned_data["languages"]
         try:
-            row = begin_empty(name, said["title"], said["languages"], timezone.now())
+            row = begin_empty(name or slug_for(title), title, languages, timezone.now())
         except BadDefinitionError as error:
             form.add_error("name", sentences(error.problems))
         else:
@@ -127,10 +125,8 @@ def overview(request: HttpRequest, pk: UUID) -> HttpResponse:
         return _press(request, row, whole)
     found = told(problems_of(row), whole)
     context = {
+        **listed(row, whole, found),
         "title": row.title,
-        "pages": list(pages_of(row, whole, found)),
-        "scales": list(scales_of(row, whole, found)),
-        "about": {"url": address(row, ABOUT), "told": found.get(ABOUT)},
         "languages": [language_name(code) for code in whole["languages"]],
         "kinds": [(kind, kind_name(kind)) for kind in TYPES],
         "ready": [(name, words) for name, (words, _labels) in READY.items()],
@@ -151,14 +147,15 @@ def edit(request: HttpRequest, pk: UUID, section: str, key: str = "") -> HttpRes
         raise Http404
     if request.method != "POST":
         return _show(request, row, place, SubmittedPart(former or {}))
-    # Somebody else may have removed the question: what was typed is shown once more.
-    is_gone = former is None
-    former = former or {"kind": request.POST["kind"], "key": key}
-    sent = _read(request, place, former, whole)
-    if is_gone:
+    # If somebody else has removed the question, what was typed is shown once more.
+    known = former or {"kind": request.POST["kind"], "key": key}
+    sent = _read(request, place, known, whole)
+    if former is None:
         sent.above.append(_("Not saved: someone else removed this question."))
-    if sent.errors or sent.above or not _saved(request, row, place, whole, sent):
-        return _show(request, Questionnaire.objects.get(pk=pk), place, sent, former=former)
+    if not (sent.errors or sent.above):
+        _save(request, row, place, whole, sent)
+    if sent.errors or sent.above:
+        return _show(request, Questionnaire.objects.get(pk=pk), place, sent, known)
     messages.success(request, _("Saved."))
     if request.POST.get("do") == "done":
         return redirect(f"{address(row)}#at-{sent.part.get('key', key)}")
@@ -209,8 +206,9 @@ def _added(whole: Document, place: EditorPlace, kind: str) -> EditorPlace | None
     two points without words; return where it is.
     """
     if place.section == "pages":
-        whole["pages"].append({"key": numbered("page_", keys_in(whole)), "items": []})
-        return EditorPlace("pages", whole["pages"][-1]["key"])
+        key = numbered("page_", keys_in(whole))
+        whole["pages"].append({"key": key, "items": []})
+        return EditorPlace("pages", key)
     if place.section == "scales":
         name = kind if kind in READY else numbered("scale_", whole["scales"])
         blank = [{"value": 1}, {"value": 2}]
@@ -220,9 +218,9 @@ def _added(whole: Document, place: EditorPlace, kind: str) -> EditorPlace | None
     page = EditorPlace("pages", place.key).part(whole)
     if page is None or kind not in TYPES:
         return None
-    items = page["items"]
-    items.append(new_question(kind, next(iter((*whole["scales"], *READY))), whole))
-    return EditorPlace("questions", items[-1]["key"])
+    question = new_question(kind, next(iter((*whole["scales"], *READY))), whole)
+    page["items"].append(question)
+    return EditorPlace("questions", question["key"])
 
 
 # --- forms ----------------------------------------------------------------------------------------
@@ -238,7 +236,7 @@ def _read(
     part = complete(EditorForm.read(cls, request.POST, only=place.only), former, whole)
     if part.get("show_if"):
         questions = list(msgspec.convert(whole, Definition).questions())
-        answers_typed(part["show_if"], former.get("show_if"), questions)
+        type_answers(part["show_if"], former.get("show_if"), questions)
     verb, name, n = pressed(request.POST)
     anchor = name
     if verb == "add" and (made := new_entry(cls, name, part, whole)):
@@ -249,29 +247,29 @@ def _read(
         if name == "points":
             # the words move, the values keep rising
             values = [point["value"] for point in part[name]]
-            values = sorted(values) if all(isinstance(one, int) for one in values) else values
+            if all(isinstance(one, int) for one in values):
+                values.sort()
             part[name] = [one | {"value": n} for one, n in zip(part[name], values, strict=True)]
     offered = _offered(whole, place, part)
     form = EditorForm(cls, part, offered=offered, only=place.only, is_sent=True)
     return SubmittedPart(part, form.told, anchor=anchor)
 
 
-def _saved(
+def _save(
     request: HttpRequest,
     row: Questionnaire,
     place: EditorPlace,
     whole: Document,
     sent: SubmittedPart,
-) -> bool:
-    refused = keep(request, row, place.put(whole, sent.part))
-    if refused:
+) -> None:
+    """Store a part; why it cannot be stored is told above its form."""
+    if refused := keep(request, row, place.put(whole, sent.part)):
         sent.above.append(refused)
-    else:
-        user: Any = request.user
-        LogEntry.objects.log_actions(
-            user.pk, [row], CHANGE, f"Changed: {place.section} {place.key}", single_object=True
-        )
-    return not refused
+        return
+    user: Any = request.user
+    LogEntry.objects.log_actions(
+        user.pk, [row], CHANGE, f"Changed: {place.section} {place.key}", single_object=True
+    )
 
 
 def _show(
@@ -292,7 +290,7 @@ def _show(
         is_sent=bool(sent.errors),
     )
     kind = former.get("kind", "")
-    keys = [[page["key"], *(item["key"] for item in page["items"])] for page in whole["pages"]]
+    keys = [{page["key"], *(item["key"] for item in page["items"])} for page in whole["pages"]]
     page = next((n for n, inside in enumerate(keys, 1) if place.key in inside), 1)
     context = {
         "title": kind_name(kind) if kind else TITLES[place.section],
@@ -340,17 +338,13 @@ def _in_full(question: Question, text: Callable[[Document], str]) -> str:
 
 def _row(request: HttpRequest, pk: UUID) -> Questionnaire:
     """Return a questionnaire, to look at or, with a POST, to change."""
-    _check(request, EDIT if request.method == "POST" else VIEW)
+    user: Any = request.user
     row = get_object_or_404(Questionnaire, pk=pk)
-    if request.method == "POST" and row.frozen_at is not None:
+    if not user.has_perm(EDIT if request.method == "POST" else VIEW) or (
+        request.method == "POST" and row.frozen_at is not None
+    ):
         raise PermissionDenied
     return row
-
-
-def _check(request: HttpRequest, permission: str) -> None:
-    user: Any = request.user
-    if not user.has_perm(permission):
-        raise PermissionDenied
 
 
 def _page(
@@ -361,13 +355,15 @@ def _page(
     status: int = 200,
 ) -> HttpResponse:
     user: Any = request.user
+    is_draft = row is not None and row.frozen_at is None
     context = {
         **admin.site.each_context(request),
         "opts": Questionnaire._meta,
         "questionnaire": row,
-        "may_change": row is not None and row.frozen_at is None and user.has_perm(EDIT),
+        "may_change": is_draft and user.has_perm(EDIT),
         "may_add": user.has_perm(ADD),
         "opened_from": request.session.get(OPENED_FROM),
+        **more,
     }
     page = f"admin/surveys/questionnaire/{name}.html"
-    return render(request, page, {**context, **more}, status=status)
+    return render(request, page, context, status=status)

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import msgspec
 from django.utils.translation import gettext as _
@@ -28,14 +28,32 @@ Item = dict[str, Any]
 Raw = Mapping[str, str]
 
 
+def given(**fields: Any) -> Item:
+    """Return the fields that are set: not those that are None, False or without text; 0 is set,
+    and an empty list.
+    """
+    kinds = (int, float, list)
+    return {
+        name: value
+        for name, value in fields.items()
+        if value or (value is not False and isinstance(value, kinds))
+    }
+
+
 @dataclass
 class _Page:
     title: Text
     intro: Text
-    show_if: dict[str, Any] | None
+    show_if: Item | None
     is_shuffled: bool
     items: list[Item] = field(default_factory=list)
-    said: list[Note] = field(default_factory=list)
+    introduced_by: list[Note] = field(default_factory=list)
+
+    def written(self, number: int) -> Item:
+        title = {language: text[:MAX_TITLE] for language, text in self.title.items()}
+        order = "shuffled" if self.is_shuffled else ""
+        more = given(title=title, intro=self.intro, show_if=self.show_if, order=order)
+        return {"key": f"page_{number}", "items": self.items, **more}
 
 
 def language_of(code: str) -> str:
@@ -66,12 +84,12 @@ class Draft:
         self._keeps_lines = keeps_lines
         self._piped = PIPED[system]
         self._keys: set[str] = set()
-        self._scales: dict[str, list[dict[str, Any]]] = {}
+        self._scales: dict[str, list[Item]] = {}
         self._pages: list[_Page] = []
         self._answers: dict[tuple[str, str], tuple[str, str | int]] = {}
         self._asked = 0
 
-    # what is reported
+    # the report
 
     def note(self, name: str, text: str = "") -> Note:
         """Return a new line of the report."""
@@ -92,53 +110,50 @@ class Draft:
             note.left_out(str(error))
 
     def leave_out(self, name: str, reason: str, text: str = "") -> None:
-        """Report a part of the file that is not imported."""
         self.note(name, text).left_out(reason)
 
     # texts
 
     def text(self, raw: Raw, note: Note, *, limit: int = MAX_TEXT) -> Text:
-        """Return a text in every language, {} if the first language has none. What a reader of the
-        file would miss is noted.
+        """Return a text in every language, {} if none has it. What a reader of the file would miss
+        is noted.
         """
-        read = {
-            language: plain(raw.get(language) or "", keeps_lines=self._keeps_lines)
-            for language in self.languages
-        }
-        texts = {language: one.text for language, one in read.items()}
-        first = texts[self.languages[0]] or next((text for text in texts.values() if text), "")
-        lost = sorted({tag for one in read.values() for tag in one.lost})
-        if lost:
-            note.changed(_("Left out of the text: %(tags)s.") % {"tags": ", ".join(lost)})
+        read = [plain(raw.get(one) or "", keeps_lines=self._keeps_lines) for one in self.languages]
+        texts = {language: one.text for language, one in zip(self.languages, read, strict=True)}
+        first = next((text for text in texts.values() if text), "")
+        if lost := sorted({tag for one in read for tag in one.lost}):
+            note.changed(_("Left out of the text: %(tags)s."), tags=", ".join(lost))
         if not first:
             return {}
-        lacking = [language for language, text in texts.items() if not text]
-        if lacking:
+        if lacking := [language for language, text in texts.items() if not text]:
             note.changed(
-                _("A text is missing in %(languages)s; the text in another language is used.")
-                % {"languages": ", ".join(lacking)}
+                _("A text is missing in %(languages)s; the text in another language is used."),
+                languages=", ".join(lacking),
             )
-        full = {language: text or first for language, text in texts.items()}
-        if any(self._piped.search(text) for text in full.values()):
+        if any(self._piped.search(text) for text in texts.values()):
             note.changed(
                 _("The text inserts an earlier answer or value, which is not filled in here.")
             )
+        full = {language: text or first for language, text in texts.items()}
         return self.shortened(full, note, limit=limit)
 
     def shortened(self, text: Text, note: Note, *, limit: int = MAX_TEXT) -> Text:
-        """Return a text that is not too long."""
         if any(len(one) > limit for one in text.values()):
-            note.changed(_("A text is shortened to %(n)d characters.") % {"n": limit})
+            note.changed(_("A text is shortened to %(n)d characters."), n=limit)
         return {language: one[:limit] for language, one in text.items()}
 
     def same(self, text: str) -> Text:
         """Return a text that is the same in every language."""
         return dict.fromkeys(self.languages, text)
 
-    def joined(self, *texts: Text, by: str) -> Text:
+    def joined(self, *texts: Text, by: str = " – ") -> Text:
         """Return several texts as one; empty ones are left out."""
         full = [text for text in texts if text]
-        return {lang: by.join(text[lang] for text in full) for lang in self.languages if full}
+        return {
+            language: by.join(text[language] for text in full)
+            for language in self.languages
+            if full
+        }
 
     # names
 
@@ -148,29 +163,23 @@ class Draft:
         base = base if base[0].isalpha() else f"q_{base}"
         key, number = base[:MAX_KEY].rstrip("_"), 1
         if len(base) > MAX_KEY:
-            note.changed(_("Its name is shortened to “%(key)s”.") % {"key": key})
+            note.changed(_("Its name is shortened to “%(key)s”."), key=key)
         while key in self._keys:
             number += 1
             ending = f"_{number}"
             key = base[: MAX_KEY - len(ending)] + ending
         if number > 1:
             note.changed(
-                _("It is renamed to “%(key)s”, because another question has its name.")
-                % {"key": key}
+                _("It is renamed to “%(key)s”, because another question has its name."), key=key
             )
         self._keys.add(key)
         return key
 
-    def scale(self, points: Sequence[tuple[int, Text]]) -> str:
+    def scale(self, points: Iterable[tuple[int, Text]]) -> str:
         """Return the name of a scale with these points; equal scales are one."""
-        wanted = [
-            {"value": value, "label": label} if label else {"value": value}
-            for value, label in points
-        ]
-        for name, known in self._scales.items():
-            if known == wanted:
-                return name
-        name = f"scale_{len(self._scales) + 1}"
+        wanted = [{"value": value, **given(label=label)} for value, label in points]
+        known = next((name for name, one in self._scales.items() if one == wanted), "")
+        name = known or f"scale_{len(self._scales) + 1}"
         self._scales[name] = wanted
         return name
 
@@ -180,21 +189,20 @@ class Draft:
         self,
         title: Text | None = None,
         intro: Text | None = None,
-        show_if: dict[str, Any] | None = None,
+        show_if: Item | None = None,
         *,
         is_shuffled: bool = False,
     ) -> None:
         """Begin a page. One that stayed without questions hands its introduction on."""
-        before = self._pages[-1] if self._pages else None
         page = _Page(title or {}, intro or {}, show_if, is_shuffled)
-        if before is not None and not before.items:
+        if self._pages and not self._pages[-1].items:
+            before = self._pages.pop()
             page.title = page.title or before.title
             page.intro = self.joined(before.intro, page.intro, by="\n\n")
-            page.said = before.said
-            self._pages.pop()
+            page.introduced_by = before.introduced_by
         self._pages.append(page)
 
-    def say(self, note: Note, text: Text) -> None:
+    def introduce(self, note: Note, text: Text) -> None:
         """Show a text without a question: as the introduction of a page, which begins here when the
         page has questions already.
         """
@@ -203,41 +211,35 @@ class Draft:
         page = self._pages[-1]
         if page.items:
             note.changed(_("It becomes the introduction of a new page."))
-            self.page({}, {}, page.show_if, is_shuffled=page.is_shuffled)
+            self.page(show_if=page.show_if, is_shuffled=page.is_shuffled)
             page = self._pages[-1]
         page.intro = self.shortened(self.joined(page.intro, text, by="\n\n"), note)
-        page.said.append(note)
+        page.introduced_by.append(note)
 
     # questions
 
-    def ask(self, note: Note, items: Sequence[Item]) -> None:
-        """Add the items of one question of the file.
+    def ask(self, note: Note, items: Sequence[Item], show_if: Item | None = None) -> None:
+        """Add the items of one question of the file, all of them with a condition, if it has one;
+        an item with one of its own keeps it.
 
         Raises:
             NotImportedError: this site cannot ask them.
         """
-        asked = sum(len(item.get("rows", (item,))) for item in items)
-        if self._asked + asked > MAX_QUESTIONS:
+        keys = [key for item in items for key in _keys_of(item)]
+        if self._asked + len(keys) > MAX_QUESTIONS:
             raise NotImportedError(
                 _("A questionnaire has at most %(n)d questions.") % {"n": MAX_QUESTIONS}
             )
         self._check(items)
-        self._asked += asked
-        self._pages[-1].items.extend(items)
-        note.keys = [key for item in items for key in _keys_of(item)]
+        self._asked += len(keys)
+        self._pages[-1].items += [given(show_if=show_if) | item for item in items]
+        note.keys = keys
 
     def _check(self, items: Sequence[Item]) -> None:
-        """Ask the rules of questionnaires about a question by itself, without its conditions."""
-        bare = [
-            {name: value for name, value in item.items() if name != "show_if"} for item in items
-        ]
-        used = {item["scale"]: self._scales[item["scale"]] for item in items if "scale" in item}
-        document = {
-            **self._frame("check", 1),
-            "title": self.same("check"),
-            "scales": used,
-            "pages": [{"key": "page", "items": bare}],
-        }
+        """Apply the rules of questionnaires to a question by itself, without its conditions."""
+        bare = [{name: value for name, value in one.items() if name != "show_if"} for one in items]
+        page = {"key": "page", "items": bare}
+        document = self._document("check", 1, items, [page], title=self.same("check"))
         try:
             found = sentences(problems(msgspec.convert(document, Definition)))
         except msgspec.ValidationError as error:
@@ -249,41 +251,68 @@ class Draft:
 
     def remember(self, name: str, code: str, key: str, value: str | int) -> None:
         """Keep where an answer of the file is asked here: code `code` of its question `name`."""
-        self._answers[name, code] = (key, value)
+        self._answers[name.lower(), code] = (key, value)
 
-    def condition(self, alternatives: Iterable[tuple[str, str]]) -> dict[str, Any] | None:
-        """Return `show_if` for "one of these answers was given", None when it cannot be said: of
-        several questions, of one that is not asked before, or of one on the same shuffled page.
+    def condition(
+        self, note: Note, alternatives: Iterable[tuple[str, str] | None], remark: str
+    ) -> Item | None:
+        """Return `show_if` for "one of these answers was given". None, with a remark, when it
+        cannot be said: for a None among them, and for answers to several questions, to one that is
+        not asked before, or to one on the same shuffled page.
         """
-        found = [self._answers.get(one) for one in alternatives]
-        known = [one for one in found if one is not None]
-        if not known or len(known) < len(found) or len({key for key, _value in known}) != 1:
-            return None
-        key = known[0][0]
-        here = self._pages[-1] if self._pages else None
-        if here is not None and here.is_shuffled and key in _keys_in(here.items):
-            return None
-        if not any(key in _keys_in(page.items) for page in self._pages):
+        found = [one and self._answers.get((one[0].lower(), one[1])) for one in alternatives]
+        known = [one for one in found if one]
+        key = known[0][0] if known else ""
+        pages = self._pages[:-1] if self._pages and self._pages[-1].is_shuffled else self._pages
+        earlier = {key for page in pages for item in page.items for key in _keys_of(item)}
+        if (
+            not known
+            or len(known) < len(found)
+            or {one[0] for one in known} - {key}
+            or key not in earlier
+        ):
+            note.changed(remark)
             return None
         return {"item": key, "is": list(dict.fromkeys(value for _key, value in known))}
 
+    def comparisons(
+        self, note: Note, expression: str, joint: re.Pattern[str], comparison: re.Pattern[str]
+    ) -> Item | None:
+        """Return `show_if` for comparisons of one question with answers, joined by "or"; anything
+        else is noted. `comparison` has the groups `name` and `answer`, which may be in quotes.
+        """
+        parts = [comparison.fullmatch(part.strip("() \t\r\n")) for part in joint.split(expression)]
+        remark = _("Its condition is not imported: it is shown to everybody (%(condition)s).")
+        shown = {"condition": " ".join(expression.split())[:100]}
+        return self.condition(
+            note,
+            (one and (one["name"], one["answer"].strip("\"'")) for one in parts),
+            remark % shown,
+        )
+
     # the whole
 
-    def _frame(self, slug: str, version: int) -> dict[str, Any]:
+    def finish(self) -> None:
+        """End the last page; what introduces it without a question is reported."""
+        if self._pages and not self._pages[-1].items:
+            for note in self._pages.pop().introduced_by:
+                note.left_out(
+                    _("No question follows it. Here, a text always introduces a question.")
+                )
+
+    def _document(
+        self, slug: str, version: int, items: Iterable[Item], pages: Sequence[Item], **more: Any
+    ) -> Item:
+        used = {item.get("scale") for item in items}
         return {
             "format": 1,
             "slug": slug,
             "version": version,
             "languages": list(self.languages),
+            "scales": {name: points for name, points in self._scales.items() if name in used},
+            "pages": pages,
+            **more,
         }
-
-    def finish(self) -> None:
-        """End the last page; what it says without a question is reported."""
-        if self._pages and not self._pages[-1].items:
-            for note in self._pages.pop().said:
-                note.left_out(
-                    _("No question follows it. Here, a text always introduces a question.")
-                )
 
     def definition(self, slug: str, version: int) -> Definition:
         """Return the questionnaire under a name.
@@ -293,17 +322,13 @@ class Draft:
         """
         if not self._pages:
             raise BadDefinitionError([_("None of the file's questions can be imported.")])
-        used = {item.get("scale") for page in self._pages for item in page.items}
-        document = {
-            **self._frame(slug, version),
-            "title": self.title or self.same(slug),
-            "intro": self.intro,
-            "source": self.source,
-            "scales": {name: points for name, points in self._scales.items() if name in used},
-            "pages": [_page(page, number) for number, page in enumerate(self._pages, start=1)],
-        }
+        items = [item for page in self._pages for item in page.items]
+        pages = [page.written(number) for number, page in enumerate(self._pages, start=1)]
+        more = {"title": self.title or self.same(slug), "intro": self.intro, "source": self.source}
         try:
-            definition = msgspec.convert(document, Definition)
+            definition = msgspec.convert(
+                self._document(slug, version, items, pages, **more), Definition
+            )
         except msgspec.ValidationError as error:
             raise BadDefinitionError([f"{error}."]) from error
         if found := list(problems(definition)):
@@ -319,18 +344,30 @@ def _keys_of(item: Item) -> list[str]:
     return [row["key"] for row in item.get("rows", ())] or [item["key"]]
 
 
-def _keys_in(items: Iterable[Item]) -> set[str]:
-    return {key for item in items for key in _keys_of(item)}
+class SurveyFormat:
+    """A file on its way into a draft, `into`; one subclass a module of `surveys.importing.formats`.
 
+    Args:
+        document: the file.
+        language: that of texts whose language the file does not name.
+        form: the one form to take of a file with several; empty takes all.
 
-def _page(page: _Page, number: int) -> dict[str, Any]:
-    written: dict[str, Any] = {"key": f"page_{number}", "items": page.items}
-    if page.title:
-        written["title"] = {lang: text[:MAX_TITLE] for lang, text in page.title.items()}
-    if page.intro:
-        written["intro"] = page.intro
-    if page.show_if:
-        written["show_if"] = page.show_if
-    if page.is_shuffled:
-        written["order"] = "shuffled"
-    return written
+    Raises:
+        BadDefinitionError: the file cannot be read at all.
+    """
+
+    # The product and its file, as its users call them.
+    label: ClassVar[str]
+    into: Draft
+
+    def __init__(self, document: bytes, language: str, form: str) -> None:
+        raise NotImplementedError
+
+    @classmethod
+    def is_in(cls, document: bytes) -> bool:
+        """Tell by its beginning whether a file is of this format."""
+        raise NotImplementedError
+
+    def convert(self) -> None:
+        """Put what the file asks into the draft."""
+        raise NotImplementedError

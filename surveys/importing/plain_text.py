@@ -18,6 +18,7 @@ _MEDIA = {
     *("audio", "canvas", "embed", "iframe", "img", "input", "object", "select", "svg"),
     *("textarea", "video"),
 }
+_BEFORE = {"td": " ", "th": " ", "li": "- "}
 # What the three systems replace with an earlier answer or another value: ${q://QID1/…} and
 # ${e://Field/…} of Qualtrics, {code.shown} and {TOKEN:FIRSTNAME} of LimeSurvey, [field] of REDCap.
 PIPED = {
@@ -47,19 +48,12 @@ class _TextParser(HTMLParser):
         self._address = ""
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        if tag in _UNSEEN:
-            self._unseen += 1
-        if tag == "script":
+        self._unseen += tag in _UNSEEN
+        if tag in _MEDIA or tag == "script":
             self.lost.add(tag)
         if tag in _MEDIA:
-            self.lost.add(tag)
             self.parts.append(dict(attrs).get("alt") or "")
-        if tag in _LINES:
-            self.parts.append("\n")
-        if tag in {"td", "th"}:
-            self.parts.append(" ")
-        if tag == "li":
-            self.parts.append("- ")
+        self.parts.append("\n" * (tag in _LINES) + _BEFORE.get(tag, ""))
         if tag == "a":
             self._address = dict(attrs).get("href") or ""
 

@@ -14,7 +14,6 @@ from surveys.documents import BadDefinitionError
 from surveys.importing.draft import Draft
 from surveys.importing.formats import FORMATS
 from surveys.importing.report import ImportReport
-from surveys.importing.survey_format import Wishes
 
 MAX_FILE = 5 * 1024 * 1024
 MAX_SLUG = 40
@@ -31,27 +30,22 @@ class ImportedSurvey(msgspec.Struct, frozen=True):
     problems: list[str] = []
 
 
-def import_survey(document: bytes, wishes: Wishes | None = None, slug: str = "") -> ImportedSurvey:
+def import_survey(document: bytes, language: str, form: str, slug: str = "") -> ImportedSurvey:
     """Return what a child process reads from a file; `slug` replaces the name by its title.
 
     Raises:
         BadDefinitionError: it is too large, of no known format, or cannot be read.
     """
-    asked = wishes or Wishes()
     try:
-        found = run_limited(read_plain, document, asked.language, asked.form, slug)
+        found = run_limited(read_plain, document, language, form, slug)
     except ImportRefusedError as error:
         raise BadDefinitionError(error.problems) from error
     return msgspec.convert(found, ImportedSurvey)
 
 
 def read_plain(document: bytes, language: str, form: str, slug: str) -> Any:
-    """Return an ImportedSurvey as plain data.
-
-    Raises:
-        BadDefinitionError: the file is too large, of no known format, or cannot be read.
-    """
-    draft = read(document, Wishes(language, form))
+    """Return an ImportedSurvey as plain data, which a child process can answer."""
+    draft = read(document, language, form)
     name = slug or slug_for(next(iter(draft.title.values()), ""))
     try:
         found = ImportedSurvey(name, draft.report, draft.definition(name, 1))
@@ -60,23 +54,25 @@ def read_plain(document: bytes, language: str, form: str, slug: str) -> Any:
     return msgspec.to_builtins(found)
 
 
-def read(document: bytes, wishes: Wishes | None = None) -> Draft:
-    """Return what a file of another system asks, of whichever format it is.
+def read(document: bytes, language: str = "en", form: str = "") -> Draft:
+    """Return what a file of another system asks, of whichever format it is (SurveyFormat).
 
     Raises:
         BadDefinitionError: it is too large, of no known format, or cannot be read.
     """
     if len(document) > MAX_FILE:
-        raise BadDefinitionError(
-            [_("The file is larger than %(n)d MB.") % {"n": MAX_FILE // 1024**2}]
-        )
+        told = _("The file is larger than %(n)d MB.") % {"n": MAX_FILE // 1024**2}
+        raise BadDefinitionError([told])
     if document.startswith(b"PK\x03\x04"):
         raise BadDefinitionError(
             [_("This is a ZIP archive. Unpack it, and import the .qsf, .lss or .csv file in it.")]
         )
     for one in FORMATS.values():
         if one.is_in(document):
-            return one.read(document, wishes or Wishes())
+            survey = one(document, language, form)
+            survey.convert()
+            survey.into.finish()
+            return survey.into
     known = ", ".join(one.label for one in FORMATS.values())
     raise BadDefinitionError(
         [_("The file has none of these formats: %(formats)s.") % {"formats": known}]

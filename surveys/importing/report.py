@@ -1,8 +1,6 @@
 """What became of each part of a file that was imported: nothing is left out without a line here."""
 
-from collections.abc import Sequence
 from enum import StrEnum
-from typing import Any
 
 import msgspec
 from django.utils.translation import gettext_lazy
@@ -11,8 +9,6 @@ EXCERPT = 120
 
 
 class ImportOutcome(StrEnum):
-    """What became of it."""
-
     IMPORTED = "imported"
     CHANGED = "changed"
     LEFT_OUT = "left_out"
@@ -40,23 +36,21 @@ class Note(msgspec.Struct):
     remarks: list[str] = []
     outcome: ImportOutcome = ImportOutcome.IMPORTED
 
-    def changed(self, remark: str) -> None:
-        """Say what is different from the file."""
-        remark = clean(remark)
+    def changed(self, words: str, **values: object) -> None:
+        """Add a remark: words, filled in with values."""
+        remark = clean(words % values if values else words)
         if remark not in self.remarks:
             self.remarks.append(remark)
         if self.outcome is ImportOutcome.IMPORTED:
             self.outcome = ImportOutcome.CHANGED
 
     def left_out(self, reason: str) -> None:
-        """Say why it was not imported."""
         self.keys = []
         self.remarks = [clean(reason)]
         self.outcome = ImportOutcome.LEFT_OUT
 
     @property
     def label(self) -> str:
-        """The outcome in words."""
         return str(LABELS[self.outcome])
 
 
@@ -66,13 +60,10 @@ class ImportReport(msgspec.Struct):
     system: str
     notes: list[Note] = []
 
-    def count(self, outcome: ImportOutcome) -> int:
-        """Return how many lines have an outcome."""
-        return sum(1 for note in self.notes if note.outcome is outcome)
-
-    def counts(self) -> Sequence[tuple[ImportOutcome, str, int]]:
-        """Return each outcome with its name and number."""
-        return [(outcome, str(label), self.count(outcome)) for outcome, label in LABELS.items()]
+    def counts(self) -> list[tuple[ImportOutcome, str, int]]:
+        """Return how many lines have each outcome."""
+        found = [note.outcome for note in self.notes]
+        return [(outcome, str(label), found.count(outcome)) for outcome, label in LABELS.items()]
 
 
 def clean(text: str) -> str:
@@ -84,13 +75,3 @@ def excerpt(text: str) -> str:
     """Return the first words of a text on one line."""
     line = " ".join(text.split())
     return line if len(line) <= EXCERPT else line[: EXCERPT - 1].rstrip() + "…"
-
-
-def stored(report: ImportReport) -> Any:
-    """Return a report as it is stored."""
-    return msgspec.to_builtins(report)
-
-
-def from_stored(document: Any) -> ImportReport:
-    """Return a stored report."""
-    return msgspec.convert(document, ImportReport)

@@ -16,5 +16,4 @@ class Single(OptionsItem, frozen=True, kw_only=True, tag="single"):
     has_reason_choices: ClassVar[bool] = True
 
     def parse(self, question: Question, values: Sequence[str], now: datetime.datetime) -> str:
-        """Return the option's value."""
         return one_of({option.value: option.value for option in self.options}, values[0])

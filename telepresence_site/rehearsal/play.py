@@ -150,7 +150,7 @@ def carry_out(told: Callable[[str], None]) -> None:
         began, quick = pace.real(), timezone.now()
         diaries, report = _perform(study, orders, site, told, pace)
         seconds, real = (timezone.now() - quick).total_seconds(), pace.real() - began
-    played = Played(report, [diary.as_data() for diary in diaries], seconds, real)
+    played = Played(report, [asdict(diary) for diary in diaries], seconds, real)
     (settings.VAR_DIR / FINDINGS).write_bytes(msgspec.json.encode(played))
 
 

@@ -150,7 +150,7 @@ def _asked(definition: Definition, question: Question, language: str) -> Iterato
     if question.key in definition.reversed:
         text += " (reverse-coded: stored as answered, scores count it from the other end)"
     names = item.columns(question.key)
-    for name, label in zip(names, item.column_labels(), strict=True):
+    for name, label in names.items():
         about = spoken(label, language)
         column = Column(name, "", f"{text} – {about}" if about else text)
         yield _bounded(column, question, language) if len(names) == 1 else column

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from experiments.analysis.dataset import levels
+from experiments.analysis.dataset import counting, levels
 from experiments.analysis.dataset.levels import METHODS, MODES, WAYS
 from robots.api import docked
 
@@ -184,6 +184,9 @@ PARTICIPANTS = (
     Column("stage", "", "last stage of the study that was reached", late=True).one_of(
         levels.STAGES
     ),
+    Column(
+        "place", "", "what became of the place in the cell; empty without one", late=True
+    ).one_of(levels.PLACES),
     Column("reached", "", "last step of the study that was begun"),
     Column(
         "left",
@@ -199,11 +202,18 @@ SESSIONS = (
     Column("participant", "", "code of its participant"),
     Column("kind", "", "who took part").one_of(levels.KINDS),
     amount_of(
-        "number", "", "first, second … session of the participant in this study; 0 for practice"
+        "number",
+        "",
+        "first, second … drive of the participant in this condition, of those in which the robot"
+        " was driven and that the platform did not end; 0 for all others",
     ),
     amount_of("visit", "", "first, second … visit of the participant to the study", late=True),
     amount_of("round", "", "first, second … condition of the participant in this visit", late=True),
     flag("practice", "1 for practice, which counts nowhere"),
+    flag("counts", "1 when it counts in the results on participants", late=True),
+    Column("counts_why", "", "why it does not count; empty when it does", late=True).one_of(
+        counting.REASONS
+    ),
     Column("robot", "", "name of the robot"),
     Column("site", "", "name of the floor plan"),
     Column("condition", "", "assigned condition"),

@@ -20,6 +20,7 @@ METHODS: tuple[str, ...] = get_args(InputMethod)
 WAYS: tuple[str, ...] = get_args(Way)
 TURNED_AWAY = "screened out"
 WITHDREW = "withdrew"
+PLATFORM = "platform"  # the side of a fault that keeps a session out of every result
 WITHHELD = "withheld"  # why a value is missing that was given, and tells who gave it
 
 
@@ -87,6 +88,14 @@ AGE_BANDS = {
         for low, high in pairwise(AGE_LIMITS)
     },
     f"{AGE_LIMITS[-1]} or above": "at least that old",
+}
+# What became of a place in a cell (experiments/participation/assignment.py).
+REPLACED = "refilled"
+PLACES = {
+    "under_way": "the participant holds it and has conditions to drive",
+    "freed": "it was given back, because the participant was not exposed",
+    "filled": "the participant was exposed",
+    REPLACED: "the participant was exposed, and the place was given to another participant",
 }
 STAGES = {
     "arrived": "came to the study",

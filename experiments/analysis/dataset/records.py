@@ -6,16 +6,18 @@ thousand sessions do not fit beside each other.
 """
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from experiments.analysis.dataset import counting
 from experiments.analysis.dataset.columns import NETWORK, STATES, Column
-from experiments.analysis.dataset.levels import Kind
+from experiments.analysis.dataset.exclusions import PlanExclusion, excluded_participants
+from experiments.analysis.dataset.levels import PLATFORM, Kind
 from experiments.definition.publication import PublicationDetails
 from experiments.definition.schema import Course, StudyDefinition
 from robots.api.floorplan import FloorPlan
@@ -24,8 +26,9 @@ from surveys.documents import spoken
 
 Floats = npt.NDArray[np.float64]
 COMPLETED = "completed"
-EVERY, WITHOUT = "all", "without-excluded"  # selections of sessions, and their folders in a report
-PLATFORM = "platform"  # the side of a fault that rules a session out
+# The drives that count, and a sensitivity analysis: those and the excluded ones. Both are the names
+# of folders in a report.
+COUNTING, EVERY = "counting", "all"
 
 
 class RobotRecord(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -69,6 +72,7 @@ class ParticipantRecord:
     first_cell: str = ""
     draws: int = 0
     stage: str = ""
+    place: str = ""
     reached: str = ""
     left: str = ""
     finished: bool = False
@@ -77,7 +81,9 @@ class ParticipantRecord:
 
 @dataclass(frozen=True)
 class SessionRecord:
-    """A row of the sessions (columns.SESSIONS); a time that never came is NaN."""
+    """A row of the sessions (columns.SESSIONS); a time that never came is NaN. `counts_why` is set
+    by experiments/analysis/dataset/counting.py; in datasets of earlier releases `visit` is 0.
+    """
 
     id: str
     participant: str
@@ -87,6 +93,7 @@ class SessionRecord:
     visit: int = 0
     round: int = 0
     practice: bool = False
+    counts_why: str = ""
     site: str = ""
     condition: str = ""
     mismatch: str = ""
@@ -130,17 +137,33 @@ class SessionRecord:
     definition_version: str = ""
 
     @property
-    def ruled_out(self) -> str:
-        """Why it counts nowhere, by rule; empty when it counts."""
+    def counts(self) -> bool:
+        """Whether it counts in results."""
+        return not self.counts_why
+
+    @property
+    def uncounted_because(self) -> str:
+        """Why it does not count, in words; empty when it counts."""
+        own = {counting.PLATFORM_FAULT: self.fault, counting.EXCLUDED: self.excluded}
+        return own.get(self.counts_why) or counting.REASONS.get(self.counts_why, "")
+
+    @property
+    def fault(self) -> str:
+        """The platform's fault that ended it; empty when none did."""
         if self.fault_side != PLATFORM:
             return ""
         part = self.fault_part.replace("_", " ")
         return f"platform fault: {part} away" if part else "platform fault"
 
     @property
+    def drove(self) -> bool:
+        """Whether a velocity of the visitor ever moved the robot."""
+        return not math.isnan(self.first_motion)
+
+    @property
     def exposed(self) -> bool:
-        """Tell whether the page showed the robot's video, or the robot moved for its visitor."""
-        return not (math.isnan(self.first_frame) and math.isnan(self.first_motion))
+        """Whether the page showed a video frame of the task; who drove has seen one."""
+        return self.drove or not math.isnan(self.first_frame)
 
 
 @dataclass(frozen=True)
@@ -217,8 +240,10 @@ NO_PUBLICATION = PublicationDetails()
 @dataclass(frozen=True)
 class Dataset:
     """A study and all that was recorded of it. `states` and `network` read those of a session,
-    which may have none. `ruled_out` are sessions that count nowhere, by rule, in a dataset of those
-    that count (`chosen`). Datasets of earlier releases have no `freeze`.
+    which may have none. Datasets of earlier releases have no `freeze`.
+
+    In a dataset of what counts (`counting`), `others` are the drives of the task that do not, and
+    `exclusions` everything that was excluded, or in a sensitivity analysis would have been.
     """
 
     study: StudyDefinition
@@ -232,7 +257,9 @@ class Dataset:
     plans: Mapping[str, FloorPlan] = field(default_factory=dict)
     states: Callable[[str], Columns] = lambda _: NO_STATES
     network: Callable[[str], Columns] = lambda _: NO_NETWORK
-    ruled_out: tuple[SessionRecord, ...] = ()
+    others: tuple[SessionRecord, ...] = ()
+    exclusions: tuple[PlanExclusion, ...] = ()
+    is_with_excluded: bool = False
     freeze: FreezeRecord | None = None
     publication: PublicationDetails = NO_PUBLICATION
 
@@ -254,7 +281,7 @@ class Dataset:
     def sessions_of(self, participants: Iterable[str]) -> tuple[str, ...]:
         """Return the ids of the sessions of participants."""
         wanted = set(participants)
-        rows = (*self.sessions, *self.ruled_out)
+        rows = (*self.sessions, *self.others)
         return tuple(one.id for one in rows if one.participant in wanted)
 
     def robot(self, name: str) -> RobotRecord:
@@ -280,48 +307,22 @@ class Dataset:
             default=None,
         )
 
-    def without(self, participants: Collection[str]) -> "Dataset":
-        """Return the dataset without some participants."""
-        sessions = tuple(one for one in self.sessions if one.participant not in participants)
-        ruled_out = tuple(one for one in self.ruled_out if one.participant not in participants)
-        kept = {one.id for one in sessions}
-        return replace(
-            self,
-            participants=tuple(one for one in self.participants if one.id not in participants),
-            sessions=sessions,
-            ruled_out=ruled_out,
-            events=tuple(one for one in self.events if one.session in kept),
-            pages=tuple(one for one in self.pages if one.participant not in participants),
-            responses=tuple(one for one in self.responses if one.participant not in participants),
+    @property
+    def included(self) -> tuple[ParticipantRecord, ...]:
+        """The participants who neither withdrew nor are excluded by a rule of the plan."""
+        excluded = excluded_participants(self.exclusions) if not self.is_with_excluded else ()
+        return tuple(
+            one for one in self.participants if not one.withdrawn and one.id not in excluded
         )
 
-    def chosen(
-        self, kinds: Sequence[Kind] = ("participant",), *, with_excluded: bool = True
+    def counting(
+        self, kinds: Sequence[Kind] = ("participant",), *, with_excluded: bool = False
     ) -> "Dataset":
-        """Return the part of it that counts: neither pilots and bots, unless asked for, nor
-        practice, nor what the platform ended; a withdrawn participant keeps only a row.
+        """Return the part of a whole dataset that counts: participants of some kinds with the
+        drives that count, the answers about these, and all pages and events of their task.
+
+        Args:
+            kinds: who is chosen.
+            with_excluded: whether what is excluded counts as well: a sensitivity analysis.
         """
-        people = tuple(one for one in self.participants if one.kind in kinds)
-        known = {one.id for one in people if not one.withdrawn}
-        own = tuple(
-            one
-            for one in self.sessions
-            if one.kind in kinds and one.participant in known and not one.practice
-        )
-        sessions = tuple(
-            one for one in own if not one.ruled_out and (with_excluded or not one.excluded)
-        )
-        kept = {one.id for one in sessions} | {""}
-        return replace(
-            self,
-            participants=people,
-            sessions=sessions,
-            ruled_out=tuple(one for one in own if one.ruled_out),
-            events=tuple(one for one in self.events if one.session in kept),
-            pages=tuple(
-                one for one in self.pages if one.participant in known and one.session in kept
-            ),
-            responses=tuple(
-                one for one in self.responses if one.participant in known and one.session in kept
-            ),
-        )
+        return counting.counting_part(self, kinds, with_excluded=with_excluded)

@@ -6,8 +6,8 @@ from typing import Any
 from experiments.analysis.dataset.cells import as_cell
 from experiments.analysis.dataset.names import questionnaire_paths
 from experiments.analysis.dataset.records import Dataset, ResponseRecord
-from surveys.definition import Definition, cells_of, columns_of
-from surveys.scoring import scores
+from surveys.definition import Definition
+from surveys.scoring import WideTable as Answers
 
 WIDE = ("response", "version", "participant", "session", "finished")
 WideTable = tuple[str, list[str], Iterable[Sequence[Any]]]  # where, head and rows
@@ -25,26 +25,16 @@ def wide_tables(dataset: Dataset) -> Iterator[WideTable]:
 
 def wide_head(versions: Sequence[Definition]) -> list[str]:
     """Return the columns of a questionnaire in all of its versions."""
-    return [*WIDE, *columns_of(versions), *_scores(versions)]
+    return [*WIDE, *Answers(versions).head]
 
 
 def _wide_rows(
     versions: Sequence[Definition], responses: Iterable[ResponseRecord]
 ) -> Iterator[list[Any]]:
     known = {one.version: one for one in versions}
-    layout, named = columns_of(versions), _scores(versions)
-    everywhere = {question.key: question for one in versions for question in one.questions()}
+    table = Answers(versions)
     for one in responses:
-        own = known.get(one.version)
-        asked = {question.key: question for question in own.questions()} if own else {}
-        cells = cells_of(everywhere | asked, one.values, one.missing)
-        found = scores(own, one.values) if own else {}
         yield [
             *(one.id, one.version, one.participant, one.session, as_cell(one.finished)),
-            *(cells.get(column, "") for column in layout),
-            *("" if found.get(name) is None else found[name] for name in named),
+            *table.row(known.get(one.version), one.values, one.missing),
         ]
-
-
-def _scores(versions: Sequence[Definition]) -> list[str]:
-    return list(dict.fromkeys(name for one in versions for name in scores(one, {})))

@@ -1,4 +1,4 @@
-"""Text with italics, subscripts and superscripts, as words for statistics are set in print."""
+"""Text with italics, subscripts and superscripts, as statistical symbols are set in print."""
 
 import re
 from collections.abc import Iterable
@@ -21,6 +21,7 @@ class Run:
 # upright (Publication Manual, 7th edition, section 6.44).
 SYMBOLS: dict[str, tuple[Run, ...]] = {
     "p (Holm)": (Run("p", italic=True), Run("Holm", position="sub")),
+    "p (family)": (Run("p", italic=True), Run("family", position="sub")),
     "d_z": (Run("d", italic=True), Run("z", italic=True, position="sub")),
     "η²p": (Run("η"), Run("2", position="super"), Run("p", italic=True, position="sub")),
     "W (Kendall)": (Run("W", italic=True),),
@@ -35,7 +36,7 @@ _HEADS = {"mean": "M", "Mean": "M", "median": "Mdn", "Median": "Mdn", "df 2": "d
 
 
 def symbol(name: str) -> tuple[Run, ...]:
-    """Return a symbol as it is set; another word as it is."""
+    """Return a symbol as it is set; another word unchanged."""
     return SYMBOLS.get(name, (Run(name),))
 
 

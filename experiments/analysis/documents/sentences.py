@@ -5,14 +5,17 @@ sections 6.36 and 6.40 to 6.45): symbols in italics, no zero before the point of
 
 import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from experiments.analysis.documents.runs import Run, plain, symbol
 from experiments.analysis.tables.comparisons import REMARK
 from experiments.analysis.tables.table import Table, TableCell
 
-SIGNIFICANT = 0.05
+RowKey = tuple[str, str, str]  # the table, measure and contrast or effect of a declared test
+Decisions = Mapping[RowKey, Sequence[tuple[str, float]]]  # hypotheses with p in their families
+NO_DECISIONS: Decisions = MappingProxyType({})
 LEAST_P = 0.001
 # What cannot exceed 1: it is written without a zero before the point.
 BOUNDED = frozenset({"r", "ρ", "W (Kendall)", "η²p", "ε²"})
@@ -34,10 +37,13 @@ NEEDED = frozenset({"Test", "Statistic", "p", REMARK})
 
 @dataclass(frozen=True)
 class Sentence:
-    """What a test found, and in which table it is."""
+    """What a test found, in which table it is, and the hypothesis of the plan that it decides on;
+    without one it is exploratory.
+    """
 
     table: str
     runs: tuple[Run, ...]
+    hypothesis: str = ""
 
     @property
     def text(self) -> str:
@@ -45,24 +51,52 @@ class Sentence:
         return plain(self.runs)
 
 
-def sentences_of(table: Table) -> Iterator[Sentence]:
-    """Yield a sentence for each row of a table that has a test; none for other tables."""
+def sentences_of(
+    table: Table, alpha: float, decisions: Decisions = NO_DECISIONS
+) -> Iterator[Sentence]:
+    """Yield a sentence for each row of a table that has a test, and for each hypothesis that it
+    decides on; none for other tables.
+
+    Args:
+        table: of a report.
+        alpha: the level of significance.
+        decisions: of declared tests, the hypotheses of the plan and p as corrected in their family.
+    """
     if not set(table.head) >= NEEDED:
         return
     for row in table.rows:
         cells = dict(zip(table.head, row, strict=True))
         if cells["Test"].text in METHODS and cells["p"].value is not None:
-            yield Sentence(table.name, tuple(_sentence(table, cells)))
+            for key, p in decisions.get(key_of(table, cells), (("", math.nan),)):
+                yield Sentence(table.name, tuple(_sentence(table, cells, alpha, key, p)), key)
 
 
-def _sentence(table: Table, cells: dict[str, TableCell]) -> Iterator[Run]:
+def key_of(table: Table, cells: Mapping[str, TableCell]) -> RowKey:
+    """Return what names a test: its table, its measure, and its contrast or effect."""
+    named = [cells[head].text for head in ("Measure", "Contrast", "Effect") if head in cells]
+    measure, label, *_ = (*named, "", "")
+    return table.name, measure, label
+
+
+def _sentence(
+    table: Table, cells: dict[str, TableCell], alpha: float, hypothesis: str, in_family: float
+) -> Iterator[Run]:
     method, letter = METHODS[cells["Test"].text]
+    probabilities = {
+        name: value
+        for name in ("p", "p (Holm)")
+        if name in cells and (value := cells[name].value) is not None
+    }
+    if hypothesis:
+        probabilities = {"p": probabilities["p"], "p (family)": in_family}
+        yield Run(f"{hypothesis}, ")
     yield Run(f"{_label(table, cells)}: ")
     yield from _method(method)
-    yield from _claim(cells, letter)
+    yield from _claim(cells, letter, is_found=[*probabilities.values()][-1] < alpha)
     yield Run(", ")
     yield from _statistic(cells, letter)
-    yield from _probabilities(cells)
+    for name, value in probabilities.items():
+        yield from (Run(", "), *symbol(name), Run(f" {probability(value)}"))
     yield from _effect(cells)
     yield Run(".")
 
@@ -82,10 +116,8 @@ def _method(text: str) -> Iterator[Run]:
     yield Run(text[at:])
 
 
-def _claim(cells: dict[str, TableCell], letter: str) -> Iterator[Run]:
+def _claim(cells: dict[str, TableCell], letter: str, *, is_found: bool) -> Iterator[Run]:
     """Say whether there is a difference, and what each condition was like."""
-    p = cells["p (Holm)"].value if "p (Holm)" in cells else cells["p"].value
-    is_found = p is not None and p < SIGNIFICANT
     what = "relation" if letter == "ρ" else "difference" if _groups_in(cells) else "effect"
     yield Run(f" showed {'a' if is_found else 'no'} significant {what}")
     left_out = cells[REMARK].text
@@ -134,13 +166,6 @@ def _statistic(cells: dict[str, TableCell], letter: str) -> Iterator[Run]:
 
 def _degrees(value: float) -> str:
     return f"{value:.0f}" if value.is_integer() else f"{value:.2f}"
-
-
-def _probabilities(cells: dict[str, TableCell]) -> Iterator[Run]:
-    for name in ("p", "p (Holm)"):
-        value = cells[name].value if name in cells else None
-        if value is not None:
-            yield from (Run(", "), *symbol(name), Run(f" {probability(value)}"))
 
 
 def _effect(cells: dict[str, TableCell]) -> Iterator[Run]:

@@ -133,6 +133,7 @@ def figure_8b(dataset: Dataset) -> Drawing:
     """Return a bar of 100 % a row of Table 5: non-positive against positive answers."""
     lines, responses = lines_of(dataset)
     scale = scale_of(dataset)
+    middle = (scale[0] + scale[-1]) / 2.0 if scale else 0.0
     title = "Final questionnaire: balance between non-positive and positive responses."
     found: Behind = {}
     rows: list[tuple[TableCell, ...]] = []
@@ -141,8 +142,8 @@ def figure_8b(dataset: Dataset) -> Drawing:
         for at, line in enumerate(lines):
             parts = _balance(line)
             groups = (
-                [value for value in scale if value <= 0],
-                [value for value in scale if value > 0],
+                [value for value in scale if value <= middle],
+                [value for value in scale if value > middle],
             )
             printed = (number(part, 1) for part in parts or (None, None))
             rows.append(

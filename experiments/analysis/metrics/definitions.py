@@ -8,6 +8,7 @@ from experiments.analysis.dataset.levels import METHODS, WAYS
 
 VERSION = 3
 CLOCK = "by the server's clock"
+FROM_START = "from the task's event task_started (the first video frame) to"
 
 DRIVING = (
     amount_of(
@@ -39,7 +40,7 @@ DRIVING = (
     ),
     share(
         "efficiency",
-        "that, divided by the distance driven in the completed segments, including gaps: 1 is "
+        "shortest, divided by the distance driven in the completed segments, including gaps: 1 is "
         "the shortest path, and the maximum",
     ),
     amount_of(
@@ -59,16 +60,18 @@ DRIVING = (
     amount_of(
         "stops",
         "",
-        "number of standstills of 1 s (below 0.02 m/s) after it went faster than 0.05 m/s",
+        "number of standstills of 1 s (below 0.02 m/s), seen without a gap, after it went faster "
+        "than 0.05 m/s",
     ),
     amount_of("idle", "s", "time without moving or turning"),
     amount_of("collisions", "", "collisions that began"),
     amount_of(
         "near_collisions",
         "",
-        "number of times that something came nearer than 0.20 m; each ends at 0.25 m",
+        "number of times that something came nearer than 0.20 m; each ends at 0.25 m; none counts "
+        "in which the robot was docked, as its station is what is near",
     ),
-    amount_of("near_seconds", "s", "time that something was so near"),
+    amount_of("near_seconds", "s", "time of near_collisions"),
     amount_of("least_clearance", "m", "smallest distance to anything"),
     amount_of("jumps", "", "number of jumps of the position without driving"),
 )
@@ -133,15 +136,14 @@ METRICS = (
     Column(
         "total_time",
         "s",
-        "from the task's event task_started (the first video frame) to its event task_ended;"
-        f" without them from first_frame to ended; {CLOCK}",
+        f"{FROM_START} its event task_ended; without them from first_frame to ended; {CLOCK}",
     ),
-    Column("time_to_motion", "s", f"from the same start to first_motion of the session; {CLOCK}"),
+    Column("time_to_motion", "s", f"{FROM_START} first_motion of the session; {CLOCK}"),
     Column(
         "task_time",
         "s",
-        "from the same start to the task's event docked: every checkpoint was passed and the robot"
-        f" was docked after it; of sessions that completed the task; {CLOCK}",
+        f"{FROM_START} its event docked: every checkpoint was passed and the robot was docked after"
+        f" it; of sessions that completed the task; {CLOCK}",
     ),
     Column(
         "docking_time",

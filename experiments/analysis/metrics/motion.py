@@ -140,7 +140,7 @@ def drive(track: Trajectory) -> DriveMotion:
     seen = track.lasts > 0.0
     going = np.abs(states["linear"]) > STANDING
     turning = np.abs(states["angular"]) > TURNING
-    near, begun = _near(states["clearance"])
+    near, near_collisions = _near(states["clearance"], states["docked"] == 1.0)
     clearance = states["clearance"][np.isfinite(states["clearance"])]
     return DriveMotion(
         way=driven_path(
@@ -154,22 +154,25 @@ def drive(track: Trajectory) -> DriveMotion:
         moving=float(track.lasts[going | turning].sum()),
         idle=float(track.lasts[~(going | turning)].sum()),
         seconds=float(track.lasts.sum()),
-        stops=_stops(np.abs(states["linear"]), track.at),
+        stops=_stops(np.abs(states["linear"]), track.at, ~seen),
         collisions=int(np.nansum(states["contacts"])),
-        near_collisions=begun,
+        near_collisions=near_collisions,
         near_seconds=float(track.lasts[near].sum()),
         least_clearance=float(clearance.min()) if clearance.size else math.nan,
     )
 
 
-def _stops(speed: Floats, at: Floats) -> int:
-    """Count how often a robot that went faster than GOING stood for STOP_SECONDS."""
+def _stops(speed: Floats, at: Floats, gap_follows: Bools) -> int:
+    """Count how often a robot that went faster than GOING was then seen to stand for STOP_SECONDS
+    without a gap.
+    """
     known = np.isfinite(speed)
-    speed, at = speed[known], at[known]
+    stretch: npt.NDArray[np.intp] = np.cumsum(gap_follows) - gap_follows
+    speed, at, stretch = speed[known], at[known], stretch[known]
     if not speed.size:
         return 0
     standing = speed < STANDING
-    edges = np.flatnonzero(np.diff(standing)) + 1
+    edges = np.flatnonzero(np.diff(standing) | (np.diff(stretch) > 0)) + 1
     starts = np.concatenate(([0], edges))
     ends = np.concatenate((edges, [len(speed)])) - 1
     count, went = 0, False
@@ -181,12 +184,15 @@ def _stops(speed: Floats, at: Floats) -> int:
     return count
 
 
-def _near(clearance: Floats) -> tuple[Bools, int]:
+def _near(clearance: Floats, docked: Bools) -> tuple[Bools, int]:
     """Return where the robot was near something, (n,), and how often that began; an unknown
-    clearance changes nothing.
+    clearance changes nothing. A stretch in which the robot was docked is near its station, which is
+    no near-collision: neither while it charges nor when it leaves or enters.
     """
-    told = np.where(clearance < NEAR, 1, np.where(clearance > CLEAR, 0, -1))
-    told[0:1] = np.maximum(told[0:1], 0)
-    held = np.maximum.accumulate(np.where(told >= 0, np.arange(len(told)), 0))
-    near = told[held] == 1
-    return near, int(near[:1].sum() + (np.diff(near.astype(np.int8)) == 1).sum())
+    reported = np.where(clearance < NEAR, 1, np.where(clearance > CLEAR, 0, -1))
+    reported[0:1] = np.maximum(reported[0:1], 0)
+    held = np.maximum.accumulate(np.where(reported >= 0, np.arange(len(reported)), 0))
+    near = reported[held] == 1
+    stretch = np.cumsum(np.diff(near, prepend=False))  # of states alike, numbered
+    near &= ~np.isin(stretch, stretch[docked & near])
+    return near, int((np.diff(near.astype(np.int8), prepend=0) == 1).sum())

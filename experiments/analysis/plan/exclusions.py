@@ -1,72 +1,19 @@
-"""Who is excluded from the analysis, by which rule: those of the plan, the platform's faults, and
-what a researcher decided by hand.
-
-The rules of the plan exclude participants, with all that they did. A drive that the platform ended
-is excluded by itself, always, with or without a plan. The time that a questionnaire took is that of
-its page, from its first display to its end, by the server's clock.
+"""What is excluded from the results, and whether that changes what is significant: every declared
+test with and without exclusions.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
-from experiments.analysis.dataset.levels import WITHHELD
-from experiments.analysis.dataset.records import Dataset, PageRecord, ResponseRecord
-from experiments.analysis.statistics.descriptive import spread
+from experiments.analysis.dataset.exclusions import PlanExclusion
 from experiments.analysis.tables.declared import PLANNED
-from experiments.analysis.tables.table import Table, words
-from experiments.definition.plan import AttentionCheck, Speeder, StudyPlan
-from surveys.answers import Missing
+from experiments.analysis.tables.table import NOTHING, Table, TableCell, number, probability, words
 
-ATTENTION, SPEEDER, INCOMPLETE = "attention check", "speeder", "incomplete"
-PLATFORM_FAULT, BY_HAND = "platform fault", "researcher's decision"
-RULES = {
-    ATTENTION: "of the plan: the participant answered an attention check otherwise",
-    SPEEDER: "of the plan: the participant answered a questionnaire too fast",
-    INCOMPLETE: "of the plan: a condition or a questionnaire of the participant is missing",
-    PLATFORM_FAULT: "the platform ended the session",
-    BY_HAND: "a researcher excluded the session",
-}
-NOT_ASKED = frozenset({Missing.NOT_ASKED, Missing.NOT_REACHED, WITHHELD})  # nothing to judge
 LISTED = (
     "Rules of the plan exclude a participant with all sessions; a platform fault or a researcher's"
     " decision excludes one session. Sessions that the platform ended count in no result."
 )
-
-
-@dataclass(frozen=True)
-class PlanExclusion:
-    """One reason to leave out a participant, or one session of theirs.
-
-    Attributes:
-        participant: their code.
-        rule: its name.
-        value: what was found, in words.
-        session: the session's code; empty when the participant is excluded.
-        is_planned: whether the plan has the rule.
-    """
-
-    participant: str
-    rule: str
-    value: str
-    session: str = ""
-    is_planned: bool = True
-
-
-def exclusions(dataset: Dataset) -> tuple[PlanExclusion, ...]:
-    """Return every exclusion from a dataset of those who count (`Dataset.chosen`), by participant.
-
-    A participant to whom several rules apply is listed for each.
-    """
-    plan = dataset.study.plan
-    found = [*_of_sessions(dataset)]
-    if plan is not None:
-        found += _of_participants(dataset, plan)
-    return tuple(sorted(found, key=lambda one: (one.participant, one.rule, one.value)))
-
-
-def excluded_participants(found: Sequence[PlanExclusion]) -> frozenset[str]:
-    """Return the participants whom the rules of the plan exclude."""
-    return frozenset(one.participant for one in found if not one.session)
+HEAD = ("Analysis", "Measure", "Test", "p (Holm)", "p (Holm), all", "Difference")
+Key = tuple[str, str, str]
 
 
 def exclusions_table(found: Sequence[PlanExclusion]) -> Table:
@@ -85,120 +32,58 @@ def exclusions_table(found: Sequence[PlanExclusion]) -> Table:
     return Table("exclusions", "Exclusions.", head, rows, (LISTED,))
 
 
-def _of_sessions(dataset: Dataset) -> Iterator[PlanExclusion]:
-    has_plan = dataset.study.plan is not None
-    for one in dataset.ruled_out:
-        yield PlanExclusion(one.participant, PLATFORM_FAULT, one.ruled_out, one.id, has_plan)
-    for one in dataset.sessions:
-        if one.excluded:
-            yield PlanExclusion(one.participant, BY_HAND, one.excluded, one.id, is_planned=False)
+def exclusion_effects(planned: Sequence[Table], every: Sequence[Table], alpha: float) -> Table:
+    """Return the declared tests on the drives that count beside the same with the excluded ones.
 
-
-def _of_participants(dataset: Dataset, plan: StudyPlan) -> Iterator[PlanExclusion]:
-    for check in plan.attention_checks:
-        yield from _failed(dataset, check)
-    for speeder in plan.speeders:
-        yield from _too_fast(dataset, speeder)
-    if plan.incomplete != "keep":
-        yield from _incomplete(dataset, with_answers=plan.incomplete == "answers")
-
-
-# --- attention checks -----------------------------------------------------------------------------
-
-
-def _failed(dataset: Dataset, check: AttentionCheck) -> Iterator[PlanExclusion]:
-    for response in dataset.responses:
-        if response.questionnaire != check.questionnaire or not response.finished:
-            continue
-        given = _given(response, check.item)
-        if given is not None and given != check.answer:
-            value = f"{check.questionnaire}.{check.item}: {given}, right is {check.answer}"
-            yield PlanExclusion(response.participant, ATTENTION, value)
-
-
-def _given(response: ResponseRecord, item: str) -> str | None:
-    """Return what was answered to an item, as text; None where it was not asked."""
-    if item in response.values:
-        return as_answer(response.values[item])
-    reason = response.missing.get(item)
-    return None if reason is None or reason in NOT_ASKED else "no answer"
-
-
-def as_answer(value: object) -> str:
-    """Return a stored value as the plan writes it: a number, a word, or words with commas."""
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, float) and value.is_integer():
-        return str(int(value))
-    return ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
-
-
-# --- speeders -------------------------------------------------------------------------------------
-
-
-def _too_fast(dataset: Dataset, rule: Speeder) -> Iterator[PlanExclusion]:
-    pages = _answered_pages(dataset, rule.questionnaire)
-    limit, said = _limit(rule, pages)
-    for page in pages:
-        if page.seconds < limit:
-            value = f"{rule.questionnaire}: {page.seconds:.1f} s, less than {said}"
-            yield PlanExclusion(page.participant, SPEEDER, value)
-
-
-def _answered_pages(dataset: Dataset, questionnaire: str) -> list[PageRecord]:
-    steps = {one.key for one in dataset.study.asking if one.questionnaire == questionnaire}
-    return [one for one in dataset.pages if one.finished and one.step in steps]
-
-
-def _limit(rule: Speeder, pages: Sequence[PageRecord]) -> tuple[float, str]:
-    """Return the least seconds that are allowed, and how that limit is said."""
-    limit, said = rule.seconds or 0.0, f"{rule.seconds or 0.0:g} s"
-    median = spread([one.seconds for one in pages]).median if pages else None
-    if rule.median_share is None or median is None:
-        return limit, said
-    share = rule.median_share * median
-    if share <= limit:
-        return limit, said
-    return share, f"{share:.1f} s ({rule.median_share:g} of the median of {median:.1f} s)"
-
-
-# --- incomplete cases -----------------------------------------------------------------------------
-
-
-def _incomplete(dataset: Dataset, *, with_answers: bool) -> Iterator[PlanExclusion]:
-    for person in dataset.participants:
-        if person.withdrawn:
-            continue
-        lacking = list(_lacking(dataset, person.id, person.cell, with_answers=with_answers))
-        if lacking:
-            yield PlanExclusion(person.id, INCOMPLETE, "; ".join(lacking))
-
-
-def _lacking(dataset: Dataset, who: str, cell: str, *, with_answers: bool) -> Iterator[str]:
-    if not cell:
-        yield "never assigned to a condition"
-        return
-    drives = [
-        one for one in dataset.sessions if one.participant == who and one.exposed and one.outcome
-    ]
-    driven = {one.condition for one in drives}
-    for key in cell.split("-"):
-        if key not in driven:
-            yield f"no drive of {key}"
-        elif with_answers:
-            yield from _unanswered(
-                dataset, who, key, {one.id for one in drives if one.condition == key}
+    Args:
+        planned: the tables of the declared analyses, of the drives that count.
+        every: the same with the excluded drives.
+        alpha: the level of significance.
+    """
+    others = dict(_tests(every))
+    rows, changed = [], []
+    for key, cells in _tests(planned):
+        other = others.get(key, {})
+        p, q = (_p(one) for one in (cells, other))
+        is_changed = (p < alpha) != (q < alpha)
+        changed += [", ".join(key)] if is_changed else []
+        rows.append(
+            (
+                *(words(part) for part in key),
+                *(probability(p), probability(q), _difference(cells), _difference(other)),
+                words("changes" if is_changed else "same"),
             )
-
-
-def _unanswered(dataset: Dataset, who: str, condition: str, sessions: set[str]) -> Iterator[str]:
-    for step in dataset.study.asking:
-        answered = any(
-            one.finished
-            and one.questionnaire == step.questionnaire
-            and (not step.repeat or one.session in sessions)
-            for one in dataset.responses
-            if one.participant == who
         )
-        if not answered:
-            yield f"no answers to {step.questionnaire} ({condition})"
+    return Table(
+        "exclusions-effect",
+        "Sensitivity analysis: declared tests with the excluded drives (all).",
+        (*HEAD, "Difference, all", "Significance"),
+        tuple(rows),
+        _said(changed, alpha),
+    )
+
+
+def _said(changed: Sequence[str], alpha: float) -> tuple[str, ...]:
+    level = f"Significant: p (Holm) below {alpha:g}."
+    if not changed:
+        return (level, "The exclusions change the significance of no declared test.")
+    return (level, f"The exclusions change the significance of: {'; '.join(changed)}.")
+
+
+def _tests(tables: Sequence[Table]) -> Iterator[tuple[Key, dict[str, TableCell]]]:
+    for table in tables:
+        if "p (Holm)" not in table.head:
+            continue
+        for row in table.rows:
+            cells = dict(zip(table.head, row, strict=True))
+            label = cells.get("Contrast", cells.get("Effect", words(NOTHING))).text
+            yield (table.name.removeprefix("analysis-"), cells["Measure"].text, label), cells
+
+
+def _p(cells: dict[str, TableCell]) -> float:
+    value = cells["p (Holm)"].value if cells else None
+    return float("nan") if value is None else value
+
+
+def _difference(cells: dict[str, TableCell]) -> TableCell:
+    return number(cells["Difference"].value if "Difference" in cells else None, 3)

@@ -6,21 +6,27 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.figures.drawing import Drawing
 from experiments.analysis.statistics.comparisons import holm
 from experiments.analysis.tables.declared import PLANNED, name_of
 from experiments.analysis.tables.table import Table, TableCell, number, probability, words
 from experiments.definition.analyses import DeclaredAnalysis
-from experiments.definition.plan import Hypothesis, StudyPlan, is_confirmatory, measures_of
+from experiments.definition.plan import Hypothesis, StudyPlan, measures_of
 from experiments.definition.schema import StudyDefinition
 
 NO_PLAN = "No plan was declared: everything here is exploratory."
 NO_HYPOTHESIS = "The plan has no hypothesis: everything here is exploratory."
-NOT_PLANNED = "Exploratory: the plan of the study does not have this."
+NOT_PLANNED = "Exploratory: no hypothesis of the plan is tested here."
+SENSITIVITY = (
+    "Sensitivity analysis: with the drives and participants that are excluded from the results."
+)
 PRECISION = (
     "p (family): corrected by Holm's method for the tests of the family; without a family, for"
     " those of its analysis. p values are two-sided."
+)
+SELECTED = (
+    "Of the drives that count: those that the plan or a researcher excludes are left out (table"
+    " Exclusions)."
 )
 HEAD = (
     *("Hypothesis", "Expected", "Measure", "Test", "p", "p (family)", "Difference"),
@@ -32,11 +38,12 @@ Row = tuple[TableCell, ...]
 
 @dataclass(frozen=True)
 class DecidingTest:
-    """A row of a declared table that decides on a hypothesis; `difference` is NaN or None where the
-    test has no direction.
+    """A row of a declared table that decides on a hypothesis; `difference` is that of the first
+    side, or level, less the second, and NaN or None where the test has no direction.
     """
 
     hypothesis: Hypothesis
+    table: str
     analysis: str
     measure: str
     label: str
@@ -45,23 +52,51 @@ class DecidingTest:
     difference: float | None
 
 
-def hypotheses_table(dataset: Dataset, tables: Sequence[Table]) -> Table:
-    """Return each hypothesis with its tests, from the tables of the declared analyses."""
-    plan = dataset.study.plan
+@dataclass(frozen=True)
+class Decision:
+    """A test that decides on a hypothesis, with p as corrected in the family."""
+
+    test: DecidingTest
+    p: float
+
+
+def decisions_of(study: StudyDefinition, tables: Sequence[Table]) -> list[Decision]:
+    """Return the tests that decide on the hypotheses of a study's plan, from the tables of its
+    declared analyses.
+    """
+    if study.plan is None:
+        return []
+    tests = list(_tests(study, study.plan, {table.name: table for table in tables}))
+    corrected = family_corrected(study.plan, tests)
+    return [Decision(test, p) for test, p in zip(tests, corrected, strict=True)]
+
+
+def hypotheses_table(study: StudyDefinition, decisions: Sequence[Decision]) -> Table:
+    """Return each hypothesis with the tests that decide on it."""
+    plan = study.plan
     title = "Hypotheses of the plan."
     if plan is None or not plan.hypotheses:
         said = NO_PLAN if plan is None else NO_HYPOTHESIS
         return Table("hypotheses", title, (PLANNED,), ((words(said),),))
-    tests = list(_tests(dataset.study, plan, {table.name: table for table in tables}))
-    corrected = family_corrected(plan, tests)
-    rows = tuple(_row(plan, one, p) for one, p in zip(tests, corrected, strict=True))
+    rows = tuple(_row(plan, one) for one in decisions)
     texts = tuple(f"{one.key}: {one.text}" for one in plan.hypotheses)
     alpha = f"Significant: p (family) below {plan.alpha:g}."
-    return Table("hypotheses", title, HEAD, rows, (*texts, PRECISION, alpha))
+    return Table("hypotheses", title, HEAD, rows, (*texts, SELECTED, PRECISION, alpha))
 
 
-def _row(plan: StudyPlan, one: DecidingTest, p: float) -> Row:
-    signed = one.difference
+def by_row(decisions: Sequence[Decision]) -> dict[tuple[str, str, str], list[tuple[str, float]]]:
+    """Return the hypotheses on which each row of a declared table decides, with p in the family; a
+    row is named by its table, measure, and contrast or effect.
+    """
+    found: dict[tuple[str, str, str], list[tuple[str, float]]] = {}
+    for one in decisions:
+        key = (one.test.table, one.test.measure, one.test.label)
+        found.setdefault(key, []).append((one.test.hypothesis.key, one.p))
+    return found
+
+
+def _row(plan: StudyPlan, decision: Decision) -> Row:
+    one, p = decision.test, decision.p
     return (
         words(one.hypothesis.key),
         words(EXPECTED[one.hypothesis.direction]),
@@ -69,8 +104,8 @@ def _row(plan: StudyPlan, one: DecidingTest, p: float) -> Row:
         words(f"{one.analysis}: {one.label}"),
         probability(one.p),
         probability(p),
-        number(signed, 3),
-        words(_as_expected(one.hypothesis, signed)),
+        number(one.difference, 3),
+        words(_as_expected(one.hypothesis, one.difference)),
         words("unknown" if math.isnan(p) else "yes" if p < plan.alpha else "no"),
     )
 
@@ -80,7 +115,8 @@ def _as_expected(hypothesis: Hypothesis, difference: float | None) -> str:
         return "–"
     if difference is None:
         return "unknown"
-    return "yes" if (difference > 0.0) == (hypothesis.direction == "greater") else "no"
+    signed = difference if hypothesis.direction == "greater" else -difference
+    return "yes" if signed > 0.0 else "no"
 
 
 def family_corrected(plan: StudyPlan, tests: Sequence[DecidingTest]) -> list[float]:
@@ -123,29 +159,33 @@ def _test(
     label = cells.get("Contrast", cells.get("Effect", words(""))).text
     difference = cells["Difference"].value if "Difference" in cells else None
     if coefficients is not None:
-        difference = _slope(analysis, study, measure, label, coefficients)
+        difference = _between_levels(analysis, study, measure, label, coefficients)
     p, corrected = (_value(cells[name]) for name in ("p", "p (Holm)"))
-    return DecidingTest(hypothesis, analysis.key, measure, label, p, corrected, difference)
+    table = name_of(analysis)
+    return DecidingTest(hypothesis, table, analysis.key, measure, label, p, corrected, difference)
 
 
-def _slope(
+def _between_levels(
     analysis: DeclaredAnalysis,
     study: StudyDefinition,
     measure: str,
     effect: str,
     coefficients: Table,
 ) -> float | None:
-    """Return by how much the second level of a factor with two is above the first; None for other
-    effects. With sum coding the coefficient is that of the first level, half the difference below.
+    """Return by how much the first level of a factor with two is above the second; None for other
+    effects, and where treatment coding makes the coefficient a simple effect, because the factor is
+    in an interaction. With sum coding the coefficient is that of the first level, half the
+    difference.
     """
     factor = next((one for one in study.factors if one.key == effect), None)
-    if factor is None or len(factor.levels) != 2:
-        return None
     is_sum = analysis.coding == "sum"
+    interacts = any(effect in one.split(":") for one in analysis.effects if one != effect)
+    if factor is None or len(factor.levels) != 2 or (interacts and not is_sum):
+        return None
     name = f"{effect} {factor.levels[0 if is_sum else 1].key}"
     for row in coefficients.rows:
         if (row[0].text, row[1].text) == (measure, name) and row[2].value is not None:
-            return -2.0 * row[2].value if is_sum else row[2].value
+            return 2.0 * row[2].value if is_sum else -row[2].value
     return None
 
 
@@ -157,41 +197,41 @@ def _value(cell: TableCell) -> float:
 
 
 def status_of(study: StudyDefinition, measures: Sequence[str]) -> str:
-    """Return what is said of results on some measures: the hypotheses about them, or that they are
-    exploratory; nothing in a study without hypotheses, which says so once.
-    """
-    plan = study.plan
-    if plan is None or not plan.hypotheses:
-        return ""
+    """Return which hypotheses are about some measures, or that results on them are exploratory."""
+    hypotheses = study.plan.hypotheses if study.plan is not None else ()
     analyses = {one.key: one for one in study.analyses}
     keys = [
         one.key
-        for one in plan.hypotheses
+        for one in hypotheses
         if one.analysis in analyses
         and set(measures).intersection(measures_of(one, analyses[one.analysis]))
     ]
     return f"Shows measures of: {', '.join(keys)}." if keys else NOT_PLANNED
 
 
-def marked_table(study: StudyDefinition, table: Table) -> Table:
-    """Return a table with tests that the plan does not have marked as exploratory; the declared
-    ones say it row by row.
+def marked_table(table: Table, *, is_sensitivity: bool) -> Table:
+    """Return a table that says what it is: part of a sensitivity analysis; or exploratory, where it
+    has tests that no hypothesis names. Those that have hypotheses say so row by row.
     """
-    if not is_confirmatory(study.plan) or PLANNED in table.head or "p" not in table.head:
-        return table
-    if table.name.startswith("analysis-") or table.name == "hypotheses":
+    if is_sensitivity:
+        return replace(table, notes=(SENSITIVITY, *table.notes))
+    if PLANNED in table.head or "p" not in table.head or table.name == "hypotheses":
         return table
     return replace(table, notes=(*table.notes, NOT_PLANNED))
 
 
-def marked_figure(study: StudyDefinition, figure: Drawing) -> Drawing:
-    """Return a figure of answers with the hypotheses that it belongs to, or as exploratory."""
+def marked_figure(study: StudyDefinition, figure: Drawing, *, is_sensitivity: bool) -> Drawing:
+    """Return a figure that says that it is part of a sensitivity analysis; or, of answers, to which
+    hypotheses it belongs, or that it is exploratory.
+    """
     questionnaire = _questionnaire_of(study, figure.name)
-    if not is_confirmatory(study.plan) or not questionnaire:
-        return figure
-    declared = {measure for one in study.analyses for measure in one.measures}
-    shown = [one for one in declared if one.partition(".")[0] == questionnaire and "." in one]
-    notes = (*figure.numbers.notes, status_of(study, shown))
+    notes = figure.numbers.notes
+    if is_sensitivity:
+        notes = (SENSITIVITY, *notes)
+    elif questionnaire:
+        declared = {measure for one in study.analyses for measure in one.measures}
+        shown = [one for one in declared if one.partition(".")[0] == questionnaire and "." in one]
+        notes = (*notes, status_of(study, shown))
     return replace(figure, numbers=replace(figure.numbers, notes=notes))
 
 

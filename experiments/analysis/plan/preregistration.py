@@ -1,12 +1,18 @@
 """A study's definition as the text of a preregistration, in Markdown: the questions of the OSF
 Preregistration in their order, which include those of AsPredicted. Each is answered from the
-definition, or said to be unanswered; nothing is added.
+definition, or said to be unanswered; nothing is added. An appendix has every number and choice of
+the definition, defaults too.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+
+import msgspec
 
 from experiments.analysis.dataset.records import FreezeRecord
+from experiments.analysis.metrics.definitions import METRICS, VERSION
+from experiments.analysis.tables import response_selection
 from experiments.definition.analyses import DeclaredAnalysis
+from experiments.definition.factors import conditions_together
 from experiments.definition.plan import (
     AttentionCheck,
     Hypothesis,
@@ -15,8 +21,11 @@ from experiments.definition.plan import (
     hypotheses_of,
     measures_of,
 )
-from experiments.definition.schema import BalanceFactor, Condition, StudyDefinition
+from experiments.definition.schema import Allocation, Condition, Course, Impairment, StudyDefinition
+from robots.api.network_words import RANGES, spell
+from surveys.definition import Definition
 from surveys.documents import spoken
+from surveys.scoring import ScoredScale, measured_scale, parts_of, scales_of
 
 UNANSWERED = "*Unanswered: the definition of the study does not say.*"
 NO_PLAN = "**No plan was declared: every analysis of this study is exploratory.**"
@@ -40,32 +49,39 @@ INCOMPLETE = {
     "answers": "Participants who lack a drive in one of their conditions, or a finished"
     " questionnaire of the study, are excluded.",
 }
-DIRECTIONS = {
-    "different": "a difference, two-sided",
-    "greater": "the first side is greater; tested two-sided",
-    "less": "the first side is smaller; tested two-sided",
+DRIVES = {
+    "first": "Of several such drives of a participant in a condition, the first counts.",
+    "last": "Of several such drives of a participant in a condition, the last counts.",
+    "all": "Of several such drives of a participant in a condition, all count, and their values are"
+    " averaged first.",
 }
 Answer = tuple[str, Iterable[str]]  # a question, and the paragraphs or lines that answer it
 
 
-def preregistration(study: StudyDefinition, freeze: FreezeRecord | None) -> str:
+def preregistration(
+    study: StudyDefinition,
+    freeze: FreezeRecord | None,
+    questionnaires: Sequence[Definition] = (),
+) -> str:
     """Return the text of a preregistration of a study.
 
     Args:
         study: its definition.
         freeze: when it was frozen, if that is known.
+        questionnaires: those that it asks, as far as they are known.
     """
     lines = [f"# Preregistration: {_say(study, study.title) or study.slug}", ""]
     lines += [*_freeze_lines(study, freeze), ""]
     if study.plan is None:
         lines += [NO_PLAN, ""]
     plan = study.plan or StudyPlan()
-    for section, answers in _sections(study, plan, freeze):
+    asked = {one.slug: one for one in sorted(questionnaires, key=lambda one: one.version)}
+    for section, answers in _sections(study, plan, freeze, asked):
         lines += [f"## {section}", ""]
         for question, given in answers:
             said = [line for line in given if line.strip()]
             lines += [f"### {question}", "", *(said or [UNANSWERED]), ""]
-    return "\n".join(lines)
+    return "\n".join((*lines, "## Every number and choice", "", *_settings(study), ""))
 
 
 def _freeze_lines(study: StudyDefinition, freeze: FreezeRecord | None) -> Iterator[str]:
@@ -98,12 +114,15 @@ def before_data(freeze: FreezeRecord | None) -> str:
 
 
 def _sections(
-    study: StudyDefinition, plan: StudyPlan, freeze: FreezeRecord | None
+    study: StudyDefinition,
+    plan: StudyPlan,
+    freeze: FreezeRecord | None,
+    asked: dict[str, Definition],
 ) -> Iterator[tuple[str, tuple[Answer, ...]]]:
     yield "Study information", _information(study, plan)
     yield "Design plan", _design(study, plan)
     yield "Sampling plan", _sampling(study, plan, freeze)
-    yield "Variables", _variables(study)
+    yield "Variables", _variables(study, asked)
     yield "Analysis plan", _analysis(study, plan)
     yield "Other", (("Other", [plan.notes, study.source]),)
 
@@ -129,51 +148,116 @@ def _hypothesis(study: StudyDefinition, one: Hypothesis) -> str:
         parts.append(f"contrast “{_say(study, analysis.contrasts[one.contrast - 1].title)}”")
     if one.effect:
         parts.append(f"effect `{one.effect}`")
-    expected = f"Expected: {DIRECTIONS[one.direction]}."
+    expected = f"Expected: {_direction(study, one, analysis)}."
     return f"- **{one.key}**: {one.text} {expected} Tested by: {'; '.join(parts)}."
+
+
+def _direction(study: StudyDefinition, one: Hypothesis, analysis: DeclaredAnalysis) -> str:
+    """Return what is expected, with the sides, or the levels of an effect, by their titles."""
+    if one.direction == "different":
+        return "a difference, two-sided"
+    first, second = "the first side", "the second"
+    factor = next((it for it in study.factors if it.key == one.effect), None)
+    if factor is not None and len(factor.levels) == 2:
+        first, second = (f"“{_say(study, level.title)}”" for level in factor.levels)
+    elif one.contrast is not None and one.contrast <= len(analysis.contrasts):
+        it = analysis.contrasts[one.contrast - 1]
+        first, second = (", ".join(f"`{key}`" for key in keys) for keys in (it.first, it.second))
+    word = "greater" if one.direction == "greater" else "smaller"
+    return f"{first} is {word} than {second}; tested two-sided"
 
 
 # --- design and sampling --------------------------------------------------------------------------
 
 
 def _design(study: StudyDefinition, plan: StudyPlan) -> tuple[Answer, ...]:
+    kind = "Experiment: participants are assigned to conditions."
+    if len(study.conditions) == 1:
+        kind = "Observational study: every participant has the same condition."
     return (
-        ("Study type", ["Experiment: participants are assigned to conditions."]),
+        ("Study type", [kind]),
         ("Blinding", [plan.blinding]),
         ("Study design", list(_study_design(study))),
-        ("Randomization", [_randomization(study)]),
+        ("Randomization", list(_randomization(study))),
     )
 
 
 def _study_design(study: StudyDefinition) -> Iterator[str]:
-    within = study.allocation.design == "within"
-    often = "do all of their conditions" if within else "do one condition each"
-    yield f"Participants {often}."
+    most = max((len(keys) for keys in conditions_together(study)), default=0)
+    if len(study.conditions) > 1:
+        yield f"A participant does {most} of {len(study.conditions)} conditions."
     for factor in study.factors:
         levels = ", ".join(_say(study, level.title) for level in factor.levels)
         yield f"- Factor `{factor.key}`, {factor.design} participants: {levels}"
     for condition in study.conditions:
         yield f"- Condition `{condition.key}`: {described(study, condition)}"
+    for step in study.drives:
+        what = "Practice, which counts in no result" if step.is_practice else "Task"
+        again = ", once for each condition" if step.repeat else ""
+        yield f"- {what}, `{step.key}`: at most {step.minutes:g} minutes{again}."
+    if study.task is not None:
+        yield (
+            "- The time of the task begins with the first video frame that the page shows. It is"
+            " completed when all checkpoints were passed in order and the robot has then rested on"
+            f" its charging contacts for {study.task.docked_seconds:g} s; a robot without contacts"
+            " decides by itself that it is docked."
+        )
+    yield from (_course(one) for one in study.courses)
+    yield from filter(None, [_start(study)])
+
+
+def _course(course: Course) -> str:
+    """Return what is driven, in metres of the floor plan."""
+    stops = "; ".join(
+        f"{one.number or 'station'} at ({one.x:g}, {one.y:g}) within {one.radius:g} m"
+        for one in course.checkpoints
+    )
+    parts = [f"- Course of {course.robot} at {course.site}: {stops}"]
+    if course.doors:
+        parts.append(f"doors to cross, where open: {', '.join(course.doors)}")
+    if course.photo is not None:
+        near = f"within {course.photo.radius:g} m of checkpoint {course.photo.checkpoint}"
+        parts.append(f"a photo of the robot in the mirror {course.photo.mirror}, {near}")
+    if course.zones:
+        parts.append(f"zones: {', '.join(zone.name for zone in course.zones)}")
+    return "; ".join(parts) + "."
+
+
+def _start(study: StudyDefinition) -> str:
+    start = study.start
+    rules = []
+    if start.charge > 0.0:
+        rules.append(f"its battery has at least {100.0 * start.charge:g} % of its charge")
+    if start.docked:
+        rules.append(
+            f"it is docked within {start.distance:g} m and {start.heading:g} rad of the pose of the"
+            " course's station"
+        )
+    said = "; ".join(rules)
+    return f"- A drive begins only when this holds of the robot: {said}." if said else ""
 
 
 def described(study: StudyDefinition, condition: Condition) -> str:
-    """Return what a condition is, in words."""
+    """Return what a condition is, in words and numbers."""
+    levels = ", ".join(f"{factor} {level}" for factor, level in condition.levels.items())
     parts = [
         _say(study, condition.title),
+        levels and f"levels: {levels}",
         f"robot {condition.robot} at {condition.site}",
         f"assistance {condition.assist}",
         f"controllers {', '.join(condition.controllers) or 'none'}",
+        condition.actions and f"actions {', '.join(condition.actions)}",
+        condition.interface != "standard" and f"page {condition.interface}",
+        condition.control_way != "any" and f"commands over {condition.control_way}",
+        condition.doors_closed and f"closed {', '.join(condition.doors_closed)}",
+        condition.speed.linear is not None and f"at most {condition.speed.linear:g} m/s",
+        condition.speed.angular is not None and f"at most {condition.speed.angular:g} rad/s",
+        _network("network to the robot, one way", condition.network.control),
+        _network("network back with the video, one way", condition.network.video),
+        condition.idle_seconds
+        and f"asked whether they are there after {condition.idle_seconds:g} s",
+        condition.access == "invitation" and "by invitation",
     ]
-    if condition.actions:
-        parts.append(f"actions {', '.join(condition.actions)}")
-    if condition.doors_closed:
-        parts.append(f"closed {', '.join(condition.doors_closed)}")
-    if condition.speed.linear is not None:
-        parts.append(f"at most {condition.speed.linear:g} m/s")
-    if condition.network.control is not None or condition.network.video is not None:
-        parts.append("impaired network")
-    if condition.access == "invitation":
-        parts.append("by invitation")
     parts.extend(
         f"pages {', '.join(map(str, pages))} of the instructions `{step.key}`, for some conditions"
         " only"
@@ -183,38 +267,73 @@ def described(study: StudyDefinition, condition: Condition) -> str:
     return "; ".join(part for part in parts if part)
 
 
-def _balance_factor(factor: BalanceFactor) -> str:
-    limits = ", ".join(f"{limit:g}" for limit in factor.limits)
-    return f"{factor.item} (from {limits})" if limits else factor.item
+def _network(what: str, impairment: Impairment | None) -> str:
+    units = {"milliseconds": "ms", "percent": "%"}
+    words = []
+    for part in filter(None, spell(impairment).split(",")):
+        name, _, value = part.partition("=")
+        words.append(f"{name} {value} {units.get(RANGES[name][2], RANGES[name][2])}")
+    return f"{what}: {', '.join(words)}" if words else ""
 
 
-def _randomization(study: StudyDefinition) -> str:
-    allocation = study.allocation
+def _randomization(study: StudyDefinition) -> Iterator[str]:
+    allocation, refill = study.allocation, study.refill
+    if len(study.conditions) == 1:
+        yield "None: there is one condition."
+        return
     when = (
         "Before reading instructions that depend on the condition"
         if study.tells_condition
         else "On first getting the robot"
     )
-    told = (
+    yield (
         f"{when}, a participant is assigned to the cell with the fewest places filled or in"
         f" progress with probability {allocation.best_probability:g}, otherwise to one of the"
         " others; ties and chance follow from a seed that is kept."
     )
     if allocation.balance:
-        factors = ", ".join(_balance_factor(one) for one in allocation.balance)
-        alike = (
-            "each of these factors, added up (minimization)"
-            if allocation.balancing == "minimization"
-            else "all of these factors (strata)"
+        yield _balance(allocation)
+    if study.reveals_condition:
+        yield "A participant keeps the cell: the page shows something of it before any video."
+    else:
+        yield (
+            "A participant who was not exposed gives the place back and is drawn anew on getting"
+            " the robot again; every draw is reported, and the participant counts in the cell of"
+            " the drive that counts."
         )
-        told += f" The places that count are those of participants alike in {alike}: {factors}."
-    told += (
-        " A participant who has seen nothing of the condition gives up the place and is assigned"
-        " again."
-    )
     if allocation.design == "within":
-        told += f" Conditions are done {ORDERS[allocation.order]}."
-    return told
+        yield f"Conditions are done {ORDERS[allocation.order]}."
+        yield (
+            "A participant who was not seen for"
+            f" {allocation.left_after_hours:g} hours before the last condition has left: another"
+            " participant gets the order."
+        )
+    yield _replacement(refill.outcomes, refill.most)
+
+
+def _balance(allocation: Allocation) -> str:
+    factors = [
+        f"{one.item} (from {', '.join(f'{limit:g}' for limit in one.limits)})"
+        if one.limits
+        else one.item
+        for one in allocation.balance
+    ]
+    alike = (
+        "each of these factors, added up (minimization)"
+        if allocation.balancing == "minimization"
+        else "all of these factors (strata)"
+    )
+    return f"Places count of participants alike in {alike}: {', '.join(factors)}."
+
+
+def _replacement(outcomes: Sequence[str], most: int) -> str:
+    if not (outcomes and most):
+        return "Exposed participants are not replaced."
+    named = ", ".join(one.replace("_", " ") for one in outcomes)
+    return (
+        f"Exposed participants whose task ended so are replaced, at most {most} times in each cell:"
+        f" {named}. They stay in the flow, and their drives count as those of others."
+    )
 
 
 def _sampling(
@@ -247,17 +366,51 @@ def _expected(plan: StudyPlan) -> Iterator[str]:
 # --- variables and analysis -----------------------------------------------------------------------
 
 
-def _variables(study: StudyDefinition) -> tuple[Answer, ...]:
+def _variables(study: StudyDefinition, asked: dict[str, Definition]) -> tuple[Answer, ...]:
     manipulated = [f"- `{one.key}`: {_say(study, one.title)}" for one in study.factors]
-    if not manipulated:
+    if not manipulated and len(study.conditions) > 1:
         manipulated = [f"- `{one.key}`: {_say(study, one.title)}" for one in study.conditions]
     measures = dict.fromkeys(measure for one in study.analyses for measure in one.measures)
-    asked = dict.fromkeys(step.questionnaire for step in study.asking)
+    slugs = dict.fromkeys(step.questionnaire for step in study.asking)
     return (
-        ("Manipulated variables", manipulated),
-        ("Measured variables", [f"- `{one}`" for one in measures]),
-        ("Indices", [f"- Scores of the questionnaire `{one}`" for one in asked]),
+        ("Manipulated variables", manipulated or ["None: there is one condition."]),
+        ("Measured variables", [_measure(one, asked) for one in measures]),
+        ("Indices", [line for slug in slugs for line in _scales(study, slug, asked.get(slug))]),
     )
+
+
+def _measure(measure: str, asked: dict[str, Definition]) -> str:
+    """Return a measure with its definition."""
+    slug, point, item = measure.partition(".")
+    if not point:
+        column = next((one for one in METRICS if one.name == measure), None)
+        if column is None:
+            return f"- `{measure}`"
+        unit = f" ({column.unit})" if column.unit else ""
+        return f"- `{measure}`{unit}: {column.meaning}. Definitions of version {VERSION}."
+    scale = measured_scale(asked[slug], item) if slug in asked else None
+    return f"- `{measure}`" if scale is None else f"- `{measure}`: {_scale(scale)}"
+
+
+def _scale(scale: ScoredScale) -> str:
+    low, high = scale.bounds
+    return f"{scale.formula}; from {low:g} to {high:g}."
+
+
+def _scales(study: StudyDefinition, slug: str, asked: Definition | None) -> Iterator[str]:
+    """Yield how a questionnaire is scored, and which of its items are reverse-coded."""
+    if asked is None:
+        yield f"- Scores of the questionnaire `{slug}`"
+        return
+    scales = (*scales_of(asked), *parts_of(asked))
+    name = f"`{slug}`, version {asked.version}"
+    if not scales:
+        yield f"- {name}: answers, no score."
+        return
+    reverse = ", ".join(asked.reversed) or "none"
+    yield f"- {name}. Reverse-coded items, counted from the other end: {reverse}."
+    for one in scales:
+        yield f"- `{slug}.{one.key}` {_say(study, one.label)}: {_scale(one)}"
 
 
 def _analysis(study: StudyDefinition, plan: StudyPlan) -> tuple[Answer, ...]:
@@ -266,13 +419,42 @@ def _analysis(study: StudyDefinition, plan: StudyPlan) -> tuple[Answer, ...]:
         ("Statistical models", [_model(study, one) for one in study.analyses]),
         ("Transformations", []),
         ("Inference criteria", list(_criteria(study, plan)) if is_answered else []),
-        ("Data exclusion", list(_rules(plan)) if is_answered else [FAULTS]),
+        ("Data exclusion", [*_counting(study), *(_rules(plan) if is_answered else ())]),
         ("Missing data", [plan.missing_data, *([INCOMPLETE[plan.incomplete]] * is_answered)]),
         ("Exploratory analysis", list(_exploratory(study)) if is_answered else []),
     )
 
 
-FAULTS = "- Drives that were ended by a fault of the platform are excluded."
+def _counting(study: StudyDefinition) -> Iterator[str]:
+    """Yield which drives and answers count, whatever the plan says."""
+    yield (
+        "- Exposed is a participant to whom the page showed a video frame of the task. A drive"
+        " counts when it is one of the task, has ended, and the participant moved the robot in it."
+        f" {DRIVES[study.analysis.drives]}"
+    )
+    yield (
+        "- Practice, drives of pilots and bots, drives that a fault of the platform ended, and"
+        " drives that a researcher excludes do not count. What a researcher excludes is reported"
+        " with the reason."
+    )
+    yield (
+        "- An answer about a drive counts only when the drive counts."
+        f" {response_selection.RULES[study.analysis.counts]}"
+    )
+    kind = "Student's t" if study.analysis.interval == "t" else "the normal"
+    yield f"- Intervals of means of answers are by {kind} distribution."
+    quality = study.quality
+    rules = [
+        f"at least {quality.least_sample_rate:g} states a second",
+        f"no gap above {quality.longest_gap:g} s",
+        f"clocks that differ by at most {quality.largest_clock_offset:g} s",
+        *(["the condition applied as assigned"] if quality.condition_applied else []),
+        *(["no operator"] if quality.operator_absent else []),
+    ]
+    yield (
+        f"- The record of a drive is called good with {', '.join(rules)}. A record that is not good"
+        " is reported, and excludes nothing by itself."
+    )
 
 
 def _model(study: StudyDefinition, one: DeclaredAnalysis) -> str:
@@ -280,6 +462,7 @@ def _model(study: StudyDefinition, one: DeclaredAnalysis) -> str:
     told = f"- `{one.key}` ({_say(study, one.title)}): {TESTS[one.test]}. Measures: "
     told += ", ".join(f"`{measure}`" for measure in one.measures) + "."
     told += f" Contrasts: {contrasts}." if contrasts else ""
+    told += f" Conditions: {', '.join(one.conditions)}." if one.conditions else ""
     told += " Each pair of conditions is compared as well." if one.post_hoc else ""
     told += f" Effects: {', '.join(one.effects)}; {one.coding} coding." if one.effects else ""
     return told
@@ -295,12 +478,13 @@ def _criteria(study: StudyDefinition, plan: StudyPlan) -> Iterator[str]:
 
 
 def _rules(plan: StudyPlan) -> Iterator[str]:
+    """Yield the rules of the plan, which are applied before any result is computed."""
     for check in plan.attention_checks:
         yield f"- {rule_in_words(check)}"
     for speeder in plan.speeders:
         yield f"- {rule_in_words(speeder)}"
     yield f"- {INCOMPLETE[plan.incomplete]}"
-    yield FAULTS
+    yield "A sensitivity analysis reports all declared tests with the excluded drives as well."
 
 
 def rule_in_words(rule: AttentionCheck | Speeder) -> str:
@@ -324,6 +508,35 @@ def _exploratory(study: StudyDefinition) -> Iterator[str]:
     yield "Every test that no hypothesis names is exploratory, and is marked so in the report."
     if others:
         yield f"Declared without a hypothesis: {', '.join(f'`{key}`' for key in others)}."
+
+
+# --- every number and choice ----------------------------------------------------------------------
+
+
+def _settings(study: StudyDefinition) -> Iterator[str]:
+    """Yield every field that can change what is driven, assigned or analysed, with its value: also
+    those that a sentence above has, and those that the definition leaves at their defaults.
+    """
+    for name in ("allocation", "refill", "start", "quality", "analysis", "conditions", "courses"):
+        yield from _fields(getattr(study, name), name)
+    for step in study.drives:
+        yield from _fields(step, f"step {step.key}")
+
+
+def _fields(value: object, name: str) -> Iterator[str]:
+    if isinstance(value, msgspec.Struct):
+        for field in value.__struct_fields__:
+            if field not in {"title", "key"}:
+                yield from _fields(getattr(value, field), f"{name}.{field}")
+    elif isinstance(value, tuple) and any(isinstance(one, msgspec.Struct) for one in value):
+        for n, one in enumerate(value, start=1):
+            yield from _fields(one, f"{name} {getattr(one, 'key', n)}")
+    elif isinstance(value, tuple):
+        yield f"- {name}: {', '.join(map(str, value)) or 'none'}"
+    elif isinstance(value, dict):
+        yield f"- {name}: {', '.join(f'{key} {one}' for key, one in value.items()) or 'none'}"
+    else:
+        yield f"- {name}: {'none' if value is None else value}"
 
 
 def _say(study: StudyDefinition, text: dict[str, str]) -> str:

@@ -7,7 +7,9 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from experiments.analysis.dataset.levels import ASSISTANCE
+from experiments.analysis.dataset import counting
+from experiments.analysis.dataset.exclusions import BY_HAND, OF_PLATFORM, excluded_participants
+from experiments.analysis.dataset.levels import ASSISTANCE, REPLACED
 from experiments.analysis.dataset.records import (
     COMPLETED,
     Dataset,
@@ -16,12 +18,6 @@ from experiments.analysis.dataset.records import (
 )
 from experiments.analysis.metrics.definitions import VERSION
 from experiments.analysis.metrics.sessions import Measured
-from experiments.analysis.plan.exclusions import (
-    BY_HAND,
-    PLATFORM_FAULT,
-    PlanExclusion,
-    excluded_participants,
-)
 from experiments.analysis.plan.preregistration import before_data
 from experiments.analysis.statistics.descriptive import spread
 from experiments.analysis.tables.participant_kinds import counted
@@ -55,13 +51,10 @@ Line = tuple[str, str, str]  # section, item, value
 
 
 def reporting_sheet(
-    dataset: Dataset,
-    measured: Sequence[Measured],
-    found: Sequence[PlanExclusion],
-    everybody: Sequence[ParticipantRecord],
+    dataset: Dataset, measured: Sequence[Measured], everybody: Sequence[ParticipantRecord]
 ) -> Table:
-    """Return the sheet of a dataset of those who count (`Dataset.chosen`), its sessions measured
-    and its exclusions found; `everybody` are the participants, pilots and bots of the whole one.
+    """Return the sheet of a dataset of what counts (`Dataset.counting`), its sessions measured;
+    `everybody` are the participants, pilots and bots of the whole one.
     """
     lines = (
         ("Participants", "in the dataset", counted(everybody, "participant")),
@@ -70,8 +63,9 @@ def reporting_sheet(
         *_robots(dataset, measured),
         *_autonomy(dataset),
         *_failures(dataset),
-        *_exclusions(found),
-        *_deviations(dataset, found),
+        *_uncounted(dataset),
+        *_exclusions(dataset),
+        *_deviations(dataset),
         *_versions(dataset),
     )
     rows, last = [], ""
@@ -98,16 +92,27 @@ def as_markdown(table: Table) -> str:
 def _participants(dataset: Dataset) -> Iterator[Line]:
     section, people = "Participants", dataset.participants
     here = [one for one in people if not one.withdrawn]
-    drivers = {one.participant for one in dataset.sessions if one.exposed}
+    drivers = {one.participant for one in (*dataset.sessions, *dataset.others) if one.drove}
     yield section, "joined", str(len(people))
+    yield (
+        section,
+        "drawn anew, before they were exposed",
+        str(sum(it.draws > 1 for it in people)),
+    )
+    yield section, "replaced by others", str(sum(it.place == REPLACED for it in people))
     yield section, "withdrew", str(len(people) - len(here))
     yield section, "drove a robot", str(len(drivers))
     yield section, "finished", str(sum(one.finished for one in here))
-    yield section, "drives", str(len(dataset.sessions))
-    yield section, "age", _ages([one.age for one in here])
+    yield section, "with a drive that counts", str(_drivers(dataset))
+    yield section, "drives that count", str(len(dataset.sessions))
+    yield section, "age", _ages([one.age for one in dataset.included])
     yield section, "sex or gender", _sexes(dataset)
     yield section, "recruitment", dataset.study.recruitment or UNKNOWN
     yield section, "compensation", dataset.study.compensation or UNKNOWN
+
+
+def _drivers(dataset: Dataset) -> int:
+    return len({one.participant for one in dataset.sessions})
 
 
 def _ages(ages: Sequence[float]) -> str:
@@ -177,7 +182,7 @@ def _autonomy(dataset: Dataset) -> Iterator[Line]:
 
 
 def _failures(dataset: Dataset) -> Iterator[Line]:
-    section, sessions = "Failures", (*dataset.sessions, *dataset.ruled_out)
+    section, sessions = "Failures", (*dataset.sessions, *dataset.others)
     ended = Counter((one.outcome, one.fault_side) for one in sessions if one.outcome)
     if not ended:
         yield section, "outcomes", f"{UNKNOWN}: no drive has ended"
@@ -189,46 +194,43 @@ def _failures(dataset: Dataset) -> Iterator[Line]:
         yield section, "without an outcome", amount(running, "drive")
 
 
-def _exclusions(found: Sequence[PlanExclusion]) -> Iterator[Line]:
-    section = "Exclusions"
+def _uncounted(dataset: Dataset) -> Iterator[Line]:
+    """Yield how many drives of the task do not count, by reason."""
+    for code, n in sorted(Counter(one.counts_why for one in dataset.others).items()):
+        yield "Drives that do not count", counting.REASONS[code], amount(n, "drive")
+
+
+def _exclusions(dataset: Dataset) -> Iterator[Line]:
+    section, found = "Exclusions", dataset.exclusions
     if not found:
         yield section, "excluded", "nobody"
     people = excluded_participants(found)
     if people:
         yield section, "excluded by the plan's rules", amount(len(people), "participant")
     for rule, n in sorted(Counter(one.rule for one in found).items()):
-        noun = "drive" if rule in {PLATFORM_FAULT, BY_HAND} else "case"
+        noun = "drive" if rule in {OF_PLATFORM, BY_HAND} else "case"
         yield section, rule, amount(n, noun)
 
 
-def _deviations(dataset: Dataset, found: Sequence[PlanExclusion]) -> Iterator[Line]:
+def _deviations(dataset: Dataset) -> Iterator[Line]:
     section, freeze = "Deviations from the plan", dataset.freeze
-    if dataset.study.plan is None:
+    plan = dataset.study.plan
+    if plan is None:
         yield section, "plan", "none was declared: every analysis is exploratory"
     else:
         yield section, "plan frozen before data", before_data(freeze)
-        yield from _planned_number(dataset, found)
-        others = [
-            one.key for one in dataset.study.analyses if not hypotheses_of(dataset.study.plan, one)
-        ]
+        wanted = UNKNOWN if plan.participants is None else str(plan.participants)
+        yield section, "planned participants", wanted
+        yield section, "participants with a drive that counts", str(_drivers(dataset))
+        others = [one.key for one in dataset.study.analyses if not hypotheses_of(plan, one)]
         if others:
             yield section, "analyses without a hypothesis (exploratory)", ", ".join(others)
-    by_hand = sum(one.rule == BY_HAND for one in found)
+    by_hand = sum(one.rule == BY_HAND for one in dataset.exclusions)
     yield section, "exclusions by hand, outside of the rules", str(by_hand)
     mismatched = sum(bool(one.mismatch) for one in dataset.sessions)
     yield section, "drives whose condition was not applied as assigned", str(mismatched)
     told = freeze.deviations.strip() if freeze is not None else ""
     yield section, "stated by the researchers", told or f"{UNKNOWN}: they have stated nothing"
-
-
-def _planned_number(dataset: Dataset, found: Sequence[PlanExclusion]) -> Iterator[Line]:
-    plan = dataset.study.plan
-    wanted = plan.participants if plan is not None else None
-    drivers = {one.participant for one in dataset.sessions if one.exposed}
-    kept = len(drivers - excluded_participants(found))
-    value = UNKNOWN if wanted is None else str(wanted)
-    yield "Deviations from the plan", "planned participants", value
-    yield "Deviations from the plan", "participants who drove and are not excluded", str(kept)
 
 
 def _versions(dataset: Dataset) -> Iterator[Line]:

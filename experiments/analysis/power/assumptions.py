@@ -80,7 +80,7 @@ def of_bots(dataset: Dataset) -> dict[str, Assumption]:
     """Return what the bots of a dataset have shown of each declared metric. Their answers to
     questionnaires are made up, and are not read.
     """
-    chosen = dataset.chosen(("bot",))
+    chosen = dataset.counting(("bot",))
     data = Data(chosen, measure_all(chosen))
     declared = {one: None for it in dataset.study.analyses for one in it.measures if "." not in one}
     found = {measure: _observed(data, measure) for measure in declared}

@@ -1,5 +1,5 @@
-"""What changes with what: conditions compared, driving against the network, and what visitors learn
-from session to session.
+"""What changes with what: conditions compared, driving against the network, and what
+participants learn from visit to visit.
 
 A participant is one point in every test: several sessions under one condition are averaged first.
 Within-subject conditions are compared over the participants who had them all. p values of one
@@ -12,6 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from experiments.analysis.dataset.counting import visits_of
 from experiments.analysis.dataset.levels import WAYS
 from experiments.analysis.dataset.records import COMPLETED, Dataset
 from experiments.analysis.metrics.sessions import Measured
@@ -21,7 +22,6 @@ from experiments.analysis.statistics.descriptive import spread, wilson
 from experiments.analysis.tables.comparisons import (
     READ_AS,
     TESTED,
-    Group,
     compared,
     corrected_for,
     head_of,
@@ -50,7 +50,7 @@ BINS: Mapping[str, tuple[float, ...]] = {
     "fps": (5.0, 10.0, 15.0, 25.0),
 }
 LEARNT = ("total_time", "task_time", "efficiency", "speed", "stops", "near_seconds", "collisions")
-MOST_SESSIONS = 6  # of a visitor have a row of their own
+MOST_VISITS = 6  # of a participant have a row of their own
 
 
 def compare_conditions(
@@ -237,33 +237,40 @@ def _class_row(head: str, label: str, own: Sequence[Measured]) -> tuple[TableCel
 
 
 def learning(measured: Sequence[Measured]) -> Table:
-    """Return metrics by the number of a visitor's session: the learning curve, of those who came
-    back as well.
-    """
-    rows = []
-    for number_ in range(1, MOST_SESSIONS + 1):
-        own = [one for one in measured if one.session.number == number_]
-        if own:
-            rows.append(_class_row("session", str(number_), own))
-    later = [one for one in measured if one.session.number > MOST_SESSIONS]
-    if later:
-        rows.append(_class_row("session", f"≥ {MOST_SESSIONS + 1}", later))
-    head = (
-        "",
-        "",
-        "Participants",
-        "Sessions",
-        "% completed",
-        *(f"{name}, median" for name in LEARNT),
+    """Return metrics by the number of a participant's visit: the learning curve."""
+    visits = visits_of(one.session for one in measured)
+    groups: dict[int, list[Measured]] = {}
+    for one in measured:
+        groups.setdefault(min(visits[one.session.id], MOST_VISITS + 1), []).append(one)
+    rows = tuple(
+        _class_row("visit", str(n) if n <= MOST_VISITS else f"≥ {n}", own)
+        for n, own in sorted(groups.items())
     )
-    return Table("learning", "Metrics by session number.", head, tuple(rows))
+    medians = (f"{name}, median" for name in LEARNT)
+    head = ("", "", "Participants", "Sessions", "% completed", *medians)
+    return Table("learning", "Metrics by visit.", head, rows)
 
 
 def learnt(measured: Sequence[Measured]) -> Table:
-    """Return the test of each metric in the second against the first sessions of the same
-    participants.
+    """Return the test of each metric on the second against the first visits of the same
+    participants, in the conditions that they drove on both.
     """
-    rows = [[_in_session(measured, name, number_) for number_ in (2, 1)] for name in LEARNT]
+    visits = visits_of(one.session for one in measured)
+    own = {
+        n: {
+            (one.session.participant, one.session.condition): one
+            for one in measured
+            if visits[one.session.id] == n
+        }
+        for n in (2, 1)
+    }
+    both = set(own[1]) & set(own[2])
+    sides = [[one for key, one in own[n].items() if key in both] for n in (2, 1)]
+    ids = [[one.session.id for one in side] for side in sides]
+    rows = [
+        [(values_by_participant(side, name), ids[at]) for at, side in enumerate(sides)]
+        for name in LEARNT
+    ]
     tests = [
         compare({"second": second[0], "first": first[0]}, is_paired=True) for second, first in rows
     ]
@@ -273,22 +280,15 @@ def learnt(measured: Sequence[Measured]) -> Table:
         for name, row, test, p in zip(LEARNT, rows, tests, corrected, strict=True)
     )
     below = (
-        "Participants who came back. Difference: second less first session.",
+        "Participants who came back, in the conditions that they drove on both visits.",
+        "Difference: second less first visit.",
         family(members),
         *READ_AS,
     )
     return Table(
         "learning-tests",
-        "Second against first session.",
+        "Second against first visit.",
         ("Metric", *head_of(("second", "first"))),
         cells,
         below,
     )
-
-
-def _in_session(measured: Sequence[Measured], name: str, number_: int) -> Group:
-    own = [
-        one for one in measured if one.session.number == number_ and math.isfinite(one.values[name])
-    ]
-    values = {one.session.participant: one.values[name] for one in own}
-    return values, [one.session.id for one in own]

@@ -30,12 +30,14 @@ REVERSED = "reversed: answers are counted from the other end of the scale, in al
 
 
 def table_1(dataset: Dataset) -> Table:
-    """Return the robots, a column each, with what is told of them."""
+    """Return the robots of the study's conditions, and any other that was driven, a column each,
+    with what is told of them. A robot for practice alone is none of them.
+    """
+    wanted = {one.robot for one in dataset.study.conditions}
+    own = [one.name for one in dataset.robots if one.series in wanted]
     robots = [
         dataset.robot(name)
-        for name in dict.fromkeys(
-            [*(one.name for one in dataset.robots), *(one.robot for one in dataset.sessions)]
-        )
+        for name in dict.fromkeys([*own, *(one.robot for one in dataset.sessions)])
     ]
     driven = {
         robot.name: tuple(one.id for one in dataset.sessions if one.robot == robot.name)

@@ -5,6 +5,7 @@ of participants.
 import math
 from collections.abc import Collection, Iterator, Sequence
 
+from experiments.analysis.dataset.counting import visits_of
 from experiments.analysis.dataset.levels import WITHHELD
 from experiments.analysis.dataset.records import Dataset, ParticipantRecord, ResponseRecord
 from experiments.analysis.statistics.descriptive import ROUNDED, shares, spread
@@ -48,92 +49,90 @@ def participants_table(dataset: Dataset) -> Table:
     """Return how many took part, their ages and, of questions with options or a scale, how many
     gave each answer.
     """
-    people = [one for one in dataset.participants if not one.withdrawn]
+    people = dataset.included
     responses = counted(dataset, dataset.registration) if dataset.registration else []
     registered = (
         {one.participant for one in responses}
         if dataset.registration
         else {one.id for one in people}
     )
-    drivers = {one.participant for one in dataset.sessions if one.exposed}
-    returned = {one.participant for one in dataset.sessions if one.number > 1}
-    total = len(registered)
+    drivers = {one.participant for one in dataset.sessions}
+    visits = visits_of(dataset.sessions)
+    returned = {one.participant for one in dataset.sessions if visits[one.id] > 1}
+    groups = [("registered", registered), ("drove a robot", drivers), ("came back", returned)]
+    parts = [100.0 * len(ids) / len(registered) if registered else None for _, ids in groups]
     rows = [
-        _row(dataset, "Participants", "registered", registered, total),
-        _row(dataset, "", "drove a robot", drivers, total),
-        _row(dataset, "", "came back", returned, total),
+        *_group_rows(dataset, "Participants", groups, parts),
         *_age_rows(dataset, [one for one in people if one.id in registered]),
     ]
     definition = dataset.questionnaire(dataset.registration)
     for question in definition.questions() if definition else ():
         if question.labelled_values and not question.item.takes_several:
             rows += _question_rows(dataset, question, responses)
-    below = f"{amount(len(people), 'participant')}, {amount(len(dataset.sessions), 'session')}."
+    below = (
+        f"{amount(len(people), 'participant')}, {amount(len(dataset.sessions), 'session')}. came"
+        " back: drove, in drives that count, on more than one visit."
+    )
     return Table("participants", "Participants.", ("", "", "n", "%"), tuple(rows), (below, ROUNDED))
 
 
+def _group_rows(
+    dataset: Dataset,
+    head: str,
+    groups: Sequence[tuple[str, Collection[str]]],
+    parts: Sequence[float | None],
+) -> Iterator[Row]:
+    """Yield a row for each group of participants, with its share in percent."""
+    for (label, ids), part in zip(groups, parts, strict=True):
+        found = count(len(ids), dataset.sessions_of(ids))
+        yield words(head), words(label), found, number(part, 1)
+        head = ""
+
+
 def _age_rows(dataset: Dataset, people: Sequence[ParticipantRecord]) -> Iterator[Row]:
-    members = [
-        (label, [one.id for one in people if low <= one.age < high]) for low, high, label in AGES
-    ]
-    members.append((NOT_REPORTED, [one.id for one in people if math.isnan(one.age)]))
-    parts = shares([len(ids) for _, ids in members]) or (None,) * len(members)
-    for index, ((label, ids), part) in enumerate(zip(members, parts, strict=True)):
-        yield (
-            words("" if index else "Age"),
-            words(label),
-            count(len(ids), dataset.sessions_of(ids)),
-            number(part, 1),
-        )
     known = {one.id: one.age for one in people if not math.isnan(one.age)}
-    about = dataset.sessions_of(known)
-    bounds = (
-        (min(known.values()), spread(list(known.values())).median, max(known.values()))
-        if known
-        else (None, None, None)
-    )
+    groups = [
+        (label, [who for who, age in known.items() if low <= age < high])
+        for low, high, label in AGES
+    ]
+    groups.append((NOT_REPORTED, [one.id for one in people if one.id not in known]))
+    parts = shares([len(ids) for _, ids in groups]) or (None,) * len(groups)
+    yield from _group_rows(dataset, "Age", groups, parts)
+    ages, about = sorted(known.values()), dataset.sessions_of(known)
+    bounds = (ages[0], spread(ages).median, ages[-1]) if ages else (None, None, None)
     for label, value in zip(("youngest", "median", "oldest"), bounds, strict=True):
         yield words(""), words(label), number(value, 0, about), words("")
-
-
-def _row(dataset: Dataset, head: str, label: str, ids: Collection[str], total: int) -> Row:
-    share = 100.0 * len(ids) / total if total else None
-    return words(head), words(label), count(len(ids), dataset.sessions_of(ids)), number(share, 1)
 
 
 def _question_rows(
     dataset: Dataset, question: Question, responses: Sequence[ResponseRecord]
 ) -> Iterator[Row]:
-    """A question with options or a scale has a row each; another one has how many answered it. Who
-    gave none stands in a row of its own, and so do those to whom it does not apply.
+    """Yield a row for each answer to a question with options or a scale, or one of those who
+    answered; then those to whom it does not apply, and those who gave no answer.
     """
-    given = {one.participant: one.values.get(question.key) for one in responses}
-    options = _options(dataset, question)
+    key = question.key
+    given = {one.participant: one.values.get(key) for one in responses}
+    reasons = {one.participant: one.missing.get(key) for one in responses}
+    silent = [who for who, said in given.items() if said is None]
     groups = [
         (label, [who for who, said in given.items() if _says(question, said, value)])
-        for value, label in options
+        for value, label in _options(dataset, question)
     ]
-    if not options:
-        withheld = {
-            one.participant for one in responses if one.missing.get(question.key) == WITHHELD
-        }
-        given |= dict.fromkeys(withheld, WITHHELD)
-        groups = [("answered", [who for who, said in given.items() if said is not None])]
-    silent = [who for who, said in given.items() if said is None]
-    declined = {
-        one.participant
-        for one in responses
-        if one.missing.get(question.key) == Missing.NOT_APPLICABLE
-    }
+    if not groups:
+        withheld = [who for who in silent if reasons[who] == WITHHELD]
+        groups = [("answered", [*(who for who in given if who not in silent), *withheld])]
+        silent = [who for who in silent if who not in withheld]
     if question.item.not_applicable:
-        groups.append((DOES_NOT_APPLY, [who for who in silent if who in declined]))
+        declined = [who for who in silent if reasons[who] == Missing.NOT_APPLICABLE]
+        groups.append((DOES_NOT_APPLY, declined))
         silent = [who for who in silent if who not in declined]
     groups.append((NOT_REPORTED, silent))
-    parts = None if question.item.takes_several else shares([len(ids) for _, ids in groups])
-    for index, (label, ids) in enumerate(groups):
-        share = parts[index] if parts else 100.0 * len(ids) / len(given) if given else None
-        head = dataset.say(question.text) if not index else ""
-        yield words(head), words(label), count(len(ids), dataset.sessions_of(ids)), number(share, 1)
+    parts: Sequence[float | None] = [
+        100.0 * len(ids) / len(given) if given else None for _, ids in groups
+    ]
+    if not question.item.takes_several:
+        parts = shares([len(ids) for _, ids in groups]) or parts
+    yield from _group_rows(dataset, dataset.say(question.text), groups, parts)
 
 
 def _options(dataset: Dataset, question: Question) -> list[tuple[str | int, str]]:

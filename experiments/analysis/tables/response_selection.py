@@ -17,14 +17,14 @@ RULES = {
 def counted(
     dataset: Dataset, questionnaire: str, condition: str | None = None
 ) -> list[ResponseRecord]:
-    """Return the finished responses to a questionnaire that count, in the order of the sessions
-    that they were asked about.
+    """Return the finished responses to a questionnaire that count, of a dataset of what counts, in
+    the order of the sessions that they were asked about.
 
     With a condition, those about its sessions: of a participant who had several conditions one
     response counts in each.
     """
     order = {
-        one.id: (one.number, index)
+        one.id: index
         for index, one in enumerate(dataset.sessions)
         if condition is None or one.condition == condition
     }
@@ -32,7 +32,7 @@ def counted(
         one for one in dataset.responses if one.questionnaire == questionnaire and one.finished
     ]
     finished = [one for one in finished if condition is None or one.session in order]
-    finished.sort(key=lambda one: order.get(one.session, (0, 0)))
+    finished.sort(key=lambda one: order.get(one.session, -1))
     rule = dataset.study.analysis.counts
     if rule == "all":
         return finished

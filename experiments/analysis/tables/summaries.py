@@ -74,18 +74,12 @@ def _spread_row(
 
 
 def sessions_table(measured: Sequence[Measured], verdicts: Mapping[str, QualityVerdict]) -> Table:
-    """Return a row a session: who, where, how it ended, whether its record is good, and every
-    metric.
+    """Return a row a drive of the task, whether it counts or not: who, where, how it ended, whether
+    its record is good, why it does not count, and every metric.
     """
     head = (
-        "session",
-        "participant",
-        "number",
-        "robot",
-        "condition",
-        "outcome",
-        "quality",
-        "excluded",
+        *("session", "participant", "visit", "number", "robot", "condition", "outcome", "quality"),
+        *("counts", "counts_why", "excluded"),
         *(column.name for column in METRICS),
     )
     rows = tuple(_session_row(one, verdicts[one.session.id]) for one in measured)
@@ -95,15 +89,14 @@ def sessions_table(measured: Sequence[Measured], verdicts: Mapping[str, QualityV
 def _session_row(one: Measured, verdict: QualityVerdict) -> tuple[TableCell, ...]:
     session, own = one.session, (one.session.id,)
     quality = "good" if verdict.good else " ".join(word for word, _ in verdict.problems)
-    who = (
-        words(session.id, own),
-        words(session.participant),
-        count(session.number),
-        words(session.robot),
-        words(session.condition),
+    about = (session.robot, session.condition, session.outcome, quality)
+    return (
+        *(words(session.id, own), words(session.participant)),
+        *(count(session.visit), count(session.number)),
+        *(words(text) for text in about),
+        *(count(int(session.counts)), words(session.counts_why), words(session.excluded)),
+        *(number(one.values[column.name], 3, own) for column in METRICS),
     )
-    numbers = (number(one.values[column.name], 3, own) for column in METRICS)
-    return *who, words(session.outcome), words(quality), words(session.excluded), *numbers
 
 
 def segments_table(measured: Sequence[Measured]) -> Table:
@@ -168,43 +161,29 @@ def segment_spreads(measured: Sequence[Measured], names: Sequence[str] = OF_SEGM
 def verdicts_table(
     measured: Sequence[Measured],
     verdicts: Mapping[str, QualityVerdict],
-    ruled_out: Sequence[Measured] = (),
+    others: Sequence[Measured] = (),
 ) -> Table:
-    """Return how many records are good, how many fail each rule, and which sessions are excluded,
-    by hand or, `ruled_out`, by rule.
+    """Return how many records of the drives that count are good, how many fail each rule, and why
+    the `others` do not count.
     """
-    good = [one.session.id for one in measured if verdicts[one.session.id].good]
-    failed: dict[str, list[str]] = {}
+    found: dict[tuple[str, str], list[str]] = {("good", ""): []}
     for one in measured:
-        for word, _ in verdicts[one.session.id].problems:
-            failed.setdefault(word, []).append(one.session.id)
-    excluded: dict[str, list[str]] = {}
-    for one in measured:
-        if one.session.excluded:
-            excluded.setdefault(one.session.excluded, []).append(one.session.id)
-    rows = [(words("good"), words(""), count(len(good), good))]
-    rows += [
-        (words("failed"), words(word), count(len(ids), ids)) for word, ids in sorted(failed.items())
-    ]
-    rows += [
-        (words("excluded by hand"), words(reason), count(len(ids), ids))
-        for reason, ids in sorted(excluded.items())
-    ]
-    by_rule: dict[str, list[str]] = {}
-    for one in ruled_out:
-        by_rule.setdefault(one.session.ruled_out, []).append(one.session.id)
-    rows += [
-        (words("excluded by rule"), words(reason), count(len(ids), ids))
-        for reason, ids in sorted(by_rule.items())
-    ]
-    below = f"{_amounts(measured)}. A record may fail several rules; what fails is kept."
-    return Table(
-        "quality",
-        "Quality of the records.",
-        ("", "Rule or reason", "Sessions"),
-        tuple(rows),
-        (below,),
+        rules = [word for word, _ in verdicts[one.session.id].problems]
+        for key in [("failed", word) for word in rules] or [("good", "")]:
+            found.setdefault(key, []).append(one.session.id)
+    for one in others:
+        key = ("does not count", one.session.uncounted_because)
+        found.setdefault(key, []).append(one.session.id)
+    order = ("good", "failed", "does not count")
+    rows = tuple(
+        (words(label), words(rule), count(len(ids), ids))
+        for (label, rule), ids in sorted(
+            found.items(), key=lambda one: (order.index(one[0][0]), one[0][1])
+        )
     )
+    below = f"{_amounts(measured)}. A record may fail several rules; what fails is kept."
+    head = ("", "Rule or reason", "Sessions")
+    return Table("quality", "Quality of the records.", head, rows, (below,))
 
 
 def _amounts(measured: Sequence[Measured]) -> str:

@@ -3,7 +3,7 @@ from. As CSV; for papers, see experiments/analysis/documents/.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from robots.files.csv_text import csv_text
@@ -37,6 +37,23 @@ class Table:
     def __post_init__(self) -> None:
         if any(len(row) != len(self.head) for row in self.rows):
             raise ValueError(f"{self.name}: every row needs {len(self.head)} cells")
+
+
+class SessionSets:
+    """Sets of sessions, each once, because many cells share one: `sets.number(ids)` is the place of
+    one in `list(sets)`, None for no sessions.
+    """
+
+    def __init__(self) -> None:
+        self._numbers: dict[tuple[str, ...], int] = {}
+
+    def __iter__(self) -> Iterator[tuple[str, ...]]:
+        return iter(self._numbers)
+
+    def number(self, sessions: Iterable[str]) -> int | None:
+        """Return the number of a set of sessions."""
+        key = tuple(dict.fromkeys(sessions))
+        return self._numbers.setdefault(key, len(self._numbers)) if key else None
 
 
 def words(text: str, sessions: Iterable[str] = ()) -> TableCell:

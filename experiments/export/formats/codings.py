@@ -1,7 +1,8 @@
-"""What coders noted on the replays, and how well they agree: tables, and files of ELAN and BORIS.
+"""The events that coders noted on the replays, and how well they agree: tables, and files of ELAN
+and BORIS.
 
-Coders go by their numbers. A session that somebody is still coding is left out, so that nobody
-reads another coder's events before their own are done.
+Coders go by their numbers. A session that is still being coded is left out, so that no coder reads
+the events of another before their own coding is done.
 """
 
 from collections.abc import Iterable, Iterator
@@ -12,9 +13,9 @@ import msgspec
 from experiments.analysis.dataset.columns import Column
 from experiments.analysis.dataset.files import table
 from experiments.coding import store
+from experiments.coding.agreement import ReliabilityEstimate
 from experiments.coding.boris import to_boris
 from experiments.coding.eaf import to_eaf
-from experiments.coding.reliability import ReliabilityEstimate
 from experiments.coding.scheme import CodedEvent
 from experiments.coding.study_agreement import StudyAgreement, agreement_of
 from experiments.dataset.allow_list import coded
@@ -69,41 +70,30 @@ CONFUSION = (
 
 
 class CodingsFormat(ExportFormat):
-    """What every export of a study with finished codings has."""
+    """Part of every export of a study with finished codings."""
 
     tables = {"codings": CODINGS, "coded": CODED, "agreement": AGREEMENT, "confusion": CONFUSION}
 
     @classmethod
     def is_in(cls, _name: str, _choice: Selection) -> bool:
-        """Tell that every export has it."""
         return True
 
     def of_study(self) -> Iterator[File]:
-        """Yield all of it; without codings, nothing."""
         drives = {drive.session_id: drive for drive in self.source.drives}
         schemes = _schemes(drives)
         if not schemes:
             return
         found = {row: [one for one in some if one.session_id in drives] for row, some in schemes}
         every = [(row, coding) for row, some in found.items() for coding in some]
-        yield from encoded([table("codings", (self._row(*one) for one in every), CODINGS)])
-        yield from encoded(
-            [table("coded", (cells for one in every for cells in self._events(*one)), CODED)]
-        )
         agreements = [(row.version, agreement_of(row)) for row in found]
+        rows = {
+            "codings": [self._row(*one) for one in every],
+            "coded": (cells for one in every for cells in self._events(*one)),
+            "agreement": (cells for one in agreements for cells in _figures(*one)),
+            "confusion": (cells for one in agreements for cells in _confusions(*one)),
+        }
         yield from encoded(
-            [
-                table(
-                    "agreement",
-                    (cells for one in agreements for cells in _figures(*one)),
-                    AGREEMENT,
-                ),
-                table(
-                    "confusion",
-                    (cells for one in agreements for cells in _confusions(*one)),
-                    CONFUSION,
-                ),
-            ]
+            table(name, rows[name], columns) for name, columns in self.tables.items()
         )
         for row, codings in found.items():
             yield from self._files(row, codings)
@@ -116,7 +106,7 @@ class CodingsFormat(ExportFormat):
         return self._name(coding), f"C{coding.number}", row.version, events
 
     def _released(self, scheme: CodingScheme, coding: Coding) -> list[CodedEvent]:
-        """Return the events of a coding as they may leave."""
+        """Return the events of a coding with what an export may contain of them."""
         listed, origin = coded(scheme), Origin(0.0)
         rows = (
             kept(listed, msgspec.structs.asdict(event), self.source.release, origin)
@@ -171,11 +161,9 @@ def _figures(version: int, agreement: StudyAgreement) -> Iterator[tuple[Any, ...
         yield version, "all", "event_kappa", who, *_cells(events.kappa)
 
 
-def _cells(one: ReliabilityEstimate) -> tuple[str, str, str]:
-    value, low, high = (
-        "" if number is None else repr(number) for number in (one.value, one.low, one.high)
-    )
-    return value, low, high
+def _cells(one: ReliabilityEstimate) -> Iterator[str]:
+    for number in (one.value, one.low, one.high):
+        yield "" if number is None else repr(number)
 
 
 def _confusions(version: int, agreement: StudyAgreement) -> Iterator[tuple[Any, ...]]:

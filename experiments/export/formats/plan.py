@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from experiments.analysis.dataset.columns import Column, flag
+from experiments.analysis.dataset.exclusions import RULES
 from experiments.analysis.dataset.files import table
 from experiments.analysis.dataset.records import Dataset, SessionRecord
 from experiments.analysis.metrics.sessions import Measured, measure
-from experiments.analysis.plan.exclusions import RULES, exclusions
 from experiments.analysis.plan.preregistration import preregistration
 from experiments.analysis.plan.reporting_sheet import as_markdown, reporting_sheet
 from experiments.analysis.tables.participant_kinds import KINDS, of_whom
@@ -42,18 +42,18 @@ class PlanFormat(ExportFormat):
     def __init__(self, source: ExportSource) -> None:
         super().__init__(source)
         there = {one.kind for one in source.dataset.participants} or {"participant"}
-        self._chosen = [source.dataset.chosen([kind]) for kind in KINDS if kind in there]
+        self._chosen = [source.dataset.counting([kind]) for kind in KINDS if kind in there]
         self._counted = {one.id for some in self._chosen for one in some.sessions}
         self._measured: list[Measured] = []
 
     def of_study(self) -> Iterator[File]:
         """Yield the preregistration, and everybody who is excluded."""
         dataset = self.source.dataset
-        text = preregistration(dataset.study, dataset.freeze)
+        text = preregistration(dataset.study, dataset.freeze, dataset.questionnaires)
         rows = [
             [one.participant, one.session, one.rule, one.value, int(one.is_planned)]
             for some in self._chosen
-            for one in exclusions(some)
+            for one in some.exclusions
         ]
         yield from encoded([("preregistration.md", [text]), table("exclusions", rows, EXCLUSIONS)])
 
@@ -74,5 +74,5 @@ class PlanFormat(ExportFormat):
         own = {one.id for one in some.sessions}
         measured = [one for one in self._measured if one.session.id in own]
         everybody = self.source.dataset.participants
-        sheet = reporting_sheet(some, measured, exclusions(some), everybody)
+        sheet = reporting_sheet(some, measured, everybody)
         return of_whom(sheet, some.participants)

@@ -1,19 +1,20 @@
 """`manage.py compare_codings SCHEME FILE FILE …`: how well coders of one session agree."""
 
 from argparse import ArgumentParser
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import msgspec
 from django.core.management.base import BaseCommand, CommandError
 
-from experiments.coding.reading import read_coding
-from experiments.coding.reliability import (
+from experiments.coding.agreement import (
     CodeReliability,
     EventReliability,
     ReliabilityEstimate,
     reliability,
 )
+from experiments.coding.reading import read_coding
 from experiments.coding.scheme import BadCodingError, CodedEvent, events_from, scheme_in
 from experiments.definition.coding import Code
 
@@ -49,18 +50,16 @@ class Command(BaseCommand):
 
     def handle(self, *_args: Any, **options: Any) -> None:
         files: list[Path] = options["files"]
-        if len(files) < 2:
+        if len(set(files)) < 2:
             raise CommandError("Give a file for each of at least two coders.")
         try:
             codes = scheme_in(_bytes(options["scheme"])).codes
         except BadCodingError as error:
             raise CommandError(f"{options['scheme']}: {error}") from error
-        read = [self._read(path, codes, options["observation"]) for path in files]
-        last = max((event.end or event.begin for coding in read for event in coding), default=0.0)
+        read = {path: self._read(path, codes, options["observation"]) for path in files}
+        last = max((one.end or one.begin for some in read.values() for one in some), default=0.0)
         duration = last if options["duration"] is None else options["duration"]
-        codings = [
-            _checked(path, one, codes, duration) for path, one in zip(files, read, strict=True)
-        ]
+        codings = [_checked(path, some, codes, duration) for path, some in read.items()]
         try:
             found = reliability(
                 [(duration, codings)],
@@ -74,10 +73,11 @@ class Command(BaseCommand):
             f"{duration:g} s in bins of {options['bin']:g} s; "
             f"events match within {options['tolerance']:g} s"
         )
-        for one in found.codes:
-            self._print_code(one, files)
-        for pair in found.events:
-            self._print_events(pair, files)
+        names = [path.name for path in read]
+        for line in (line for one in found.codes for line in _code_lines(one, names)):
+            self.stdout.write(line)
+        for line in (line for pair in found.events for line in _event_lines(pair, names)):
+            self.stdout.write(line)
 
     def _read(self, path: Path, codes: tuple[Code, ...], observation: str) -> list[CodedEvent]:
         try:
@@ -90,24 +90,25 @@ class Command(BaseCommand):
             self.stdout.write(f"{path.name}: {problem}")
         return events
 
-    def _print_code(self, one: CodeReliability, files: list[Path]) -> None:
-        self.stdout.write(f"{one.code or 'all codes'}: alpha {_number(one.alpha)}")
-        for pair in one.pairs:
-            a, b = (files[place].name for place in pair.coders)
-            both, first, second = pair.matches.both, pair.matches.first, pair.matches.second
-            self.stdout.write(
-                f"    {a} and {b}: kappa {_number(pair.kappa)}; "
-                f"agreement {_number(pair.agreement)}; "
-                f"events in both: {both}, only in {a}: {first}, only in {b}: {second}"
-            )
 
-    def _print_events(self, pair: EventReliability, files: list[Path]) -> None:
-        a, b = (files[place].name for place in pair.coders)
-        self.stdout.write(f"events of {a} (rows) and {b}: kappa {_number(pair.kappa)}")
-        heads = [*pair.labels, "none"]
-        for head, row in zip(heads, pair.table, strict=True):
-            cells = ", ".join(f"{name} {n:.0f}" for name, n in zip(heads, row, strict=True) if n)
-            self.stdout.write(f"    {head}: {cells or '–'}")
+def _code_lines(one: CodeReliability, names: list[str]) -> Iterator[str]:
+    yield f"{one.code or 'all codes'}: alpha {_number(one.alpha)}"
+    for pair in one.pairs:
+        a, b = (names[place] for place in pair.coders)
+        found = pair.matches
+        yield (
+            f"    {a} and {b}: kappa {_number(pair.kappa)}; agreement {_number(pair.agreement)}; "
+            f"events in both: {found.both}, only in {a}: {found.first}, only in {b}: {found.second}"
+        )
+
+
+def _event_lines(pair: EventReliability, names: list[str]) -> Iterator[str]:
+    a, b = (names[place] for place in pair.coders)
+    yield f"events of {a} (rows) and {b}: kappa {_number(pair.kappa)}"
+    heads = [*pair.labels, "none"]
+    for head, row in zip(heads, pair.table, strict=True):
+        cells = ", ".join(f"{name} {n:.0f}" for name, n in zip(heads, row, strict=True) if n)
+        yield f"    {head}: {cells or '–'}"
 
 
 def _bytes(path: Path) -> bytes:

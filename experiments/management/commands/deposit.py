@@ -17,8 +17,7 @@ from django.core.management import BaseCommand, CommandError
 from accounts import audit
 from experiments.dataset.selection import Selection
 from experiments.definition.publication import from_stored
-from experiments.deposit.client import DepositError
-from experiments.deposit.repository import DepositDraft, Record, Repository
+from experiments.deposit.repository import DepositDraft, DepositError, Record, Repository
 from experiments.deposit.upload import REPOSITORIES, draft_of, upload_all
 from experiments.export.archive import zipped
 from experiments.export.files import SUMS, export_files
@@ -63,7 +62,7 @@ class Command(BaseCommand):
         self.stdout.write(f"Not published. Check the draft and publish it there: {draft.url}")
 
     def _deposit(self, study: Study, repository: Repository, *, is_new: bool) -> DepositDraft:
-        host = urlsplit(repository.client.address).netloc
+        host = urlsplit(repository.address).netloc
         known = None if is_new else _known(study.deposits, host)
         draft = draft_of(repository, record_of(study), known, self.stdout.write)
         deposits = study.deposits | {host: {"id": draft.id, "url": draft.url}}
@@ -91,7 +90,6 @@ def _known(deposits: Mapping[str, Any], host: str) -> DepositDraft | None:
 
 
 def record_of(study: Study) -> Record:
-    """Return what a draft says of a study."""
     definition = study.as_definition()
     title = definition.title.get("en") or study.title
     return Record(

@@ -1,4 +1,4 @@
-"""The last page: thanks, what the study was about, and the completion code."""
+"""The last page: thanks, what the study was about, and the way back to the recruitment site."""
 
 import datetime
 

@@ -9,7 +9,6 @@ from django.utils.translation import gettext_lazy as _
 from experiments.definition.steps.instructions import InstructionPage
 from experiments.participation import grants, progress
 from experiments.participation.step_page import StepPage, to_step
-from surveys.documents import spoken
 
 PICTURES = frozenset(
     path.stem for path in (settings.BASE_DIR / "static" / "img" / "instructions").glob("*.svg")
@@ -48,7 +47,7 @@ class InstructionsStepPage(StepPage):
         )
         page = pages[number - 1]
         more = {
-            "text": spoken(page.text, self.language(request)),
+            "text": self.filled(page.text, request),
             "picture": f"img/instructions/{page.picture}.svg" if page.picture in PICTURES else "",
             "is_example": page.picture in EXAMPLES,
             "leaf": number,

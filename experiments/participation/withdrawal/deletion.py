@@ -22,7 +22,7 @@ from django.utils import timezone
 from accounts import audit
 from experiments.dataset.stages import EXPOSED, stages_of
 from experiments.export import reports
-from experiments.models import Draw, Drive, Participant, PersonalLink
+from experiments.models import Contact, Draw, Drive, Participant, PersonalLink, not_drawn
 from experiments.participation import progress, questions
 from sessions.leases import store
 from sessions.models import Session, Snapshot
@@ -84,12 +84,15 @@ def _strip(participant: Participant, now: datetime.datetime) -> None:
     _unlink(participant)
     responses_of(participant).delete()
     PersonalLink.objects.filter(participant=participant).delete()
-    for rows in (participant.consents, participant.step_visits):
+    Contact.objects.filter(participant=participant).delete()
+    for rows in (participant.consents, participant.step_visits, participant.appointments):
         rows.all().delete()
     Participant.objects.filter(pk=participant.pk).update(
         user=None,
         slot=str(participant.pk),
         recruitment={},
+        recruitment_id="",
+        recruited_as=not_drawn(),
         age=None,
         language="",
         seen_at=_begin_of(now.date()),

@@ -10,18 +10,30 @@ from django.utils.translation import get_language
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_POST
 
-from experiments.models import Participant
+from experiments.models import LEFT, Participant
+from experiments.participation import completion
 from experiments.participation.withdrawal import leaving
 from experiments.participation.withdrawal import receipt as receipts
 
 
 def leave(request: HttpRequest, participant: Participant, now: datetime.datetime) -> HttpResponse:
-    """Take a participant out of a study, and show the receipt, which nothing shows again."""
+    """Take a participant out of a study, and show the receipt, which nothing shows again, with the
+    code that the recruitment site asks for.
+    """
     receipt = receipts.of(participant, get_language() or "", now)
+    ending, code = completion.on_leaving(participant)
+    address = completion.return_address(participant, ending)
+    wants_code = bool(participant.completion_code or participant.recruitment_id)
     leaving.leave(participant, now)
     if getattr(request.user, "is_guest", False):
         logout(request)
-    context = {"receipt": receipt, "signed": receipts.signed(receipt)}
+    context = {
+        "receipt": receipt,
+        "signed": receipts.signed(receipt),
+        "address": address,
+        "code": code if wants_code else "",
+        "is_finished": ending != LEFT,
+    }
     return render(request, "experiments/withdrawn.html", context)
 
 

@@ -10,7 +10,6 @@ from django.utils import timezone
 from surveys.documents import BadDefinitionError
 from surveys.importing.reading import MAX_FILE, ImportedSurvey, import_survey
 from surveys.importing.report import ImportReport
-from surveys.importing.survey_format import Wishes
 from surveys.questionnaires import store_next
 
 
@@ -38,8 +37,9 @@ class Command(BaseCommand):
         try:
             with path.open("rb") as file:
                 document = file.read(MAX_FILE + 1)
-            wishes = Wishes(options["language"], options["form"])
-            found = import_survey(document, wishes, options["name"])
+            found = import_survey(
+                document, *(options[name] for name in ("language", "form", "name"))
+            )
             self._tell(found.report)
             self._finish(found, save=options["save"])
         except BadDefinitionError as error:

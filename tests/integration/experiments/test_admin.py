@@ -413,7 +413,7 @@ def test_the_overview_gives_the_link_for_participants(client, boss, published):
 
 def test_researchers_see_the_codes_that_recruitment_sites_are_told(client, boss, published):
     codes = completion.codes(published)
-    assert list(codes) == ["done", "technical_failure"]
+    assert list(codes) == ["done", "timed_out", "technical_failure", "left"]
     text = read(client.get(at("change", published))).text
     assert all(code in text for code in codes.values())
     assert "turned away" not in text

@@ -275,7 +275,34 @@ def test_bots_and_pilots_are_exported_as_what_they_are(stored, tmp_path):
     exported(stored.study, tmp_path)
     found = read(tmp_path)
     assert {one.participant for one in found.sessions if one.kind == "bot"} == {"P000"}
-    assert "P000" not in {one.participant for one in found.chosen().sessions}
+    assert "P000" not in {one.participant for one in found.counting().sessions}
+
+
+def test_an_exported_session_says_whether_it_counts_and_why_not(tmp_path):
+    made = made_up(np.random.default_rng(81), 4)
+    first, second, third, *rest = made.sessions
+    still = {"first_motion": float("nan"), "outcome": "cancelled"}
+    stored = put(
+        replace(
+            made,
+            sessions=(
+                replace(first, excluded="a test drive"),
+                replace(second, **still),
+                replace(third, first_frame=float("nan"), **still),
+                *rest,
+            ),
+        )
+    )
+    pilot = next(one.participant for one in rest if one.participant != first.participant)
+    Participant.objects.filter(code=pilot).update(kind="pilot")
+    exported(stored.study, tmp_path)
+    found = read(tmp_path)
+    whys = [one.counts_why for one in found.sessions]
+    assert whys[:3] == ["excluded", "not_driven", "not_exposed"]
+    assert {one.counts_why for one in found.sessions if one.participant == pilot} == {"pilot"}
+    with (tmp_path / "data/description-sessions_data.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["counts"] for row in rows] == [str(int(not why)) for why in whys]
 
 
 def test_every_word_of_a_coded_column_is_in_the_code_book(stored, tmp_path):
@@ -286,10 +313,11 @@ def test_every_word_of_a_coded_column_is_in_the_code_book(stored, tmp_path):
         place = one["description"].split(":")[0], one["name"]
         if "valueReference" in one:
             known[place] = {level["value"] for level in one["valueReference"]}
-        if found := re.search(r"words are separated by (.)$", one["description"]):
-            dividers[place] = found[1]
-    divided = {"cell", "first_cell", "mismatch", "doors_closed", "problems"}
-    assert {name for _, name in dividers} == divided
+        if divided := re.search(r"words are separated by (.)$", one["description"]):
+            dividers[place] = divided[1]
+    assert {name for _, name in dividers} == {
+        *("cell", "first_cell", "mismatch", "doors_closed", "problems"),
+    }
     assert set(dividers) <= set(known)
     checked = 0
     for name, content in files.items():

@@ -147,13 +147,26 @@ def test_a_new_version_is_made_from_what_is_in_use(client, researcher):
 
 
 def test_those_that_come_with_the_site_are_added_once(client, researcher):
-    assert read(client.get(reverse(LIST))).text.count("Add built-in questionnaires") == 1
+    assert "+ NASA-TLX: The effort it took" in read(client.get(reverse(LIST))).text
     address = reverse("admin:surveys_questionnaire_shipped")
-    assert "8 questionnaires were added" in read(client.post(address, follow=True)).text
+    one = client.post(address, {"questionnaire": "tlx"}, follow=True)
+    assert "1 questionnaire was added" in read(one).text
+    assert Questionnaire.objects.get().slug == "tlx"
+    assert "+ NASA-TLX" not in read(one).text
+    assert "7 questionnaires were added" in read(client.post(address, follow=True)).text
     assert "0 questionnaires were added" in read(client.post(address, follow=True)).text
     listed = read(client.get(reverse(LIST))).text
-    assert "System Usability" not in listed
+    assert "SUS, System Usability Scale: Using the system" in listed
     assert "template" in listed
+
+
+@pytest.mark.parametrize("term", ["NASA", "tlx", "effort"])
+def test_nasa_tlx_is_found_by_its_name(client, researcher, term):
+    current("tlx", NOW)
+    current("sus", NOW)
+    listed = read(client.get(reverse(LIST), {"q": term})).text
+    assert "NASA-TLX: The effort it took" in listed
+    assert "System Usability" not in listed
 
 
 def test_a_questionnaire_with_responses_is_not_deleted(client, researcher):

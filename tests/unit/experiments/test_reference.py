@@ -4,7 +4,7 @@ from typing import get_args
 
 import msgspec
 
-from experiments.definition import analyses, coding, design, plan, schema, wizard
+from experiments.definition import analyses, coding, design, plan, recruiting, schema, wizard
 from experiments.definition.cues import CueKey
 from experiments.definition.steps import KINDS
 from experiments.tasks.progress import EventType
@@ -23,6 +23,7 @@ PARTS = [
         design,
         wizard,
         plan,
+        recruiting,
         *(sys.modules[kind.__module__] for kind in KINDS.values()),
     )
     for part in vars(module).values()

@@ -10,13 +10,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import dijkstra
 
 from robots.agent.navigation.planning.centring import centred_on_map
 from robots.agent.navigation.planning.costmap import Bools, CostMap, NoWayError
 from robots.agent.navigation.planning.path import PlannedPath, resampled
+from robots.world.cell_graph import CellGraph
 from robots.world.sensing import Floats
 
 
@@ -33,10 +31,6 @@ class PlannerParams:
 
 
 PLANNER = PlannerParams()
-EDGES = ((0, 1), (1, 0), (1, 1), (1, -1))  # to half of the eight neighbours; the others look back
-
-
-Indices = npt.NDArray[np.intp]
 
 
 class Planner:
@@ -44,11 +38,7 @@ class Planner:
 
     def __init__(self, costmap: CostMap) -> None:
         self.costmap = costmap
-        possible = costmap.clearance >= costmap.least
-        self._node = np.full(costmap.shape, -1, dtype=np.intp)
-        self._node[possible] = np.arange(int(possible.sum()))
-        self._rows, self._columns = np.nonzero(possible)
-        self._edges = _Edges(self._node, costmap.transform.resolution)
+        self._graph = CellGraph(costmap.clearance >= costmap.least, costmap.transform.resolution)
         self._rim = _rim(costmap.footprint)
 
     def place_near(
@@ -57,9 +47,9 @@ class Planner:
         """Return a free point, else the nearest free cell within `reach` metres, or None."""
         if float(self.costmap.sample(clearance, np.array([[x, y]]))[0]) >= self.costmap.least:
             return x, y
-        centres = self.costmap.centres(self._rows, self._columns)
+        centres = self.costmap.centres(self._graph.rows, self._graph.columns)
         distances = np.hypot(centres[:, 0] - x, centres[:, 1] - y)
-        distances[clearance[self._rows, self._columns] < self.costmap.least] = math.inf
+        distances[clearance[self._graph.rows, self._graph.columns] < self.costmap.least] = math.inf
         nearest = int(np.argmin(distances))
         return (
             None
@@ -119,19 +109,14 @@ class Planner:
         self, start: tuple[float, float], goal: tuple[float, float], cost: Floats
     ) -> Floats | None:
         """Return the centres (n, 2) of the cells of the cheapest way."""
-        nodes = self._node[self.costmap.cells(np.array([start, goal]))[:2]]
-        if (nodes < 0).any():
+        start_node, goal_node = self._graph.node[self.costmap.cells(np.array([start, goal]))[:2]]
+        if min(start_node, goal_node) < 0:
             return None
-        graph = self._edges.graph(cost[self._rows, self._columns])
-        distances, before = dijkstra(
-            graph, directed=True, indices=nodes[1], return_predecessors=True
-        )
-        if not math.isfinite(float(distances[nodes[0]])):
+        price = cost[self._graph.rows, self._graph.columns]
+        nodes = self._graph.path(int(start_node), int(goal_node), price)
+        if not nodes:
             return None
-        way = [int(nodes[0])]
-        while way[-1] != nodes[1]:
-            way.append(int(before[way[-1]]))
-        return self.costmap.centres(self._rows[way], self._columns[way])
+        return self.costmap.centres(self._graph.rows[nodes], self._graph.columns[nodes])
 
     def _straightened(self, line: Floats, cost: Floats) -> Floats:
         """Return corners (m, 2) with straight legs instead of cells, if that costs no more."""
@@ -203,37 +188,6 @@ class Planner:
         stuck = np.zeros(len(line), dtype=np.bool_)
         stuck[tight] = inside.any(axis=1)
         return stuck
-
-
-class _Edges:
-    """The edges between free cells and their eight neighbours, both ways, in the order in which a
-    sparse matrix keeps them.
-
-    `node` (h, w) are the numbers of the free cells, -1 elsewhere; `resolution` in metres.
-    """
-
-    def __init__(self, node: Indices, resolution: float) -> None:
-        first, second, lengths = [], [], []
-        high, wide = node.shape
-        for down, right in EDGES:
-            here = node[: high - down, max(0, -right) : wide - max(0, right)]
-            there = node[down:, max(0, right) : wide + min(0, right)]
-            joined = (here >= 0) & (there >= 0)
-            first += [here[joined], there[joined]]
-            second += [there[joined], here[joined]]
-            lengths.append(np.full(2 * int(joined.sum()), math.hypot(down, right) * resolution))
-        begin, end = np.concatenate(first), np.concatenate(second)
-        order = np.lexsort((end, begin))
-        self._begin = begin[order]
-        self._end = end[order].astype(np.int32)
-        self._halves = np.concatenate(lengths)[order] / 2.0
-        self._count = int(node.max()) + 1
-        self._rows = np.searchsorted(self._begin, np.arange(self._count + 1)).astype(np.int32)
-
-    def graph(self, price: Floats) -> csr_matrix:
-        """Return the costs from each free cell to its neighbours, at prices (n,) a metre."""
-        weights = self._halves * (price[self._begin] + price[self._end])
-        return csr_matrix((weights, self._end, self._rows), shape=(self._count, self._count))
 
 
 def _line(start: Floats, end: Floats, spacing: float) -> Floats:

@@ -106,6 +106,9 @@ const showRobot = (robot, drive, queue) => {
   map.setDoors(doorStates(robot, drive));
   showCourse(shown, robot, drive);
   card.dataset.driven = String(Boolean(drive));
+  card.dataset.use = robot.use;
+  parts.use.hidden = robot.use === "open";
+  say(parts.use, robot.use === "open" ? "" : words.say(`use_${robot.use}`));
   say(parts.title, robot.title);
   say(parts.state, stateOf(robot, drive, words));
   say(parts.driver, driverOf(drive, words));

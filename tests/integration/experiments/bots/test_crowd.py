@@ -24,7 +24,7 @@ async def test_whoever_lost_the_network_or_closed_the_page_holds_nobody_up():
     async with RobotSocket() as server:
         cockpit = Cockpit(Browser(server.url), "/ws/robots/giraff/", "keyboard")
         crowd = BotGroup(Plan("", [], [], seed=1), clock=lambda: time.time() + LATER)
-        crowd._living = {Driving(cockpit)}
+        crowd._active = {Driving(cockpit)}
         await cockpit.connect()
         cockpit.take()
         await server.until(lambda: server.all("command/heartbeat"))

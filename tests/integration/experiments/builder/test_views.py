@@ -25,7 +25,17 @@ from tests.support.studies.wizard_study import WIZARD, wizard_document
 
 pytestmark = pytest.mark.django_db
 SECTIONS = (
-    *("about", "steps", "factors", "conditions", "courses", "analyses", "plan", "rules"),
+    *(
+        "about",
+        "recruitment",
+        "steps",
+        "factors",
+        "conditions",
+        "courses",
+        "analyses",
+        "plan",
+        "rules",
+    ),
     *("wizard", "coding"),
 )
 
@@ -134,6 +144,39 @@ def test_assignment_is_balanced_by_factors_that_are_known_before_the_first_drive
     assert any("the consent does not ask the age" in one for one in wrong())
     send(client, rules, allocation__balance__0__item="experience.q1")
     assert any("not asked before the first drive" in one for one in wrong())
+
+
+def test_recruitment_screening_and_appointments_are_built_without_json(client, study):
+    page = section(study, "recruitment")
+    send(client, page, "add:screening")
+    send(client, page, "add:answer_quotas")
+    filled = {
+        "recruiting__on": "on",
+        "recruiting__site": "prolific",
+        "recruiting__codes__done": "C1ABC",
+        "devices": ["computer"],
+        "screening__0__questionnaire": "ict",
+        "screening__0__item": "gender",
+        "screening__0__answers": "woman, man",
+        "answer_quotas__0__questionnaire": "ict",
+        "answer_quotas__0__item": "gender",
+        "answer_quotas__0__answers": "man",
+        "answer_quotas__0__most": "12",
+        "appointments__on": "on",
+        "appointments__minutes": "45",
+    }
+    assert send(client, page, **filled).status_code == 302
+    made = stored()
+    assert made.recruiting is not None
+    assert (made.recruiting.site, made.recruiting.codes.done) == ("prolific", "C1ABC")
+    assert made.devices == ("computer",)
+    assert made.screening[0].answers == ("woman", "man")
+    assert (made.answer_quotas[0].answers, made.answer_quotas[0].most) == (("man",), 12)
+    assert made.appointments is not None
+    assert made.appointments.minutes == 45
+    assert "Who returns there" in read(client.get(page)).text
+    send(client, page, "remove:screening:0")
+    assert stored().screening == ()
 
 
 def test_a_speed_above_the_robots_own_is_not_saved_and_the_field_says_what_it_reaches(
@@ -322,7 +365,7 @@ def test_a_text_of_a_script_that_is_missing_leads_to_its_stage(client, study):
 def test_saving_every_page_as_it_is_changes_nothing(client, boss, slug):
     row = publishing.store(shipped()[slug], NOW)
     definition = row.as_definition()
-    addresses = [section(row, "about"), section(row, "rules")]
+    addresses = [section(row, "about"), section(row, "recruitment"), section(row, "rules")]
     addresses += [
         section(row, name, n)
         for name in ("steps", "conditions", "courses", "analyses")

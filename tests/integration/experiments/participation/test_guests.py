@@ -71,7 +71,7 @@ def test_pressing_the_button_again_goes_on_and_shows_no_code(client, study):
 
 def test_the_recruiting_sites_parameters_are_kept(client, study):
     client.get(FRONT, {"PROLIFIC_PID": "5f"})
-    take_part(client)
+    assert client.post(FRONT).url == STEP
     assert Participant.objects.get().recruitment == {"PROLIFIC_PID": "5f"}
 
 

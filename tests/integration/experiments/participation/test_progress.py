@@ -3,6 +3,7 @@ import datetime
 import pytest
 from django.utils import timezone
 
+from experiments.definition.recruiting import ENDINGS
 from experiments.models import Participant, ParticipantKind, StepVisit, Study, StudyMember
 from experiments.participation import advance, completion, landing, progress
 from experiments.participation.journey import JourneyPlace
@@ -161,11 +162,13 @@ def test_a_drive_that_moved_is_done_and_one_that_failed_is_a_technical_failure_u
     participant = p.assign(p.comer(study, person()), "giraff_open")
     Participant.objects.filter(pk=participant.pk).update(step="task")
     p.drive_of(robot, participant, outcome="robot_fault", moved=True)
-    assert completion.way_of(participant) == "technical_failure"
+    assert completion.ending_of(participant) == "technical_failure"
     p.drive_of(robot, participant, outcome="cancelled", moved=False)
-    assert completion.way_of(participant) == "technical_failure"
+    assert completion.ending_of(participant) == "technical_failure"
     p.drive_of(robot, participant, outcome="timed_out", moved=True)
-    assert completion.way_of(participant) == "done"
+    assert completion.ending_of(participant) == "timed_out"
+    p.drive_of(robot, participant, outcome="completed", moved=True)
+    assert completion.ending_of(participant) == "done"
     completion.conclude(participant, timezone.now())
     p.drive_of(robot, participant, outcome="connection_lost", moved=True)
     completion.conclude(participant, timezone.now())
@@ -173,8 +176,8 @@ def test_a_drive_that_moved_is_done_and_one_that_failed_is_a_technical_failure_u
 
 
 def test_codes_differ_by_ending_and_study_and_are_the_same_for_everybody(study, twice):
-    codes = {completion.code(one, way) for one in (study, twice) for way in completion.WAYS}
-    assert len(codes) == 6
+    codes = {completion.code(one, ending) for one in (study, twice) for ending in ENDINGS}
+    assert len(codes) == 8  # without a recruitment site, those who drove share a code
     assert completion.code(study, "done") == completion.code(Study.objects.get(pk=study.pk), "done")
 
 

@@ -164,7 +164,8 @@ def assert_codes_are_told_apart(page, walker):
     """The code for the recruitment site comes first; each has its heading, use and button."""
     headings = [one.text for one in page.all("h2")]
     first, last = "Your completion code", "Your participant code, for questions about your data"
-    assert headings[-2:] == [first, last]
+    assert headings[-1] == last
+    assert headings.index(first) < headings.index("Another visit")
     copying = {one.attributes.get("data-copy"): one.text for one in page.all("button")}
     copying.pop(None, None)
     assert copying == {

@@ -84,7 +84,7 @@ def test_every_table_and_figure_is_on_the_page_of_one_topic_unless_it_is_empty(
 ):
     report = computed(stored.study)
     shown = pages(client)
-    summary = report.read("all", "summary")
+    summary = report.read("counting", "summary")
     for one in (*summary["tables"], *summary["figures"]):
         where = [key for key, html in shown.items() if f'id="{one["name"]}"' in html]
         assert where == ([] if one["empty"] else [topic_of(one["name"]).key]), one["name"]
@@ -123,7 +123,7 @@ def test_conditions_are_called_by_their_titles(stored, member, client):
     for html in (shown, client.get(f"{PAGE}sessions/{min(numbers)}/").content.decode()):
         words = re.sub(r"<svg.*?</svg>|<[^>]*>", " ", html, flags=re.DOTALL)
         assert not [key for key in titles if re.search(rf"\b{key}\b", words)]
-    csv = (report.folder / "all" / "tables" / "sessions.csv").read_text()
+    csv = (report.folder / "counting" / "tables" / "sessions.csv").read_text()
     assert any(key in csv for key in titles)
 
 
@@ -166,9 +166,9 @@ def test_every_number_and_every_part_of_a_figure_leads_to_its_sessions_and_they_
 
 def test_the_mean_in_table_5_leads_to_the_sessions_whose_answers_count(stored, member, client):
     report = computed(stored.study)
-    (row,) = (row for row in report.read("all", "table-table-5") if row[0][0] == "Overall")
+    (row,) = (row for row in report.read("counting", "table-table-5") if row[0][0] == "Overall")
     number = row[-4][1]
-    expected = report.read("all", "sets")[number]
+    expected = report.read("counting", "sets")[number]
     assert len(expected) == len({one.participant_id for one in stored.drives.values()})
     shown = client.get(f"{PAGE}sessions/{number}/?report={report.key}").content.decode()
     assert set(re.findall(r'<th scope="row">(\w+)</th>', shown)) == set(expected)
@@ -190,10 +190,10 @@ def test_excluded_sessions_can_be_left_out(stored, member, client):
     drive = next(iter(stored.drives.values()))
     Drive.objects.filter(pk=drive.pk).update(excluded_reason="a test drive")
     computed(stored.study)
-    assert "Without excluded sessions" in client.get(PAGE).content.decode()
+    assert "Sensitivity: with excluded drives" in client.get(PAGE).content.decode()
     every, without = (
-        client.get(f"{PAGE}trajectories/", {"selection": name}).content.decode()
-        for name in ("all", "without-excluded")
+        client.get(f"{PAGE}trajectories/", query).content.decode()
+        for query in ({"selection": "all"}, {})
     )
     code = Pseudonyms(stored.study.secret).session(drive.session_id)
     assert f"figure-7-session-{code}" in every
@@ -219,9 +219,8 @@ def test_files_are_those_of_the_report_and_nothing_else_can_be_fetched(stored, m
         ("figures", "figure-7.svg"),
     ):
         answer = client.get(f"{PAGE}files/{kind}/{name}", {"report": report.key})
-        assert (
-            b"".join(answer.streaming_content) == (report.folder / "all" / kind / name).read_bytes()
-        )
+        written = (report.folder / "counting" / kind / name).read_bytes()
+        assert b"".join(answer.streaming_content) == written
     for wrong in (
         "files/page/sets.json",
         "files/tables/nothing.csv",
@@ -243,7 +242,7 @@ def test_a_long_table_comes_some_rows_at_a_time(stored, member, client, monkeypa
     assert "Page 1 of" in first
     assert client.get(f"{PAGE}tables/sessions/?page=2").content.decode() != first
     assert client.get(f"{PAGE}tables/nothing/").status_code == 404
-    assert client.get(f"{PAGE}sessions/{len(report.read('all', 'sets'))}/").status_code == 404
+    assert client.get(f"{PAGE}sessions/{len(report.read('counting', 'sets'))}/").status_code == 404
 
 
 @pytest.mark.parametrize("query", ["version=7", "version=x", "version=99999999999"])

@@ -108,6 +108,35 @@ def test_a_door_is_told_as_it_was_set_and_as_the_robot_confirms_it(drive, robot)
     assert door["at"] == pytest.approx(drive.granted_at.timestamp() + 3.0)
 
 
+def test_robots_that_most_participants_cannot_use_come_last_and_say_so(robot):
+    def version(number, *accesses, status="published"):
+        series = ("giraff", "rhodon")
+        conditions = [
+            {**STUDY["conditions"][0], "key": f"c{n}", "robot": series[n], "access": access}
+            for n, access in enumerate(accesses)
+        ]
+        definition = {**STUDY, "version": number, "conditions": conditions, "courses": []}
+        replays.study(version=number, definition=definition, status=status)
+
+    other = replays.cabin_robot("a-rhodon")
+    other.presence.factsheet["series"] = "rhodon"
+    other.presence.save()
+    version(1, "open", "open")
+    assert [(one["name"], one["use"]) for one in seen()["robots"]] == [
+        (other.name, "open"),
+        ("giraff", "open"),
+    ]
+    version(2, "open", "invitation")
+    assert [(one["name"], one["use"]) for one in seen()["robots"]] == [
+        ("giraff", "open"),
+        (other.name, "invitation"),
+    ]
+    version(3, "open")
+    assert [one["use"] for one in seen()["robots"]] == ["open", "none"]
+    version(4, "invitation", "open", status="draft")
+    assert [one["use"] for one in seen()["robots"]] == ["open", "none"], "a draft changes nothing"
+
+
 def test_the_page_has_the_course_of_each_robot_in_each_version(client, drive):
     replays.study(version=2, definition={**STUDY, "version": 2, "courses": []})
     client.force_login(member("viewer"))

@@ -3,6 +3,7 @@
 import pytest
 from django.contrib.admin.models import LogEntry
 from django.urls import reverse
+from django.utils import timezone
 
 from experiments import publishing
 from experiments.models import Draw, Drive, Participant, Rehearsal, StudyMember
@@ -135,6 +136,46 @@ def test_participants_page_shows_every_draw(client, drive):
     assert "all_open: first assignment; places taken: shut 2" in text
     assert "shut: assigned again" in text
     assert "seed 77" in text
+
+
+def test_the_page_of_a_drive_has_units_and_times_instead_of_stored_numbers(client, drive):
+    began = NOW.timestamp()
+    Drive.objects.update(
+        result={
+            "outcome": "completed",
+            "started": began,
+            "ended": began + 727.46,
+            "checkpoints": [began + 95.2, began + 301.0],
+            "photo": "kept",
+            "doors": ["lab-door"],
+            "doors_missed": [],
+            "dock_contacts": 1,
+        },
+        applied={"linear": 0.4, "angular": 0.187, "methods": ["keyboard"], "doors_closed": []},
+        began_with={"docked": True, "x": 1.4, "y": 6.2, "theta": 1.5708, "charge": 0.9349},
+        ended_with={"docked": False, "x": None, "y": None, "theta": None, "charge": None},
+    )
+    signed_in(client, "viewer")
+    page = read(client.get(change(drive)))
+    shown = "\n".join(e.text for e in page.all("li"))
+    for text in (
+        timezone.localtime(NOW).strftime("Task started: %Y-%m-%d %H:%M:%S %Z"),
+        "Checkpoints passed after: 1:35 min, 5:01 min",
+        "Doors driven through: lab-door",
+        "Highest speed: 0.40 m/s",
+        "Highest turning speed: 11°/s",
+        "at the start · Battery charge: 93 %",
+        "at the start · Direction: 90°",
+        "at the start · Docked: yes",
+        "at the end · Docked: no",
+    ):
+        assert text in shown
+    assert timezone.localtime(NOW).strftime("Granted: %Y-%m-%d %H:%M:%S %Z") in page.text
+    assert "Round: 1 Session number: 1" in page.text
+    assert "e+09" not in shown
+    assert f"{began:.0f}" not in shown
+    assert drive.participant.code in page.all("h2")[0].text
+    assert str(drive.participant_id) not in page.all("h2")[0].text
 
 
 def test_a_rehearsal_tells_whether_it_is_of_the_definition_as_it_is_now(client, drive):

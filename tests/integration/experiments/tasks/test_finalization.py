@@ -161,7 +161,7 @@ def test_a_lost_connection_ends_the_task_when_it_was_lost_and_names_the_side(rob
     )
     (session,) = dataset_of(drive.participant.study).sessions
     assert (session.fault_side, session.fault_part) == ("platform", "session_manager")
-    assert session.ruled_out == "platform fault: session manager away"
+    assert session.fault == "platform fault: session manager away"
 
 
 def test_settling_again_changes_nothing_and_late_states_change_what_they_must(robot):

@@ -106,7 +106,8 @@ def _drive(
         f"{who}-{place}",
         who,
         condition.robot,
-        number=place,
+        visit=1,
+        round=place,
         site=condition.site,
         condition=condition.key,
         outcome="completed",
@@ -137,7 +138,7 @@ def _answers(
     bot, values = Answering(persona, seen, NOW), {}
     for question in asked.questions():
         widget = question.item.widget(question, (), Viewing("en", 1, NOW))
-        choices = [FormChoice(one.value, one.label, chosen=False) for one in widget.choices]
+        choices = [FormChoice(one.value, one.label) for one in widget.choices]
         kind = "radio" if choices else "number"
         shown = FormField(question.key, kind, attributes=dict(widget.attributes), choices=choices)
         sent = [value for _name, value in bot.answer(shown)]

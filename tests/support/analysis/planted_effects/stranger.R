@@ -23,9 +23,11 @@ tell <- function(.table, .row, ...) {
 
 study <- json("study.json")
 people <- subset(csv("description-participants"), kind == get("kind", globalenv()) & withdrawn == 0)
+# a drive of the task counts when it has ended, moved, and neither platform nor researcher excludes it
 sessions <- subset(csv("description-sessions"),
-  participant %in% people$id & practice == 0 & !(fault_side %in% "platform"))
-metrics <- merge(sessions[c("id", "participant", "number", "condition", "robot", "outcome", "os", "browser")],
+  participant %in% people$id & practice == 0 & !(fault_side %in% "platform") &
+    !(outcome %in% c("", NA)) & !is.na(first_motion) & excluded %in% c("", NA))
+metrics <- merge(sessions[c("id", "participant", "number", "visit", "condition", "robot", "outcome", "os", "browser")],
   csv("description-metrics"), by.x = "id", by.y = "session")
 conditions <- sapply(study$conditions, `[[`, "key")
 orders <- setNames(strsplit(people$cell, "-"), people$id)
@@ -314,15 +316,23 @@ for (cause in causes) {
 }
 for (way in c("datachannel", "mqtt"))
   class_row("network-classes", paste("control way", way, sep = "|"), metrics[which(metrics[[paste0("share_", way)]] > .5), ])
-for (number in sort(unique(metrics$number)))
-  class_row("learning", paste("session", number, sep = "|"), metrics[metrics$number == number, ])
-of_session <- function(name, number) {
-  own <- metrics[metrics$number == number & is.finite(metrics[[name]]), ]; setNames(own[[name]], own$participant)
+# visits of a participant in order, and what was driven on the first two of them
+metrics$turn <- ave(metrics$visit, metrics$participant, FUN = function(visit) match(visit, sort(unique(visit))))
+for (turn in sort(unique(metrics$turn)))
+  class_row("learning", paste("visit", turn, sep = "|"), metrics[metrics$turn == turn, ])
+cells <- paste(metrics$participant, metrics$condition)
+again <- metrics[cells %in% intersect(cells[metrics$turn == 1], cells[metrics$turn == 2]), ]
+of_turn <- function(name, turn) {
+  own <- again[again$turn == turn & is.finite(again[[name]]), ]; tapply(own[[name]], own$participant, mean)
 }
-turns <- lapply(learnt, function(name) list(second = of_session(name, 2), first = of_session(name, 1)))
-for (n in seq_along(learnt)) for (turn in names(turns[[n]]))
-  do.call(tell, c(list("learning-tests", learnt[n]), describe(turns[[n]][[turn]], paste0(turn, ": "))))
-tell_family("learning-tests", setNames(lapply(turns, compared, "means"), learnt), turns)
+if (!nrow(again)) {
+  for (name in learnt) tell("learning-tests", name, `second: n` = 0, `first: n` = 0, `n tested` = 0)
+} else {
+  turns <- lapply(learnt, function(name) list(second = of_turn(name, 2), first = of_turn(name, 1)))
+  for (n in seq_along(learnt)) for (turn in names(turns[[n]]))
+    do.call(tell, c(list("learning-tests", learnt[n]), describe(turns[[n]][[turn]], paste0(turn, ": "))))
+  tell_family("learning-tests", setNames(lapply(turns, compared, "means"), learnt), turns)
+}
 
 middle <- function(own, name) { x <- own[[name]]; if (all(is.na(x))) NULL else median(x, na.rm = TRUE) }
 for (condition in study$conditions) {

@@ -8,14 +8,13 @@ from surveys.definition import to_json
 from surveys.documents import BadDefinitionError
 from surveys.importing.reading import read
 from surveys.importing.report import ImportOutcome
-from surveys.importing.survey_format import Wishes
 from tests.support.studies.survey_files import field, redcap
 
 YES_NO_MAYBE = "1, Yes | 2, No | 3, Perhaps, or not"
 
 
-def items(document: bytes, wishes: Wishes | None = None) -> list[dict]:
-    pages = json.loads(to_json(read(document, wishes).definition("test", 1)))["pages"]
+def items(document: bytes) -> list[dict]:
+    pages = json.loads(to_json(read(document).definition("test", 1)))["pages"]
     return [item for page in pages for item in page["items"]]
 
 
@@ -204,14 +203,13 @@ def test_sections_begin_pages_and_forms_have_titles():
 
 def test_one_form_of_several_can_be_chosen_and_the_others_are_listed():
     document = redcap(field("a", "text"), field("b", "text", form="second_form"))
-    wishes = Wishes(form="second_form", language="es")
-    draft = read(document, wishes)
+    draft = read(document, language="es", form="second_form")
     definition = draft.definition("test", 1)
     assert [question.key for question in definition.questions()] == ["b"]
     assert definition.title == {"es": "Second form"}
     assert [note.name for note in draft.report.notes] == ["b", "form_one"]
     with pytest.raises(BadDefinitionError, match="form_one, second_form"):
-        read(document, Wishes(form="third"))
+        read(document, form="third")
 
 
 def test_descriptive_text_keeps_its_lines():

@@ -18,7 +18,8 @@ from robots.api import docked, messages
 from sessions.devices import SYSTEMS
 from sessions.leases.fault_side import Side
 from surveys.answers import Missing
-from surveys.scoring import scales_of, sus
+from surveys.questionnaires import shipped as instruments
+from surveys.scoring import scales_of, scores
 from tests.support.analysis.study_dataset import questionnaires
 
 
@@ -51,7 +52,8 @@ def test_the_sus_is_told_with_formula_range_and_direction(book):
     )
     answers = [2, 4, 3, 1, 5, 2, 4, 4, 3, 1]
     turned = [6 - value if n % 2 else value for n, value in enumerate(answers)]
-    assert sus(answers) == 2.5 * sum(value - 1 for value in turned)
+    given = {f"sus{n}": value for n, value in enumerate(answers, start=1)}
+    assert scores(instruments()["sus"], given) == {"sus": 2.5 * sum(one - 1 for one in turned)}
 
 
 def test_the_tlx_is_told_with_the_ends_of_its_items(book):
@@ -170,7 +172,8 @@ def test_the_description_says_where_times_begin_and_the_metrics_between_which_ev
     told = {one["name"]: one["description"] for one in about["variableMeasured"]}
     for name in ("total_time", "time_to_motion", "task_time", "docking_time"):
         assert told[name].endswith("by the server's clock")
-    assert "task's event docked" in told["task_time"]
+    assert STARTED in told["task_time"]
+    assert "its event docked" in told["task_time"]
     assert STARTED in told["total_time"]
     assert ENDED in told["total_time"]
 

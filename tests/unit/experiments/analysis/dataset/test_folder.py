@@ -231,25 +231,6 @@ def test_a_code_that_is_no_name_of_a_file_is_refused(tmp_path, code):
         )
 
 
-def test_pilots_bots_and_the_withdrawn_do_not_count():
-    people = (
-        ParticipantRecord("a"),
-        ParticipantRecord("b", kind="pilot"),
-        ParticipantRecord("c", kind="bot"),
-        ParticipantRecord("d", withdrawn=True),
-    )
-    sessions = (
-        *tuple(SessionRecord(f"s{one.id}", one.id, "giraff", kind=one.kind) for one in people),
-        SessionRecord("x", "a", "giraff", excluded="test drive"),
-    )
-    dataset = Dataset(shipped()["exploration"], participants=people, sessions=sessions)
-    assert [one.id for one in dataset.chosen().sessions] == ["sa", "x"]
-    assert [one.id for one in dataset.chosen(with_excluded=False).sessions] == ["sa"]
-    assert [one.id for one in dataset.chosen(("bot",)).sessions] == ["sc"]
-    assert [one.id for one in dataset.chosen().participants] == ["a", "d"]
-    assert math.isnan(dataset.participants[0].age)
-
-
 def test_the_code_book_says_which_items_are_stored_as_answered_but_scored_in_reverse(tmp_path):
     asked = defined([item("likert", "a"), item("likert", "b", reverse=True)], scoring="likert")
     write(Dataset(shipped()["exploration"], questionnaires=(asked,)), tmp_path)

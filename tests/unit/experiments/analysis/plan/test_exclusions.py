@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from experiments.analysis.dataset.exclusions import excluded_participants
 from experiments.analysis.dataset.records import (
     Dataset,
     PageRecord,
@@ -11,7 +12,6 @@ from experiments.analysis.dataset.records import (
     ResponseRecord,
     SessionRecord,
 )
-from experiments.analysis.plan.exclusions import excluded_participants, exclusions
 from tests.support.analysis.planned import plan_with, planned_study
 
 
@@ -40,7 +40,7 @@ def dataset(plan, *, seconds=(30.0, 32.0, 34.0), given=(2, 2, 2), **more):
 
 
 def found(data):
-    return [(one.participant, one.rule, one.value) for one in exclusions(data.chosen())]
+    return [(one.participant, one.rule, one.value) for one in data.counting().exclusions]
 
 
 def check(answer="2"):
@@ -56,10 +56,12 @@ def test_a_wrong_answer_to_an_attention_check_excludes():
 def test_an_attention_check_that_was_skipped_is_failed_and_one_not_asked_is_not():
     data = dataset(plan_with(attention_checks=[check()]))
     silent = [
-        ResponseRecord(f"r-{n}", "experience", f"P{n}", {}, missing={"q1": reason})
+        ResponseRecord(
+            f"r-{n}", "experience", f"P{n}", {}, session=f"s-P{n}", missing={"q1": reason}
+        )
         for n, reason in enumerate(("skipped", "not_asked", "withheld"))
     ]
-    data = Dataset(data.study, participants=data.participants, responses=tuple(silent))
+    data = replace(data, responses=tuple(silent))
     assert [who for who, *_ in found(data)] == ["P0"]
 
 
@@ -113,5 +115,5 @@ def test_platform_faults_and_researchers_exclude_a_session_and_nobody():
         ("P0", "platform fault", "platform fault: web process away"),
         ("P1", "researcher's decision", "a visitor looked on"),
     ]
-    assert excluded_participants(exclusions(data.chosen())) == frozenset()
-    assert not any(one.is_planned for one in exclusions(data.chosen()))
+    assert excluded_participants(data.counting().exclusions) == frozenset()
+    assert not any(one.is_planned for one in data.counting().exclusions)

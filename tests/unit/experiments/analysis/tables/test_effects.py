@@ -38,6 +38,7 @@ def measured(who, condition="", number=1, outcome="completed", **values):
         "giraff",
         condition=condition,
         number=number,
+        visit=number,
         outcome=outcome,
     )
     nothing = {column.name: math.nan for column in METRICS}
@@ -156,7 +157,7 @@ def test_what_visitors_learn_is_the_difference_of_the_same_visitors():
     assert cell(table, line, "p (Holm)") < 0.001
     assert (cell(table, line, "n tested"), cell(table, line, "second: n")) == (12, 12)
     sessions = learning(own)
-    assert cell(sessions, row(sessions, "session", "2"), "Sessions") == 12
+    assert cell(sessions, row(sessions, "visit", "2"), "Sessions") == 12
 
 
 def test_a_row_says_test_pairs_freedom_effect_and_both_intervals():

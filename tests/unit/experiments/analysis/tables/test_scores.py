@@ -17,6 +17,7 @@ from experiments.analysis.dataset.records import (
 )
 from experiments.analysis.documents.latex import as_latex
 from experiments.analysis.figures.drawing import as_svg
+from experiments.analysis.metrics.sessions import measure_all
 from experiments.analysis.report import report
 from experiments.analysis.statistics.internal_consistency import cronbach, mcdonald
 from experiments.analysis.tables.declared import Data
@@ -124,7 +125,8 @@ def dataset_of(study, *, robots=("giraff", "giraff"), questionnaire=None, hidden
 @functools.cache
 def printed():
     dataset = dataset_of(study_of())
-    found = report("all", dataset, [])
+    measured = {one.session.id: one for one in measure_all(dataset)}
+    found = report(dataset, measured, dataset)
     return dataset, {table.name: table for table in found.tables}, found.figures
 
 

@@ -1,0 +1,224 @@
+"""Which drives count in results, and why each of the others does not.
+
+A drive counts when it is a drive of the task by somebody of a chosen kind, who saw the video of the
+task and moved the robot; when it has ended, and not by a fault of the platform; when neither a
+researcher nor a rule of the plan excludes it; and when it is one of those that the study counts of
+several by one participant in one condition (`Analysis.drives`). Every table, figure, test, flow
+chart, sheet and column of an export follows from this module, through `Dataset.counting`. Nothing
+else selects sessions.
+
+A participant whose place was drawn anew counts in one cell alone: that of their first drive that
+counts.
+"""
+
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from experiments.analysis.dataset.exclusions import excluded_participants, exclusions
+from experiments.analysis.dataset.levels import PLATFORM, Kind
+from experiments.definition.factors import conditions_together
+from experiments.definition.schema import StudyDefinition
+
+if TYPE_CHECKING:  # records.py offers this module's result as a method of its Dataset
+    from experiments.analysis.dataset.records import Dataset, ResponseRecord, SessionRecord
+
+PRACTICE, WITHDRAWN, PLATFORM_FAULT = "practice", "withdrawn", "platform_fault"
+RUNNING, NOT_EXPOSED, NOT_DRIVEN = "running", "not_exposed", "not_driven"
+EXCLUDED, EXCLUDED_BY_PLAN = "excluded", "excluded_by_plan"
+DRAWN_ANEW, REPEATED = "drawn_anew", "repeated"
+# Why a drive does not count, by code, in the order in which the reasons are looked for.
+REASONS: Mapping[str, str] = {
+    PRACTICE: "it was practice",
+    "pilot": "a pilot's drive, and pilots were not chosen",
+    "bot": "a bot's drive, and bots were not chosen",
+    "participant": "a participant's drive, and participants were not chosen",
+    WITHDRAWN: "the participant withdrew",
+    PLATFORM_FAULT: "the platform ended it",
+    RUNNING: "it has not ended",
+    NOT_EXPOSED: "the page showed no video frame of the task",
+    NOT_DRIVEN: "the participant saw the video and never moved the robot",
+    EXCLUDED: "a researcher excluded it",
+    EXCLUDED_BY_PLAN: "a rule of the plan excludes the participant",
+    DRAWN_ANEW: "the participant was drawn anew and has a drive that counts in another cell",
+    REPEATED: "the study counts another drive of the participant in this condition",
+}
+
+
+@dataclass(frozen=True)
+class CountingPlan:
+    """What decides whether a drive counts, besides the drive itself.
+
+    Attributes:
+        kinds: who is chosen.
+        withdrawn: participants whose data may not be used.
+        excluded: participants whom a rule of the plan excludes.
+        with_excluded: whether excluded drives count as well, as in a sensitivity analysis.
+    """
+
+    kinds: Collection[Kind] = ("participant",)
+    withdrawn: Collection[str] = frozenset()
+    excluded: Collection[str] = frozenset()
+    with_excluded: bool = False
+
+
+def why_not(session: "SessionRecord", plan: CountingPlan) -> str:
+    """Return the code of REASONS for which a drive by itself does not count; empty if it may."""
+    if session.practice:
+        return PRACTICE
+    if session.kind not in plan.kinds:
+        return session.kind
+    if session.participant in plan.withdrawn:
+        return WITHDRAWN
+    if session.fault_side == PLATFORM:
+        return PLATFORM_FAULT
+    if not session.outcome:
+        return RUNNING
+    if not session.drove:
+        return NOT_DRIVEN if session.exposed else NOT_EXPOSED
+    return "" if plan.with_excluded else _excluded(session, plan)
+
+
+def _excluded(session: "SessionRecord", plan: CountingPlan) -> str:
+    if session.excluded:
+        return EXCLUDED
+    return EXCLUDED_BY_PLAN if session.participant in plan.excluded else ""
+
+
+def reasons(
+    study: StudyDefinition, sessions: Sequence["SessionRecord"], plan: CountingPlan
+) -> dict[str, str]:
+    """Return the code for which each drive of a study does not count, by its id; empty for those
+    that count. Drives are in the order of time, participant by participant.
+    """
+    found = {one.id: why_not(one, plan) for one in sessions}
+    for code, some in ((DRAWN_ANEW, _drawn_anew), (REPEATED, _repeated)):
+        left = [one for one in sessions if not found[one.id]]
+        found |= {one.id: code for one in some(study, left)}
+    return found
+
+
+def _drawn_anew(
+    study: StudyDefinition, sessions: Iterable["SessionRecord"]
+) -> Iterator["SessionRecord"]:
+    """Yield drives in conditions that a participant may not have beside that of their first."""
+    together = [frozenset(keys) for keys in conditions_together(study)]
+    own: dict[str, frozenset[str]] = {}
+    for one in sessions:
+        alone = frozenset({one.condition})
+        cell = next((keys for keys in together if one.condition in keys), alone)
+        if one.condition not in own.setdefault(one.participant, cell):
+            yield one
+
+
+def _repeated(
+    study: StudyDefinition, sessions: Sequence["SessionRecord"]
+) -> Iterator["SessionRecord"]:
+    """Yield all but the first or the last drive of a participant in a condition, by the study."""
+    if study.analysis.drives == "all":
+        return
+    seen: set[tuple[str, str]] = set()
+    for one in sessions if study.analysis.drives == "first" else reversed(sessions):
+        key = (one.participant, one.condition)
+        if key in seen:
+            yield one
+        seen.add(key)
+
+
+def numbered(sessions: Iterable["SessionRecord"]) -> Iterator["SessionRecord"]:
+    """Yield drives with their numbers: the first, second … of a participant in a condition, of
+    those in which they moved the robot; 0 for all others. Without a visit, as in datasets of
+    earlier releases, the number is that of the visit: no visit has a condition twice.
+    """
+    counts: dict[tuple[str, str], int] = {}
+    for one in sessions:
+        number = 0
+        if one.drove and not one.practice and one.fault_side != PLATFORM:
+            key = (one.participant, one.condition)
+            number = counts[key] = counts.get(key, 0) + 1
+        yield replace(one, number=number, visit=one.visit or max(number, 1))
+
+
+def visits_of(sessions: Iterable["SessionRecord"]) -> dict[str, int]:
+    """Return the number of the visit of each drive, by its id: 1 for the participant's first visit
+    with one of these drives, 2 for the next such visit.
+    """
+    sessions = list(sessions)
+    visits: dict[str, set[int]] = {}
+    for one in sessions:
+        visits.setdefault(one.participant, set()).add(one.visit)
+    ranks = {
+        (who, visit): rank
+        for who, own in visits.items()
+        for rank, visit in enumerate(sorted(own), start=1)
+    }
+    return {one.id: ranks[one.participant, one.visit] for one in sessions}
+
+
+def counting_part(dataset: "Dataset", kinds: Sequence[Kind], *, with_excluded: bool) -> "Dataset":
+    """Return the part of a whole dataset that counts (`Dataset.counting`)."""
+    gone = frozenset(one.id for one in dataset.participants if one.withdrawn)
+    plan = CountingPlan(kinds, gone)
+    found = exclusions(_selected(dataset, plan))
+    if with_excluded:
+        plan = replace(plan, with_excluded=True)
+    else:
+        plan = replace(plan, excluded=excluded_participants(found))
+    return replace(_selected(dataset, plan), exclusions=found, is_with_excluded=with_excluded)
+
+
+def with_reasons(dataset: "Dataset") -> "Dataset":
+    """Return a whole dataset whose sessions say whether they count in the results of its
+    participants, and why they do not.
+    """
+    of_people = counting_part(dataset, ("participant",), with_excluded=False)
+    found = {one.id: one.counts_why for one in (*of_people.sessions, *of_people.others)}
+    alone = CountingPlan(withdrawn={one.id for one in dataset.participants if one.withdrawn})
+    return replace(
+        dataset,
+        sessions=tuple(
+            replace(one, counts_why=found.get(one.id, "") or why_not(one, alone))
+            for one in numbered(dataset.sessions)
+        ),
+    )
+
+
+def _selected(dataset: "Dataset", plan: CountingPlan) -> "Dataset":
+    people = tuple(one for one in dataset.participants if one.kind in plan.kinds)
+    known = {one.id for one in people} - set(plan.withdrawn)
+    found = reasons(dataset.study, dataset.sessions, plan)
+    own = [
+        replace(one, counts_why=found[one.id])
+        for one in numbered(dataset.sessions)
+        if one.participant in known and one.kind in plan.kinds and not one.practice
+    ]
+    sessions = tuple(one for one in own if one.counts)
+    ids = {one.id for one in own}
+    return replace(
+        dataset,
+        participants=people,
+        sessions=sessions,
+        others=tuple(one for one in own if not one.counts),
+        events=tuple(one for one in dataset.events if one.session in ids),
+        pages=tuple(one for one in dataset.pages if one.participant in known),
+        responses=tuple(_answers(dataset, sessions, known - set(plan.excluded))),
+    )
+
+
+def _answers(
+    dataset: "Dataset", sessions: Iterable["SessionRecord"], people: Collection[str]
+) -> Iterator["ResponseRecord"]:
+    """Yield the responses about the person, about a drive that counts, and, of what is asked once
+    after several drives, of participants of whom one drive counts.
+    """
+    ids = {one.id for one in sessions}
+    drivers = {one.participant for one in sessions}
+    about_person = {one.questionnaire for one in dataset.study.asking if one.is_about_person}
+    repeated = {one.questionnaire for one in dataset.study.asking if one.repeat}
+    is_within = dataset.study.allocation.design == "within"
+    for one in dataset.responses:
+        if one.participant not in people:
+            continue
+        is_of_all = is_within and one.questionnaire not in repeated and one.participant in drivers
+        if one.questionnaire in about_person or one.session in ids or is_of_all:
+            yield one

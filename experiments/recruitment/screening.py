@@ -1,0 +1,100 @@
+"""Who may take part in a study: by device and browser when they arrive, by answers as soon as a
+questionnaire is finished.
+"""
+
+import datetime
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from experiments.definition.recruiting import AnswerQuota, admits, names_answer
+from experiments.definition.schema import StudyDefinition
+from experiments.models import Participant, ParticipantKind, StepResponse
+
+Status = Participant.Status
+# Those who hold a place of a quota while they were seen lately.
+HOLDING = (Status.ACTIVE, Status.FINISHED)
+
+
+# --- device and browser ---------------------------------------------------------------------------
+
+
+def device_kind(device: Mapping[str, Any]) -> str:
+    """Return the kind of a device (sessions.devices.device_of): computer, tablet or phone.
+
+    An iPad whose browser asks for desktop pages says that it is a Mac and counts as a computer.
+    """
+    if "iPad" in device["user_agent"] or (device["os"] == "Android" and not device["mobile"]):
+        return "tablet"
+    return "phone" if device["mobile"] else "computer"
+
+
+def has_device(study: StudyDefinition, device: Mapping[str, Any]) -> bool:
+    """Tell whether a study allows a device and its browser."""
+    browser = device["product"].rpartition(" ")[0]
+    fits = not study.devices or device_kind(device) in study.devices
+    return fits and (not study.browsers or browser in study.browsers)
+
+
+# --- answers --------------------------------------------------------------------------------------
+
+
+def is_screened_out(participant: Participant, questionnaire: str, now: datetime.datetime) -> bool:
+    """Tell whether the answers to a questionnaire, which the participant has finished, screen them
+    out, by a rule or because a quota is full. Bots answer at random, and go on.
+    """
+    definition = participant.study.as_definition()
+    rules = [one for one in definition.screening if one.questionnaire == questionnaire]
+    quotas = [one for one in definition.answer_quotas if one.questionnaire == questionnaire]
+    if participant.kind == ParticipantKind.BOT or not (rules or quotas):
+        return False
+    own = StepResponse.objects.filter(
+        participant=participant,
+        response__questionnaire__slug=questionnaire,
+        response__finished_at__isnull=False,
+    )
+    asked = own.select_related("response").order_by("-response__finished_at").first()
+    if asked is None:
+        return False
+    values = {item: given.value for item, given in asked.response.given().items()}
+    if not all(admits(rule, values.get(rule.item)) for rule in rules):
+        return True
+    return any(
+        names_answer(quota.answers, values.get(quota.item))
+        and _earlier(participant, quota, asked, now) >= quota.most
+        for quota in quotas
+    )
+
+
+def _earlier(
+    participant: Participant, quota: AnswerQuota, own: StepResponse, now: datetime.datetime
+) -> int:
+    """Count the participants who gave such an answer before and hold a place.
+
+    The order of finishing decides, so that of two at the same moment exactly one is the later.
+    """
+    mark = (own.response.finished_at, str(own.response_id))
+    found = {who for who, at, key in _holders(participant, quota, now) if (at, str(key)) < mark}
+    return len(found)
+
+
+def _holders(
+    participant: Participant, quota: AnswerQuota, now: datetime.datetime
+) -> Iterator[tuple[Any, datetime.datetime, Any]]:
+    study = participant.study
+    gone = now - datetime.timedelta(hours=study.as_definition().allocation.left_after_hours)
+    rows = StepResponse.objects.filter(
+        participant__study=study,
+        participant__kind=participant.kind,
+        participant__status__in=HOLDING,
+        response__questionnaire__slug=quota.questionnaire,
+        response__finished_at__isnull=False,
+        response__answers__item=quota.item,
+    ).exclude(participant=participant)
+    columns = (
+        *("participant_id", "participant__status", "participant__seen_at"),
+        *("response__finished_at", "response_id", "response__answers__value"),
+    )
+    for who, status, seen, at, key, value in rows.values_list(*columns):
+        is_there = status == Status.FINISHED or seen >= gone
+        if is_there and value is not None and names_answer(quota.answers, value):
+            yield who, at, key

@@ -1,0 +1,147 @@
+"""What recruitment sites add to a study's link, and how they want participants back.
+
+- Prolific: https://docs.prolific.com/api-reference/studies/the-study-object (`external_study_url`,
+  `completion_codes`);
+- Amazon Mechanical Turk: ApiReference_ExternalQuestionArticle of its API. An assignment id is not
+  unique, because a returned assignment goes to another worker: workers are recognized by their own;
+- Sona: "External Study Credit Granting" of its help. Opening the return address grants the credit;
+- CloudResearch Connect: "Project Completion" of its help: each ending has a redirect of its own;
+- `other`: any site that can add a parameter to the link, as oTree's `participant_label` is used.
+
+Pure: parameters of a link come in, an id or an address goes out.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from urllib.parse import quote, urlsplit
+
+from experiments.definition.recruiting import Ending, Recruiting
+
+LONGEST_ID = 100
+# An assignment that nobody has accepted yet: the worker only looks.
+MTURK_PREVIEW = "ASSIGNMENT_ID_NOT_AVAILABLE"
+MTURK_HOSTS = frozenset({"www.mturk.com", "workersandbox.mturk.com"})
+
+
+@dataclass(frozen=True)
+class SiteProfile:
+    """A recruitment site: the parameters that hold the participant's id and the id of this
+    submission, what the study's link must end in, the address to return to, and the endings that
+    lead there.
+    """
+
+    title: str
+    id_parameter: str
+    session_parameter: str = ""
+    query: str = ""
+    return_address: str = ""
+    returning: tuple[Ending, ...] = ()
+
+
+PROFILES: Mapping[str, SiteProfile] = {
+    "prolific": SiteProfile(
+        "Prolific",
+        "PROLIFIC_PID",
+        "SESSION_ID",
+        "PROLIFIC_PID={{%PROLIFIC_PID%}}&STUDY_ID={{%STUDY_ID%}}&SESSION_ID={{%SESSION_ID%}}",
+        "https://app.prolific.com/submissions/complete?cc={code}",
+    ),
+    "mturk": SiteProfile(
+        "Amazon Mechanical Turk",
+        "workerId",
+        "assignmentId",
+        "",  # the site adds its parameters by itself
+        "https://www.mturk.com/mturk/externalSubmit?assignmentId={session}&code={code}",
+    ),
+    "sona": SiteProfile(
+        "Sona",
+        "survey_code",
+        "",
+        "survey_code=%SURVEY_CODE%",
+        "",
+        # the address grants the credit, so who was screened out or left does not open it
+        ("done", "timed_out", "technical_failure"),
+    ),
+    "cloudresearch": SiteProfile(
+        "CloudResearch Connect",
+        "participantId",
+        "assignmentId",
+        "",
+        "",  # each project has an address of its own
+        ("done", "timed_out"),
+    ),
+}
+ANY = Recruiting()
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """Who came by a link: the site, the participant's id there, and the id of the submission."""
+
+    site: str = ""
+    identifier: str = ""
+    session: str = ""
+
+
+NOBODY = Arrival()
+
+
+def arrival(recruiting: Recruiting | None, parameters: Mapping[str, str]) -> Arrival:
+    """Return who came by a link with these parameters; NOBODY without an id.
+
+    A study that names no site recognizes the parameters of every known one.
+    """
+    asked = recruiting or ANY
+    names = list(PROFILES) if asked.site == "any" else [asked.site]
+    for name in names:
+        profile = PROFILES.get(name, SiteProfile("", ""))
+        key = asked.id_parameter or profile.id_parameter
+        identifier = parameters.get(key, "").strip()[:LONGEST_ID]
+        session = parameters.get(profile.session_parameter, "").strip()[:LONGEST_ID]
+        if identifier and not _is_placeholder(identifier) and session != MTURK_PREVIEW:
+            return Arrival(name, identifier, session)
+    return NOBODY
+
+
+def _is_placeholder(identifier: str) -> bool:
+    """Tell whether the site did not fill in its placeholder: then everybody would be one person."""
+    return "%" in identifier or identifier[0] in "{[$"
+
+
+def return_address(
+    recruiting: Recruiting | None,
+    parameters: Mapping[str, str],
+    ending: Ending,
+    code: str,
+) -> str:
+    """Return where a participant goes at the end; empty when they came from no site, or their
+    ending leads nowhere.
+    """
+    came = arrival(recruiting, parameters)
+    profile = PROFILES.get(came.site, SiteProfile("", ""))
+    asked = recruiting or ANY
+    template = asked.return_address or profile.return_address
+    returning = asked.returning or profile.returning
+    if not came.identifier or not template or not code or (returning and ending not in returning):
+        return ""
+    if came.site == "mturk" and not asked.return_address:
+        template = template.replace("www.mturk.com", _mturk_host(parameters))
+    values = {"code": code, "id": came.identifier, "session": came.session}
+    for name, value in values.items():
+        template = template.replace(f"{{{name}}}", quote(value, safe=""))
+    return template
+
+
+def _mturk_host(parameters: Mapping[str, str]) -> str:
+    """Return the host that the link names, if it is one of the site's own: a made-up one would be
+    an open redirect.
+    """
+    host = urlsplit(parameters.get("turkSubmitTo", "")).netloc
+    return host if host in MTURK_HOSTS else "www.mturk.com"
+
+
+def study_link(recruiting: Recruiting | None, address: str) -> str:
+    """Return the link to enter at the recruitment site, with its placeholders."""
+    site = (recruiting or ANY).site
+    query = PROFILES[site].query if site in PROFILES else ""
+    return f"{address}?{query}" if query else address
