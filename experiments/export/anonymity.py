@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from experiments.analysis.dataset.records import Dataset
 from experiments.dataset.people import asks_for_sharing
 
-FEW = 5  # in a smaller group somebody may be recognised
+FEW = 5  # in a smaller group, a participant may be recognized
 ABOUT = """
 ## Anonymity
 

@@ -2,16 +2,16 @@
 instructions that only some conditions have, preferably the cell that has the fewest.
 
 A *cell* is what a participant is assigned to: one condition (between participants), or one order of
-conditions (within them). A participant holds a place in it from then on, and it is
+conditions (within them). From then on a participant holds a place in it, which is
 
 - freed only when the participant left without being exposed: their page never showed the robot's
-  video, nor anything else that only their condition has. They are drawn anew if they return;
+  video, nor anything else that only their condition has. They are drawn again if they return;
 - filled by every other ending, whose outcome counts in the cell;
 - filled and yet given to another when the study's frozen rule says so of its outcome, as often as
   the rule allows;
 - left, where a participant has several conditions to do, or learned of theirs before the video,
   and is gone before driving them: such a place is given to another, so that the *complete cases* of
-  the orders are even. Whether somebody is gone is determined anew each time; participants who
+  the orders are even. Who is gone is computed each time; participants who
   return go on in their place.
 
 Smallest first alone would be predictable: of two cells, every second participant's would be known
@@ -28,8 +28,7 @@ that one, can have left since. (A refill rule frees places too, at the moment in
 filled, and changes nothing in this.) tests/unit/experiments/participation/test_assignment.py tries
 it, and simulates how predictable and how uneven other probabilities are.
 
-Pure: what is held comes in, a choice goes out. Chance comes from a seed that is kept with the
-choice.
+Pure: a function of the places that are held, and of a seed that is kept with the choice.
 """
 
 import random
@@ -165,7 +164,7 @@ def open_cells(offered: Sequence[Cell], taken: Mapping[str, int], quota: int | N
 def _alike(
     held: Sequence[Held], allocation: Allocation, levels: Mapping[str, str]
 ) -> Iterator[list[Held]]:
-    """Yield the places that count for somebody with these levels: all of them, those of
+    """Yield the places that count for a participant with these levels: all of them, those of
     participants alike in every factor, or for each factor those alike in it.
     """
     items = [factor.item for factor in allocation.balance]

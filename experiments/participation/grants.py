@@ -53,11 +53,11 @@ GRACE_SECONDS = 120.0
 SLACK_SECONDS = 180.0
 # after which a robot's last state does not say any more how it stands; states are written every two
 SAID_SECONDS = 5.0
-ATTEMPTS = 200  # every failed one means that somebody else was assigned meanwhile
+ATTEMPTS = 200  # every failed one means that another participant was assigned meanwhile
 
 
 class AssignmentContention(RuntimeError):
-    """Somebody else was assigned under every attempt."""
+    """Another participant was assigned during every attempt."""
 
 
 @dataclass(frozen=True)
@@ -128,12 +128,12 @@ class StudyTerms:
         return _begin(standing, condition, session, now)
 
     def claims(self, user: User, robot: Robot) -> bool:
-        """Tell whether somebody is to drive a robot for a study now."""
+        """Tell whether a user's current step of a study is a drive with this robot."""
         return standing_of(user, robot) is not None
 
     def may_watch(self, user: User, session: str) -> bool:
-        """Tell whether somebody is of the staff of a drive's study: its owners and researchers, but
-        not its viewers, who see pseudonymous data alone.
+        """Tell whether a user is an owner or a researcher of a drive's study; viewers see
+        pseudonymous data alone.
         """
         slug = Drive.objects.filter(session=session).values_list("participant__study__slug").first()
         return slug is not None and may(user, slug[0], "researcher")
@@ -286,7 +286,7 @@ def draw(
     their round; None when every cell is full.
 
     Raises:
-        AssignmentContention: somebody else was assigned under every attempt.
+        AssignmentContention: another participant was assigned during every attempt.
     """
     definition = participant.study.as_definition()
     for _ in range(ATTEMPTS):
@@ -480,8 +480,8 @@ def terms_of(standing: Standing, condition: Condition, robot: Robot, seed: int) 
 
 
 def _doors(robot: Robot) -> list[str]:
-    """Return the doors that the server can move: those of a simulated site. A real door is
-    somebody's to close.
+    """Return the doors that the server can move: those of a simulated site. A person closes a real
+    door.
     """
     movable = "doors" in (robot.presence.factsheet or {}).get("capabilities", ())
     return (

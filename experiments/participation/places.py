@@ -31,7 +31,7 @@ def held(study: Study, kind: str, now: datetime.datetime) -> list[Held]:
     since = now - datetime.timedelta(hours=allocation.left_after_hours)
     may_leave = allocation.design == "within" or is_told
     draws = _last_draws(study, kind)
-    # read before what was driven: somebody who drives on in between is not taken for gone
+    # read before the drives: a participant who drives in between does not count as gone
     people = list(
         Participant.objects.filter(study=study, kind=kind).values_list(
             "pk", "cell", "stage", "draws_applied", "conditions", "status", "seen_at"
@@ -58,7 +58,7 @@ def held(study: Study, kind: str, now: datetime.datetime) -> list[Held]:
 def free_cells(
     study: Study, kind: str, cells: Sequence[Cell], now: datetime.datetime
 ) -> list[Cell]:
-    """Return those of some cells that somebody new of a kind can get."""
+    """Return the cells, of those given, that a new participant of a kind can get."""
     taken = assignment.load(held(study, kind, now))
     return assignment.open_cells(cells, taken, study.as_definition().allocation.quota)
 

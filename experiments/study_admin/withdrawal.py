@@ -18,9 +18,7 @@ from experiments.participation.withdrawal import receipt as receipts
 
 
 def may_withdraw(user: Any, participant: Participant) -> bool:
-    """Tell whether somebody may delete what a participant left; nothing is left of one who
-    withdrew.
-    """
+    """Tell whether a user may withdraw a participant who has not withdrawn yet."""
     is_there = participant.status != Participant.Status.WITHDRAWN
     return is_there and may(user, participant.study.slug, "researcher")
 

@@ -1,5 +1,5 @@
-"""How participants were assigned to cells: each draw with what it was decided on, so that anybody
-can repeat it (experiments/participation/assignment.py).
+"""How participants were assigned to cells: each draw with what it was decided on, so that it
+can be repeated (experiments/participation/assignment.py).
 """
 
 import json
