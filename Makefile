@@ -16,7 +16,7 @@ BIN := $(VENV)/bin
 PHOTOGRAPHED := $(addprefix tests/integration/browser/,pages/test_accessibility.py visits/test_autonomy.py visits/test_slow_picture.py studies/test_replay.py drive_page/test_presence.py)
 export PORT LAN RESET
 
-.PHONY: demo check test nightly soak lint format bench docs messages lock setup setup-dev setup-ros2 test-packages screenshots
+.PHONY: demo check test nightly soak lint format bench docs messages lock setup setup-dev setup-ros2 setup-psychds test-packages screenshots
 .DEFAULT_GOAL := demo
 
 demo: setup
@@ -31,6 +31,10 @@ setup-dev:
 # ROS 2 for the tests of its adapter, 290 MB, in an environment of its own.
 setup-ros2: test-packages
 	@sh deploy/set_up_ros2.sh "$(PYTHON)" var/ros2
+
+# The official validator of Psych-DS, for the nightly tests: it is in no package registry.
+setup-psychds:
+	@sh deploy/set_up_psychds.sh var/psychds
 
 test-packages:
 	@sh deploy/test_packages.sh
@@ -47,7 +51,7 @@ test: setup-dev setup-ros2 node_modules/installed
 check: setup-dev node_modules/installed
 	@BIN="$(BIN)" sh deploy/run_tests.sh check
 
-nightly: setup-dev setup-ros2 node_modules/installed
+nightly: setup-dev setup-ros2 setup-psychds node_modules/installed
 	@BIN="$(BIN)" sh deploy/run_tests.sh nightly
 
 soak: setup-dev setup-ros2 node_modules/installed

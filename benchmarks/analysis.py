@@ -18,9 +18,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.table import Figure, keep
-from experiments.analysis.dataset.columns import NETWORK, STATES
+from experiments.analysis.dataset.columns import Columns
 from experiments.analysis.dataset.folder import read, write
-from experiments.analysis.dataset.records import Columns, Dataset, columns_of
+from experiments.analysis.dataset.records import Dataset
+from experiments.analysis.dataset.states import NO_NETWORK, NO_STATES
 from experiments.analysis.report import analyse
 from tests.support.analysis.study_dataset import drive, link, made_up
 
@@ -41,12 +42,12 @@ def large(sessions: int) -> Dataset:
         one = chosen[places[session]]
         course = dataset.course(one)
         if one.outcome == "connection_refused" or course is None:
-            return columns_of(STATES)
+            return NO_STATES
         return drive(course, np.random.default_rng([SEED, places[session]]), speed=0.098).states
 
     def network(session: str) -> Columns:
         if chosen[places[session]].outcome == "connection_refused":
-            return columns_of(NETWORK)
+            return NO_NETWORK
         return link(300.0, np.random.default_rng([SEED, 1, places[session]]))
 
     kept = {one.id for one in chosen} | {""}

@@ -22,6 +22,7 @@ from accounts import audit
 from experiments import publishing
 from experiments.access import may
 from experiments.builder.forms import PublishForm, StudyForm
+from experiments.builder.recruitment_labels import ENDING_NAMES
 from experiments.builder.views import BuilderPages, sections, told
 from experiments.definition.schema import to_json
 from experiments.definition.shipped import shipped
@@ -30,7 +31,6 @@ from experiments.participation import completion
 from experiments.research.notices import mail_to_owner
 from experiments.research.study_access import OfStudies, study_for
 from experiments.study_admin import opening_hours
-from experiments.study_admin.filters import ENDING_NAMES
 from experiments.study_admin.participants import DriveAdmin, ParticipantAdmin
 from experiments.study_admin.people import PeoplePages, made
 from experiments.study_admin.plan import PlanPages

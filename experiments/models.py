@@ -23,7 +23,7 @@ from sessions.models import Session
 from surveys.documents import spoken
 
 CODE_LENGTH = 8
-# How taking part ended: experiments.definition.recruiting.Ending.
+# How taking part ended: experiments.definition.recruitment.recruiting.Ending.
 DONE: Final = "done"
 TECHNICAL_FAILURE: Final = "technical_failure"
 SCREENED_OUT: Final = "screened_out"
@@ -270,7 +270,7 @@ class Participant(models.Model):
     created_at = models.DateTimeField(_("joined"), db_index=True)
     seen_at = models.DateTimeField(_("last seen"))
     finished_at = models.DateTimeField(_("finished"), null=True, blank=True)
-    # experiments.definition.recruiting.Ending
+    # experiments.definition.recruitment.recruiting.Ending
     completion = models.CharField(_("completion"), max_length=20, blank=True)
     completion_code = models.CharField(_("completion code"), max_length=20, blank=True)
     withdrawn_at = models.DateField(_("withdrawn on"), null=True, blank=True)

@@ -22,6 +22,7 @@ from experiments.definition.feasibility import Known, RobotFacts, obstacles
 from experiments.definition.plan import AttentionCheck
 from experiments.definition.problems import name_problems, problems
 from experiments.definition.reachability import unreachable
+from experiments.definition.recruitment.recruiting import AnswerQuota, AnswerRule
 from experiments.definition.schema import StudyDefinition, as_stored, digest
 from experiments.definition.step import AskingStep, DriveStep
 from experiments.definition.steps.consent import SHARING, TEMPLATE
@@ -230,7 +231,7 @@ def obstacles_here(definition: StudyDefinition) -> list[Problem]:
         *obstacles(definition, known_here(), unreachable),
         *_elsewhere(definition),
         *_unknown_metrics(definition),
-        *_attention_checks(definition),
+        *_named_answers(definition),
         *_balance_factors(definition),
     ]
 
@@ -239,41 +240,71 @@ def _unknown_metrics(definition: StudyDefinition) -> Iterator[Problem]:
     if not definition.analyses:
         return
     # with numpy and scipy, which a page about a study without analyses need not load
-    from experiments.analysis.metrics.sessions import METRICS  # noqa: PLC0415
+    from experiments.analysis.metrics.definitions import (  # noqa: PLC0415
+        METRICS,
+        unfit_for,
+    )
 
     known = {column.name for column in METRICS}
     for n, one in enumerate(definition.analyses):
-        found = (
+        unknown = (
             Problem(_("there is no metric %(name)s."), {"name": measure})
             for measure in one.measures
             if "." not in measure and measure not in known
         )
-        yield from within(found, ProblemPlace("analyses", n), _("Analysis"), one.key)
+        unfit = (
+            Problem(
+                _("the test does not fit %(name)s; choose one of: %(tests)s."),
+                {"name": measure, "tests": tests},
+            )
+            for measure in one.measures
+            if (tests := unfit_for(one.test, measure))
+        )
+        for found in (unknown, unfit):
+            yield from within(found, ProblemPlace("analyses", n), _("Analysis"), one.key)
 
 
-def _attention_checks(definition: StudyDefinition) -> Iterator[Problem]:
-    """Yield the attention checks that nobody could pass, or that an export would not have."""
-    for check in definition.plan.attention_checks if definition.plan is not None else ():
-        asked = {
-            (step.questionnaire, step.version)
-            for step in definition.asking
-            if step.questionnaire == check.questionnaire
-        }
-        name = (_("attention check"), f"{check.questionnaire}.{check.item}")
-        for one in _questionnaires(asked):
-            found = within(_of_check(one, check), None, *name)
-            yield from within(found, ProblemPlace("plan"), _("Plan"))
+def _named_answers(definition: StudyDefinition) -> Iterator[Problem]:
+    """Yield the attention checks, screening rules and quotas that name an item or an answer which a
+    questionnaire does not have, or which an export would not have.
+    """
+    checks = definition.plan.attention_checks if definition.plan is not None else ()
+    for check in checks:
+        yield from _of_answers(definition, check, (check.answer,), "plan", _("attention check"))
+    for rule in (*definition.screening, *definition.answer_quotas):
+        yield from _of_answers(definition, rule, rule.answers, "recruitment", _("rule"))
 
 
-def _of_check(asked: QuestionnaireDefinition, check: AttentionCheck) -> Iterator[Problem]:
-    question = next((one for one in asked.questions() if one.key == check.item), None)
+def _of_answers(
+    definition: StudyDefinition,
+    check: AttentionCheck | AnswerRule | AnswerQuota,
+    answers: Sequence[str],
+    page: str,
+    name: str,
+) -> Iterator[Problem]:
+    asked = {
+        (step.questionnaire, step.version)
+        for step in definition.asking
+        if step.questionnaire == check.questionnaire
+    }
+    for one in _questionnaires(asked):
+        found = within(
+            _of_check(one, check.item, answers), None, name, f"{check.questionnaire}.{check.item}"
+        )
+        yield from within(found, ProblemPlace(page), *([_("Plan")] if page == "plan" else []))
+
+
+def _of_check(
+    asked: QuestionnaireDefinition, item: str, answers: Sequence[str]
+) -> Iterator[Problem]:
+    question = asked.question(item)
     if question is None:
         yield Problem(_("the questionnaire has no such item."))
         return
     options = {str(value) for value, _label in question.labelled_values}
     if question.item.is_free_text:
         yield Problem(_("a free text has no right answer."))
-    elif options and check.answer not in options and not question.item.takes_several:
+    elif options and not question.item.takes_several and not options.issuperset(answers):
         yield Problem(_("its answers are %(answers)s."), {"answers": ", ".join(sorted(options))})
 
 

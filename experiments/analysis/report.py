@@ -19,6 +19,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from experiments.analysis.dataset.counting import counting
 from experiments.analysis.dataset.levels import Kind
 from experiments.analysis.dataset.records import COUNTING, EVERY, Dataset, SessionRecord
 from experiments.analysis.documents.latex import as_latex, latex, runs_as_latex
@@ -101,19 +102,18 @@ def reports(dataset: Dataset, kinds: Sequence[Kind] = ("participant",)) -> Itera
     """Yield the report on the drives that count and, where something is excluded, the sensitivity
     analysis with the excluded ones.
     """
-    counting = dataset.counting(kinds)
-    every = dataset.counting(kinds, with_excluded=True)
-    task_drives = replace(counting, sessions=(*counting.sessions, *counting.others), others=())
+    planned, every = counting(dataset, kinds), counting(dataset, kinds, with_excluded=True)
+    task_drives = replace(planned, sessions=(*planned.sessions, *planned.others), others=())
     measured = {one.session.id: one for one in measure_all(task_drives)}
-    if [one.id for one in every.sessions] == [one.id for one in counting.sessions]:
-        yield report(counting, measured, dataset)
+    if [one.id for one in every.sessions] == [one.id for one in planned.sessions]:
+        yield report(planned, measured, dataset)
         return
     effects = exclusion_effects(
-        declared(counting, _measured(counting.sessions, measured)),
+        declared(planned, _measured(planned.sessions, measured)),
         declared(every, _measured(every.sessions, measured)),
         alpha_of(dataset.study),
     )
-    yield report(counting, measured, dataset, effects)
+    yield report(planned, measured, dataset, effects)
     yield report(every, measured, dataset)
 
 
@@ -133,7 +133,7 @@ def report(
     """Return the tables and figures of a dataset of what counts.
 
     Args:
-        dataset: of what counts (`Dataset.counting`).
+        dataset: of what counts (dataset/counting.py).
         numbers: its drives and the others as they were measured, by session.
         whole: the dataset that it was chosen from.
         also: more tables on exclusions.

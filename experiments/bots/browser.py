@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from websockets.asyncio.client import ClientConnection, connect
 
-from experiments.bots.page import HtmlForm, HtmlPage, read
+from experiments.bots.page import HtmlForm, HtmlPage
 
 TIMEOUT_S = 300.0  # a computer that has other work answers late
 WEBSOCKET_TIMEOUT_S = 30.0
@@ -146,4 +146,4 @@ def _answer(response: urllib.response.addinfourl) -> HttpAnswer:
     body = response.read()
     if response.headers.get_content_type() != "text/html":
         return HttpAnswer(response.url, response.status or 0, HtmlPage(), body)
-    return HttpAnswer(response.url, response.status or 0, read(body.decode(errors="replace")))
+    return HttpAnswer(response.url, response.status or 0, HtmlPage(body.decode(errors="replace")))

@@ -187,7 +187,7 @@ class Cockpit:
                 self._report_first_frame()
                 self._changed.set()
         except ConnectionClosed:
-            self.closed = socket.close_code
+            self.closed = socket.close_code or CloseCode.ABNORMAL_CLOSURE
             self._changed.set()
 
     def _report_first_frame(self) -> None:

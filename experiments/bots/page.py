@@ -5,6 +5,7 @@ browser, no scripts.
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from html.parser import HTMLParser
 from typing import Any
 from xml.etree.ElementTree import Element, TreeBuilder
@@ -66,58 +67,6 @@ class HtmlForm:
     buttons: list[Button] = field(default_factory=list)
 
 
-@dataclass(frozen=True)
-class HtmlLink:
-    href: str
-    in_main: bool
-    is_primary: bool = False
-
-
-@dataclass
-class HtmlPage:
-    """What a page has: `text` of its main part, `json` of `json_script` by ids, and `by_id` the
-    text of each element of the main part that has an id.
-    """
-
-    title: str = ""
-    headings: list[str] = field(default_factory=list)
-    text: str = ""
-    links: list[HtmlLink] = field(default_factory=list)
-    forms: list[HtmlForm] = field(default_factory=list)
-    json: dict[str, Any] = field(default_factory=dict)
-    errors: list[str] = field(default_factory=list)
-    by_id: dict[str, str] = field(default_factory=dict)
-
-    @property
-    def next_link(self) -> HtmlLink | None:
-        """The link that most people follow next."""
-        return next((link for link in self.links if link.in_main and link.is_primary), None)
-
-    def next_form(self) -> tuple[HtmlForm, int] | None:
-        """Return the form that most people send next, and the number of the button for it."""
-        return self._form_with(lambda button: button.is_primary)
-
-    def button(self, value: str) -> tuple[HtmlForm, int] | None:
-        """Return the form with a button of this value, and the number of that button."""
-        return self._form_with(lambda button: button.value == value)
-
-    def _form_with(self, is_wanted: Callable[[Button], bool]) -> tuple[HtmlForm, int] | None:
-        found = (
-            (form, number)
-            for form in self.main_forms()
-            for number, button in enumerate(form.buttons)
-            if is_wanted(button)
-        )
-        return next(found, None)
-
-    def form(self, form_id: str) -> HtmlForm | None:
-        return next((form for form in self.forms if form.id == form_id), None)
-
-    def main_forms(self) -> list[HtmlForm]:
-        """Return the forms that are sent by POST from the main part of the page."""
-        return [form for form in self.forms if form.in_main and form.method == "post"]
-
-
 class _TreeParser(HTMLParser):
     """Builds the elements. An end tag closes what is still open inside its element."""
 
@@ -149,52 +98,95 @@ class _TreeParser(HTMLParser):
         return self._builder.close()
 
 
-def read(html: str) -> HtmlPage:
-    tree = _TreeParser()
-    tree.feed(html)
-    return _PageReader(tree.root()).page()
+class HtmlPage:
+    """A page. A control's label is the `<label for>` of its id, else the legend around it."""
 
+    def __init__(self, html: str = "") -> None:
+        parser = _TreeParser()
+        parser.feed(html)
+        self._root = parser.root()
+        self._around = {inner: outer for outer in self._root.iter() for inner in outer}
+        self._labels = {one.get("for", ""): _text(one) for one in self._root.iter("label")}
+        self.forms = [self._form(one) for one in self._root.iter("form")]
+        # the blocks of `json_script`, by their ids
+        self.json: dict[str, Any] = {
+            one.attrib["id"]: json.loads("".join(one.itertext()))
+            for one in self._root.iter("script")
+            if one.get("type") == "application/json" and "id" in one.attrib
+        }
 
-class _PageReader:
-    """Reads one page. A control's label is the `<label for>` of its id, else the legend around."""
+    @property
+    def title(self) -> str:
+        return " ".join(_text(one) for one in self._root.iter("title"))
 
-    def __init__(self, root: Element) -> None:
-        self._root = root
-        self._around = {inner: outer for outer in root.iter() for inner in outer}
-        self._labels = {one.get("for", ""): _text(one) for one in root.iter("label")}
+    @property
+    def headings(self) -> list[str]:
+        return [_text(one) for one in self._visible() if one.tag in {"h1", "h2"}]
 
-    def page(self) -> HtmlPage:
-        return HtmlPage(
-            title=" ".join(_text(one) for one in self._root.iter("title")),
-            headings=[
-                _text(one)
-                for one in self._root.iter()
-                if one.tag in {"h1", "h2"} and not self._has_around(one, "hidden")
-            ],
-            text=_words(word for main in self._root.iter("main") for word in _shown(main)),
-            links=[
-                HtmlLink(one.get("href", ""), self._in_main(one), PRIMARY in _classes(one))
-                for one in self._root.iter("a")
-            ],
-            forms=[self._form(one) for one in self._root.iter("form")],
-            json={
-                one.attrib["id"]: json.loads("".join(one.itertext()))
-                for one in self._root.iter("script")
-                if one.get("type") == "application/json" and "id" in one.attrib
-            },
-            errors=[
-                text
-                for one in self._root.iter()
-                if ("field__error" in _classes(one) or one.get("role") == "alert")
-                and not self._has_around(one, "hidden")
-                and (text := _text(one))
-            ],
-            by_id={
-                one.attrib["id"]: _text(one)
-                for one in self._root.iter()
-                if "id" in one.attrib and self._in_main(one)
-            },
+    @property
+    def errors(self) -> list[str]:
+        texts = (
+            _text(one)
+            for one in self._visible()
+            if "field__error" in _classes(one) or one.get("role") == "alert"
         )
+        return [text for text in texts if text]
+
+    @cached_property
+    def text(self) -> str:
+        """The words of the main part."""
+        return _words(word for main in self._root.iter("main") for word in _shown(main))
+
+    @property
+    def links(self) -> list[str]:
+        """The addresses of all links."""
+        return [one.get("href", "") for one in self._root.iter("a")]
+
+    @property
+    def next_link(self) -> str | None:
+        """The address of the link that most people follow next."""
+        found = (
+            one.get("href", "")
+            for one in self._root.iter("a")
+            if PRIMARY in _classes(one) and self._in_main(one)
+        )
+        return next(found, None)
+
+    def text_of(self, identity: str) -> str:
+        """Return the text of the element of the main part with an id; "" without one."""
+        found = (one for one in self._root.iter() if one.get("id") == identity)
+        return next((_text(one) for one in found if self._in_main(one)), "")
+
+    def next_form(self) -> tuple[HtmlForm, int] | None:
+        """Return the form that most people send next, and the number of the button for it."""
+        return self._form_with(lambda button: button.is_primary)
+
+    def button(self, value: str) -> tuple[HtmlForm, int] | None:
+        """Return the form with a button of this value, and the number of that button."""
+        return self._form_with(lambda button: button.value == value)
+
+    def _form_with(self, is_wanted: Callable[[Button], bool]) -> tuple[HtmlForm, int] | None:
+        found = (
+            (form, number)
+            for form in self.main_forms()
+            for number, button in enumerate(form.buttons)
+            if is_wanted(button)
+        )
+        return next(found, None)
+
+    def form(self, form_id: str) -> HtmlForm | None:
+        return next((form for form in self.forms if form.id == form_id), None)
+
+    def main_forms(self) -> list[HtmlForm]:
+        """Return the forms that are sent by POST from the main part of the page."""
+        return [form for form in self.forms if form.in_main and form.method == "post"]
+
+    # --- reading ----------------------------------------------------------------------------------
+
+    def _visible(self) -> Iterator[Element]:
+        for one in self._root.iter():
+            if not any("hidden" in around.attrib for around in self._lineage(one)):
+                yield one
 
     def _form(self, element: Element) -> HtmlForm:
         form = HtmlForm(
@@ -254,9 +246,6 @@ class _PageReader:
     def _nearest(self, element: Element, attribute: str) -> str:
         around = self._lineage(element)
         return next((one.attrib[attribute] for one in around if attribute in one.attrib), "")
-
-    def _has_around(self, element: Element, attribute: str) -> bool:
-        return any(attribute in one.attrib for one in self._lineage(element))
 
     def _in_main(self, element: Element) -> bool:
         return any(one.tag == "main" for one in self._lineage(element))

@@ -77,7 +77,7 @@ class BotParticipant:
         here = await self._get(self.link)
         sign_up = here.page.next_link
         if here.page.next_form() is None and sign_up is not None:
-            return await self._sign_up(await self._follow(here, sign_up.href))
+            return await self._sign_up(await self._follow(here, sign_up))
         return here
 
     async def _sign_up(self, here: HttpAnswer) -> HttpAnswer:
@@ -103,7 +103,7 @@ class BotParticipant:
         for _ in range(MOST_PAGES):
             if here.status >= WRONG and here.page.next_form() is None:
                 raise StuckError(f"{_named(here)} answered with status {here.status}")
-            code = here.page.by_id.get("code", "")
+            code = here.page.text_of("code")
             if code:
                 self.diary.code, self.diary.done = code, True
                 if self._visits >= self._wanted:
@@ -141,7 +141,7 @@ class BotParticipant:
         page = here.page
         if "socket" in page.json.get("config", {}):
             return await self._drive(here)
-        if page.by_id.get("code"):
+        if page.text_of("code"):
             return await self._come_again(here)
         await self._leave(here)
         if self._left:
@@ -159,7 +159,7 @@ class BotParticipant:
             self._left = True
             return None
         if link is not None:
-            return await self._follow(here, link.href)
+            return await self._follow(here, link)
         if form is None:
             raise StuckError(f"{_named(here)} has no link or form to continue with")
         return await self._fill(here, *form)
@@ -187,10 +187,10 @@ class BotParticipant:
     async def _withdraw(self) -> None:
         """Withdraw by the link on the page of the bot's own data."""
         data = await self._get("/profile/data/")
-        link = next((link for link in data.page.links if "/withdraw/" in link.href), None)
+        link = next((link for link in data.page.links if "/withdraw/" in link), None)
         if link is None:
             raise StuckError("the bot's own data page has no link to withdraw")
-        asked = await self._follow(data, link.href)
+        asked = await self._follow(data, link)
         forms = asked.page.main_forms()
         if not forms:
             raise StuckError("the page to withdraw has no button")

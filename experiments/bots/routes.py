@@ -49,6 +49,7 @@ class RouteGrid:
         grid = rasterise(msgspec.structs.replace(plan, walls=(*plan.walls, *leaves)), CELL)
         self._transform = grid.transform
         self._clearance = np.asarray(ndimage.distance_transform_edt(grid.free())) * CELL
+        self._graphs: dict[float, CellGraph] = {}
 
     def route(self, start: Point, goal: Point) -> list[Point]:
         """Return points from start to goal, in metres, each about a cell from the one before.
@@ -64,7 +65,9 @@ class RouteGrid:
         )
 
     def _route(self, start: Point, goal: Point, clearance: float) -> list[Point]:
-        graph = CellGraph(self._clearance > clearance, CELL)
+        if clearance not in self._graphs:  # bots plan again every few seconds
+            self._graphs[clearance] = CellGraph(self._clearance > clearance, CELL)
+        graph = self._graphs[clearance]
         if not len(graph.rows):
             return []
         price = 1.0 + SHUN / self._clearance[graph.rows, graph.columns]

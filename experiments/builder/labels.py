@@ -81,7 +81,8 @@ LABELS: dict[str, Words] = {
     "conditions": _("Conditions"),
     "post_hoc": _("Compare all pairs"),
     "effects": _("Effects of the model"),
-    "coding": _("Coding of levels"),
+    "covariates": _("Covariates"),
+    "coding": _("Coding of printed coefficients"),
     "allocation": _("Assignment to conditions"),
     "left_after_hours": _("Counts as dropped out after (hours)"),
     "design": _("Design"),
@@ -138,6 +139,7 @@ LABELS: dict[str, Words] = {
     "measure": _("Measure"),
     "condition": _("Condition"),
     "difference": _("Difference from the first condition"),
+    "level": _("Level in this condition"),
     "sd": _("Standard deviation"),
     "correlation": _("Correlation within participants (0-1)"),
     "blinding": _("Blinding"),
@@ -254,7 +256,7 @@ HINTS: dict[str, Words] = {
         "Each names the declared analysis that tests it. All other tests are exploratory."
     ),
     "contrast": _("Counted from 1. Leave blank for all contrasts of the analysis."),
-    "effect": _("Only for a mixed model, such as delay or delay:help. Leave blank for all."),
+    "effect": _("Only for a model, such as delay or delay:help. Leave blank for all."),
     "families": _(
         "All tests of a family are corrected together. Without a family, those of one analysis are."
     ),
@@ -262,8 +264,16 @@ HINTS: dict[str, Words] = {
     "speeders": _("Participants who answer a questionnaire this fast are excluded."),
     "participants": _("Number of complete cases. Leave blank if not decided."),
     "expected": _("In the unit of the measure. The study's power is simulated from these values."),
+    "level": _(
+        "Only for proportions (a share), counts (events per minute) and times (the median in "
+        "seconds), in place of a difference."
+    ),
+    "covariates": _(
+        "For a model: age, or items of a questionnaire about the person, such as "
+        "ict.games; separated by commas."
+    ),
     "effects": _(
-        "For a mixed model: factors, interactions such as delay:help, condition, period, order; "
+        "For a model: factors, interactions such as delay:help, condition, period, order; "
         "separated by commas."
     ),
     "docked": _("Otherwise the participant waits and the study's researchers get an e-mail."),
@@ -387,6 +397,9 @@ CHOICES: dict[str, dict[str, Words]] = {
     "test": {
         "means": _("means: t tests, analysis of variance"),
         "ranks": _("ranks: Wilcoxon, Mann-Whitney, Friedman, Kruskal-Wallis"),
+        "proportions": _("proportions: completed or not"),
+        "counts": _("counts per minute: Poisson regression"),
+        "times": _("times to success: log-rank, Cox regression"),
         "mixed": _("linear mixed model"),
     },
     "direction": {

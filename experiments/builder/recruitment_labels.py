@@ -7,7 +7,7 @@ from django.utils.translation import pgettext_lazy
 
 from experiments.recruitment.sites import PROFILES
 
-_ENDINGS: dict[str, Any] = {
+ENDING_NAMES: dict[str, Any] = {
     "done": _("completed"),
     "timed_out": _("time ran out"),
     "technical_failure": _("ended by a technical failure"),
@@ -21,7 +21,7 @@ LABELS: dict[str, Any] = {
     "return_address": _("Return address"),
     "returning": _("Who returns there"),
     "Recruiting.codes": _("Codes that the site gave you"),
-    **{f"EndingCodes.{name}": words for name, words in _ENDINGS.items()},
+    **{f"EndingCodes.{name}": words for name, words in ENDING_NAMES.items()},
     "devices": _("Allowed devices"),
     "browsers": _("Allowed browsers"),
     "screening": _("Required answers"),
@@ -47,7 +47,10 @@ HINTS: dict[str, Any] = {
         "Where participants go at the end. {code}, {id} and {session} are filled in. Leave blank "
         "for that of Prolific or Mechanical Turk; Sona, CloudResearch and other sites show you one."
     ),
-    "returning": _("If you tick none, everyone who gets a code returns."),
+    "returning": _(
+        "If you tick none, everyone who gets a code; on Sona and CloudResearch, only those who are "
+        "usually paid."
+    ),
     "Recruiting.codes": _(
         "Leave blank for codes that this site makes. They stay the same in all versions."
     ),
@@ -72,7 +75,7 @@ CHOICES: dict[str, dict[str, Any]] = {
         **{name: profile.title for name, profile in PROFILES.items()},
         "other": _("another one"),
     },
-    "returning": _ENDINGS,
+    "returning": ENDING_NAMES,
     "devices": {
         "computer": pgettext_lazy("a device", "computer"),
         "tablet": pgettext_lazy("a device", "tablet"),

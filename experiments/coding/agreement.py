@@ -17,9 +17,9 @@ timed-event sequential data", Behavior Research Methods 41, 137-147). Without su
 Cohen's kappa.
 
 Bins and events of one session depend on each other, so the sessions are what a confidence interval
-resamples: it is that of the jackknife that leaves out one session at a time, with Student's t
-(Efron and Tibshirani, 1993, An Introduction to the Bootstrap, chapter 11). It describes other
-sessions of the same coders. Of a single session, parts of BLOCK_S seconds are left out instead.
+resamples: it is that of the jackknife that leaves out one session at a time, with Student's t on
+Fisher's z (Efron and Tibshirani, 1993, An Introduction to the Bootstrap, chapter 11). It describes
+other sessions of the same coders. Of a single session, parts of BLOCK_S seconds are left out.
 
 Each figure is a closed formula of sums over units, which are subtracted for a session that is left
 out; statsmodels and krippendorff, with which the tests compare, would need all units each time.
@@ -216,8 +216,16 @@ def estimate(
     if count < LEAST_CLUSTERS or np.isnan(others).any():
         return ReliabilityEstimate(value)
     error = np.sqrt((count - 1) / count * ((others - others.mean()) ** 2).sum())
-    reach = float(error * special.stdtrit(count - 1, (1.0 + LEVEL) / 2.0))
-    return ReliabilityEstimate(value, max(value - reach, least), min(value + reach, 1.0))
+    reach = error * special.stdtrit(count - 1, (1.0 + LEVEL) / 2.0)
+    # On Fisher's z the interval ends within the bounds; its standard error is that of the figure
+    # times the slope of z (delta method).
+    half = (1.0 - least) / 2.0
+    scaled = (value - 1.0) / half + 1.0
+    if abs(scaled) >= 1.0:
+        return ReliabilityEstimate(value, value, value)
+    z, wide = np.arctanh(scaled), reach / half / (1.0 - scaled**2)
+    low, high = (float((np.tanh(end) - 1.0) * half + 1.0) for end in (z - wide, z + wide))
+    return ReliabilityEstimate(value, low, high)
 
 
 # --- by time --------------------------------------------------------------------------------------

@@ -12,9 +12,19 @@ An identified dataset has events as they are stored.
 from collections.abc import Mapping
 from typing import Any, get_args
 
-from experiments.analysis.dataset import columns
-from experiments.analysis.dataset.columns import Column
+import msgspec
+
+from experiments.analysis.dataset.columns import Column, declared
 from experiments.analysis.dataset.levels import END_REASONS
+from experiments.analysis.dataset.records import EventRecord
+from experiments.analysis.dataset.states import (
+    StoredBattery,
+    StoredCommand,
+    StoredPose,
+    StoredSample,
+    StoredState,
+    StoredVelocity,
+)
 from experiments.dataset.forms import (
     Form,
     Origin,
@@ -57,39 +67,12 @@ Fields = Mapping[str, Form]
 SIDES = ("ahead", "left", "behind", "right")
 # Why a robot did not do something: docs/explanation/safety.md, robots/agent/control/actions.py.
 ACTION_REASONS = (
-    "",
-    "button_pressed",
-    "busy",
-    "cancelled",
-    "clock_unknown",
-    "empty_range",
-    "estop",
-    "fault",
-    "frame_future",
-    "frame_stale",
-    "future",
-    "navigating",
-    "no_frame",
-    "no_lease",
-    "no_picture",
-    "nobody_there",
-    "not_allowed",
-    "not_yours",
-    "nothing_runs",
-    "observer",
-    "old_seq",
-    "owner_only",
-    "replaced",
-    "retained",
-    "role",
-    "stale",
-    "stopped",
-    "too_large",
-    "too_many",
-    "unknown_boot",
-    "unsupported",
-    "wrong_epoch",
-    "wrong_session",
+    *("", "button_pressed", "busy", "cancelled", "clock_unknown", "empty_range"),
+    *("estop", "fault", "frame_future", "frame_stale", "future", "navigating"),
+    *("no_frame", "no_lease", "no_picture", "nobody_there", "not_allowed"),
+    *("not_yours", "nothing_runs", "observer", "old_seq", "owner_only", "replaced"),
+    *("retained", "role", "stale", "stopped", "too_large", "too_many"),
+    *("unknown_boot", "unsupported", "wrong_epoch", "wrong_session"),
 )
 LINK_REASONS = (
     *("failed", "no_answer", "no_offer", "no_way", "silent", "unexpected_answer"),
@@ -126,6 +109,11 @@ RESULT = fields(
     }
 )
 
+
+def _read_by(reader: type[msgspec.Struct]) -> Fields:
+    return {one.encode_name: in_columns for one in msgspec.structs.fields(reader)}
+
+
 # --- messages of the Robot API, and of pages and server -------------------------------------------
 
 # Those that the record of a session is made of. What the `detail` of an event is depends on its
@@ -153,34 +141,23 @@ MESSAGES: Mapping[type, Fields] = {
         "result": RESULT,
     },
     p.PageEvent: {"stamp": time, "type": withheld, "data": withheld},  # PAGE has its types
-    # These four are read into columns (StoredState, Sample in experiments/dataset/states.py) or
-    # words (`facts`, `spell`); a test compares what is listed with what is read.
+    # Of what is read into columns, the fields that are read are in the classes that read them.
     m.State: {
-        **dict.fromkeys(("stamp", "seq", "pose", "velocity", "battery", "docked"), in_columns),
-        **dict.fromkeys(("tilt", "mode", "clearance", "contacts", "distance"), in_columns),
-        **dict.fromkeys(("visitorSilence", "applied", "refused", "distanceByPosition"), in_columns),
+        **_read_by(StoredState),
         **dict.fromkeys(("boot", "session", "epoch", "chargerContact", "assist"), withheld),
         **dict.fromkeys(("safety", "errors", "viewers", "assistWhy", "assistPoint"), withheld),
         **dict.fromkeys(("call", "screens", "controlNetwork", "videoNetwork"), withheld),
         **dict.fromkeys(("cameraStatus", "knock", "knockable"), withheld),
     },
-    m.Pose: {
-        **dict.fromkeys(("x", "y", "theta", "localized", "score"), in_columns),
-        "covariance": withheld,
-    },
-    m.Velocity: {"linear": in_columns, "angular": in_columns},
-    m.Battery: {"charge": in_columns, "charging": in_columns, "voltage": withheld},
+    m.Pose: {**_read_by(StoredPose), "covariance": withheld},
+    m.Velocity: _read_by(StoredVelocity),
+    m.Battery: {**_read_by(StoredBattery), "voltage": withheld},
     m.AppliedCommand: {
-        **dict.fromkeys(("method", "way", "age", "frameAge"), in_columns),
-        **dict.fromkeys(("linear", "angular", "asked", "allowed", "share"), in_columns),
+        **_read_by(StoredCommand),
         **dict.fromkeys(("seq", "stamp"), withheld),
     },
-    p.PageNetwork: {
-        "stamp": in_columns,
-        **dict.fromkeys(("roundTrip", "loss", "jitter", "fps", "freezes", "bitrate"), in_columns),
-        **dict.fromkeys(("frameAge", "way"), in_columns),
-        "path": withheld,
-    },
+    p.PageNetwork: {**_read_by(StoredSample), "stamp": in_columns, "path": withheld},
+    # These are read into words: `facts` and `spell`.
     m.Factsheet: {
         **dict.fromkeys(("series", "rca"), in_columns),
         **dict.fromkeys(("capabilities", "limits", "camera", "tilt", "laser"), in_columns),
@@ -374,7 +351,7 @@ def event_columns() -> tuple[Column, ...]:
         for kind, listed in kinds.items():
             told.setdefault(kind, []).append(f"{source}: {in_words(listed)}".removesuffix(": "))
     types = {kind: "; or ".join(parts) for kind, parts in sorted(told.items())}
-    return tuple(one.one_of(types) if one.name == "type" else one for one in columns.EVENTS)
+    return tuple(one.one_of(types) if one.name == "type" else one for one in declared(EventRecord))
 
 
 def end_reason(reason: str, release: Release) -> str:

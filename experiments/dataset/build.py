@@ -9,9 +9,10 @@ export, as they are written.
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 
-from experiments.analysis.dataset.columns import NETWORK, STATES
+from experiments.analysis.dataset.columns import Columns
 from experiments.analysis.dataset.counting import with_reasons
-from experiments.analysis.dataset.records import Columns, Dataset, columns_of
+from experiments.analysis.dataset.records import Dataset
+from experiments.analysis.dataset.states import NO_NETWORK, NO_STATES
 from experiments.dataset.answers import questionnaires_of, responses_of
 from experiments.dataset.events import events_of, page_offset
 from experiments.dataset.forms import Release
@@ -62,10 +63,10 @@ def dataset_of(
             drives,
             names,
             lambda drive: states_of(drive.session_id, granted(drive)),
-            columns_of(STATES),
+            NO_STATES,
         ),
         freeze=freeze_of(study),
-        network=_reader(drives, names, _network, columns_of(NETWORK)),
+        network=_reader(drives, names, _network, NO_NETWORK),
         publication=from_stored(study.publication),
     )
     return with_reasons(found)

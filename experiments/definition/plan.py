@@ -28,7 +28,7 @@ class Hypothesis(DocumentPart, frozen=True, kw_only=True):
 
     `measures` are those of the analysis that it is about (none: all of them), `contrast` the number
     of one of its contrasts, from 1 (None: all), `effect` the effect of a mixed model (empty: all).
-    With `greater` the first side of the contrast, or the first level of the effect, is expected to
+    With `greater` the first side of the contrast, or the first level of the factor, is expected to
     have the greater values.
     """
 
@@ -71,12 +71,14 @@ class Speeder(DocumentPart, frozen=True, kw_only=True):
 class ExpectedEffect(DocumentPart, frozen=True, kw_only=True):
     """What is expected of a measure in a condition: by how much its mean differs from that of the
     study's first condition, in the unit of the measure; its standard deviation, and the correlation
-    of a participant's values in two conditions.
+    of a participant's values in two conditions. Of a proportion, a count or a time, `level` is what
+    is expected in the condition itself: a share, events a minute, or the median in seconds.
     """
 
     measure: Measure
     condition: str = ""
     difference: float = 0.0
+    level: Positive | None = None
     sd: Positive | None = None
     correlation: Correlation | None = None
 

@@ -65,7 +65,7 @@ def _of_contrast(one: Hypothesis, analysis: DeclaredAnalysis) -> Iterator[Proble
     if one.contrast is not None and one.contrast > len(analysis.contrasts):
         words = _("the analysis %(key)s has no contrast %(n)d.")
         yield Problem(words, {"key": analysis.key, "n": one.contrast})
-    if analysis.test != "mixed" and one.direction != "different" and not analysis.contrasts:
+    if not analysis.is_model and one.direction != "different" and not analysis.contrasts:
         words = _(
             "it has a direction, but the analysis %(key)s compares all conditions at once: add a "
             "contrast."
@@ -79,12 +79,18 @@ def _of_effect(
     if one.effect and one.effect not in analysis.effects:
         words = _("the analysis %(key)s has no effect %(effect)s.")
         yield Problem(words, {"key": analysis.key, "effect": one.effect})
-    if analysis.test == "mixed" and one.direction != "different":
+    if analysis.is_model and one.direction != "different":
         levels = next((len(it.levels) for it in study.factors if it.key == one.effect), 0)
         if levels != 2:
             yield Problem(
-                _("in a mixed model, only the effect of a factor with two levels has a direction.")
+                _("in a model, only the effect of a factor with two levels has a direction.")
             )
+        elif analysis.interacts(one.effect):
+            words = _(
+                "it has a direction, but the effect of %(key)s depends on another factor in the"
+                " analysis %(analysis)s: declare a contrast, or leave out the interaction."
+            )
+            yield Problem(words, {"key": one.effect, "analysis": analysis.key})
 
 
 def _of_families(plan: StudyPlan) -> Iterator[Problem]:

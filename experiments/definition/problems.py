@@ -8,10 +8,10 @@ from dataclasses import replace
 
 from experiments.definition import factors, plan_problems
 from experiments.definition import wizard as wizards
-from experiments.definition.analyses import EFFECTS, DeclaredAnalysis
+from experiments.definition.analyses import AGE, EFFECTS, FAMILIES, DeclaredAnalysis
 from experiments.definition.coding import scheme_problems
-from experiments.definition.piping import piping_problems
-from experiments.definition.recruiting import recruiting_problems, screening_problems
+from experiments.definition.recruitment.piping import piping_problems
+from experiments.definition.recruitment.recruiting import recruiting_problems, screening_problems
 from experiments.definition.schema import Condition, Course, Impairment, StudyDefinition
 from experiments.definition.step import Step
 from experiments.definition.steps import KINDS
@@ -66,7 +66,7 @@ def _of_recruitment(study: StudyDefinition) -> Iterator[Problem]:
         yield from recruiting_problems(study.recruiting)
     asked = (step.questionnaire for step in study.asking)
     yield from screening_problems(study.screening, study.answer_quotas, asked)
-    yield from piping_problems(study)
+    yield from piping_problems(study.steps)
 
 
 def of_course(n: int, course: Course, found: Iterable[Problem]) -> Iterator[Problem]:
@@ -293,22 +293,37 @@ def _of_analysis(one: DeclaredAnalysis, study: StudyDefinition) -> Iterator[Prob
         if not contrast.first or not contrast.second or set(contrast.first) & set(contrast.second):
             words = _("a contrast compares two different sides of at least one condition each.")
             yield Problem(words)
-    yield from _of_mixed_model(one, study)
+    yield from _of_model(one, study)
 
 
-def _of_mixed_model(one: DeclaredAnalysis, study: StudyDefinition) -> Iterator[Problem]:
-    if one.test != "mixed":
-        if one.effects:
-            yield Problem(_("only a mixed model has effects."))
-        return
+def _of_model(one: DeclaredAnalysis, study: StudyDefinition) -> Iterator[Problem]:
+    if one.effects and one.test not in {"mixed", *FAMILIES}:
+        yield Problem(_("tests of means and ranks have contrasts, and no effects."))
     if not one.effects:
-        yield Problem(_("a mixed model needs at least one effect."))
+        if one.test == "mixed":
+            yield Problem(_("a mixed model needs at least one effect."))
+        if one.covariates:
+            yield Problem(_("only a model with effects has covariates."))
+        return
     if one.contrasts or one.post_hoc:
-        yield Problem(_("a mixed model has effects, and neither contrasts nor post-hoc tests."))
-    if study.allocation.design != "within":
-        yield Problem(_("a mixed model needs participants who do several conditions."))
+        yield Problem(_("a model has effects, and neither contrasts nor post-hoc tests."))
+    yield from _of_covariates(one, study)
     factors = {factor.key for factor in study.factors}
     for effect in one.effects:
         for name in effect.split(":"):
             if name not in factors | EFFECTS:
                 yield Problem(_("there is no factor %(key)s."), {"key": name})
+
+
+def _of_covariates(one: DeclaredAnalysis, study: StudyDefinition) -> Iterator[Problem]:
+    yield from duplicates(_("Covariate"), one.covariates)
+    about_person = {step.questionnaire for step in study.asking if step.is_about_person}
+    for covariate in one.covariates:
+        questionnaire, point, _rest = covariate.partition(".")
+        if covariate != AGE and not (point and questionnaire in about_person):
+            words = _(
+                "the covariate %(name)s is neither age nor an item of a questionnaire about the"
+                " person, such as %(example)s."
+            )
+            asked = min(about_person, default="ict")
+            yield Problem(words, {"name": covariate, "example": f"{asked}.games"})

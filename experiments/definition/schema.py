@@ -24,7 +24,7 @@ from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.coding import CodingScheme
 from experiments.definition.design import Design, Factor, Levels
 from experiments.definition.plan import StudyPlan
-from experiments.definition.recruiting import (
+from experiments.definition.recruitment.recruiting import (
     AnswerQuota,
     AnswerRule,
     Appointments,

@@ -9,10 +9,10 @@ from urllib.parse import quote, urlencode
 from experiments.deposit.repository import (
     DepositDraft,
     DepositError,
-    Progress,
     Record,
     Repository,
     StoredFile,
+    Tell,
 )
 
 JSON_API = "application/vnd.api+json"
@@ -47,11 +47,11 @@ class Osf(Repository):
         stored = [_stored(one) for one in found if one["attributes"]["kind"] == "file"]
         return {one.name: one for one in stored}
 
-    def upload(self, draft: DepositDraft, name: str, path: Path, progress: Progress) -> StoredFile:
+    def upload(self, draft: DepositDraft, name: str, path: Path, tell: Tell) -> StoredFile:
         known = self.files(draft).get(name)
         query = urlencode({"kind": "file"} if known else {"kind": "file", "name": name})
         address = known.address if known else self._storage(draft)
-        return _stored(self.put(f"{address}?{query}", path, progress)["data"])
+        return _stored(self.put(f"{address}?{query}", path, tell)["data"])
 
     def _storage(self, draft: DepositDraft) -> str:
         """Return the address for files, which is in the project's answer."""

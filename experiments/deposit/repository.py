@@ -34,7 +34,7 @@ REFUSALS = {
     429: f"{{host}} gets too many requests. Wait a few minutes. {AGAIN}",
     507: NO_SPACE,
 }
-Progress = Callable[[int], None]  # takes the number of bytes that were sent so far
+Tell = Callable[[str], None]
 
 
 class DepositError(RuntimeError):
@@ -118,7 +118,7 @@ class Repository(ABC):
         """Return the files of a draft, by name."""
 
     @abstractmethod
-    def upload(self, draft: DepositDraft, name: str, path: Path, progress: Progress) -> StoredFile:
+    def upload(self, draft: DepositDraft, name: str, path: Path, tell: Tell) -> StoredFile:
         """Add a file, or replace the one of that name; return what the repository has then."""
 
     # --- requests ---------------------------------------------------------------------------------
@@ -135,7 +135,7 @@ class Repository(ABC):
         data = None if body is None else json.dumps(body).encode()
         return self._send(method, address, data, {} if data is None else {"Content-Type": kind})
 
-    def put(self, address: str, path: Path, progress: Progress) -> Any:
+    def put(self, address: str, path: Path, tell: Tell) -> Any:
         """Send a file as it is read, and return the JSON of the answer.
 
         Raises:
@@ -145,7 +145,7 @@ class Repository(ABC):
             "Content-Type": "application/octet-stream",
             "Content-Length": str(path.stat().st_size),
         }
-        return self._send("PUT", address, _parts(path, progress), headers)
+        return self._send("PUT", address, _parts(path, tell), headers)
 
     def _check(self, address: str) -> None:
         own, other = urlsplit(self.address), urlsplit(address)
@@ -192,13 +192,20 @@ class Repository(ABC):
         return kind(template.format(host=host, answer=answer, scopes=self.scopes))
 
 
-def _parts(path: Path, progress: Progress) -> Iterator[bytes]:
-    sent = 0
+def _parts(path: Path, tell: Tell) -> Iterator[bytes]:
+    """Yield the parts of a file as they are sent; each tenth of a large one is reported."""
+    size, sent, tenth = path.stat().st_size, 0, 0
     with path.open("rb") as file:
         while part := file.read(PART):
-            sent += len(part)
-            progress(sent)
             yield part
+            sent += len(part)
+            if tenth < (reached := 10 * sent // size) < 10:
+                tenth = reached
+                tell(f"{path.name}: {10 * tenth} % of {megabytes(size)}")
+
+
+def megabytes(size: int) -> str:
+    return f"{size / 1e6:.2f} MB"
 
 
 def _text_of(error: HTTPError) -> str:

@@ -2,7 +2,7 @@
 by size and checksum with what the repository has.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from hashlib import file_digest, md5
 from pathlib import Path
@@ -11,19 +11,17 @@ from experiments.definition.publication import is_address
 from experiments.deposit.osf import Osf
 from experiments.deposit.repository import (
     MOST_NAME,
-    PART,
     DepositDraft,
     DepositError,
     NotThereError,
-    Progress,
     Record,
     Repository,
+    Tell,
+    megabytes,
 )
 from experiments.deposit.zenodo import Zenodo
 
 REPOSITORIES: Mapping[str, type[Repository]] = {"osf": Osf, "zenodo": Zenodo}
-STEPS = 10  # how often the progress of a file is reported
-Tell = Callable[[str], None]
 
 
 def draft_of(
@@ -68,9 +66,9 @@ def upload_all(
         size, checksum = path.stat().st_size, _checksum_of(path)
         known = there.get(name)
         if known is not None and (known.size, known.md5) == (size, checksum):
-            tell(f"{name}: already there, {_megabytes(size)}")
+            tell(f"{name}: already there, {megabytes(size)}")
             continue
-        stored = repository.upload(draft, name, path, _progress(name, size, tell))
+        stored = repository.upload(draft, name, path, tell)
         if stored.size != size:
             raise DepositError(
                 f"{name} has {stored.size} bytes there and {size} here. Run it again to replace it."
@@ -79,27 +77,10 @@ def upload_all(
             raise DepositError(
                 f"{name} has a different checksum there. Run it again to replace it."
             )
-        tell(f"{name}: {'replaced' if known else 'sent'} and compared, {_megabytes(size)}")
+        tell(f"{name}: {'replaced' if known else 'sent'} and compared, {megabytes(size)}")
 
 
 def _checksum_of(path: Path) -> str:
     """Return the MD5 of a file, by which both repositories compare."""
     with path.open("rb") as file:
         return file_digest(file, partial(md5, usedforsecurity=False)).hexdigest()
-
-
-def _progress(name: str, size: int, tell: Tell) -> Progress:
-    reported = 0
-
-    def progress(sent: int) -> None:
-        nonlocal reported
-        step = sent * STEPS // size if size else STEPS
-        if reported < step < STEPS and size > PART:
-            tell(f"{name}: {step * 100 // STEPS} % of {_megabytes(size)}")
-        reported = max(reported, step)
-
-    return progress
-
-
-def _megabytes(size: int) -> str:
-    return f"{size / 1e6:.2f} MB"

@@ -11,10 +11,10 @@ from urllib.parse import quote
 from experiments.deposit.repository import (
     DepositDraft,
     DepositError,
-    Progress,
     Record,
     Repository,
     StoredFile,
+    Tell,
 )
 
 OWN_DOI = "10.5281/"  # Zenodo's own, which it gives itself
@@ -53,9 +53,9 @@ class Zenodo(Repository):
             for one in found.get("files", ())
         }
 
-    def upload(self, draft: DepositDraft, name: str, path: Path, progress: Progress) -> StoredFile:
+    def upload(self, draft: DepositDraft, name: str, path: Path, tell: Tell) -> StoredFile:
         draft_now = self._found(draft)
-        found = self.put(_address_of(draft_now, name), path, progress)
+        found = self.put(_address_of(draft_now, name), path, tell)
         return _stored(draft_now, found["key"], found["size"], found["checksum"])
 
     def _found(self, draft: DepositDraft) -> dict[str, Any]:

@@ -10,9 +10,11 @@ from dataclasses import replace
 from hashlib import sha256
 
 from experiments.analysis.dataset.records import Dataset
+from experiments.analysis.metrics.sessions import measure
 from experiments.analysis.tables.participant_kinds import counted
 from experiments.analysis.tables.software import PROGRAM, versions
-from experiments.dataset.build import dataset_of, release_of
+from experiments.dataset.build import ANALYSED, dataset_of, release_of
+from experiments.dataset.events import events_of
 from experiments.dataset.people import people_of
 from experiments.dataset.selection import Selection
 from experiments.dataset.sessions import drives_of
@@ -32,6 +34,11 @@ The dataset is of {people}. It contains all sessions, including failed, empty, p
 ones, and those of pilots and of bots (programs that took part in place of people): the columns
 `kind`, `practice`, `outcome` and `excluded` distinguish them. `questionnaires/` has the wording of
 each questionnaire, its scales and how it is scored; `study.json` has the study.
+
+For a test, begin with `data/description-conditions_data.csv`: one line per participant and
+condition, with task times, scores and `counts`. `load.R` loads all tables into R with labels:
+`source("load.R", encoding = "UTF-8"); study <- load_dataset()`. In the CSV files, an apostrophe
+precedes text that a spreadsheet would run as a formula; `load.R` removes it.
 
 `sha256sum -c SHA256SUMS` checks that every file is unchanged.
 
@@ -94,16 +101,18 @@ def _files(study: Study, choice: Selection) -> Iterator[File]:
     classes = chosen(choice)
     drives = list(drives_of(study, choice))
     dataset = dataset_of(study, choice=choice, drives=drives)
-    yield (
-        "README.md",
-        [(read_me(dataset) + _about_anonymity(study, dataset, choice)).encode()],
-    )
-    more = {name: columns for one in classes for name, columns in one.tables.items()}
+    yield "README.md", [(read_me(dataset) + _about_anonymity(study, dataset, choice)).encode()]
+    more = {
+        name: layout for one in classes for name, layout in one.tables_of(dataset, drives).items()
+    }
     source = ExportSource(dataset, drives, release_of(study, choice), more)
     formats = [one(source) for one in classes]
     for one in formats:
         yield from one.of_study()
     for session, drive in zip(dataset.sessions, drives, strict=True):
+        events = events_of([drive], replace(source.release, choice=ANALYSED))
+        found = measure(dataset, session, events)
+        source.measured[session.id] = replace(found, segments=(), way=found.way[:0])
         for one in formats:
             yield from one.of_session(session, drive)
     for one in formats:

@@ -3,7 +3,7 @@ with one subclass of `ExportFormat`, found by name.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 from django.utils.functional import Promise
@@ -11,6 +11,7 @@ from django.utils.functional import Promise
 from experiments.access import Role
 from experiments.analysis.dataset.columns import Column
 from experiments.analysis.dataset.records import Dataset, SessionRecord
+from experiments.analysis.metrics.sessions import Measured
 from experiments.dataset.forms import Release
 from experiments.dataset.selection import Selection
 from experiments.models import Drive
@@ -21,31 +22,42 @@ File = tuple[str, Iterable[bytes]]  # where in the export, and its content in pa
 @dataclass(frozen=True)
 class ExportSource:
     """What is exported: `drives` are those of the dataset's sessions, in their order; `more` are
-    the columns of all tables beside those of a dataset, for the code book.
+    the columns of all tables beside those of a dataset, for the code book. `measured` has the
+    numbers of the sessions so far, without segments and positions.
     """
 
     dataset: Dataset
     drives: Sequence[Drive]
     release: Release
     more: Mapping[str, tuple[Column, ...]]
+    measured: dict[str, Measured] = field(default_factory=dict)
 
 
 class ExportFormat:
     """Files of one kind: some for the whole study, some for each session, and the last ones."""
 
-    # What the page and the command say of it, and who may ask for it; without a label nobody is
-    # asked, and `is_in` alone decides.
+    # What the page and the command say of it, and who may ask for it; every export has a format
+    # without a label.
     label: ClassVar[str | Promise] = ""
     help: ClassVar[str] = ""
     least: ClassVar[Role] = "viewer"
     # The columns of its tables beside those of a dataset, for the code book; of a table of the
-    # dataset, those that tell more of it.
+    # dataset, those that have more levels. `tables_of` adds those that depend on the study.
     tables: ClassVar[Mapping[str, tuple[Column, ...]]] = {}
 
     @classmethod
     def is_in(cls, name: str, choice: Selection) -> bool:
-        """Tell whether an export has it: when it was asked for by its name."""
-        return name in choice.formats
+        """Tell whether an export has it: always, or when it was asked for by its name."""
+        return not cls.label or name in choice.formats
+
+    @classmethod
+    def tables_of(
+        cls, _dataset: Dataset, _drives: Sequence[Drive]
+    ) -> Mapping[str, tuple[Column, ...]]:
+        """Return the columns of its tables in the export of a study: Psych-DS refuses a code book
+        with columns that are in no file.
+        """
+        return cls.tables
 
     def __init__(self, source: ExportSource) -> None:
         self.source = source

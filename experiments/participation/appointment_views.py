@@ -31,7 +31,7 @@ class AddressForm(forms.Form):
     """Where the reminder goes, if one is wanted."""
 
     email = forms.EmailField(
-        label=gettext_lazy("E-mail address for a reminder (optional)"),
+        label=gettext_lazy("E-mail address for a reminder"),
         required=False,
         max_length=254,
         widget=forms.EmailInput(attrs={"autocomplete": "email"}),

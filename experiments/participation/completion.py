@@ -10,7 +10,7 @@ import hashlib
 import hmac
 
 from accounts.passwordless import CODE_LETTERS
-from experiments.definition.recruiting import ENDINGS, Ending
+from experiments.definition.recruitment.recruiting import ENDINGS, Ending
 from experiments.models import (
     CODE_LENGTH,
     DONE,

@@ -39,7 +39,9 @@ class ConsentForm(forms.Form):
     guardian = forms.CharField(
         label=_("Name of the parent or guardian who also agrees"),
         max_length=120,
-        required=False,
+        error_messages={
+            "required": _("At your age, a parent or guardian must agree too. Enter their name.")
+        },
         widget=forms.TextInput(attrs={"autocomplete": "off"}),
     )
     agree = forms.BooleanField(label=_("I have read this and want to take part."))
@@ -86,9 +88,4 @@ class ConsentForm(forms.Form):
             return cleaned
         verdict = may_agree(self.step, cleaned.get("age"), cleaned.get("guardian", ""))
         self.is_too_young = verdict == "too_young"
-        if verdict == "guardian":
-            self.add_error(
-                "guardian",
-                _("At your age, a parent or guardian must agree too. Enter their name."),
-            )
         return cleaned

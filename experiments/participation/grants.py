@@ -36,6 +36,7 @@ from experiments.participation.assignment import Cell
 from experiments.participation.drive_status import driven, series_of
 from experiments.participation.layout import laid_out
 from experiments.participation.robot_eligibility import is_lent
+from experiments.recruitment import appointments
 from experiments.versions import versions_of
 from robots.access import may_operate
 from robots.api.floorplan import DoorState
@@ -212,7 +213,7 @@ def invited_to(user: User, robots: Sequence[Robot]) -> list[Robot]:
 
 def _why_not(standing: Standing, now: datetime.datetime) -> str:
     participant = standing.participant
-    if not progress.is_open(participant.study, now):
+    if not progress.is_open(participant.study, now) or not appointments.may_drive(participant, now):
         return "closed"
     if standing.assigned is None and not places.free_cells(
         participant.study, participant.kind, standing.cells, now

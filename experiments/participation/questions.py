@@ -11,7 +11,7 @@ from functools import partial
 
 from django.db import transaction
 
-from experiments.definition import piping, recruiting
+from experiments.definition.recruitment import piping, recruiting
 from experiments.definition.step import AskingStep
 from experiments.models import Participant, StepResponse
 from experiments.participation import progress
@@ -124,7 +124,7 @@ def ask(
 
 def with_answers(participant: Participant, text: str, *, language: str) -> str:
     """Return a text of the study with the participant's answers filled in
-    (experiments/definition/piping.py).
+    (experiments/definition/recruitment/piping.py).
     """
     if not piping.has_piping(text):
         return text

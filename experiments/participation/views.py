@@ -1,27 +1,20 @@
-"""Entry pages of a study: its front page, personal links, and a participant's own data."""
+"""Entry pages of a study: its front page, a participant's code, and personal links."""
 
 import datetime
-import functools
 import time
-from collections.abc import Callable
-from typing import Any, Concatenate, ParamSpec
+from typing import Any
 
 from django.conf import settings
-from django.contrib import messages
-from django.contrib.auth import logout
-from django.contrib.auth.decorators import login_required
-from django.contrib.auth.views import redirect_to_login
-from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase, JsonResponse
-from django.shortcuts import get_object_or_404, redirect, render
+from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
+from django.shortcuts import redirect, render
 from django.urls import reverse
 from django.utils import timezone
 from django.utils.http import urlencode
 from django.utils.translation import get_language
 from django.utils.translation import gettext as _
 from django.views.decorators.cache import never_cache
-from django.views.decorators.http import require_http_methods, require_POST, require_safe
+from django.views.decorators.http import require_http_methods
 
-from accounts import audit
 from accounts.attempts import Attempts, address_of
 from accounts.models import User
 from accounts.passwordless import (
@@ -33,21 +26,16 @@ from accounts.passwordless import (
     sign_in,
 )
 from accounts.rate_limits import limited, too_many
-from experiments.models import ConsentReceipt, Participant, ParticipantKind, PersonalLink, Study
-from experiments.participation import advance, consent, landing, links, own_data, progress
+from experiments.models import Participant, ParticipantKind, PersonalLink, Study
+from experiments.participation import advance, landing, links, progress
 from experiments.participation.forms import EntryCodeForm
-from experiments.participation.withdrawal import leaving
-from experiments.participation.withdrawal.views import leave
 from experiments.recruitment import recognition, screening
 from sessions.devices import device_of
 
 # in the browser's session: the parameters of recruitment links, by study
 CAME_WITH = "studies_came_with"
-GONE, FORBIDDEN, BAD, WRONG = 410, 403, 400, 422
-LINKS, OWN_DATA = Attempts("study-link", limit=30), Attempts("own-data", limit=10)
-NEW_CODES = Attempts("new-codes", limit=5, seconds=300)
-Given = ParamSpec("Given")
-View = Callable[Concatenate[HttpRequest, Given], HttpResponseBase]
+GONE, BAD, WRONG = 410, 400, 422
+LINKS = Attempts("study-link", limit=30)
 
 
 def study_or_404(request: HttpRequest, slug: str) -> Study:
@@ -164,7 +152,7 @@ def _come_in_anonymously(
     if screens_out:
         progress.screen_out(participant, now)
     step = reverse("study_step", args=[study.slug])
-    return redirect(step) if participant.recruitment_id else _show_code(request, user, step)
+    return redirect(step) if participant.recruitment_id else show_code(request, user, step)
 
 
 def _continue_as(
@@ -189,7 +177,7 @@ def _too_many_guests(request: HttpRequest) -> HttpResponse | None:
     return too_many(request, NEW_GUESTS.wait(address, at))
 
 
-def _show_code(request: HttpRequest, user: User, go_on: str) -> HttpResponse:
+def show_code(request: HttpRequest, user: User, go_on: str) -> HttpResponse:
     """Answer with a new code; it is in no session and no address, and a reload shows none."""
     code = new_entry_code(user)
     return render(request, "experiments/entry_code.html", {"code": code, "go_on": go_on})
@@ -299,142 +287,3 @@ def _follow(
             raise
         sign_in(request, guest)
     return redirect("study_step", found.study.slug)
-
-
-# --- one's own data -------------------------------------------------------------------------------
-
-
-def confirmed(view: View[Given]) -> View[Given]:
-    """Keep a view from browsers whose participant was let in by the recruitment site's id alone:
-    others know such ids.
-    """
-
-    @functools.wraps(view)
-    def kept(request: HttpRequest, *args: Given.args, **kwargs: Given.kwargs) -> HttpResponseBase:
-        if recognition.was_by_id_alone(request.session):
-            return render(request, "experiments/not_confirmed.html", status=FORBIDDEN)
-        return view(request, *args, **kwargs)
-
-    return kept
-
-
-@never_cache
-@login_required
-@confirmed
-@require_safe
-def data(request: HttpRequest) -> HttpResponse:
-    """Show in what somebody takes part, and what they may do with what is kept of them."""
-    language = get_language() or ""
-    rows = [
-        (one, progress.title_of(one.study, language), one.consents.order_by("agreed_at"))
-        for one in progress.of_user(request.user)
-    ]
-    return render(
-        request,
-        "experiments/own_data.html",
-        {"rows": rows, "is_driving": leaving.is_driving(request.user)},
-    )
-
-
-@never_cache
-@login_required
-@confirmed
-@require_safe
-@limited(OWN_DATA, reading=True)
-def data_download(request: HttpRequest) -> JsonResponse:
-    """Answer with everything that is kept of whoever asks."""
-    audit.note("own_data_downloaded", actor=request.user, person=request.user)
-    headers = {"Content-Disposition": 'attachment; filename="my-data.json"'}
-    return JsonResponse(
-        own_data.gather(request.user),
-        headers=headers,
-        json_dumps_params={"indent": 1, "ensure_ascii": False},
-    )
-
-
-@never_cache
-@login_required
-@confirmed
-@require_POST
-@limited(OWN_DATA)
-def data_delete(request: HttpRequest) -> HttpResponseBase:
-    """Delete the account and all that belongs to it, when the user's name was typed as a
-    confirmation; a guest, who knows none, ticks a box.
-    """
-    user: Any = request.user
-    if user.is_guest and not request.POST.get("sure"):
-        messages.error(request, _("To confirm, tick the box. Nothing was deleted."))
-    elif not user.is_guest and request.POST.get("username", "") != user.username:
-        messages.error(
-            request,
-            _("To confirm, type your user name exactly. Nothing was deleted."),
-        )
-    elif leaving.is_driving(user):
-        messages.error(
-            request,
-            _(
-                "Nothing was deleted, because you are driving a robot or waiting for one. Leave "
-                "the robot or its queue first."
-            ),
-        )
-    elif not leaving.delete_everything(user, timezone.now()):
-        messages.error(
-            request, _("This account administers the site. Another administrator must delete it.")
-        )
-    else:
-        logout(request)
-        messages.success(request, _("Your account and all your data have been deleted."))
-        return redirect("home")
-    return redirect("own_data")
-
-
-@never_cache
-@login_required
-@confirmed
-@require_POST
-@limited(NEW_CODES)
-def new_code(request: HttpRequest) -> HttpResponse:
-    """Show somebody without an account a new code, with which they continue on another device."""
-    user: Any = request.user
-    if not user.is_guest:
-        raise Http404
-    return _show_code(request, user, reverse("own_data"))
-
-
-def _own(request: HttpRequest, code: str) -> Participant:
-    """Return somebody's own participation; another's is not found."""
-    return get_object_or_404(progress.of_user(request.user), code=code)
-
-
-@never_cache
-@require_http_methods(["GET", "HEAD", "POST"])
-def withdraw(request: HttpRequest, code: str) -> HttpResponseBase:
-    """Ask whether somebody means it, or take them out of the study."""
-    if not request.user.is_authenticated:
-        return redirect_to_login(request.get_full_path())
-    participant = _own(request, code)
-    title = progress.title_of(participant.study, get_language() or "")
-    if request.method != "POST":
-        is_active = participant.status == Participant.Status.ACTIVE
-        number, total = progress.step_count(participant) if is_active else (0, 0)
-        more = {"participant": participant, "title": title, "number": number, "total": total}
-        return render(request, "experiments/withdraw.html", more)
-    return leave(request, participant, timezone.now())
-
-
-@never_cache
-@login_required
-@confirmed
-@require_safe
-def receipt(request: HttpRequest, code: str, step: str) -> HttpResponse:
-    """Answer with what somebody agreed to, as a text to keep."""
-    row = ConsentReceipt.objects.filter(participant=_own(request, code), step=step).select_related(
-        "participant", "participant__study"
-    )
-    found = row.order_by("-version").first()
-    if found is None:
-        raise Http404
-    headers = {"Content-Disposition": f'attachment; filename="consent-{code}.txt"'}
-    return HttpResponse(
-        consent.as_text(found), content_type="text/plain; charset=utf-8", headers=headers
-    )

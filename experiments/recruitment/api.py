@@ -1,11 +1,12 @@
-"""The JSON API of a study's participants: how somebody with a recruitment id stands, for programs
-that approve and pay. docs/howto/recruit-participants.md describes it.
+"""The JSON API of a study: how far its versions are, and how somebody with a recruitment id stands,
+for programs that approve and pay. docs/reference/json-api.md describes it.
 
 A key belongs to one study and to the researcher who made it: it is refused as soon as they may not
 see participants' ids any more.
 """
 
 import time
+from collections import Counter
 from typing import Any
 
 from django.http import HttpRequest, JsonResponse
@@ -16,7 +17,7 @@ from django.views.decorators.http import require_safe
 from accounts import audit
 from accounts.attempts import Attempts, address_of
 from experiments.access import may
-from experiments.models import Participant, ParticipantKind
+from experiments.models import Participant, ParticipantKind, Study
 from experiments.recruitment.keys import key_of
 from experiments.recruitment.payments import minutes_of
 
@@ -52,6 +53,33 @@ def _refusal(request: HttpRequest, slug: str) -> JsonResponse | None:
         detail = "Send “Authorization: Bearer KEY” with a key of this study."
         return _problem(401, "wrong_key", detail)
     return None
+
+
+@never_cache
+@require_safe
+def study(request: HttpRequest, slug: str) -> JsonResponse:
+    """Tell how many participants each version of a study has, by status and by outcome."""
+    refusal = _refusal(request, slug)
+    if refusal is not None:
+        return refusal
+    people = Participant.objects.filter(study__slug=slug, kind=ParticipantKind.PARTICIPANT)
+    counts: dict[Any, tuple[Counter[str], Counter[str]]] = {}
+    for row, status, outcome in people.values_list("study", "status", "completion"):
+        by_status, by_outcome = counts.setdefault(row, (Counter(), Counter()))
+        by_status[status] += 1
+        by_outcome[outcome] += bool(outcome)
+    versions = [
+        {
+            "version": one.version,
+            "status": one.status,
+            "published": one.published_at and one.published_at.isoformat(timespec="seconds"),
+            "participants": {name: by_status[name] for name in Participant.Status.values},
+            "outcomes": {name: number for name, number in sorted(by_outcome.items()) if number},
+        }
+        for one in Study.objects.filter(slug=slug).order_by("version")
+        for by_status, by_outcome in [counts.get(one.pk, (Counter(), Counter()))]
+    ]
+    return JsonResponse({"apiVersion": VERSION, "study": slug, "versions": versions})
 
 
 @never_cache

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from django.db import IntegrityError, transaction
 
 from experiments.definition import opening_hours
-from experiments.definition.recruiting import Appointments
+from experiments.definition.recruitment.recruiting import Appointments
 from experiments.models import Appointment, Contact, Participant, ParticipantKind, Study
 from robots.models import Robot
 
@@ -22,7 +22,7 @@ EARLY = datetime.timedelta(minutes=10)  # before an appointment, the robot may b
 
 @dataclass(frozen=True)
 class Slot:
-    """A time at which somebody can drive; UTC."""
+    """A time at which a participant can drive; UTC."""
 
     starts_at: datetime.datetime
     ends_at: datetime.datetime
@@ -83,7 +83,7 @@ def book(
     now: datetime.datetime,
 ) -> Appointment | None:
     """Give a participant a slot on a free robot, instead of an earlier appointment of this visit;
-    None when it was taken meanwhile or is none of the study's.
+    None when it has been taken or is not a slot of the study.
     """
     asked = participant.study.as_definition().appointments
     known = free(participant.study, asked, robots, now) if asked is not None else []
@@ -114,7 +114,7 @@ def _on_some_robot(
                     ends_at=slot.ends_at,
                     slot=f"{robot.pk}:{slot.starts_at:%Y%m%dT%H%M}",
                 )
-        except IntegrityError:  # somebody else was quicker
+        except IntegrityError:  # another participant has just taken it
             continue
     return None
 

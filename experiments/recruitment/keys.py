@@ -1,5 +1,5 @@
 """Keys of programs that read how a study's participants are: made for one study, shown once, stored
-as a hash. A key has 256 random bits, so nobody can guess one from its hash.
+as a hash. A key has 256 random bits, so it cannot be guessed from its hash.
 """
 
 import datetime

@@ -7,7 +7,7 @@ from experiments.analysis.quality.flag import Flag
 from experiments.analysis.quality.flags import flags_of
 from experiments.dataset.build import dataset_of
 from experiments.dataset.sessions import drives_of
-from experiments.definition.quality_flags import Grade
+from experiments.definition.recruitment.quality_flags import Grade
 from experiments.models import Participant, ParticipantKind, Study
 
 

@@ -1,8 +1,8 @@
 """One id of a recruitment site is one participant of a study, on whatever device and in all of its
 versions.
 
-Whoever knows the id and comes by the link goes on as that participant. Ids are known to others
-too, such as the researchers of earlier studies, so a browser that did not show the id of the same
+A link with the id continues that participation. Other people know the id too, such as the
+researchers of earlier studies, so a browser that did not show the id of the same
 submission gets no copy of the participant's data (`is_confirmed`).
 """
 
@@ -37,7 +37,7 @@ def fields(study: Study, parameters: Mapping[str, str], kind: str) -> dict[str, 
 
 def recruited_as(slug: str, identifier: str) -> str:
     """Return the unique word of an id in a study. A hash, because ids may be as long as anything
-    and databases compare letters in different ways.
+    and databases differ in how they compare letters.
     """
     return f"{slug}:{sha256(identifier.encode()).hexdigest()}"
 

@@ -1,6 +1,6 @@
 """E-mails to participants who gave an address: a reminder of an appointment, and an invitation to
-the second session. `manage.py send_reminders` sends what is due and deletes addresses that are not
-needed any more.
+the second session. `manage.py send_reminders` sends what is due and deletes addresses that are no
+longer needed.
 
 An e-mail is marked as sent before it is sent, so that two processes do not send it twice; where
 sending fails the mark is taken back, and the next call tries again.
@@ -64,7 +64,7 @@ def _invite(now: datetime.datetime) -> Iterator[bool]:
 
 
 def clear(now: datetime.datetime) -> None:
-    """Delete the addresses for which nothing is due any more."""
+    """Delete the addresses for which nothing more is due."""
     due = Appointment.objects.filter(ends_at__gt=now).values("participant_id")
     waits = Q(participant__status=Status.ACTIVE, participant__seen_at__gt=now - GONE)
     Contact.objects.filter(invite_at=None).exclude(participant__in=due).exclude(waits).delete()

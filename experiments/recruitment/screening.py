@@ -6,7 +6,7 @@ import datetime
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from experiments.definition.recruiting import AnswerQuota, admits, names_answer
+from experiments.definition.recruitment.recruiting import AnswerQuota, admits, names_answer
 from experiments.definition.schema import StudyDefinition
 from experiments.models import Participant, ParticipantKind, StepResponse
 
@@ -81,7 +81,7 @@ def _holders(
     participant: Participant, quota: AnswerQuota, now: datetime.datetime
 ) -> Iterator[tuple[Any, datetime.datetime, Any]]:
     study = participant.study
-    gone = now - datetime.timedelta(hours=study.as_definition().allocation.left_after_hours)
+    last_seen = now - datetime.timedelta(hours=study.as_definition().allocation.left_after_hours)
     rows = StepResponse.objects.filter(
         participant__study=study,
         participant__kind=participant.kind,
@@ -95,6 +95,6 @@ def _holders(
         *("response__finished_at", "response_id", "response__answers__value"),
     )
     for who, status, seen, at, key, value in rows.values_list(*columns):
-        is_there = status == Status.FINISHED or seen >= gone
+        is_there = status == Status.FINISHED or seen >= last_seen
         if is_there and value is not None and names_answer(quota.answers, value):
             yield who, at, key

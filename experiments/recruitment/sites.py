@@ -15,10 +15,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from urllib.parse import quote, urlsplit
 
-from experiments.definition.recruiting import Ending, Recruiting
+from experiments.definition.recruitment.recruiting import Ending, Recruiting
 
 LONGEST_ID = 100
-# An assignment that nobody has accepted yet: the worker only looks.
+# A preview: the worker has not accepted the assignment yet.
 MTURK_PREVIEW = "ASSIGNMENT_ID_NOT_AVAILABLE"
 MTURK_HOSTS = frozenset({"www.mturk.com", "workersandbox.mturk.com"})
 

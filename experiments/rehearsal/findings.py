@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from experiments.analysis.dataset.counting import counting
 from experiments.analysis.dataset.records import COUNTING, Dataset
 from experiments.analysis.figures.drawing import as_svg
 from experiments.analysis.report import reports
@@ -30,7 +31,7 @@ def findings(study: Study) -> Findings:
         str(drive.session_id): _record(drive, is_practice=drive.step in practice)
         for drive in drives
     }
-    dataset = dataset_of(study).counting(("bot",))
+    dataset = counting(dataset_of(study), ("bot",))
     drawn, not_drawn = _draw(dataset)
     different = discrepancies(drives, np.random.default_rng(1))
     return Findings(records, sorted(_empty(dataset, definition)), drawn, not_drawn, different)
@@ -69,9 +70,8 @@ def _empty(dataset: Dataset, definition: StudyDefinition) -> Iterator[str]:
 def _without_numbers(dataset: Dataset, read: Any) -> list[str]:
     seen: dict[str, bool] = {}
     for columns in map(read, (session.id for session in dataset.sessions)):
-        for name in (column.name for column in columns.layout):
-            has_number = bool(len(columns)) and bool(np.isfinite(columns[name]).any())
-            seen[name] = seen.get(name, False) or has_number
+        for name in columns.dtype.names:
+            seen[name] = seen.get(name, False) or bool(np.isfinite(columns[name]).any())
     expected = seen.keys() - NEVER_FOR_BOTS - ALWAYS_RARE
     return [name for name, has_number in seen.items() if name in expected and not has_number]
 

@@ -1,8 +1,9 @@
-"""Reports that the analysis page shows, kept as long as they say what the database says.
+"""Reports that the analysis pages show: computed by a process of their own, because that may take
+minutes, and kept as long as they say what the database says.
 
-A report is known by a hash of everything in the database that it could depend on. It is made by a
-process of its own, because half a minute of computing in the web process would delay the commands
-of whoever drives; whoever asks for one that is being made waits for it.
+A report is known by a hash of everything in the database that it could depend on. In the folder of
+a study's reports, `<key>/` is a report, complete once its sums are there, and `<key>.log` is what
+the process that computes it has printed: lines of its progress, and at last why it failed.
 """
 
 import datetime
@@ -18,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
 from django.conf import settings
 from django.db import connection
 from django.db.models import Count, Max
@@ -26,18 +28,27 @@ from experiments.analysis.dataset.levels import Kind
 from experiments.analysis.dataset.records import COUNTING, EVERY
 from experiments.analysis.metrics.definitions import VERSION
 from experiments.analysis.page import LAYOUT, PAGE
-from experiments.export.reports import home
+from experiments.dataset.robots import plans_of, robots_of
+from experiments.export.reports import ReportProgress, home
 from experiments.models import Drive, Participant, StepVisit, Study
 from sessions.models import StateChunk
 from surveys.models import Questionnaire, Response
 
-SECONDS = 180.0  # after so long a computation has failed
+STALE_SECONDS = 120.0  # a process that has printed nothing for so long is gone
 KEPT = 6  # reports a study
-LOOK_AGAIN = 0.2
+_started: dict[Path, "subprocess.Popen[bytes]"] = {}  # by log: those that this process started
 
 
 class NotComputedError(RuntimeError):
     """The report could not be made; says why."""
+
+
+@dataclass(frozen=True)
+class Computing:
+    """A report that is being computed; there is no progress before its process has begun."""
+
+    key: str
+    progress: ReportProgress | None = None
 
 
 @dataclass(frozen=True)
@@ -72,6 +83,7 @@ def key_of(study: Study, kinds: Sequence[Kind]) -> str:
     """
     people = Participant.objects.filter(study=study).order_by("pk")
     drives = Drive.objects.filter(participant__study=study).order_by("pk")
+    definition = study.as_definition()
     answers = Response.objects.filter(user__participations__study=study).order_by("pk").distinct()
     about = (
         list(
@@ -98,6 +110,8 @@ def key_of(study: Study, kinds: Sequence[Kind]) -> str:
             .items()
         ),
         list(Questionnaire.objects.order_by("pk").values_list("pk", "sha256")),
+        robots_of(definition, drives.values_list("session__robot__name", flat=True)),
+        plans_of(definition),
         (study.sha256, study.published_at, study.deviations, VERSION, LAYOUT, sorted(kinds)),
     )
     return hashlib.sha256(repr(about).encode()).hexdigest()[:24]
@@ -109,86 +123,72 @@ def found(study: Study, key: str) -> Stored | None:
     return Stored(key, folder) if key.isalnum() and (folder / "SHA256SUMS").is_file() else None
 
 
-def fresh(study: Study, kinds: Sequence[Kind]) -> Stored:
-    """Return the report on what is in the database now, made if need be.
+def report_for(study: Study, kinds: Sequence[Kind], followed: str = "") -> Stored | Computing:
+    """Return the report on what is in the database now, or how far its computation is, which is
+    started if need be. A page that shows or waits for a report already names it by its key
+    (`followed`), so that it does not change while participants take part.
 
     Raises:
-        NotComputedError: it could not be made.
+        NotComputedError: it could not be computed; the next call tries again.
     """
+    if followed.isalnum():
+        known = _finished(study, followed) or _computing(study, followed)
+        if known is not None:
+            return known
     key = key_of(study, kinds)
+    return _finished(study, key) or _computing(study, key) or _start(study, key, kinds)
+
+
+def _finished(study: Study, key: str) -> Stored | None:
     there = found(study, key)
     if there is not None:
+        _drop(home(study) / f"{key}.log")
+    return there
+
+
+def _computing(study: Study, key: str) -> Computing | Stored | None:
+    log = home(study) / f"{key}.log"
+    try:
+        lines, last = log.read_text().splitlines(), log.stat().st_mtime
+    except FileNotFoundError:
+        return None
+    process = _started.get(log)
+    is_over = process.poll() is not None if process else time.time() - last > STALE_SECONDS
+    told = [line for line in lines if line[:1] + line[-1:] == "{}"]
+    if not is_over:
+        return Computing(key, msgspec.json.decode(told[-1], type=ReportProgress) if told else None)
+    _drop(log)
+    if there := found(study, key):  # it has finished since the caller looked
         return there
-    lock = home(study) / f"{key}.lock"
-    lock.parent.mkdir(parents=True, exist_ok=True)
-    deadline = time.monotonic() + SECONDS
-    while not _taken(lock):
-        if time.monotonic() > deadline:
-            raise NotComputedError(
-                "Another computation of the same analysis has not finished. Try again later."
-            )
-        time.sleep(LOOK_AGAIN)
-        there = found(study, key)
-        if there is not None:
-            return there
-    try:
-        return _made(study, key, kinds)
-    finally:
-        lock.rmdir()
+    errors = [line for line in lines if line not in told]
+    raise NotComputedError(errors[-1] if errors else "The computation was interrupted.")
 
 
-def _taken(lock: Path) -> bool:
-    """A folder can be made once; that of a process that died is too old to count."""
-    try:
-        lock.mkdir()
-    except FileExistsError:
-        return _took_over(lock)
-    return True
+def _drop(log: Path) -> None:
+    _started.pop(log, None)
+    log.unlink(missing_ok=True)
 
 
-def _took_over(lock: Path) -> bool:
-    try:
-        is_old = time.time() - lock.stat().st_mtime > SECONDS
-        if is_old:
-            lock.touch()
-    except FileNotFoundError:  # given back meanwhile
-        return False
-    return is_old
-
-
-def _made(study: Study, key: str, kinds: Sequence[Kind]) -> Stored:
-    partial = home(study) / f"{key}.partial"
-    shutil.rmtree(partial, ignore_errors=True)
-    options = [word for kind in kinds for word in ("--kind", kind)]
-    run_command(
-        "analyse_study", f"{study.slug}:{study.version}", "--out", str(partial), "--page", *options
-    )
-    final = home(study) / key
-    shutil.rmtree(final, ignore_errors=True)
-    partial.rename(final)
+def _start(study: Study, key: str, kinds: Sequence[Kind]) -> Computing:
     _forget_old(study)
-    return Stored(key, final)
-
-
-def run_command(*words: str) -> None:
-    """Run a command of the site in a process of its own.
-
-    Raises:
-        NotComputedError: it failed, or took too long.
-    """
+    folder, log = home(study) / key, home(study) / f"{key}.log"
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    options = [word for kind in kinds for word in ("--kind", kind)]
+    words = ("analyse_study", f"{study.slug}:{study.version}", "--out", str(folder), "--page")
     try:
-        subprocess.run(
-            command(*words),
+        output = log.open("xb")
+    except FileExistsError:  # another request has started it
+        return Computing(key)
+    with output:
+        shutil.rmtree(folder, ignore_errors=True)
+        _started[log] = subprocess.Popen(
+            command(*words, "--progress", *options),
             env=environment(),
-            check=True,
-            capture_output=True,
-            timeout=SECONDS,
-            text=True,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
         )
-    except subprocess.TimeoutExpired as error:
-        raise NotComputedError(f"The analysis took longer than {SECONDS:.0f} s.") from error
-    except subprocess.CalledProcessError as error:
-        raise NotComputedError((error.stderr or "").strip().rpartition("\n")[2]) from error
+    return Computing(key)
 
 
 def command(*words: str) -> list[str]:
@@ -207,6 +207,6 @@ def environment() -> dict[str, str]:
 
 
 def _forget_old(study: Study) -> None:
-    reports = [path for path in home(study).iterdir() if (path / "SHA256SUMS").is_file()]
-    for path in sorted(reports, key=lambda one: one.stat().st_mtime, reverse=True)[KEPT:]:
-        shutil.rmtree(path, ignore_errors=True)
+    reports = list(home(study).glob("*/SHA256SUMS"))
+    for path in sorted(reports, key=lambda one: one.stat().st_mtime, reverse=True)[KEPT - 1 :]:
+        shutil.rmtree(path.parent, ignore_errors=True)

@@ -131,44 +131,30 @@ def deposit(request: HttpRequest, slug: str) -> HttpResponseBase:
     told = {repository.token: request.POST.get("token", ""), "PYTHONUNBUFFERED": "1"}
     headers = {"Cache-Control": "private, no-store"}
     return StreamingHttpResponse(
-        _told(words, environment() | told),
+        _output(words, environment() | told, with_errors=True),
         content_type="text/plain; charset=utf-8",
         headers=headers,
     )
 
 
-async def _told(words: list[str], variables: dict[str, str]) -> AsyncIterator[bytes]:
-    """Yield what a command says, its errors as well; it ends with whoever reads."""
+async def _output(
+    words: list[str], variables: dict[str, str], *, with_errors: bool = False
+) -> AsyncIterator[bytes]:
+    """Yield what a command prints, and stop it when the client disconnects. A command that fails
+    aborts the download, so that it is not taken for complete, unless its errors are shown.
+    """
     process = await asyncio.create_subprocess_exec(
         *words,
         stdin=asyncio.subprocess.DEVNULL,
         stdout=asyncio.subprocess.PIPE,
-        stderr=asyncio.subprocess.STDOUT,
+        stderr=asyncio.subprocess.STDOUT if with_errors else None,
         env=variables,
-    )
-    assert process.stdout is not None
-    try:
-        async for line in process.stdout:
-            yield line
-        await process.wait()
-    finally:
-        if process.returncode is None:
-            process.kill()
-            await process.wait()
-
-
-async def _output(words: list[str], obstacle_map: dict[str, str]) -> AsyncIterator[bytes]:
-    """Yield what a command writes; it ends with whoever reads. One that fails breaks the download
-    off, so that nobody takes it for whole.
-    """
-    process = await asyncio.create_subprocess_exec(
-        *words, stdout=asyncio.subprocess.PIPE, env=obstacle_map
     )
     assert process.stdout is not None
     try:
         while part := await process.stdout.read(PART):
             yield part
-        if await process.wait():
+        if await process.wait() and not with_errors:
             logger.error("export_failed", code=process.returncode)
             raise ConnectionAbortedError("the export failed")
     finally:

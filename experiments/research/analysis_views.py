@@ -26,7 +26,7 @@ from experiments.access import for_role, may
 from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.models import Drive, ParticipantKind, Study
 from experiments.research import analysis_cache
-from experiments.research.analysis_cache import NotComputedError, Stored
+from experiments.research.analysis_cache import Computing, NotComputedError, Stored
 from experiments.research.analysis_query import AnalysisQuery, asked_of, versions_of
 from experiments.research.analysis_topics import TOPICS, AnalysisTopic, topic_of
 from experiments.research.figure_links import linked
@@ -40,6 +40,7 @@ SESSIONS_OF = {
 }
 SHORT = 60  # rows of a table that stands on the page as it is
 ROWS_A_PAGE = 100
+REFRESH_S = 2
 TYPES = {
     "svg": "image/svg+xml",
     "pdf": "application/pdf",
@@ -68,8 +69,9 @@ def page(request: HttpRequest, slug: str, topic: str = TOPICS[0].key) -> HttpRes
     if here is None:
         raise Http404
     asked = asked_of(request, slug)
+    followed = request.GET.get("report", "")
     try:
-        stored = analysis_cache.fresh(asked.study, asked.kinds)
+        stored = analysis_cache.report_for(asked.study, asked.kinds, followed)
     except NotComputedError as error:
         return render(
             request,
@@ -77,6 +79,8 @@ def page(request: HttpRequest, slug: str, topic: str = TOPICS[0].key) -> HttpRes
             {"asked": asked, "reason": str(error), "again": asked.address("analysis")},
             status=503,
         )
+    if isinstance(stored, Computing):
+        return _computing(request, asked, here, stored)
     if asked.selection not in stored.selections:
         asked = AnalysisQuery(asked.study, asked.kinds, stored.selections[0])
     summary = stored.read(asked.selection, "summary")
@@ -85,12 +89,16 @@ def page(request: HttpRequest, slug: str, topic: str = TOPICS[0].key) -> HttpRes
         "topic": here,
         "parts": len(here.of(parts)),
         "topics": [
-            {"key": one.key, "label": one.title, "url": _page_of(asked, one)}
+            {"key": one.key, "label": one.title, "url": _page_of(asked, one, report=stored.key)}
             for one in TOPICS
             if one is here or one is TOPICS[0] or one.of(parts)
         ],
         "selections": [
-            (name, name == asked.selection, _page_of(asked, here, selection=name))
+            (
+                name,
+                name == asked.selection,
+                _page_of(asked, here, selection=name, report=stored.key),
+            )
             for name in stored.selections
         ],
         "tables": [_table(asked, stored, head) for head in here.of(summary["tables"])],
@@ -98,6 +106,21 @@ def page(request: HttpRequest, slug: str, topic: str = TOPICS[0].key) -> HttpRes
         "sessions": len(summary["sessions"]),
     }
     return render(request, "experiments/analysis/page.html", context)
+
+
+def _computing(
+    request: HttpRequest, asked: AnalysisQuery, topic: AnalysisTopic, computing: Computing
+) -> HttpResponse:
+    """Show how far a report is; the page asks for itself again until the report is there."""
+    context = {
+        "asked": asked,
+        "study": asked.study,
+        "topic": topic,
+        "progress": computing.progress,
+    }
+    answer = render(request, "experiments/analysis/computing.html", context, status=202)
+    answer["Refresh"] = f"{REFRESH_S}; url={_page_of(asked, topic, report=computing.key)}"
+    return answer
 
 
 def _page_of(asked: AnalysisQuery, topic: AnalysisTopic, **more: object) -> str:
@@ -112,7 +135,9 @@ def _about(asked: AnalysisQuery, stored: Stored) -> dict[str, Any]:
         "asked": asked,
         "study": study,
         "stored": stored,
-        "back": asked.address("analysis"),
+        "back": asked.address("analysis", report=stored.key),
+        "is_current": stored.key == analysis_cache.key_of(study, asked.kinds),
+        "again": asked.address("analysis"),
         "versions": versions_of(study),
         "kinds": [
             (kind.value, SESSIONS_OF[kind], kind.value in asked.kinds) for kind in SESSIONS_OF
@@ -126,7 +151,7 @@ def _table(asked: AnalysisQuery, stored: Stored, head: dict[str, Any]) -> dict[s
     rows = _rows(asked, stored, stored.read(asked.selection, f"table-{name}")) if is_short else None
     return _headed(head) | {
         "shown": rows,
-        "whole": asked.address("analysis_table", name),
+        "whole": asked.address("analysis_table", name, report=stored.key),
         "files": _files(asked, stored, "tables", name, ("csv", "tex", "docx")),
     }
 
@@ -194,11 +219,11 @@ def table(request: HttpRequest, slug: str, name: str) -> HttpResponse:
     pages = Paginator(stored.read(asked.selection, f"table-{name}"), ROWS_A_PAGE)
     here = pages.get_page(request.GET.get("page"))
     steps = {
-        word: asked.address("analysis_table", name, page=number)
+        word: asked.address("analysis_table", name, page=number, report=stored.key)
         for word, number in _neighbours(here)
     }
     context = _about(asked, stored) | {
-        "back": _page_of(asked, topic_of(name)),
+        "back": _page_of(asked, topic_of(name), report=stored.key),
         "table": _headed(head) | {"shown": _rows(asked, stored, list(here))},
         "here": here,
         "steps": steps,

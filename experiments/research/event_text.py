@@ -1,4 +1,4 @@
-"""What more is known of an event, in words for whoever reads a replay."""
+"""The data of an event in words, for the reader of a replay."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -12,8 +12,8 @@ from robots.readiness_text import in_words as readiness
 from sessions.leases import terms
 from sessions.models import Session
 
-# Not told: it is drawn on the map, or names a row, or is long and of no use to a reader.
-UNTOLD = frozenset(
+# Left out: drawn on the map, the id of a row, or long and of no use to a reader.
+LEFT_OUT = frozenset(
     {"pose", "sha256", "actionId", "id", "user", "by", "boot", "ranges", "photo", "lastSeq"}
 )
 LONGEST = 160
@@ -27,14 +27,11 @@ UNITS = {
     "screen_width": "px",
     "screen_height": "px",
 }
-# Fields that a reader would not miss a name for.
-PLAIN = frozenset({"name", "detail", "reason", "text", "type", "why", "outcome", "method"}) | {
-    "choice",
-    "state",
-    "status",
-    "word",
-    "layout",
-}
+# Fields whose values need no name.
+PLAIN = frozenset(
+    {"name", "detail", "reason", "text", "type", "why", "outcome", "method"}
+    | {"choice", "state", "status", "word", "layout"}
+)
 FIELDS = {
     "number": gettext_lazy("number"),
     "step": gettext_lazy("step"),
@@ -139,23 +136,25 @@ def _parts(data: Mapping[str, Any]) -> Iterator[str]:
     if is_cue:
         yield str(CUES[cue]).replace("{k}", str(data.get("number") or ""))
     for name, value in data.items():
-        if name in UNTOLD or value is None or (is_cue and name in {"name", "word", "number"}):
+        if name in LEFT_OUT or value is None or (is_cue and name in {"name", "word", "number"}):
             continue
-        told = _told(value, name)
-        yield told if name in PLAIN or not told else f"{_field(name)} {told}"
+        text = _value_text(value, name)
+        yield text if name in PLAIN or not text else f"{_field(name)} {text}"
 
 
 def _field(name: str) -> str:
     return str(FIELDS.get(name, name.replace("_", " ")))
 
 
-def _told(value: Any, field: str = "") -> str:
+def _value_text(value: Any, field: str = "") -> str:
     if isinstance(value, bool):
         return _("yes") if value else _("no")
     if isinstance(value, Mapping):
-        return ", ".join(f"{_field(name)} {_told(part, name)}" for name, part in value.items())
+        return ", ".join(
+            f"{_field(name)} {_value_text(part, name)}" for name, part in value.items()
+        )
     if isinstance(value, list | tuple):
-        return ", ".join(_told(part) for part in value)
+        return ", ".join(_value_text(part) for part in value)
     if isinstance(value, int | float):
         number = f"{value:.3g}" if value % 1 else f"{value:.0f}"
         return f"{number} {UNITS.get(field, '')}".rstrip()

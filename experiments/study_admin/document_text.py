@@ -12,7 +12,7 @@ from django.utils.safestring import SafeString
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
-from experiments.builder.labels import CHOICES, LABELS, Words
+from experiments.builder.labels import CHOICES, GUIDE, LABELS, Words
 from robots.admin import NOTHING
 
 Written = Callable[[Any], str]
@@ -140,5 +140,5 @@ def _text(key: str, value: Any, known: Mapping[str, tuple[Words, Written]]) -> s
     if key in known:
         return known[key][1](value)
     if isinstance(value, float):
-        return f"{value:.4g}"
+        return f"{math.degrees(value) if key in GUIDE.angles else value:.4g}"
     return str(CHOICES.get(key, {}).get(value, value))

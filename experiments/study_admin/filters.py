@@ -7,16 +7,9 @@ from django.contrib import admin
 from django.http import HttpRequest
 from django.utils.translation import gettext_lazy as _
 
-from experiments.models import DONE, LEFT, SCREENED_OUT, TECHNICAL_FAILURE, TIMED_OUT, Study
+from experiments.builder.recruitment_labels import ENDING_NAMES
+from experiments.models import Study
 from surveys.document_forms.fields import language_name
-
-ENDING_NAMES = {
-    DONE: _("completed"),
-    TIMED_OUT: _("time ran out"),
-    TECHNICAL_FAILURE: _("ended by a technical failure"),
-    SCREENED_OUT: _("turned away"),
-    LEFT: _("left without driving"),
-}
 
 
 class StudyFilter(admin.SimpleListFilter):

@@ -21,12 +21,12 @@ from accounts import audit
 from experiments import publishing
 from experiments.access import may
 from experiments.builder.labels import GUIDE
-from experiments.definition.quality_flags import Grade, QualityFlag
+from experiments.builder.recruitment_labels import ENDING_NAMES
+from experiments.definition.recruitment.quality_flags import Grade, QualityFlag
 from experiments.models import Drive, Participant, Study, StudyMember
 from experiments.research.study_access import OfStudies
 from experiments.study_admin.document_text import assigned_in_words, recorded_in_words, time_text
 from experiments.study_admin.filters import (
-    ENDING_NAMES,
     CompletionFilter,
     ExcludedFilter,
     LanguageFilter,

@@ -18,12 +18,12 @@ from django.views.decorators.http import require_safe
 
 from accounts import audit
 from experiments import publishing
+from experiments.builder.recruitment_labels import ENDING_NAMES
 from experiments.models import Appointment, Study, StudyKey
 from experiments.participation import completion
 from experiments.recruitment import keys, sites
 from experiments.recruitment.payments import payment_rows
 from experiments.research.study_access import study_for
-from experiments.study_admin.filters import ENDING_NAMES
 from robots.files.csv_text import csv_text
 
 MOST_LISTED = 200
@@ -81,6 +81,7 @@ class RecruitmentPages:
             site=sites.PROFILES[site].title if site in sites.PROFILES else "",
             link=sites.study_link(definition.recruiting, address),
             endings=_endings(row),
+            has_appointments=definition.appointments is not None,
             appointments=upcoming[:MOST_LISTED],
             keys=StudyKey.objects.filter(slug=row.slug).order_by("label"),
             form=form,

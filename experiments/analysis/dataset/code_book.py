@@ -6,29 +6,40 @@ It is a Dataset of schema.org as JSON-LD, as Psych-DS asks for, and uses no word
 not: a range is `minValue` and `maxValue`, and each level is a PropertyValue in `valueReference`.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from typing import Any
 
-from experiments.analysis.dataset import columns
-from experiments.analysis.dataset.columns import TIMES, Column
+from experiments.analysis.dataset.columns import TIMES, Column, declared
 from experiments.analysis.dataset.levels import MISSING, Levels
-from experiments.analysis.dataset.records import Dataset
-from experiments.analysis.dataset.wide import WIDE, wide_head
+from experiments.analysis.dataset.records import TABLES, AnswerRecord, Dataset
+from experiments.analysis.dataset.states import NETWORK, STATES
+from experiments.analysis.dataset.wide import wide_head
 from experiments.definition.publication import json_ld
 from surveys.definition import Definition
 from surveys.documents import spoken
 from surveys.item import Question
 from surveys.scoring import ScoredScale, scales_of
 
-NUMBERS = {"states": columns.STATES, "network": columns.NETWORK}
+LAYOUTS = {name: declared(kind) for name, kind in TABLES.items()} | {
+    "states": STATES,
+    "network": NETWORK,
+}
 
 
 def description(
-    dataset: Dataset, more: Mapping[str, tuple[Column, ...]] | None = None
+    dataset: Dataset,
+    more: Mapping[str, tuple[Column, ...]] | None = None,
+    without: Collection[str] = (),
 ) -> dict[str, Any]:
-    """Return the description; `more` are columns of tables that somebody else writes beside."""
+    """Return the description.
+
+    Args:
+        dataset: what is described.
+        more: columns of tables that are written beside those of a dataset.
+        without: tables that are not written, because they would be empty.
+    """
     study = dataset.study
     return {
         "@context": "https://schema.org/",
@@ -36,11 +47,12 @@ def description(
         "name": study.title.get("en") or next(iter(study.title.values()), study.slug),
         "description": f"Records of the study {study.slug}, version {study.version}. {TIMES}",
         "version": str(study.version),
-        "schemaVersion": "Psych-DS 0.4.0",
+        "schemaVersion": "Psych-DS 1.5.0",
         **json_ld(dataset.publication),
         "variableMeasured": [
             variable(file, column)
             for file, layout in layouts(dataset, more or {})
+            if file not in without
             for column in layout
         ],
     }
@@ -49,11 +61,12 @@ def description(
 def variable(file: str, column: Column) -> dict[str, Any]:
     """Return a column of a file as schema.org says it."""
     divided = f"; several words are separated by {column.divider}" if column.divider else ""
+    renamed = f"; in earlier releases {column.was}" if column.was else ""
     found: dict[str, Any] = {
         "@type": "PropertyValue",
         "name": column.name,
         "unitText": column.unit,
-        "description": f"{file}: {column.meaning}{divided}",
+        "description": f"{file}: {column.meaning}{renamed}{divided}",
     }
     bounds = {"minValue": column.least, "maxValue": column.greatest}
     found |= {name: value for name, value in bounds.items() if value is not None}
@@ -72,7 +85,7 @@ def layouts(
 ) -> Iterator[tuple[str, Sequence[Column]]]:
     """Yield every table by name, with its columns; `more` may tell more of those of a dataset."""
     named = _named(dataset)
-    for name, layout in {**columns.TABLES, **NUMBERS, **more}.items():
+    for name, layout in {**LAYOUTS, **more}.items():
         yield name, [column.one_of(named.get(column.name, column.levels)) for column in layout]
     for slug in sorted({one.slug for one in dataset.questionnaires}):
         versions = [one for one in dataset.questionnaires if one.slug == slug]
@@ -100,7 +113,7 @@ def _named(dataset: Dataset) -> Mapping[str, Levels]:
 
 
 def _wide(versions: Sequence[Definition], language: str) -> Iterator[Column]:
-    """Yield the columns of a table with a line a response that no other table has."""
+    """Yield the columns of a table with a line a response."""
     known: dict[str, Column] = {}
     for one in versions:
         for question in one.questions():
@@ -108,8 +121,9 @@ def _wide(versions: Sequence[Definition], language: str) -> Iterator[Column]:
         for scale in scales_of(one):
             meaning = _scored(one, scale, language)
             known[scale.name] = Column(scale.name, "", meaning).within(*scale.bounds)
-    for name in wide_head(versions)[len(WIDE) :]:
-        yield known.get(name, Column(name, "", "score"))
+    about = {column.name: column for column in declared(AnswerRecord)}
+    for name in wide_head(versions):
+        yield known.get(name) or about.get(name) or Column(name, "", "score")
 
 
 def _scored(definition: Definition, scale: ScoredScale, language: str) -> str:

@@ -1,48 +1,37 @@
 """Which drives count in results, and why each of the others does not.
 
-A drive counts when it is a drive of the task by somebody of a chosen kind, who saw the video of the
-task and moved the robot; when it has ended, and not by a fault of the platform; when neither a
-researcher nor a rule of the plan excludes it; and when it is one of those that the study counts of
-several by one participant in one condition (`Analysis.drives`). Every table, figure, test, flow
-chart, sheet and column of an export follows from this module, through `Dataset.counting`. Nothing
-else selects sessions.
+A drive of the task counts if its participant is of a chosen kind, saw the video of the task and
+moved the robot; if it has ended, and not by a fault of the platform; if neither a researcher nor a
+rule of the plan excludes it; and if the study counts it, of several drives by one participant in
+one condition (`Analysis.drives`). Every table, figure, test, flow chart, sheet and column of an
+export follows from `counting`. Nothing else selects sessions.
 
-A participant whose place was drawn anew counts in one cell alone: that of their first drive that
-counts.
+A participant who was assigned again counts in one cell: that of the first drive that counts.
 """
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 from experiments.analysis.dataset.exclusions import excluded_participants, exclusions
-from experiments.analysis.dataset.levels import PLATFORM, Kind
+from experiments.analysis.dataset.levels import (
+    DRAWN_ANEW,
+    EXCLUDED,
+    EXCLUDED_BY_PLAN,
+    NOT_DRIVEN,
+    NOT_EXPOSED,
+    PLATFORM,
+    PLATFORM_FAULT,
+    PRACTICE,
+    REPEATED,
+    RUNNING,
+    WITHDRAWN,
+    Kind,
+)
+from experiments.analysis.dataset.records import Dataset, ResponseRecord, SessionRecord
 from experiments.definition.factors import conditions_together
 from experiments.definition.schema import StudyDefinition
 
-if TYPE_CHECKING:  # records.py offers this module's result as a method of its Dataset
-    from experiments.analysis.dataset.records import Dataset, ResponseRecord, SessionRecord
-
-PRACTICE, WITHDRAWN, PLATFORM_FAULT = "practice", "withdrawn", "platform_fault"
-RUNNING, NOT_EXPOSED, NOT_DRIVEN = "running", "not_exposed", "not_driven"
-EXCLUDED, EXCLUDED_BY_PLAN = "excluded", "excluded_by_plan"
-DRAWN_ANEW, REPEATED = "drawn_anew", "repeated"
-# Why a drive does not count, by code, in the order in which the reasons are looked for.
-REASONS: Mapping[str, str] = {
-    PRACTICE: "it was practice",
-    "pilot": "a pilot's drive, and pilots were not chosen",
-    "bot": "a bot's drive, and bots were not chosen",
-    "participant": "a participant's drive, and participants were not chosen",
-    WITHDRAWN: "the participant withdrew",
-    PLATFORM_FAULT: "the platform ended it",
-    RUNNING: "it has not ended",
-    NOT_EXPOSED: "the page showed no video frame of the task",
-    NOT_DRIVEN: "the participant saw the video and never moved the robot",
-    EXCLUDED: "a researcher excluded it",
-    EXCLUDED_BY_PLAN: "a rule of the plan excludes the participant",
-    DRAWN_ANEW: "the participant was drawn anew and has a drive that counts in another cell",
-    REPEATED: "the study counts another drive of the participant in this condition",
-}
+PARTICIPANTS: tuple[Kind, ...] = ("participant",)
 
 
 @dataclass(frozen=True)
@@ -56,14 +45,14 @@ class CountingPlan:
         with_excluded: whether excluded drives count as well, as in a sensitivity analysis.
     """
 
-    kinds: Collection[Kind] = ("participant",)
+    kinds: Collection[Kind] = PARTICIPANTS
     withdrawn: Collection[str] = frozenset()
     excluded: Collection[str] = frozenset()
     with_excluded: bool = False
 
 
-def why_not(session: "SessionRecord", plan: CountingPlan) -> str:
-    """Return the code of REASONS for which a drive by itself does not count; empty if it may."""
+def why_not(session: SessionRecord, plan: CountingPlan) -> str:
+    """Return why a drive by itself does not count (levels.UNCOUNTED); empty if it may."""
     if session.practice:
         return PRACTICE
     if session.kind not in plan.kinds:
@@ -79,14 +68,14 @@ def why_not(session: "SessionRecord", plan: CountingPlan) -> str:
     return "" if plan.with_excluded else _excluded(session, plan)
 
 
-def _excluded(session: "SessionRecord", plan: CountingPlan) -> str:
+def _excluded(session: SessionRecord, plan: CountingPlan) -> str:
     if session.excluded:
         return EXCLUDED
     return EXCLUDED_BY_PLAN if session.participant in plan.excluded else ""
 
 
 def reasons(
-    study: StudyDefinition, sessions: Sequence["SessionRecord"], plan: CountingPlan
+    study: StudyDefinition, sessions: Sequence[SessionRecord], plan: CountingPlan
 ) -> dict[str, str]:
     """Return the code for which each drive of a study does not count, by its id; empty for those
     that count. Drives are in the order of time, participant by participant.
@@ -99,8 +88,8 @@ def reasons(
 
 
 def _drawn_anew(
-    study: StudyDefinition, sessions: Iterable["SessionRecord"]
-) -> Iterator["SessionRecord"]:
+    study: StudyDefinition, sessions: Iterable[SessionRecord]
+) -> Iterator[SessionRecord]:
     """Yield drives in conditions that a participant may not have beside that of their first."""
     together = [frozenset(keys) for keys in conditions_together(study)]
     own: dict[str, frozenset[str]] = {}
@@ -111,9 +100,7 @@ def _drawn_anew(
             yield one
 
 
-def _repeated(
-    study: StudyDefinition, sessions: Sequence["SessionRecord"]
-) -> Iterator["SessionRecord"]:
+def _repeated(study: StudyDefinition, sessions: Sequence[SessionRecord]) -> Iterator[SessionRecord]:
     """Yield all but the first or the last drive of a participant in a condition, by the study."""
     if study.analysis.drives == "all":
         return
@@ -125,7 +112,7 @@ def _repeated(
         seen.add(key)
 
 
-def numbered(sessions: Iterable["SessionRecord"]) -> Iterator["SessionRecord"]:
+def numbered(sessions: Iterable[SessionRecord]) -> Iterator[SessionRecord]:
     """Yield drives with their numbers: the first, second … of a participant in a condition, of
     those in which they moved the robot; 0 for all others. Without a visit, as in datasets of
     earlier releases, the number is that of the visit: no visit has a condition twice.
@@ -139,7 +126,7 @@ def numbered(sessions: Iterable["SessionRecord"]) -> Iterator["SessionRecord"]:
         yield replace(one, number=number, visit=one.visit or max(number, 1))
 
 
-def visits_of(sessions: Iterable["SessionRecord"]) -> dict[str, int]:
+def visits_of(sessions: Iterable[SessionRecord]) -> dict[str, int]:
     """Return the number of the visit of each drive, by its id: 1 for the participant's first visit
     with one of these drives, 2 for the next such visit.
     """
@@ -155,10 +142,19 @@ def visits_of(sessions: Iterable["SessionRecord"]) -> dict[str, int]:
     return {one.id: ranks[one.participant, one.visit] for one in sessions}
 
 
-def counting_part(dataset: "Dataset", kinds: Sequence[Kind], *, with_excluded: bool) -> "Dataset":
-    """Return the part of a whole dataset that counts (`Dataset.counting`)."""
-    gone = frozenset(one.id for one in dataset.participants if one.withdrawn)
-    plan = CountingPlan(kinds, gone)
+def counting(
+    dataset: Dataset, kinds: Sequence[Kind] = PARTICIPANTS, *, with_excluded: bool = False
+) -> Dataset:
+    """Return the part of a whole dataset that counts: participants of some kinds with the drives
+    that count, the answers about these, and all pages and events of their task.
+
+    Args:
+        dataset: everything that was recorded.
+        kinds: who is chosen.
+        with_excluded: whether what is excluded counts as well: a sensitivity analysis.
+    """
+    withdrawn = frozenset(one.id for one in dataset.participants if one.withdrawn)
+    plan = CountingPlan(kinds, withdrawn)
     found = exclusions(_selected(dataset, plan))
     if with_excluded:
         plan = replace(plan, with_excluded=True)
@@ -167,11 +163,11 @@ def counting_part(dataset: "Dataset", kinds: Sequence[Kind], *, with_excluded: b
     return replace(_selected(dataset, plan), exclusions=found, is_with_excluded=with_excluded)
 
 
-def with_reasons(dataset: "Dataset") -> "Dataset":
+def with_reasons(dataset: Dataset) -> Dataset:
     """Return a whole dataset whose sessions say whether they count in the results of its
     participants, and why they do not.
     """
-    of_people = counting_part(dataset, ("participant",), with_excluded=False)
+    of_people = counting(dataset)
     found = {one.id: one.counts_why for one in (*of_people.sessions, *of_people.others)}
     alone = CountingPlan(withdrawn={one.id for one in dataset.participants if one.withdrawn})
     return replace(
@@ -183,7 +179,7 @@ def with_reasons(dataset: "Dataset") -> "Dataset":
     )
 
 
-def _selected(dataset: "Dataset", plan: CountingPlan) -> "Dataset":
+def _selected(dataset: Dataset, plan: CountingPlan) -> Dataset:
     people = tuple(one for one in dataset.participants if one.kind in plan.kinds)
     known = {one.id for one in people} - set(plan.withdrawn)
     found = reasons(dataset.study, dataset.sessions, plan)
@@ -206,10 +202,10 @@ def _selected(dataset: "Dataset", plan: CountingPlan) -> "Dataset":
 
 
 def _answers(
-    dataset: "Dataset", sessions: Iterable["SessionRecord"], people: Collection[str]
-) -> Iterator["ResponseRecord"]:
-    """Yield the responses about the person, about a drive that counts, and, of what is asked once
-    after several drives, of participants of whom one drive counts.
+    dataset: Dataset, sessions: Iterable[SessionRecord], people: Collection[str]
+) -> Iterator[ResponseRecord]:
+    """Yield the responses about the person and about drives that count. A questionnaire that is
+    asked once after several drives needs one drive of the participant that counts.
     """
     ids = {one.id for one in sessions}
     drivers = {one.participant for one in sessions}

@@ -8,15 +8,16 @@ its page, from its first display to its end, by the server's clock.
 
 import statistics
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from experiments.analysis.dataset.levels import PLATFORM, WITHHELD
+from experiments.analysis.dataset.records import (
+    Dataset,
+    PageRecord,
+    PlanExclusion,
+    ResponseRecord,
+)
 from experiments.definition.plan import AttentionCheck, Speeder, StudyPlan
 from surveys.answers import Missing
-
-if TYPE_CHECKING:  # records.py keeps what is found here in its Dataset
-    from experiments.analysis.dataset.records import Dataset, PageRecord, ResponseRecord
 
 ATTENTION, SPEEDER, INCOMPLETE = "attention check", "speeder", "incomplete"
 OF_PLATFORM, BY_HAND = "platform fault", "researcher's decision"
@@ -30,26 +31,7 @@ RULES = {
 NOT_ASKED = frozenset({Missing.NOT_ASKED, Missing.NOT_REACHED, WITHHELD})  # nothing to judge
 
 
-@dataclass(frozen=True)
-class PlanExclusion:
-    """One reason to leave out a participant, or one session of theirs.
-
-    Attributes:
-        participant: their code.
-        rule: its name.
-        value: what was found, in words.
-        session: the session's code; empty when the participant is excluded.
-        is_planned: whether the plan has the rule.
-    """
-
-    participant: str
-    rule: str
-    value: str
-    session: str = ""
-    is_planned: bool = True
-
-
-def exclusions(dataset: "Dataset") -> tuple[PlanExclusion, ...]:
+def exclusions(dataset: Dataset) -> tuple[PlanExclusion, ...]:
     """Return every exclusion, by participant, from a dataset of those who count before the rules of
     the plan are applied. A participant to whom several rules apply is listed for each.
     """
@@ -65,7 +47,7 @@ def excluded_participants(found: Sequence[PlanExclusion]) -> frozenset[str]:
     return frozenset(one.participant for one in found if not one.session)
 
 
-def _of_sessions(dataset: "Dataset") -> Iterator[PlanExclusion]:
+def _of_sessions(dataset: Dataset) -> Iterator[PlanExclusion]:
     has_plan = dataset.study.plan is not None
     for one in dataset.others:
         if one.fault_side == PLATFORM:
@@ -74,7 +56,7 @@ def _of_sessions(dataset: "Dataset") -> Iterator[PlanExclusion]:
             yield PlanExclusion(one.participant, BY_HAND, one.excluded, one.id, is_planned=False)
 
 
-def _of_participants(dataset: "Dataset", plan: StudyPlan) -> Iterator[PlanExclusion]:
+def _of_participants(dataset: Dataset, plan: StudyPlan) -> Iterator[PlanExclusion]:
     for check in plan.attention_checks:
         yield from _failed(dataset, check)
     for speeder in plan.speeders:
@@ -86,7 +68,7 @@ def _of_participants(dataset: "Dataset", plan: StudyPlan) -> Iterator[PlanExclus
 # --- attention checks -----------------------------------------------------------------------------
 
 
-def _failed(dataset: "Dataset", check: AttentionCheck) -> Iterator[PlanExclusion]:
+def _failed(dataset: Dataset, check: AttentionCheck) -> Iterator[PlanExclusion]:
     for response in dataset.responses:
         if response.questionnaire != check.questionnaire or not response.finished:
             continue
@@ -96,7 +78,7 @@ def _failed(dataset: "Dataset", check: AttentionCheck) -> Iterator[PlanExclusion
             yield PlanExclusion(response.participant, ATTENTION, value)
 
 
-def _given(response: "ResponseRecord", item: str) -> str | None:
+def _given(response: ResponseRecord, item: str) -> str | None:
     """Return what was answered to an item, as text; None where it was not asked."""
     if item in response.values:
         return as_answer(response.values[item])
@@ -116,16 +98,16 @@ def as_answer(value: object) -> str:
 # --- speeders -------------------------------------------------------------------------------------
 
 
-def _too_fast(dataset: "Dataset", rule: Speeder) -> Iterator[PlanExclusion]:
+def _too_fast(dataset: Dataset, rule: Speeder) -> Iterator[PlanExclusion]:
     pages = _answered_pages(dataset, rule.questionnaire)
-    limit, said = _limit(rule, pages)
+    limit, in_words = _limit(rule, pages)
     for page in pages:
         if page.seconds < limit:
-            value = f"{rule.questionnaire}: {page.seconds:.1f} s, less than {said}"
+            value = f"{rule.questionnaire}: {page.seconds:.1f} s, less than {in_words}"
             yield PlanExclusion(page.participant, SPEEDER, value)
 
 
-def _answered_pages(dataset: "Dataset", questionnaire: str) -> list["PageRecord"]:
+def _answered_pages(dataset: Dataset, questionnaire: str) -> list[PageRecord]:
     """Return the finished pages of a questionnaire, without those about a drive that does not
     count.
     """
@@ -138,8 +120,8 @@ def _answered_pages(dataset: "Dataset", questionnaire: str) -> list["PageRecord"
     ]
 
 
-def _limit(rule: Speeder, pages: Sequence["PageRecord"]) -> tuple[float, str]:
-    """Return the least seconds that are allowed, and how that limit is said."""
+def _limit(rule: Speeder, pages: Sequence[PageRecord]) -> tuple[float, str]:
+    """Return the least seconds that are allowed, as a number and in words."""
     limit = rule.seconds or 0.0
     if rule.median_share is None or not pages:
         return limit, f"{limit:g} s"
@@ -153,7 +135,7 @@ def _limit(rule: Speeder, pages: Sequence["PageRecord"]) -> tuple[float, str]:
 # --- incomplete cases -----------------------------------------------------------------------------
 
 
-def _incomplete(dataset: "Dataset", *, with_answers: bool) -> Iterator[PlanExclusion]:
+def _incomplete(dataset: Dataset, *, with_answers: bool) -> Iterator[PlanExclusion]:
     for person in dataset.participants:
         if person.withdrawn:
             continue
@@ -162,7 +144,7 @@ def _incomplete(dataset: "Dataset", *, with_answers: bool) -> Iterator[PlanExclu
             yield PlanExclusion(person.id, INCOMPLETE, "; ".join(lacking))
 
 
-def _lacking(dataset: "Dataset", who: str, cell: str, *, with_answers: bool) -> Iterator[str]:
+def _lacking(dataset: Dataset, who: str, cell: str, *, with_answers: bool) -> Iterator[str]:
     if not cell:
         yield "never assigned to a condition"
         return
@@ -177,7 +159,7 @@ def _lacking(dataset: "Dataset", who: str, cell: str, *, with_answers: bool) -> 
             )
 
 
-def _unanswered(dataset: "Dataset", who: str, condition: str, sessions: set[str]) -> Iterator[str]:
+def _unanswered(dataset: Dataset, who: str, condition: str, sessions: set[str]) -> Iterator[str]:
     for step in dataset.study.asking:
         answered = any(
             one.finished

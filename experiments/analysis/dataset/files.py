@@ -7,6 +7,7 @@ Numbers are written with as many digits as they have, so that reading gives the 
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import islice
 from types import MappingProxyType
 from typing import Any
@@ -14,27 +15,17 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from experiments.analysis.dataset import columns
-from experiments.analysis.dataset.cells import EXACT, as_cell
-from experiments.analysis.dataset.code_book import description
-from experiments.analysis.dataset.columns import Column
+from experiments.analysis.dataset import code_book
+from experiments.analysis.dataset.columns import Column, Columns, Floats
 from experiments.analysis.dataset.names import (
     DatasetError,
     numbers_path,
     plan_path,
+    questionnaire_paths,
     table_path,
 )
-from experiments.analysis.dataset.records import (
-    Columns,
-    Dataset,
-    EventRecord,
-    Floats,
-    PageRecord,
-    ParticipantRecord,
-    ResponseRecord,
-    SessionRecord,
-)
-from experiments.analysis.dataset.wide import wide_tables
+from experiments.analysis.dataset.records import TABLES, Dataset, EventRecord
+from experiments.analysis.dataset.wide import wide_rows
 from experiments.definition.schema import to_json as study_json
 from robots.api import floorplan
 from robots.files.csv_text import csv_text
@@ -42,6 +33,7 @@ from surveys.definition import to_json
 
 File = tuple[str, Iterable[str]]  # where in the folder, and its text in parts
 LINES_AT_ONCE = 500
+EXACT = 1e15  # whole numbers below it are exact
 
 
 def contents(dataset: Dataset) -> Iterator[File]:
@@ -66,7 +58,7 @@ def tables(
     Args:
         dataset: what is to be written.
         events: its events, which may be too many to be held.
-        more: columns of tables that somebody else writes beside these, for the code book.
+        more: columns of tables that are written beside these, for the code book.
 
     Raises:
         DatasetError: two sessions with codes that would have the same file.
@@ -74,80 +66,102 @@ def tables(
     if len({one.id.replace("-", "") for one in dataset.sessions}) < len(dataset.sessions):
         raise DatasetError("two sessions have codes that differ only in hyphens")
     yield from about(dataset, more)
-    yield table("participants", (cells(one, columns.PARTICIPANTS) for one in dataset.participants))
-    yield table("sessions", (cells(one, columns.SESSIONS) for one in dataset.sessions))
-    yield table("events", (cells(one, columns.EVENTS) for one in events))
-    yield table("pages", (cells(one, columns.PAGES) for one in dataset.pages))
-    yield table("answers", (row for one in dataset.responses for row in answer_rows(one)))
-    for path, head, rows in wide_tables(dataset):
-        yield path, lines(head, rows)
+    for one in data_tables(dataset, events):
+        yield one.path, as_csv([column.name for column in one.layout], one.rows)
+
+
+@dataclass(frozen=True)
+class DataTable:
+    """A table of values: `name` is that of a table, or of the questionnaire whose responses are its
+    rows.
+    """
+
+    name: str
+    path: str
+    layout: Sequence[Column]
+    rows: Iterable[Sequence[Any]]
+
+
+def data_tables(dataset: Dataset, events: Iterable[EventRecord] = ()) -> Iterator[DataTable]:
+    """Yield the tables of a dataset but states and network samples."""
+    layouts = dict(code_book.layouts(dataset, {}))
+    records: Mapping[str, Iterable[Any]] = {
+        "participants": dataset.participants,
+        "sessions": dataset.sessions,
+        "events": events,
+        "pages": dataset.pages,
+        "answers": (row for one in dataset.responses for row in one.answers()),
+    }
+    for name in TABLES:
+        rows = (values_of(one, layouts[name]) for one in records[name])
+        yield DataTable(name, table_path(name), layouts[name], rows)
+    for slug, path in questionnaire_paths(one.slug for one in dataset.questionnaires).items():
+        yield DataTable(slug, path, layouts[slug], wide_rows(dataset, slug))
 
 
 def about(dataset: Dataset, more: Mapping[str, tuple[Column, ...]]) -> Iterator[File]:
     """Yield what does not grow with the sessions: description, study, robots, plans and
     questionnaires.
     """
-    yield (
-        "dataset_description.json",
-        [json.dumps(description(dataset, more), indent=2, ensure_ascii=False) + "\n"],
-    )
+    series = {"states": dataset.states, "network": dataset.network}
+    empty = {
+        name
+        for name, read in series.items()
+        if not any(len(read(one.id)) for one in dataset.sessions)
+    }
+    found = code_book.description(dataset, more, empty)
+    yield "dataset_description.json", [json.dumps(found, indent=2, ensure_ascii=False) + "\n"]
     yield "study.json", [study_json(dataset.study).decode()]
     if dataset.freeze is not None:
-        freeze = msgspec.json.format(msgspec.json.encode(dataset.freeze), indent=2)
-        yield "freeze.json", [freeze.decode() + "\n"]
-    yield (
-        "robots.json",
-        [msgspec.json.format(msgspec.json.encode(dataset.robots), indent=2).decode() + "\n"],
-    )
+        yield "freeze.json", [_json(dataset.freeze)]
+    yield "robots.json", [_json(dataset.robots)]
     for name, plan in sorted(dataset.plans.items()):
         yield plan_path(name), [floorplan.encode(plan).decode() + "\n"]
     for one in dataset.questionnaires:
         yield f"questionnaires/{one.slug}-{one.version}.json", [to_json(one).decode()]
 
 
+def _json(value: Any) -> str:
+    return msgspec.json.format(msgspec.json.encode(value), indent=2).decode() + "\n"
+
+
 # --- tables ---------------------------------------------------------------------------------------
 
 
-def table(name: str, rows: Iterable[Sequence[Any]], layout: tuple[Column, ...] = ()) -> File:
-    """Return a table as a file; one that is not among TABLES needs its layout."""
-    return table_path(name), lines([column.name for column in layout or columns.TABLES[name]], rows)
+def table(name: str, rows: Iterable[Sequence[Any]], layout: Sequence[Column]) -> File:
+    """Return a table of values, in the order of its columns, as a file."""
+    return table_path(name), as_csv([column.name for column in layout], rows)
 
 
-def lines(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> Iterator[str]:
-    """Yield rows as CSV, some at a time; none of their cells is a formula."""
+def as_csv(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> Iterator[str]:
+    """Yield rows of values as CSV, some at a time; none of their cells is a formula."""
     yield csv_text([head])
     rest = iter(rows)
     while some := list(islice(rest, LINES_AT_ONCE)):
-        yield csv_text(some)
+        yield csv_text([map(as_cell, row) for row in some])
 
 
-def cells(
-    record: ParticipantRecord | SessionRecord | EventRecord | PageRecord, layout: tuple[Column, ...]
-) -> list[Any]:
-    """Return the cells of a record in the order of its columns."""
-    return [as_cell(getattr(record, column.name)) for column in layout]
+def values_of(record: Any, layout: Sequence[Column]) -> list[Any]:
+    """Return the values of a record in the order of its columns."""
+    return [getattr(record, column.name) for column in layout]
 
 
-def answer_rows(response: ResponseRecord) -> Iterator[list[Any]]:
-    """Yield a row an item of a response; a response without items keeps one row without an item."""
-    own = [
-        response.id,
-        response.questionnaire,
-        response.version,
-        response.participant,
-        response.session,
-        as_cell(response.finished),
-    ]
-    for item in dict.fromkeys((*response.values, *response.missing)) or [""]:
-        value = response.values.get(item)
-        said = "" if value is None else json.dumps(value, ensure_ascii=False)
-        yield [
-            *own,
-            item,
-            said,
-            response.missing.get(item, ""),
-            as_cell(response.seconds.get(item, math.nan)),
-        ]
+def as_cell(value: Any) -> Any:
+    """Return a value as a cell: 0 and 1, all digits of a number, parts between |, JSON."""
+    match value:
+        case bool():
+            return int(value)
+        case float():
+            if math.isnan(value):
+                return ""
+            return (
+                str(int(value)) if value.is_integer() and abs(value) < EXACT else repr(float(value))
+            )
+        case tuple():
+            return "|".join(value)
+        case dict():
+            return json.dumps(value, ensure_ascii=False, sort_keys=True)
+    return value
 
 
 # --- numbers --------------------------------------------------------------------------------------
@@ -156,15 +170,17 @@ def answer_rows(response: ResponseRecord) -> Iterator[list[Any]]:
 def numbers(name: str, session: str, found: Columns) -> Iterator[File]:
     """Yield the file of the states or network samples of a session; none is no file."""
     if len(found):
-        head = ",".join(column.name for column in found.layout)
-        rows = list(zip(*map(_written, np.ascontiguousarray(found.values.T)), strict=True))
+        names = found.dtype.names or ()
+        rows = list(zip(*(_written(found[column]) for column in names), strict=True))
         # some five times as fast as by Python's own repr
         lines = msgspec.json.encode(rows)[2:-2].replace(b"],[", b"\n").replace(b"null", b"nan")
-        yield numbers_path(name, session), [f"{head}\n{lines.decode()}\n"]
+        yield numbers_path(name, session), [f"{','.join(names)}\n{lines.decode()}\n"]
 
 
 def _written(column: Floats) -> list[float]:
-    """A column as numbers that JSON writes as a reader expects: whole ones without a point."""
+    """Return a column as numbers that JSON writes as a reader expects: whole ones without a
+    point.
+    """
     # neither holds for what is no number
     is_whole = bool((column == np.trunc(column)).all() and (np.abs(column) < EXACT).all())
     written: list[float] = (column.astype(np.int64) if is_whole else column).tolist()

@@ -18,30 +18,25 @@ import csv
 import io
 import json
 import math
-from collections.abc import Iterator
-from dataclasses import fields
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import msgspec
 import numpy as np
 
-from experiments.analysis.dataset import columns
-from experiments.analysis.dataset.columns import Column
+from experiments.analysis.dataset.columns import Column, Columns, columns_of, declared
 from experiments.analysis.dataset.files import File, contents
 from experiments.analysis.dataset.names import DatasetError, numbers_path, table_path
 from experiments.analysis.dataset.records import (
-    Columns,
+    TABLES,
+    AnswerRecord,
     Dataset,
-    EventRecord,
     FreezeRecord,
-    PageRecord,
-    ParticipantRecord,
     ResponseRecord,
     RobotRecord,
-    SessionRecord,
-    columns_of,
 )
+from experiments.analysis.dataset.states import NETWORK, STATES
 from experiments.definition.publication import PublicationDetails, from_json_ld
 from experiments.definition.schema import StudyDefinition
 from robots.api import floorplan
@@ -79,30 +74,21 @@ def read(folder: Path) -> Dataset:
     return Dataset(
         study=_decoded(folder / "study.json", StudyDefinition),
         robots=_decoded(folder / "robots.json", tuple[RobotRecord, ...]),
-        participants=tuple(
-            _record(ParticipantRecord, row, "participants") for row in _rows(folder, "participants")
-        ),
-        sessions=tuple(
-            _record(SessionRecord, row, "sessions") for row in _rows(folder, "sessions")
-        ),
-        events=tuple(_record(EventRecord, row, "events") for row in _rows(folder, "events")),
-        pages=tuple(_record(PageRecord, row, "pages") for row in _rows(folder, "pages")),
-        responses=tuple(_responses(_rows(folder, "answers"))),
+        participants=_records(folder, "participants"),
+        sessions=_records(folder, "sessions"),
+        events=_records(folder, "events"),
+        pages=_records(folder, "pages"),
+        responses=tuple(_responses(_records(folder, "answers"))),
         questionnaires=tuple(
             _decoded(path, Definition)
             for path in sorted((folder / "questionnaires").glob("*.json"))
         ),
         plans={path.stem: _plan(path) for path in sorted((folder / "plans").glob("*.json"))},
-        states=lambda session: read_numbers(folder, "states", session, columns.STATES),
-        network=lambda session: read_numbers(folder, "network", session, columns.NETWORK),
-        freeze=_freeze(folder / "freeze.json"),
+        states=lambda session: read_numbers(folder, "states", session, STATES),
+        network=lambda session: read_numbers(folder, "network", session, NETWORK),
+        freeze=_decoded(path, FreezeRecord) if (path := folder / "freeze.json").exists() else None,
         publication=_publication(folder / "dataset_description.json"),
     )
-
-
-def _freeze(path: Path) -> FreezeRecord | None:
-    """Return when the study was frozen; None where an earlier release wrote the folder."""
-    return _decoded(path, FreezeRecord) if path.exists() else None
 
 
 def _publication(path: Path) -> PublicationDetails:
@@ -115,8 +101,8 @@ def _publication(path: Path) -> PublicationDetails:
 
 
 def read_numbers(folder: Path, name: str, session: str, layout: tuple[Column, ...]) -> Columns:
-    """Return the states or network samples of a session; no file is none, and late columns that an
-    older file lacks are NaN.
+    """Return the states or network samples of a session, by the names of their columns; no file is
+    none, and late columns that an older file lacks are NaN.
 
     Raises:
         DatasetError: other columns than these, or a cell that is no number.
@@ -125,53 +111,65 @@ def read_numbers(folder: Path, name: str, session: str, layout: tuple[Column, ..
     if not path.exists():
         return columns_of(layout)
     with path.open(encoding="utf-8") as file:
-        head = file.readline().strip()
-        names = head.split(",")
-        there = tuple(one for one in layout if not one.late or one.name in names)
-        if names != [column.name for column in there]:
-            raise DatasetError(f"{path.name} has unexpected columns: {head[:200]}")
+        names = [*_renamed(file.readline().strip().split(","), layout)]
+        _check(path, names, layout)
         try:
-            found = Columns(there, np.loadtxt(file, delimiter=",", ndmin=2))
+            found = np.loadtxt(file, delimiter=",", ndmin=2).T
+            return columns_of(layout, **dict(zip(names, found, strict=True)))
         except ValueError as error:
             raise DatasetError(
                 f"{path.name} has a cell that is not a number, or a line that is too "
                 "short or too long"
             ) from error
-    return columns_of(layout, **{name: found[name] for name in names})
 
 
-def _rows(folder: Path, name: str) -> Iterator[dict[str, str]]:
-    path = folder / table_path(name)
+def _renamed(head: Sequence[str], layout: tuple[Column, ...]) -> Iterator[str]:
+    """Yield the names that the columns of a file have by now."""
+    old = {column.was: column.name for column in layout if column.was}
+    yield from (old.get(name, name) for name in head)
+
+
+def _check(path: Path, names: Sequence[str], layout: tuple[Column, ...]) -> None:
+    lacking = {column.name for column in layout if not column.late} - set(names)
+    if lacking:
+        raise DatasetError(f"{path.name} lacks the columns {', '.join(sorted(lacking))}")
+    unknown = set(names) - {column.name for column in layout}
+    if unknown or len(set(names)) < len(names):
+        raise DatasetError(f"{path.name} has unexpected columns: {', '.join(names)[:200]}")
+
+
+def _records(folder: Path, name: str) -> tuple[Any, ...]:
+    kind = TABLES[name]
+    layout, kinds = declared(kind), get_type_hints(kind)
+    found = []
+    for row in _rows(folder / table_path(name), layout):
+        try:
+            known = ((name, cell) for name, cell in row.items() if name in kinds)
+            found.append(kind(**{name: _value(cell, kinds[name]) for name, cell in known}))
+        except (ValueError, TypeError) as error:
+            raise DatasetError(
+                f"{table_path(name)}: {error} in {dict(list(row.items())[:3])}"
+            ) from error
+    return tuple(found)
+
+
+def _rows(path: Path, layout: tuple[Column, ...]) -> Iterator[dict[str, str]]:
     try:
         text = path.read_bytes().decode()
     except (OSError, UnicodeDecodeError) as error:
         raise DatasetError(f"{path.name} cannot be read: {error}") from error
-    reader = csv.DictReader(io.StringIO(text, newline=""), strict=True)
-    lacking = {column.name for column in columns.TABLES[name] if not column.late} - set(
-        reader.fieldnames or ()
-    )
-    if lacking:
-        raise DatasetError(f"{path.name} lacks the columns {', '.join(sorted(lacking))}")
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
     try:
+        names = [*_renamed(next(reader, []), layout)]
+        _check(path, names, layout)
         for row in reader:
-            if None in row or None in row.values():
+            if len(row) != len(names):
                 raise DatasetError(
                     f"{path.name}, line {reader.line_num}: too few or too many cells"
                 )
-            yield {key: unguarded(cell) for key, cell in row.items()}
+            yield dict(zip(names, map(unguarded, row), strict=True))
     except csv.Error as error:
         raise DatasetError(f"{path.name}, line {reader.line_num}: {error}") from error
-
-
-def _record(kind: type[Any], row: dict[str, str], name: str) -> Any:
-    try:
-        return kind(
-            **{one.name: _value(row[one.name], one.type) for one in fields(kind) if one.name in row}
-        )
-    except (ValueError, TypeError) as error:
-        raise DatasetError(
-            f"description-{name}_data.csv: {error} in {dict(list(row.items())[:3])}"
-        ) from error
 
 
 def _value(cell: str, kind: Any) -> Any:
@@ -183,29 +181,18 @@ def _value(cell: str, kind: Any) -> Any:
         return float(cell) if cell else math.nan
     if kind == tuple[str, ...]:
         return tuple(cell.split("|")) if cell else ()
-    return json.loads(cell) if kind == EventRecord.__dataclass_fields__["data"].type else cell
+    return json.loads(cell) if kind == Mapping[str, Any] else cell
 
 
-def _responses(rows: Iterator[dict[str, str]]) -> Iterator[ResponseRecord]:
-    together: dict[str, list[dict[str, str]]] = {}
-    for row in rows:
-        together.setdefault(row["response"], []).append(row)
-    for code, lines in together.items():
-        first, items = lines[0], [line for line in lines if line["item"]]
+def _responses(answers: Iterable[AnswerRecord]) -> Iterator[ResponseRecord]:
+    together: dict[str, list[AnswerRecord]] = {}
+    for answer in answers:
+        together.setdefault(answer.response, []).append(answer)
+    for code, rows in together.items():
         try:
-            yield ResponseRecord(
-                id=code,
-                questionnaire=first["questionnaire"],
-                version=int(first["version"]),
-                participant=first["participant"],
-                session=first["session"],
-                finished=bool(int(first["finished"])),
-                values={line["item"]: json.loads(line["value"]) for line in items if line["value"]},
-                missing={line["item"]: line["missing"] for line in items if line["missing"]},
-                seconds={line["item"]: float(line["seconds"]) for line in items if line["seconds"]},
-            )
+            yield ResponseRecord.of(rows)
         except ValueError as error:
-            raise DatasetError(f"description-answers_data.csv: response {code}: {error}") from error
+            raise DatasetError(f"{table_path('answers')}: response {code}: {error}") from error
 
 
 def _decoded(path: Path, kind: Any) -> Any:

@@ -106,12 +106,12 @@ STAGES = {
 }
 # What a drive was made with, as far as it is known.
 VERSIONED = {
-    "server": "the server's software when the robot was granted",
-    "agent": "the robot's agent",
-    "adapter": "the agent's adapter to the robot's control architecture",
-    "driver": "the robot's own driver, as its adapter reports",
-    "metrics": "the definitions by which result and metrics were computed at the end of the drive",
-    "definition": "the study's definition: its SHA-256",
+    "server": "version of the server's software when the robot was granted",
+    "agent": "version of the robot's agent",
+    "adapter": "name and version of the agent's adapter to the robot's control architecture",
+    "driver": "name and version of the robot's own driver, as its adapter reports",
+    "metrics": "version of the definitions of result and metrics at the end of the drive",
+    "definition": "SHA-256 of the study's definition",
 }
 CONTROL_WAYS = explained(
     get_args(ControlWay),
@@ -164,6 +164,26 @@ SOURCES = {
 }
 SYSTEM_NAMES = dict.fromkeys((*sorted(SYSTEMS), OTHER), "")
 BROWSER_NAMES = dict.fromkeys((*sorted(TABLE_3_BROWSERS), OTHER), "")
+PRACTICE, WITHDRAWN, PLATFORM_FAULT = "practice", "withdrawn", "platform_fault"
+RUNNING, NOT_EXPOSED, NOT_DRIVEN = "running", "not_exposed", "not_driven"
+EXCLUDED, EXCLUDED_BY_PLAN = "excluded", "excluded_by_plan"
+DRAWN_ANEW, REPEATED = "drawn_anew", "repeated"
+# Why a drive does not count, by code, in the order in which the reasons are looked for.
+UNCOUNTED: Levels = {
+    PRACTICE: "it was practice",
+    "pilot": "a pilot's drive, and pilots were not chosen",
+    "bot": "a bot's drive, and bots were not chosen",
+    "participant": "a participant's drive, and participants were not chosen",
+    WITHDRAWN: "the participant withdrew",
+    PLATFORM_FAULT: "the platform ended it",
+    RUNNING: "it has not ended",
+    NOT_EXPOSED: "the page showed no video frame of the task",
+    NOT_DRIVEN: "the participant saw the video and never moved the robot",
+    EXCLUDED: "a researcher excluded it",
+    EXCLUDED_BY_PLAN: "a rule of the plan excludes the participant",
+    DRAWN_ANEW: "the participant was drawn anew and has a drive that counts in another cell",
+    REPEATED: "the study counts another drive of the participant in this condition",
+}
 MISSING = {
     **explained(
         Missing,

@@ -1,30 +1,32 @@
 """A study's records as plain data: all that tables and figures are made of, wherever it was read
-from.
+from. A field that is a column of a file declares it.
 
-States and network samples are numbers in columns, read a session at a time, because those of a
-thousand sessions do not fit beside each other.
+States and network samples are numbers in columns (states.py), read a session at a time, because
+those of a thousand sessions do not fit beside each other.
 """
 
+import json
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any
 
 import msgspec
-import numpy as np
-import numpy.typing as npt
 
-from experiments.analysis.dataset import counting
-from experiments.analysis.dataset.columns import NETWORK, STATES, Column
-from experiments.analysis.dataset.exclusions import PlanExclusion, excluded_participants
+from experiments.analysis.dataset import columns, levels
+from experiments.analysis.dataset.columns import NO_YES, REQUIRED, column, described
 from experiments.analysis.dataset.levels import PLATFORM, Kind
+from experiments.analysis.dataset.states import NO_NETWORK, NO_STATES
 from experiments.definition.publication import PublicationDetails
 from experiments.definition.schema import Course, StudyDefinition
 from robots.api.floorplan import FloorPlan
 from surveys.definition import Definition
 from surveys.documents import spoken
 
-Floats = npt.NDArray[np.float64]
+NAN = float("nan")
+Floats = columns.Floats
+Columns = columns.Columns
+columns_of = columns.columns_of
 COMPLETED = "completed"
 # The drives that count, and a sensitivity analysis: those and the excluded ones. Both are the names
 # of folders in a report.
@@ -62,90 +64,197 @@ class FreezeRecord(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
 
 @dataclass(frozen=True)
 class ParticipantRecord:
-    """A row of the participants (columns.PARTICIPANTS); an age that was not told is NaN."""
+    """A row of the participants; an age that was not given is NaN."""
 
-    id: str
-    kind: Kind = "participant"
-    age: float = float("nan")
-    age_band: str = ""
-    cell: str = ""
-    first_cell: str = ""
-    draws: int = 0
-    stage: str = ""
-    place: str = ""
-    reached: str = ""
-    left: str = ""
-    finished: bool = False
-    withdrawn: bool = False
+    id: str = column(REQUIRED, "code of the participant")
+    kind: Kind = column("participant", "who took part", levels=levels.KINDS)
+    age: float = column(
+        NAN, "self-reported age (consent page); empty in a public dataset", "years", least=0.0
+    )
+    age_band: str = column("", "that, as a range", late=True, levels=levels.AGE_BANDS)
+    cell: str = column("", "assigned condition, or conditions in order", divider="-")
+    first_cell: str = column(
+        "",
+        "cell that was drawn first; another than `cell` where the participant saw nothing of it and"
+        " was drawn again",
+        late=True,
+        divider="-",
+    )
+    draws: int = column(0, "how often a cell was drawn", late=True, least=0.0)
+    stage: str = column(
+        "", "last stage of the study that was reached", late=True, levels=levels.STAGES
+    )
+    place: str = column(
+        "",
+        "what became of the place in the cell; empty without one",
+        late=True,
+        levels=levels.PLACES,
+    )
+    reached: str = column("", "last step of the study that was begun")
+    left: str = column(
+        "",
+        "why the participant left there; empty if they finished or are still taking part",
+        levels=levels.LEFT,
+    )
+    finished: bool = column(False, "1 when the last step was finished")
+    withdrawn: bool = column(False, "1 when the participant withdrew: step and day remain")
 
 
 @dataclass(frozen=True)
 class SessionRecord:
-    """A row of the sessions (columns.SESSIONS); a time that never came is NaN. `counts_why` is set
-    by experiments/analysis/dataset/counting.py; in datasets of earlier releases `visit` is 0.
+    """A row of the sessions; the time of what did not happen is NaN. `counts_why` is set by
+    counting.py; in datasets of earlier releases `visit` is 0.
     """
 
-    id: str
-    participant: str
-    robot: str
-    kind: Kind = "participant"
-    number: int = 1
-    visit: int = 0
-    round: int = 0
-    practice: bool = False
-    counts_why: str = ""
-    site: str = ""
-    condition: str = ""
-    mismatch: str = ""
-    control_way: str = ""
-    assist: str = ""
-    doors_closed: tuple[str, ...] = ()
-    control_network: str = ""
-    video_network: str = ""
-    control_applied: str = ""
-    video_applied: str = ""
-    outcome: str = ""
-    reason: str = ""
-    os: str = ""
-    browser: str = ""
-    network: str = ""
-    first_frame: float = float("nan")
-    first_motion: float = float("nan")
-    ended: float = float("nan")
-    began_x: float = float("nan")
-    began_y: float = float("nan")
-    began_theta: float = float("nan")
-    began_docked: float = float("nan")
-    began_charge: float = float("nan")
-    ended_x: float = float("nan")
-    ended_y: float = float("nan")
-    ended_theta: float = float("nan")
-    ended_docked: float = float("nan")
-    ended_charge: float = float("nan")
-    docked_seconds: float = float("nan")
-    dock_contacts: float = float("nan")
-    operator: bool = False
-    missing: int = 0
-    excluded: str = ""
-    fault_side: str = ""
-    fault_part: str = ""
-    server_version: str = ""
-    agent_version: str = ""
-    adapter_version: str = ""
-    driver_version: str = ""
-    metrics_version: str = ""
-    definition_version: str = ""
+    id: str = column(REQUIRED, "code of the session")
+    participant: str = column(REQUIRED, "code of its participant")
+    robot: str = column(REQUIRED, "name of the robot")
+    kind: Kind = column("participant", "who took part", levels=levels.KINDS)
+    number: int = column(
+        1,
+        "first, second … drive of the participant in this condition, of those in which the robot"
+        " was driven and that the platform did not end; 0 for all others",
+        least=0.0,
+    )
+    visit: int = column(
+        0, "first, second … visit of the participant to the study", late=True, least=0.0
+    )
+    round: int = column(
+        0, "first, second … condition of the participant in this visit", late=True, least=0.0
+    )
+    practice: bool = column(False, "1 for practice, which counts nowhere")
+    counts_why: str = column(
+        "", "why it does not count; empty when it does", late=True, levels=levels.UNCOUNTED
+    )
+    site: str = column("", "name of the floor plan")
+    condition: str = column("", "assigned condition")
+    mismatch: str = column(
+        "",
+        "what was not applied as assigned; empty when everything was",
+        levels=levels.MISMATCHES,
+        divider="|",
+    )
+    control_way: str = column(
+        "", "assigned control channel of the commands", levels=levels.CONTROL_WAYS
+    )
+    assist: str = column("", "assigned assistance", levels=levels.ASSISTANCE)
+    doors_closed: tuple[str, ...] = column(
+        (), "doors that were closed; empty when none was", divider="|"
+    )
+    control_network: str = column(
+        "",
+        "assigned impairment of the network towards the robot: delay and jitter in ms, loss and"
+        " reorder in %, rate in kbit/s",
+    )
+    video_network: str = column(
+        "", "assigned impairment of the network back from its camera, likewise"
+    )
+    control_applied: str = column(
+        "", "the impairment towards the robot that it last reported as applied"
+    )
+    video_applied: str = column("", "the impairment back from its camera, likewise")
+    outcome: str = column("", "how the session ended", levels=levels.OUTCOMES)
+    reason: str = column(
+        "",
+        "why; with free text also what an operator wrote; empty: the outcome says it",
+        levels=levels.END_REASONS,
+    )
+    os: str = column(
+        "",
+        "operating system of the visitor's device; empty when unknown or withheld",
+        levels=levels.SYSTEM_NAMES,
+    )
+    browser: str = column(
+        "",
+        "browser of the visitor's device; empty when unknown or withheld",
+        levels=levels.BROWSER_NAMES,
+    )
+    network: str = column("", "hash of the visitor's network, for counting them")
+    first_frame: float = column(
+        NAN,
+        "when the server heard from the page that it showed the first video frame, since the"
+        " grant, by the server's clock; exposure and the task's time begin here; empty when the"
+        " page never showed one",
+        "s",
+    )
+    first_motion: float = column(
+        NAN,
+        "when the server first had a state with a velocity of the driver that was applied and"
+        " not 0, since the grant, by the server's clock; empty when the driver never moved the"
+        " robot",
+        "s",
+    )
+    ended: float = column(
+        NAN,
+        "when the session ended, since the grant, by the server's clock; a lost connection or"
+        " silent robot ends it when it was lost, not when waiting for it was over",
+        "s",
+    )
+    began_x: float = column(NAN, "position in the first state; empty when unknown", "m", late=True)
+    began_y: float = column(NAN, "position in the first state; empty when unknown", "m", late=True)
+    began_theta: float = column(
+        NAN, "heading on the map in the first state; empty when unknown", "rad", late=True
+    )
+    began_docked: float = column(
+        NAN, "1 when docked in the first state; empty when there is none", late=True, levels=NO_YES
+    )
+    began_charge: float = column(
+        NAN, "share of the battery's charge in the first state; empty when unknown", late=True
+    )
+    ended_x: float = column(NAN, "position in the last state; empty when unknown", "m", late=True)
+    ended_y: float = column(NAN, "position in the last state; empty when unknown", "m", late=True)
+    ended_theta: float = column(
+        NAN, "heading on the map in the last state; empty when unknown", "rad", late=True
+    )
+    ended_docked: float = column(
+        NAN, "1 when docked in the last state; empty when there is none", late=True, levels=NO_YES
+    )
+    ended_charge: float = column(
+        NAN, "share of the battery's charge in the last state; empty when unknown", late=True
+    )
+    docked_seconds: float = column(
+        NAN,
+        "how long the robot had to rest on its charging contacts to be docked; empty where one"
+        " state in the station was enough",
+        "s",
+        late=True,
+        least=0.0,
+    )
+    dock_contacts: float = column(
+        NAN,
+        "how often the charging contacts met after the last checkpoint; 1 is a docking that"
+        " held at once; empty without that rule",
+        late=True,
+        least=0.0,
+    )
+    operator: bool = column(False, "1 when an operator intervened")
+    missing: int = column(0, "states that are known to be lost", least=0.0)
+    excluded: str = column("", "why a researcher excluded it; empty when not")
+    fault_side: str = column(
+        "", "whose fault the end was; empty when nobody's", late=True, levels=levels.SIDES
+    )
+    fault_part: str = column(
+        "", "part of the platform that was unavailable then", late=True, levels=levels.PARTS
+    )
+    server_version: str = column("", levels.VERSIONED["server"], late=True)
+    agent_version: str = column("", levels.VERSIONED["agent"], late=True)
+    adapter_version: str = column("", levels.VERSIONED["adapter"], late=True)
+    driver_version: str = column("", levels.VERSIONED["driver"], late=True)
+    metrics_version: str = column("", levels.VERSIONED["metrics"], late=True)
+    definition_version: str = column("", levels.VERSIONED["definition"], late=True)
 
     @property
-    def counts(self) -> bool:
+    def counts(
+        self,
+    ) -> Annotated[bool, described("1 when it counts in the results on participants", late=True)]:
         """Whether it counts in results."""
         return not self.counts_why
 
     @property
     def uncounted_because(self) -> str:
         """Why it does not count, in words; empty when it counts."""
-        own = {counting.PLATFORM_FAULT: self.fault, counting.EXCLUDED: self.excluded}
-        return own.get(self.counts_why) or counting.REASONS.get(self.counts_why, "")
+        own = {levels.PLATFORM_FAULT: self.fault, levels.EXCLUDED: self.excluded}
+        return own.get(self.counts_why) or levels.UNCOUNTED.get(self.counts_why, "")
 
     @property
     def fault(self) -> str:
@@ -168,24 +277,71 @@ class SessionRecord:
 
 @dataclass(frozen=True)
 class EventRecord:
-    """A row of the events (columns.EVENTS)."""
+    """A row of the events."""
 
-    session: str
-    stamp: float
-    source: str
-    type: str
-    data: Mapping[str, Any] = field(default_factory=dict)
+    session: str = column(REQUIRED, "code of the session")
+    stamp: float = column(
+        REQUIRED,
+        "when it happened, since the grant, by the server's clock: of robot and page by their"
+        " own, corrected by its median difference to the server's (when the server heard of it,"
+        " where that is a day or more); of the task when the state that it follows from was"
+        " taken, or when the server heard from the page",
+        "s",
+    )
+    source: str = column(REQUIRED, "what reported it", levels=levels.SOURCES)
+    type: str = column(REQUIRED, "what happened")
+    data: Mapping[str, Any] = column(
+        {}, "JSON: the rest; the levels of `type` name the fields of each"
+    )
 
 
 @dataclass(frozen=True)
 class PageRecord:
-    """A row of the pages (columns.PAGES); `seconds` is NaN for one that was left."""
+    """A row of the pages."""
 
-    participant: str
-    step: str
-    session: str = ""
-    seconds: float = float("nan")
-    finished: bool = True
+    participant: str = column(REQUIRED, "who saw the page")
+    step: str = column(REQUIRED, "step of the study")
+    session: str = column("", "session that it belongs to, if any")
+    seconds: float = column(
+        NAN,
+        "from its first display until the participant continued, by the server's clock; empty"
+        " when it was not finished",
+        "s",
+        least=0.0,
+    )
+    finished: bool = column(True, "1 when the participant continued from it")
+
+
+@dataclass(frozen=True)
+class AnswerRecord:
+    """A row of the answers: an item of a response, or a response without items."""
+
+    response: str = column(REQUIRED, "code of the filled-in questionnaire")
+    questionnaire: str = column(REQUIRED, "its name")
+    version: int = column(REQUIRED, "its version", least=0.0)
+    participant: str = column(REQUIRED, "who answered")
+    session: str = column(REQUIRED, "session that it was asked about, if any")
+    finished: bool = column(REQUIRED, "1 when it was submitted")
+    item: str = column("", "question")
+    value: str = column("", "JSON: what was answered; empty when nothing was")
+    missing: str = column("", "why there is no value", levels=levels.MISSING)
+    seconds: float = column(
+        NAN,
+        "time spent on the question, by the page's clock; at most the time since the"
+        " questionnaire was opened, by the server's",
+        "s",
+        least=0.0,
+    )
+
+
+# The tables of a dataset, by the names of their files.
+TABLES: Mapping[str, type] = {
+    "participants": ParticipantRecord,
+    "sessions": SessionRecord,
+    "events": EventRecord,
+    "pages": PageRecord,
+    "answers": AnswerRecord,
+}
 
 
 @dataclass(frozen=True)
@@ -202,39 +358,67 @@ class ResponseRecord:
     missing: Mapping[str, str] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
 
-
-class Columns:
-    """Numbers in named columns: `columns["x"]` is (n,)."""
-
-    def __init__(self, layout: tuple[Column, ...], values: Floats) -> None:
-        if values.ndim != 2 or values.shape[1] != len(layout):
-            raise ValueError(
-                f"expected {len(layout)} columns, not an array of shape {values.shape}"
+    def answers(self) -> Iterator[AnswerRecord]:
+        """Yield its items as rows; without items, one row."""
+        about = AnswerRecord(
+            self.id,
+            self.questionnaire,
+            self.version,
+            self.participant,
+            self.session,
+            self.finished,
+        )
+        for item in dict.fromkeys((*self.values, *self.missing)) or [""]:
+            value = self.values.get(item)
+            yield replace(
+                about,
+                item=item,
+                value="" if value is None else json.dumps(value, ensure_ascii=False),
+                missing=self.missing.get(item, ""),
+                seconds=self.seconds.get(item, NAN),
             )
-        self.layout = layout
-        self.values = values
-        self._at = {column.name: index for index, column in enumerate(layout)}
 
-    def __len__(self) -> int:
-        return len(self.values)
+    @classmethod
+    def of(cls, answers: Sequence[AnswerRecord]) -> "ResponseRecord":
+        """Return the response whose rows these are.
 
-    def __getitem__(self, name: str) -> Floats:
-        return self.values[:, self._at[name]]
+        Raises:
+            ValueError: a value that is not JSON.
+        """
+        first, items = answers[0], [one for one in answers if one.item]
+        return cls(
+            first.response,
+            first.questionnaire,
+            first.participant,
+            {one.item: json.loads(one.value) for one in items if one.value},
+            first.version,
+            first.session,
+            first.finished,
+            {one.item: one.missing for one in items if one.missing},
+            {one.item: one.seconds for one in items if one.seconds == one.seconds},
+        )
 
 
-def columns_of(layout: tuple[Column, ...], **given: npt.ArrayLike) -> Columns:
-    """Return columns of the same length from those that are given; the others are NaN."""
-    length = len(np.atleast_1d(next(iter(given.values())))) if given else 0
-    values = np.full((length, len(layout)), np.nan)
-    at = {column.name: index for index, column in enumerate(layout)}
-    for name, numbers in given.items():
-        values[:, at[name]] = numbers
-    return Columns(layout, values)
-
-
-NO_STATES = columns_of(STATES)
-NO_NETWORK = columns_of(NETWORK)
 NO_PUBLICATION = PublicationDetails()
+
+
+@dataclass(frozen=True)
+class PlanExclusion:
+    """One reason to leave out a participant, or one session of theirs.
+
+    Attributes:
+        participant: their code.
+        rule: its name.
+        value: what was found, in words.
+        session: the session's code; empty when the participant is excluded.
+        is_planned: whether the plan has the rule.
+    """
+
+    participant: str
+    rule: str
+    value: str
+    session: str = ""
+    is_planned: bool = True
 
 
 @dataclass(frozen=True)
@@ -310,19 +494,8 @@ class Dataset:
     @property
     def included(self) -> tuple[ParticipantRecord, ...]:
         """The participants who neither withdrew nor are excluded by a rule of the plan."""
-        excluded = excluded_participants(self.exclusions) if not self.is_with_excluded else ()
+        excluded = {one.participant for one in self.exclusions if not one.session}
+        excluded = set() if self.is_with_excluded else excluded
         return tuple(
             one for one in self.participants if not one.withdrawn and one.id not in excluded
         )
-
-    def counting(
-        self, kinds: Sequence[Kind] = ("participant",), *, with_excluded: bool = False
-    ) -> "Dataset":
-        """Return the part of a whole dataset that counts: participants of some kinds with the
-        drives that count, the answers about these, and all pages and events of their task.
-
-        Args:
-            kinds: who is chosen.
-            with_excluded: whether what is excluded counts as well: a sensitivity analysis.
-        """
-        return counting.counting_part(self, kinds, with_excluded=with_excluded)

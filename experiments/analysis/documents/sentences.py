@@ -23,7 +23,16 @@ METHODS = {
     "paired t": ("A paired t test", "t"),
     "Welch t": ("A Welch t test", "t"),
     "Welch F": ("A Welch analysis of variance", "F"),
+    "repeated-measures F": ("An analysis of variance for repeated measures", "F"),
     "Wald F": ("A Wald F test in a linear mixed model", "F"),
+    "score F (logistic)": ("A score test in a logistic regression", "F"),
+    "score F (Poisson)": ("A score test in a Poisson regression", "F"),
+    "score F (Cox)": ("A score test in a Cox regression", "F"),
+    "log-rank χ²": ("A log-rank test", "χ²"),
+    "N−1 χ²": ("An N−1 χ² test of proportions", "χ²"),
+    "Boschloo": ("Boschloo’s exact test", "statistic"),
+    "McNemar mid-p": ("A McNemar test (mid-p)", "b"),
+    "Cochran Q": ("Cochran’s test", "Q"),
     "Friedman χ²": ("A Friedman test", "χ²"),
     "Kruskal-Wallis H": ("A Kruskal-Wallis test", "H"),
     "Mann-Whitney U": ("A Mann-Whitney test", "U"),
@@ -82,7 +91,7 @@ def _sentence(
     table: Table, cells: dict[str, TableCell], alpha: float, hypothesis: str, in_family: float
 ) -> Iterator[Run]:
     method, letter = METHODS[cells["Test"].text]
-    probabilities = {
+    probabilities: dict[str, float] = {
         name: value
         for name in ("p", "p (Holm)")
         if name in cells and (value := cells[name].value) is not None
@@ -156,7 +165,7 @@ def _statistic(cells: dict[str, TableCell], letter: str) -> Iterator[Run]:
     yield from symbol(letter)
     if degrees:
         yield Run(f"({', '.join(degrees)}")
-        if letter in {"χ²", "H"} and n is not None:
+        if letter in {"χ²", "H", "Q"} and n is not None:
             yield from (Run(", "), *_equal("N", f"{n:.0f}"))
         yield Run(")")
     yield Run(f" = {_number(cells['Statistic'].value, 2, bounded=letter in BOUNDED)}")

@@ -57,7 +57,8 @@ def figure_8a(dataset: Dataset) -> Drawing:
     the scale, whose area is the share of the answers.
     """
     lines, responses = lines_of(dataset)
-    scale = scale_of(dataset)
+    labels = scale_of(dataset)
+    scale = tuple(labels)
     title = (
         "Final questionnaire: means with their 95 % confidence intervals, and below them the share"
         " of the answers at each value of the scale."
@@ -70,7 +71,10 @@ def figure_8a(dataset: Dataset) -> Drawing:
         if lines:
             margin = 0.12 * (scale[-1] - scale[0])
             axes.set_xlim(scale[0] - margin, scale[-1] + margin)
-            axes.set_xticks(scale, [fill(_legend(dataset, value), 12) for value in scale])
+            axes.set_xticks(
+                scale,
+                [fill(f"{signed(value)} {label}".strip(), 12) for value, label in labels.items()],
+            )
             axes.grid(axis="x", color=FAINT, linewidth=0.4)
             axes.set_axisbelow(True)
             figure.legend(handles=_keys(), loc="outside lower center", ncols=3, handletextpad=0.8)
@@ -132,7 +136,7 @@ def _keys() -> list[Line2D]:
 def figure_8b(dataset: Dataset) -> Drawing:
     """Return a bar of 100 % a row of Table 5: non-positive against positive answers."""
     lines, responses = lines_of(dataset)
-    scale = scale_of(dataset)
+    scale = tuple(scale_of(dataset))
     middle = (scale[0] + scale[-1]) / 2.0 if scale else 0.0
     title = "Final questionnaire: balance between non-positive and positive responses."
     found: Behind = {}
@@ -258,12 +262,3 @@ def _numbers(
         number(line.summary.ci95, 2, about),
         *(number(part, 1, about) for part in parts),
     )
-
-
-def _legend(dataset: Dataset, value: int) -> str:
-    definition = dataset.questionnaire(dataset.study.analysis.statements)
-    points = (
-        next((one.points for one in definition.questions() if one.points), ()) if definition else ()
-    )
-    label = next((dataset.say(point.label) for point in points if point.value == value), "")
-    return f"{signed(value)} {label}".strip()

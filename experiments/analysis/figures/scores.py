@@ -35,8 +35,8 @@ ROW, AROUND = 0.3, 0.62  # inches: of a condition, and of a panel beside its row
 DEPTH = 0.12  # of a row that equal scores fill, in rows
 BELOW = 0.3  # of a row, from the mean to the dots of the participants
 DRAWN = (
-    "Large markers are means, bars their 95 % confidence intervals by Student's t distribution, and"
-    " each small dot below is a participant."
+    "Large markers are means, bars their 95 % confidence intervals (CI95, below), and each small"
+    " dot is a participant."
 )
 LABEL, NO_CONDITION = 40, "all"  # characters of a line of a condition's name
 TALLEST = 9.0  # inches: what a page has room for; two columns of panels where one would be higher

@@ -1,12 +1,21 @@
 """What the numbers of a session and of a segment are called, with unit and meaning.
 
 VERSION changes with any definition, so that numbers of two releases are not mixed.
+
+A session that was cut short drove less, collided less and took less time than one that completed
+the task, so it is never averaged with others as if it had: `PROPORTIONS` are tested as such; in
+place of counts and durations that grow with the time driven (`PER_MINUTE`), comparisons take rates
+per minute; `CENSORED` times are at least as long as the session if they never came; and amounts of
+the whole task (`OF_COMPLETED`) are those of completed ones.
 """
+
+from collections.abc import Mapping
+from typing import Literal
 
 from experiments.analysis.dataset.columns import Column, amount_of, flag, share
 from experiments.analysis.dataset.levels import METHODS, WAYS
 
-VERSION = 3
+VERSION = 4
 CLOCK = "by the server's clock"
 FROM_START = "from the task's event task_started (the first video frame) to"
 
@@ -133,6 +142,7 @@ RECORD = (
     Column("clock_offset", "s", "greatest difference of the clocks, in either direction"),
 )
 METRICS = (
+    flag("completed", "1 when the task was completed, 0 when the session ended otherwise"),
     Column(
         "total_time",
         "s",
@@ -163,3 +173,31 @@ METRICS = (
     *RECORD,
 )
 SEGMENT_METRICS = (Column("seconds", "s", "time that it took"), *DRIVING, *COMMANDS, *LINK[:4])
+PROPORTIONS = frozenset({"completed", "photo"})
+COUNTS = frozenset({"stops", "collisions", "near_collisions", "jumps", "freezes", "commands"})
+PER_MINUTE = COUNTS | {"near_seconds", "idle", "rotation", "refused"}
+CENSORED = frozenset({"task_time", "time_to_motion"})
+OF_COMPLETED = frozenset({"total_time", "path", "odometer", "shortest", "docking_attempts"})
+MetricKind = Literal["proportions", "counts", "times"]
+KINDS: Mapping[str, MetricKind] = {
+    **dict.fromkeys(PROPORTIONS, "proportions"),
+    **dict.fromkeys(COUNTS, "counts"),
+    **dict.fromkeys(CENSORED, "times"),
+}
+
+
+def unfit_for(test: str, measure: str) -> str:
+    """Return which tests a measure has instead of one that does not fit it; nothing if it fits."""
+    kind = KINDS.get(measure)
+    fitting = [] if kind == "proportions" else ["means", "ranks", "mixed"]
+    fitting += [] if kind is None else [kind]
+    return "" if test in fitting else ", ".join(fitting)
+
+
+def label_of(name: str) -> str:
+    """Return what a metric is called where it is compared: with its unit where that is a rate, and
+    of which sessions it is where that is not all.
+    """
+    if name in PER_MINUTE:
+        return f"{name} per min"
+    return f"{name} (completed)" if name in OF_COMPLETED else name

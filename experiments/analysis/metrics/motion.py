@@ -49,9 +49,7 @@ class Trajectory:
         inside = ~(self.at < start) & ~(self.at > end)
         lasts = self.lasts[inside]
         lasts[-1:] = 0.0
-        return Trajectory(
-            Columns(self.states.layout, self.states.values[inside]), self.at[inside], lasts
-        )
+        return Trajectory(self.states[inside], self.at[inside], lasts)
 
     def __len__(self) -> int:
         return len(self.states)
@@ -145,7 +143,7 @@ def drive(track: Trajectory) -> DriveMotion:
     return DriveMotion(
         way=driven_path(
             np.column_stack((states["x"], states["y"])),
-            np.where(states["by_position"] == 1.0, np.nan, states["distance"]),
+            np.where(states["distance_by_position"] == 1.0, np.nan, states["distance"]),
             track.at,
             seen,
             states["localized"] != 0.0,

@@ -3,8 +3,9 @@ position otherwise, from which measuring noise is taken first.
 
 A position that trembles while the robot stands would add a step at every state. So positions go
 through the smoother of a body whose velocity changes at random (Rauch, Tung and Striebel 1965,
-*Maximum likelihood estimates of linear dynamic systems*), solved as the penalized least squares of
-Whittaker (1923) and Eilers (2003, *A perfect smoother*), which give the same:
+*Maximum likelihood estimates of linear dynamic systems*), which is the cubic smoothing spline
+(Wahba 1978, *Improper priors, spline smoothing and the problem of guarding against model errors in
+regression*):
 
     minimize   sum |z_i - y_i|² / σ²   +   ∫ |z''|² dt / q
 
@@ -26,6 +27,7 @@ from experiments.analysis.dataset.records import Floats
 
 DEAD_BAND = 0.01  # m: a position that trembles by less is never a way
 BAND = 3.0  # times the noise: after smoothing, no tremble is as wide
+LEAST_SMOOTHED = 5  # positions: a spline needs as many
 LEAST_NOISE = 0.001  # m, rad: less needs no smoothing
 SHORTEST_STEP = 0.02  # s: states closer together than this would weigh without bound
 # (m/s²)² s: a velocity that changes at random by 0.1 m/s in a second; the turn rate by 0.3 rad/s
@@ -142,23 +144,11 @@ def smoothed(at: Floats, values: Floats, noise: float, wander: float) -> Floats:
     """Return values, (n, axes), without noise of a standard deviation in the values' unit; `wander`
     is q above, the unit squared over s³.
     """
-    n = len(at)
-    if n < 3 or noise < LEAST_NOISE:
+    if len(at) < LEAST_SMOOTHED or noise < LEAST_NOISE:
         return values
-    steps = np.maximum(np.diff(at), SHORTEST_STEP)
-    before, after = steps[:-1], steps[1:]
-    # z'' at state i is first·z[i-1] + middle·z[i] + last·z[i+1], and holds for half of both steps.
-    first, last = 2.0 / (before * (before + after)), 2.0 / (after * (before + after))
-    middle, weight = -(first + last), noise**2 / wander * (before + after) / 2.0
-    banded = np.zeros((3, n))  # 1 + D'WD: the diagonal, and the two below it
-    banded[0] = 1.0
-    banded[0, :-2] += weight * first**2
-    banded[0, 1:-1] += weight * middle**2
-    banded[0, 2:] += weight * last**2
-    banded[1, :-2] += weight * first * middle
-    banded[1, 1:-1] += weight * middle * last
-    banded[2, :-2] += weight * first * last
-    return np.asarray(scipy.linalg.solveh_banded(banded, values, lower=True))
+    apart = np.cumsum(np.maximum(np.diff(at, prepend=at[0]), SHORTEST_STEP))
+    spline = scipy.interpolate.make_smoothing_spline(apart, values, lam=noise**2 / wander)
+    return np.asarray(spline(apart))
 
 
 def steps_of(values: Floats, band: float) -> Floats:

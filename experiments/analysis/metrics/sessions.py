@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.analysis.dataset.columns import SERIES
 from experiments.analysis.dataset.levels import METHODS, WAYS
 from experiments.analysis.dataset.records import (
     COMPLETED,
@@ -20,6 +19,7 @@ from experiments.analysis.dataset.records import (
     Floats,
     SessionRecord,
 )
+from experiments.analysis.dataset.states import SERIES
 from experiments.analysis.metrics.definitions import DRIVING, METRICS, SEGMENT_METRICS
 from experiments.analysis.metrics.geodesic import nearer
 from experiments.analysis.metrics.milestones import Milestones, docking_attempts, milestones
@@ -95,6 +95,7 @@ def measure(dataset: Dataset, session: SessionRecord, events: Iterable[EventReco
 
 def _times(session: SessionRecord, found: Milestones) -> Values:
     return {
+        "completed": float(session.outcome == COMPLETED) if session.outcome else math.nan,
         "total_time": found.end - found.start,
         "time_to_motion": found.motion - found.start,
         "task_time": found.docked - found.start if session.outcome == COMPLETED else math.nan,
@@ -205,7 +206,7 @@ def _answered(states: Columns) -> Values:
 
 def _link(network: Columns) -> Values:
     def known(name: str) -> Floats:
-        values = network[name]
+        values: Floats = network[name]
         return values[np.isfinite(values)]
 
     trips, loss, fps, ages, freezes = (
@@ -281,7 +282,7 @@ def _segments(
 
 def _during(network: Columns, start: float, end: float) -> Columns:
     inside = (network["stamp"] >= start) & (network["stamp"] <= end)
-    return Columns(network.layout, network.values[inside])
+    return network[inside]
 
 
 def _shortest(

@@ -1,10 +1,8 @@
-"""What is excluded from the results, and whether that changes what is significant: every declared
-test with and without exclusions.
-"""
+"""Exclusions, and their effect on significance: every declared test with and without them."""
 
 from collections.abc import Iterator, Sequence
 
-from experiments.analysis.dataset.exclusions import PlanExclusion
+from experiments.analysis.dataset.records import PlanExclusion
 from experiments.analysis.tables.declared import PLANNED
 from experiments.analysis.tables.table import NOTHING, Table, TableCell, number, probability, words
 
@@ -59,11 +57,11 @@ def exclusion_effects(planned: Sequence[Table], every: Sequence[Table], alpha: f
         "Sensitivity analysis: declared tests with the excluded drives (all).",
         (*HEAD, "Difference, all", "Significance"),
         tuple(rows),
-        _said(changed, alpha),
+        _changes(changed, alpha),
     )
 
 
-def _said(changed: Sequence[str], alpha: float) -> tuple[str, ...]:
+def _changes(changed: Sequence[str], alpha: float) -> tuple[str, ...]:
     level = f"Significant: p (Holm) below {alpha:g}."
     if not changed:
         return (level, "The exclusions change the significance of no declared test.")

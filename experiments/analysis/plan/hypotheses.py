@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from experiments.analysis.figures.drawing import Drawing
 from experiments.analysis.statistics.comparisons import holm
+from experiments.analysis.statistics.regression import RATIO
 from experiments.analysis.tables.declared import PLANNED, name_of
 from experiments.analysis.tables.table import Table, TableCell, number, probability, words
 from experiments.definition.analyses import DeclaredAnalysis
@@ -76,8 +77,8 @@ def hypotheses_table(study: StudyDefinition, decisions: Sequence[Decision]) -> T
     plan = study.plan
     title = "Hypotheses of the plan."
     if plan is None or not plan.hypotheses:
-        said = NO_PLAN if plan is None else NO_HYPOTHESIS
-        return Table("hypotheses", title, (PLANNED,), ((words(said),),))
+        reason = NO_PLAN if plan is None else NO_HYPOTHESIS
+        return Table("hypotheses", title, (PLANNED,), ((words(reason),),))
     rows = tuple(_row(plan, one) for one in decisions)
     texts = tuple(f"{one.key}: {one.text}" for one in plan.hypotheses)
     alpha = f"Significant: p (family) below {plan.alpha:g}."
@@ -113,7 +114,7 @@ def _row(plan: StudyPlan, decision: Decision) -> Row:
 def _as_expected(hypothesis: Hypothesis, difference: float | None) -> str:
     if hypothesis.direction == "different":
         return "–"
-    if difference is None:
+    if difference is None or math.isnan(difference):
         return "unknown"
     signed = difference if hypothesis.direction == "greater" else -difference
     return "yes" if signed > 0.0 else "no"
@@ -141,52 +142,31 @@ def _tests(
         table = tables.get(name_of(analysis)) if analysis is not None else None
         if analysis is None or table is None:
             continue
-        coefficients = tables.get(f"{table.name}-coefficients")
         for row in table.rows:
             cells = dict(zip(table.head, row, strict=True))
             if hypothesis.key in cells[PLANNED].text.split(", "):
-                yield _test(hypothesis, analysis, study, cells, coefficients)
+                yield _test(hypothesis, analysis, cells)
 
 
 def _test(
     hypothesis: Hypothesis,
     analysis: DeclaredAnalysis,
-    study: StudyDefinition,
     cells: dict[str, TableCell],
-    coefficients: Table | None,
 ) -> DecidingTest:
     measure = cells["Measure"].text
     label = cells.get("Contrast", cells.get("Effect", words(""))).text
-    difference = cells["Difference"].value if "Difference" in cells else None
-    if coefficients is not None:
-        difference = _between_levels(analysis, study, measure, label, coefficients)
     p, corrected = (_value(cells[name]) for name in ("p", "p (Holm)"))
-    table = name_of(analysis)
+    difference, table = _difference(cells), name_of(analysis)
     return DecidingTest(hypothesis, table, analysis.key, measure, label, p, corrected, difference)
 
 
-def _between_levels(
-    analysis: DeclaredAnalysis,
-    study: StudyDefinition,
-    measure: str,
-    effect: str,
-    coefficients: Table,
-) -> float | None:
-    """Return by how much the first level of a factor with two is above the second; None for other
-    effects, and where treatment coding makes the coefficient a simple effect, because the factor is
-    in an interaction. With sum coding the coefficient is that of the first level, half the
-    difference.
-    """
-    factor = next((one for one in study.factors if one.key == effect), None)
-    is_sum = analysis.coding == "sum"
-    interacts = any(effect in one.split(":") for one in analysis.effects if one != effect)
-    if factor is None or len(factor.levels) != 2 or (interacts and not is_sum):
-        return None
-    name = f"{effect} {factor.levels[0 if is_sum else 1].key}"
-    for row in coefficients.rows:
-        if (row[0].text, row[1].text) == (measure, name) and row[2].value is not None:
-            return 2.0 * row[2].value if is_sum else -row[2].value
-    return None
+def _difference(cells: dict[str, TableCell]) -> float | None:
+    """Return by how much the first side is greater; of a rate or hazard ratio, its logarithm."""
+    if cells["Difference"].value is not None:
+        return cells["Difference"].value
+    is_ratio = "Effect" in cells and cells["Effect"].text in RATIO.values()
+    size = cells["Size"].value if is_ratio else None
+    return math.log(size) if size else None
 
 
 def _value(cell: TableCell) -> float:

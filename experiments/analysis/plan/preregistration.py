@@ -1,7 +1,7 @@
 """A study's definition as the text of a preregistration, in Markdown: the questions of the OSF
 Preregistration in their order, which include those of AsPredicted. Each is answered from the
-definition, or said to be unanswered; nothing is added. An appendix has every number and choice of
-the definition, defaults too.
+definition, or marked as unanswered. An appendix has every number and choice of the definition, with
+its defaults.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -36,11 +36,26 @@ ORDERS = {
 }
 TESTS = {
     "means": "paired t tests within participants, Welch's t tests between them; of several"
-    " conditions at once, Friedman's test within and Welch's analysis of variance between",
+    " conditions at once, the analysis of variance for repeated measures within (corrected by"
+    " Greenhouse and Geisser) and Welch's between",
     "ranks": "Wilcoxon's signed ranks within participants, Mann-Whitney between them; of several"
     " conditions at once, Friedman's test within and Kruskal-Wallis between",
-    "mixed": "a linear mixed model with an intercept for each participant, by REML, with Wald"
-    " tests",
+    "proportions": "McNemar's test (mid-p) and Cochran's Q within participants, the N−1 χ² test"
+    " between them (Boschloo's where a count of less than 1 is expected)",
+    "counts": "Poisson regression of the rate per minute by generalized estimating equations, with"
+    " participants as clusters",
+    "times": "the log-rank test between participants, Cox's regression with participants as"
+    " clusters within them; times that never came are censored at the end of the drive",
+    "mixed": "a linear mixed model with an intercept for each participant, by REML; terms in sum"
+    " coding, by Wald tests from the residuals of participants (CR2)",
+}
+MODELS = {
+    "mixed": TESTS["mixed"],
+    "proportions": "logistic regression by generalized estimating equations, with participants as"
+    " clusters; terms in sum coding",
+    "counts": f"{TESTS['counts']}; terms in sum coding",
+    "times": "Cox's regression with participants as clusters, terms in sum coding; times that never"
+    " came are censored at the end of the drive",
 }
 INCOMPLETE = {
     "keep": "Participants with missing conditions or answers are kept in every test for which they"
@@ -49,6 +64,11 @@ INCOMPLETE = {
     "answers": "Participants who lack a drive in one of their conditions, or a finished"
     " questionnaire of the study, are excluded.",
 }
+# Fields of a study that are texts, have sections of their own, or are not for the public.
+WITHOUT_SETTINGS = frozenset(
+    {"format", "slug", "version", "title", "intro", "source", "licence", "recruitment"}
+    | {"compensation", "languages", "steps", "factors", "analyses", "plan", "coding", "recruiting"}
+)
 DRIVES = {
     "first": "Of several such drives of a participant in a condition, the first counts.",
     "last": "Of several such drives of a participant in a condition, the last counts.",
@@ -79,8 +99,8 @@ def preregistration(
     for section, answers in _sections(study, plan, freeze, asked):
         lines += [f"## {section}", ""]
         for question, given in answers:
-            said = [line for line in given if line.strip()]
-            lines += [f"### {question}", "", *(said or [UNANSWERED]), ""]
+            known = [line for line in given if line.strip()]
+            lines += [f"### {question}", "", *(known or [UNANSWERED]), ""]
     return "\n".join((*lines, "## Every number and choice", "", *_settings(study), ""))
 
 
@@ -153,7 +173,7 @@ def _hypothesis(study: StudyDefinition, one: Hypothesis) -> str:
 
 
 def _direction(study: StudyDefinition, one: Hypothesis, analysis: DeclaredAnalysis) -> str:
-    """Return what is expected, with the sides, or the levels of an effect, by their titles."""
+    """Return the expected direction in words, with the titles of the sides, or of the levels."""
     if one.direction == "different":
         return "a difference, two-sided"
     first, second = "the first side", "the second"
@@ -207,7 +227,7 @@ def _study_design(study: StudyDefinition) -> Iterator[str]:
 
 
 def _course(course: Course) -> str:
-    """Return what is driven, in metres of the floor plan."""
+    """Return a course in words; positions are metres of the floor plan."""
     stops = "; ".join(
         f"{one.number or 'station'} at ({one.x:g}, {one.y:g}) within {one.radius:g} m"
         for one in course.checkpoints
@@ -233,8 +253,8 @@ def _start(study: StudyDefinition) -> str:
             f"it is docked within {start.distance:g} m and {start.heading:g} rad of the pose of the"
             " course's station"
         )
-    said = "; ".join(rules)
-    return f"- A drive begins only when this holds of the robot: {said}." if said else ""
+    wanted = "; ".join(rules)
+    return f"- A drive begins only when this holds of the robot: {wanted}." if wanted else ""
 
 
 def described(study: StudyDefinition, condition: Condition) -> str:
@@ -346,11 +366,33 @@ def _sampling(
     existing = f"Frozen before data: {before_data(freeze)}." if has_started else ""
     return (
         ("Existing data", [existing]),
-        ("Data collection procedures", [study.recruitment, study.compensation]),
+        (
+            "Data collection procedures",
+            [study.recruitment, study.compensation, *_eligibility(study)],
+        ),
         ("Sample size", size),
         ("Sample size rationale", [plan.rationale, *_expected(plan)]),
         ("Stopping rule", [plan.stopping]),
     )
+
+
+def _eligibility(study: StudyDefinition) -> Iterator[str]:
+    """Yield who cannot take part, by age, device and answers."""
+    if study.consent is not None:
+        minors = "need a guardian" if study.consent.minors == "guardian" else "cannot take part"
+        yield f"- Participants younger than {study.consent.minimum_age} {minors}."
+    for what, named in (("devices", study.devices), ("browsers", study.browsers)):
+        if named:
+            yield f"- Only with these {what}: {', '.join(named)}."
+    for rule in study.screening:
+        wanted = [f"one of {', '.join(rule.answers)}"] if rule.answers else []
+        wanted += [f"at least {rule.at_least:g}"] if rule.at_least is not None else []
+        wanted += [f"at most {rule.at_most:g}"] if rule.at_most is not None else []
+        where = f"`{rule.questionnaire}.{rule.item}`"
+        yield f"- Only with this answer to {where}: {', '.join(wanted)}."
+    for quota in study.answer_quotas:
+        where = f"`{quota.questionnaire}.{quota.item}`"
+        yield f"- At most {quota.most} who answer {where} with: {', '.join(quota.answers)}."
 
 
 def _expected(plan: StudyPlan) -> Iterator[str]:
@@ -459,12 +501,14 @@ def _counting(study: StudyDefinition) -> Iterator[str]:
 
 def _model(study: StudyDefinition, one: DeclaredAnalysis) -> str:
     contrasts = "; ".join(_say(study, it.title) for it in one.contrasts)
-    told = f"- `{one.key}` ({_say(study, one.title)}): {TESTS[one.test]}. Measures: "
+    test = MODELS[one.test] if one.is_model else TESTS[one.test]
+    told = f"- `{one.key}` ({_say(study, one.title)}): {test}. Measures: "
     told += ", ".join(f"`{measure}`" for measure in one.measures) + "."
     told += f" Contrasts: {contrasts}." if contrasts else ""
     told += f" Conditions: {', '.join(one.conditions)}." if one.conditions else ""
     told += " Each pair of conditions is compared as well." if one.post_hoc else ""
-    told += f" Effects: {', '.join(one.effects)}; {one.coding} coding." if one.effects else ""
+    told += f" Effects: {', '.join(one.effects)}." if one.effects else ""
+    told += f" Covariates: {', '.join(one.covariates)}." if one.covariates else ""
     return told
 
 
@@ -514,11 +558,12 @@ def _exploratory(study: StudyDefinition) -> Iterator[str]:
 
 
 def _settings(study: StudyDefinition) -> Iterator[str]:
-    """Yield every field that can change what is driven, assigned or analysed, with its value: also
-    those that a sentence above has, and those that the definition leaves at their defaults.
+    """Yield every field that can change drives, assignment or analysis, with its value: also those
+    that a sentence above has, and those that the definition leaves at their defaults.
     """
-    for name in ("allocation", "refill", "start", "quality", "analysis", "conditions", "courses"):
-        yield from _fields(getattr(study, name), name)
+    for name in study.__struct_fields__:
+        if name not in WITHOUT_SETTINGS:
+            yield from _fields(getattr(study, name), name)
     for step in study.drives:
         yield from _fields(step, f"step {step.key}")
 
@@ -536,7 +581,7 @@ def _fields(value: object, name: str) -> Iterator[str]:
     elif isinstance(value, dict):
         yield f"- {name}: {', '.join(f'{key} {one}' for key, one in value.items()) or 'none'}"
     else:
-        yield f"- {name}: {'none' if value is None else value}"
+        yield f"- {name}: {'none' if value is None else ' '.join(str(value).split())}"
 
 
 def _say(study: StudyDefinition, text: dict[str, str]) -> str:

@@ -7,9 +7,8 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from experiments.analysis.dataset import counting
 from experiments.analysis.dataset.exclusions import BY_HAND, OF_PLATFORM, excluded_participants
-from experiments.analysis.dataset.levels import ASSISTANCE, REPLACED
+from experiments.analysis.dataset.levels import ASSISTANCE, REPLACED, UNCOUNTED
 from experiments.analysis.dataset.records import (
     COMPLETED,
     Dataset,
@@ -53,7 +52,7 @@ Line = tuple[str, str, str]  # section, item, value
 def reporting_sheet(
     dataset: Dataset, measured: Sequence[Measured], everybody: Sequence[ParticipantRecord]
 ) -> Table:
-    """Return the sheet of a dataset of what counts (`Dataset.counting`), its sessions measured;
+    """Return the sheet of a dataset of what counts (dataset/counting.py), its sessions measured;
     `everybody` are the participants, pilots and bots of the whole one.
     """
     lines = (
@@ -90,25 +89,25 @@ def as_markdown(table: Table) -> str:
 
 
 def _participants(dataset: Dataset) -> Iterator[Line]:
-    section, people = "Participants", dataset.participants
+    people, study = dataset.participants, dataset.study
     here = [one for one in people if not one.withdrawn]
     drivers = {one.participant for one in (*dataset.sessions, *dataset.others) if one.drove}
-    yield section, "joined", str(len(people))
-    yield (
-        section,
-        "drawn anew, before they were exposed",
-        str(sum(it.draws > 1 for it in people)),
-    )
-    yield section, "replaced by others", str(sum(it.place == REPLACED for it in people))
-    yield section, "withdrew", str(len(people) - len(here))
-    yield section, "drove a robot", str(len(drivers))
-    yield section, "finished", str(sum(one.finished for one in here))
-    yield section, "with a drive that counts", str(_drivers(dataset))
-    yield section, "drives that count", str(len(dataset.sessions))
-    yield section, "age", _ages([one.age for one in dataset.included])
-    yield section, "sex or gender", _sexes(dataset)
-    yield section, "recruitment", dataset.study.recruitment or UNKNOWN
-    yield section, "compensation", dataset.study.compensation or UNKNOWN
+    items = {
+        "joined": len(people),
+        "drawn anew, before they were exposed": sum(one.draws > 1 for one in people),
+        "replaced by others": sum(one.place == REPLACED for one in people),
+        "withdrew": len(people) - len(here),
+        "drove a robot": len(drivers),
+        "finished": sum(one.finished for one in here),
+        "with a drive that counts": _drivers(dataset),
+        "drives that count": len(dataset.sessions),
+        "age": _ages([one.age for one in dataset.included]),
+        "sex or gender": _sexes(dataset),
+        "recruitment": study.recruitment or UNKNOWN,
+        "compensation": study.compensation or UNKNOWN,
+    }
+    for item, value in items.items():
+        yield "Participants", item, str(value)
 
 
 def _drivers(dataset: Dataset) -> int:
@@ -197,7 +196,7 @@ def _failures(dataset: Dataset) -> Iterator[Line]:
 def _uncounted(dataset: Dataset) -> Iterator[Line]:
     """Yield how many drives of the task do not count, by reason."""
     for code, n in sorted(Counter(one.counts_why for one in dataset.others).items()):
-        yield "Drives that do not count", counting.REASONS[code], amount(n, "drive")
+        yield "Drives that do not count", UNCOUNTED[code], amount(n, "drive")
 
 
 def _exclusions(dataset: Dataset) -> Iterator[Line]:

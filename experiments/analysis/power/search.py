@@ -4,7 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from experiments.analysis.power.assumptions import REASONS, Assumption, assumed
-from experiments.analysis.power.simulation import Orders, SimulatedStudies, SimulatedTest, simulate
+from experiments.analysis.power.draws import Orders, SimulatedTest
+from experiments.analysis.power.simulation import SimulatedStudies, simulate
 from experiments.analysis.statistics.descriptive import wilson
 from experiments.analysis.tables.table import Table, TableCell, count, number, words
 from experiments.definition.factors import conditions_together
@@ -20,26 +21,27 @@ HEAD = (
 )
 METHOD = (
     (
-        "Power: the share of simulated studies in which p, corrected within the family of the test,"
-        " is below {alpha:g}, with its 95 % Monte-Carlo interval (Wilson), {studies} studies"
-        " each."
+        "Power: the share of simulated studies in which p, corrected within the family in which the"
+        " report corrects it, is below {alpha:g}, with its 95 % Monte-Carlo interval (Wilson),"
+        " {studies} studies each. The families have all of their tests, also {null} that are"
+        " assumed to have nothing to find and are not listed."
     ),
     (
         "Values are normal; answers are simulated as if continuous, measures as independent of each"
-        " other, and nobody drops out. Participants: in all, spread evenly over the cells."
+        " other, covariates as if they explained nothing, and nobody drops out. Participants: in"
+        " all, spread evenly over the cells."
     ),
 )
 
 
 @dataclass(frozen=True)
 class PowerOptions:
-    """How a study is simulated: the seed of chance, the number of studies, what data have shown of
-    measures, and the orders of conditions.
+    """How a study is simulated: the seed of chance, the number of studies, and the orders of
+    conditions.
     """
 
     seed: int = 1
     studies: int = STUDIES
-    observed: Mapping[str, Assumption] = field(default_factory=dict)
     orders: Orders = field(default_factory=dict)
 
 
@@ -64,14 +66,7 @@ def power_report(
     """
 
     def at(people: int) -> SimulatedStudies:
-        return simulate(
-            study,
-            people,
-            options.studies,
-            options.seed,
-            observed=options.observed,
-            orders=options.orders,
-        )
+        return simulate(study, people, options.studies, options.seed, orders=options.orders)
 
     plan = study.plan or StudyPlan()
     kinds = len(conditions_together(study))
@@ -88,14 +83,16 @@ def power_report(
     )
     if needed is not None and all(one.participants != needed for one in simulated):
         simulated = (*simulated, at(needed))
-    about = {one: assumed(study, one, options.observed) for one in measures}
+    about = {one: assumed(study, one) for one in measures}
     return PowerReport(simulated, needed, bool(deciding), about)
 
 
 def _deciding(tests: Sequence[SimulatedTest]) -> list[int]:
-    """Return the places of the tests that decide on hypotheses; all where there are none."""
-    own = [n for n, one in enumerate(tests) if one.hypotheses]
-    return own or list(range(len(tests)))
+    """Return the places of the tests that have something to find and decide on hypotheses; all
+    that have, where none decides.
+    """
+    known = [n for n, one in enumerate(tests) if not one.is_null]
+    return [n for n in known if tests[n].hypotheses] or known
 
 
 def _least_power(found: SimulatedStudies, places: Sequence[int], plan: StudyPlan) -> float:
@@ -129,7 +126,8 @@ def power_table(study: StudyDefinition, found: PowerReport, studies: int) -> Tab
     """Return a row for each test and number of participants, with what was assumed below."""
     plan = study.plan or StudyPlan()
     rows = [row for one in found.simulations for row in _rows(one, plan.alpha)]
-    method = [text.format(alpha=plan.alpha, studies=studies) for text in METHOD]
+    null = sum(one.is_null for one in found.simulations[0].tests) if found.simulations else 0
+    method = [text.format(alpha=plan.alpha, studies=studies, null=null) for text in METHOD]
     notes = (needed_in_words(found, plan), *_assumed_in_words(study, found), *method, *REASONS)
     return Table("power", "Power by simulation.", HEAD, tuple(rows), notes)
 
@@ -137,6 +135,8 @@ def power_table(study: StudyDefinition, found: PowerReport, studies: int) -> Tab
 def _rows(found: SimulatedStudies, alpha: float) -> list[tuple[TableCell, ...]]:
     rows = []
     for one, (hits, studies) in zip(found.tests, found.power(alpha), strict=True):
+        if one.is_null:
+            continue
         low, high = wilson(hits, studies) or (None, None)
         names = (one.analysis, one.measure, one.label, ", ".join(one.hypotheses))
         share = hits / studies
@@ -170,6 +170,8 @@ def _assumed_in_words(study: StudyDefinition, found: PowerReport) -> list[str]:
 
 
 def _means(study: StudyDefinition, one: Assumption) -> str:
+    if one.levels:
+        return ", ".join(f"{key} {level:.4g}" for key, level in one.levels.items())
     if not one.means:
         return "0.5 SD between the sides of each test"
     return ", ".join(

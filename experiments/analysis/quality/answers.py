@@ -13,8 +13,8 @@ from statistics import median
 
 from experiments.analysis.dataset.records import Dataset, PageRecord, ResponseRecord
 from experiments.analysis.quality.flag import Flag
-from experiments.definition.quality_flags import Grade
-from experiments.definition.recruiting import names_answer
+from experiments.definition.recruitment.quality_flags import Grade
+from experiments.definition.recruitment.recruiting import names_answer
 from surveys.definition import Definition
 
 SECONDS_PER_ITEM = 1.0

@@ -12,7 +12,7 @@ import numpy as np
 
 from experiments.analysis.dataset.records import Columns, Dataset, Floats, SessionRecord
 from experiments.analysis.quality.flag import Flag
-from experiments.definition.quality_flags import Grade, QualityFlag
+from experiments.definition.recruitment.quality_flags import Grade, QualityFlag
 
 SAW_SECONDS = 10.0  # of video, before standing still is a decision
 NOT_THE_VISITORS = frozenset({"network", "platform", "robot", "operator"})
@@ -39,8 +39,8 @@ def driving_flags(dataset: Dataset, session: SessionRecord) -> Iterator[Flag]:
 
 
 def never_moved(session: SessionRecord) -> tuple[Grade, str] | None:
-    """Return that the driver saw the video and never moved the robot, unless somebody or something
-    else ended the drive.
+    """Return that the driver saw the video and never moved the robot, unless the
+    network, the platform, the robot or an operator ended the drive.
     """
     seen = session.ended - session.first_frame
     has_moved = math.isfinite(session.first_motion)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from experiments.definition.quality_flags import Grade, QualityFlag
+from experiments.definition.recruitment.quality_flags import Grade, QualityFlag
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.quality.answers import answer_flags
 from experiments.analysis.quality.driving import driving_flags
 from experiments.analysis.quality.flag import Flag
-from experiments.definition.quality_flags import Grade
+from experiments.definition.recruitment.quality_flags import Grade
 
 CROWD = 3  # participants on one network
 

@@ -3,7 +3,6 @@
 Quantiles are the linear ones of Hyndman and Fan (1996, type 7), numpy's and R's default.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -51,13 +50,9 @@ def shares(counts: Sequence[int]) -> tuple[float, ...] | None:
     return tuple(100.0 * count / total for count in counts) if total else None
 
 
-def wilson(successes: int, n: int, level: float = 0.95) -> tuple[float, float] | None:
-    """Return the bounds of a share (Wilson, 1927), or None without trials."""
+def wilson(successes: int, n: int) -> tuple[float, float] | None:
+    """Return the bounds of the 95 % interval of a share (Wilson, 1927), or None without trials."""
     if not n:
         return None
-    z = float(scipy.special.ndtri(0.5 + level / 2.0))
-    centre, slack = (
-        (successes + z * z / 2.0) / (n + z * z),
-        z * math.sqrt(successes * (n - successes) / n + z * z / 4.0) / (n + z * z),
-    )
-    return max(0.0, centre - slack), min(1.0, centre + slack)
+    low, high = scipy.stats.binomtest(successes, n).proportion_ci(method="wilson")
+    return float(low), float(high)

@@ -71,7 +71,8 @@ def mcdonald(items: Floats) -> tuple[IntervalEstimate, tuple[int, ...]]:
 
     Raises:
         UndefinedCoefficientError: fewer than three items, no more participants than items, an item
-            without variance, or items of which one is the sum of others.
+            without variance, items of which one is the sum of others, or a factor that is not
+            identified.
     """
     n, k = items.shape
     if k < 3:
@@ -85,7 +86,10 @@ def mcdonald(items: Floats) -> tuple[IntervalEstimate, tuple[int, ...]]:
     omega = common / (common + float(model.uniquenesses.sum()))
     if model.at_bound or not 0.0 < omega < 1.0:
         return IntervalEstimate(round(omega, DECIMALS)), model.at_bound
-    error = _error_of_omega(model, n) / (omega * (1.0 - omega))
+    try:
+        error = _error_of_omega(model, n) / (omega * (1.0 - omega))
+    except np.linalg.LinAlgError as singular:
+        raise UndefinedCoefficientError("one factor is not identified") from singular
     bounds = (
         float(
             scipy.special.expit(

@@ -11,8 +11,7 @@ from collections.abc import Mapping, Sequence
 
 from experiments.analysis.dataset.records import Dataset, ResponseRecord
 from experiments.analysis.statistics.conditions import compare
-from experiments.analysis.tables.comparisons import READ_AS, compared, corrected_for, head_of
-from experiments.analysis.tables.effects import family
+from experiments.analysis.tables.comparisons import Group, comparison_table
 from experiments.analysis.tables.paper_tables import behind, label_of, lines_of
 from experiments.analysis.tables.response_selection import RULES
 from experiments.analysis.tables.table import Table
@@ -25,29 +24,21 @@ def compare_answers(dataset: Dataset) -> Table:
     keys = [key for key in keys if counted[key][1]]
     lines = counted[keys[0]][0] if keys else []
     is_paired = dataset.study.allocation.design == "within"
-    groups = [
-        [(scores(counted[key][1], line.statements), behind(line, counted[key][1])) for key in keys]
-        for line in lines
-    ]
-    tests = [
-        compare(
-            {key: values for key, (values, _) in zip(keys, row, strict=True)}, is_paired=is_paired
-        )
-        for row in groups
-    ]
-    corrected, members = corrected_for(tests, groups)
-    rows = tuple(
-        compared(label_of(line), row, test, p, is_ordinal=True)
-        for line, row, test, p in zip(lines, groups, tests, corrected, strict=True)
-    )
-    below = (
+    found = []
+    for line in lines:
+        groups = {
+            key: Group(scores(counted[key][1], line.statements), behind(line, counted[key][1]))
+            for key in keys
+        }
+        values = {key: group.values for key, group in groups.items()}
+        test = compare(values, is_paired=is_paired)
+        found.append((label_of(line), test, [*groups.values()]))
+    notes = (
         RULES[dataset.study.analysis.counts],
         "A participant's score is the mean of their answers. IQR: third less first quartile.",
-        f"{family(members)} A topic of one statement is the same test as the statement.",
-        *READ_AS,
+        "A topic of one statement is the same test as the statement.",
     )
-    head = ("", *head_of(keys, is_ordinal=True))
-    return Table("answers", "Final questionnaire by condition.", head, rows, below)
+    return comparison_table("answers", "Final questionnaire by condition.", "", keys, found, notes)
 
 
 def scores(responses: Sequence[ResponseRecord], statements: Sequence[str]) -> Mapping[str, float]:

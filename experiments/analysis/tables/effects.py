@@ -1,9 +1,10 @@
 """What changes with what: conditions compared, driving against the network, and what
 participants learn from visit to visit.
 
-A participant is one point in every test: several sessions under one condition are averaged first.
-Within-subject conditions are compared over the participants who had them all. p values of one
-family are corrected by Holm's method.
+A participant is one point in tests of means: several sessions under one condition are averaged
+first. Within-subject conditions are compared over the participants who had them all. Proportions,
+counts and times have tests of their own (drive_outcomes.py). p values of one family are corrected
+by Holm's method.
 """
 
 import math
@@ -15,22 +16,29 @@ import numpy as np
 from experiments.analysis.dataset.counting import visits_of
 from experiments.analysis.dataset.levels import WAYS
 from experiments.analysis.dataset.records import COMPLETED, Dataset
+from experiments.analysis.metrics.definitions import label_of
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.statistics.comparisons import correlation, holm
-from experiments.analysis.statistics.conditions import compare
 from experiments.analysis.statistics.descriptive import spread, wilson
 from experiments.analysis.tables.comparisons import (
     READ_AS,
     TESTED,
-    compared,
-    corrected_for,
-    head_of,
+    Comparison,
+    comparison_table,
+    family,
     tested,
 )
-from experiments.analysis.tables.table import Table, TableCell, amount, count, number, words
+from experiments.analysis.tables.drive_outcomes import (
+    CENSORED_AT_END,
+    RATES,
+    comparable,
+    metric_test,
+    values_by_participant,
+)
+from experiments.analysis.tables.table import Table, TableCell, count, number, words
 
 OUTCOMES = (
-    "total_time",
+    "completed",
     "task_time",
     "time_to_motion",
     "docking_time",
@@ -49,7 +57,8 @@ BINS: Mapping[str, tuple[float, ...]] = {
     "frame_age": (0.1, 0.2, 0.4, 1.0),
     "fps": (5.0, 10.0, 15.0, 25.0),
 }
-LEARNT = ("total_time", "task_time", "efficiency", "speed", "stops", "near_seconds", "collisions")
+MEDIANS = ("task_time", "efficiency", "speed", "stops", "near_seconds", "collisions")
+LEARNT = ("completed", *MEDIANS)
 MOST_VISITS = 6  # of a participant have a row of their own
 
 
@@ -58,32 +67,21 @@ def compare_conditions(
 ) -> Table:
     """Return every metric by condition, with a test of the difference."""
     keys = _conditions(dataset, measured)
-    ids = {
-        key: [one.session.id for one in measured if one.session.condition == key] for key in keys
-    }
-    is_paired = dataset.study.allocation.design == "within"
-    rows = [
-        [(values_by_participant(measured, name, key), ids[key]) for key in keys] for name in names
-    ]
-    tests = [
-        compare(
-            {key: values for key, (values, _) in zip(keys, row, strict=True)}, is_paired=is_paired
-        )
-        for row in rows
-    ]
-    corrected, members = corrected_for(tests, rows)
-    cells = tuple(
-        compared(name, row, test, p)
-        for name, row, test, p in zip(names, rows, tests, corrected, strict=True)
+    sides = {key: [one for one in measured if one.session.condition == key] for key in keys}
+    found = _tested(names, sides, is_paired=dataset.study.allocation.design == "within")
+    notes = (
+        "A participant's sessions under a condition are averaged first.",
+        CENSORED_AT_END,
+        RATES,
     )
-    below = ("A participant's sessions under a condition are averaged first.", family(members))
-    head = ("Metric", *head_of(keys))
-    return Table("conditions", "Metrics by condition.", head, cells, (*below, *READ_AS))
+    return comparison_table("conditions", "Metrics by condition.", "Metric", keys, found, notes)
 
 
-def family(members: int) -> str:
-    """Return the sentence on what the p values of a table are corrected for."""
-    return f"p (Holm): corrected for the {amount(members, 'different test')} of this table."
+def _tested(
+    names: Sequence[str], sides: Mapping[str, Sequence[Measured]], *, is_paired: bool
+) -> list[Comparison]:
+    """Return each metric compared between sides of sessions."""
+    return [(label_of(name), *metric_test(name, sides, is_paired=is_paired)) for name in names]
 
 
 def _conditions(dataset: Dataset, measured: Sequence[Measured]) -> list[str]:
@@ -91,17 +89,6 @@ def _conditions(dataset: Dataset, measured: Sequence[Measured]) -> list[str]:
     return [one.key for one in dataset.study.conditions if one.key in present] + sorted(
         present - {one.key for one in dataset.study.conditions} - {""}
     )
-
-
-def values_by_participant(
-    measured: Sequence[Measured], name: str, condition: str | None = None
-) -> dict[str, float]:
-    """Return the mean of a metric over each participant's sessions, of all or of one condition."""
-    found: dict[str, list[float]] = {}
-    for one in measured:
-        if condition in {None, one.session.condition} and math.isfinite(one.values[name]):
-            found.setdefault(one.session.participant, []).append(one.values[name])
-    return {who: math.fsum(values) / len(values) for who, values in found.items()}
 
 
 def outcomes_by_condition(dataset: Dataset, measured: Sequence[Measured]) -> Table:
@@ -170,7 +157,7 @@ def against_network(measured: Sequence[Measured], names: Sequence[str] = OUTCOME
     rows = []
     for (cause, name), test, p in zip(pairs, tests, corrected, strict=True):
         cells = tested(test, p)
-        rows.append((words(cause), words(name), *(cells[place] for place in kept)))
+        rows.append((words(cause), words(label_of(name)), *(cells[place] for place in kept)))
     different = len({one for one, test in zip(members, tests, strict=True) if test.is_known})
     below = (
         "Spearman's rank correlation over participants, whose sessions are averaged first.",
@@ -199,7 +186,7 @@ def by_network(measured: Sequence[Measured]) -> Table:
         "Participants",
         "Sessions",
         "% completed",
-        *(f"{name}, median" for name in LEARNT),
+        *(f"{label_of(name)}, median" for name in MEDIANS),
     )
     return Table("network-classes", "Outcome and driving by class of network.", head, tuple(rows))
 
@@ -224,7 +211,9 @@ def _classes(measured: Sequence[Measured], cause: str) -> list[tuple[TableCell, 
 def _class_row(head: str, label: str, own: Sequence[Measured]) -> tuple[TableCell, ...]:
     ids = [one.session.id for one in own]
     done = [one.session.id for one in own if one.session.outcome == COMPLETED]
-    medians = (number(spread([one.values[name] for one in own]).median, 3, ids) for name in LEARNT)
+    medians = (
+        number(spread([comparable(one, name) for one in own]).median, 3, ids) for name in MEDIANS
+    )
     share = number(100.0 * len(done) / len(ids) if ids else None, 1, done)
     return (
         words(head),
@@ -246,7 +235,7 @@ def learning(measured: Sequence[Measured]) -> Table:
         _class_row("visit", str(n) if n <= MOST_VISITS else f"≥ {n}", own)
         for n, own in sorted(groups.items())
     )
-    medians = (f"{name}, median" for name in LEARNT)
+    medians = (f"{label_of(name)}, median" for name in MEDIANS)
     head = ("", "", "Participants", "Sessions", "% completed", *medians)
     return Table("learning", "Metrics by visit.", head, rows)
 
@@ -265,30 +254,16 @@ def learnt(measured: Sequence[Measured]) -> Table:
         for n in (2, 1)
     }
     both = set(own[1]) & set(own[2])
-    sides = [[one for key, one in own[n].items() if key in both] for n in (2, 1)]
-    ids = [[one.session.id for one in side] for side in sides]
-    rows = [
-        [(values_by_participant(side, name), ids[at]) for at, side in enumerate(sides)]
-        for name in LEARNT
-    ]
-    tests = [
-        compare({"second": second[0], "first": first[0]}, is_paired=True) for second, first in rows
-    ]
-    corrected, members = corrected_for(tests, rows)
-    cells = tuple(
-        compared(name, row, test, p)
-        for name, row, test, p in zip(LEARNT, rows, tests, corrected, strict=True)
-    )
-    below = (
+    sides = {
+        name: [one for key, one in own[n].items() if key in both]
+        for name, n in (("second", 2), ("first", 1))
+    }
+    found = _tested(LEARNT, sides, is_paired=True)
+    notes = (
         "Participants who came back, in the conditions that they drove on both visits.",
         "Difference: second less first visit.",
-        family(members),
-        *READ_AS,
+        CENSORED_AT_END,
+        RATES,
     )
-    return Table(
-        "learning-tests",
-        "Second against first visit.",
-        ("Metric", *head_of(("second", "first"))),
-        cells,
-        below,
-    )
+    title = "Second against first visit."
+    return comparison_table("learning-tests", title, "Metric", tuple(sides), found, notes)

@@ -11,13 +11,12 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 
-from experiments.analysis.dataset import counting
-from experiments.analysis.dataset.exclusions import PlanExclusion
-from experiments.analysis.dataset.levels import REPLACED
+from experiments.analysis.dataset.levels import EXCLUDED, EXCLUDED_BY_PLAN, REPLACED, UNCOUNTED
 from experiments.analysis.dataset.records import (
     COMPLETED,
     Dataset,
     ParticipantRecord,
+    PlanExclusion,
     SessionRecord,
 )
 from experiments.analysis.metrics.sessions import Measured
@@ -166,11 +165,11 @@ class _Flow:
 
     def _uncounted(self, one: ParticipantRecord) -> str:
         last = [it for it in self.drives[one.id] if it.drove and it.outcome][-1]
-        if last.counts_why == counting.EXCLUDED_BY_PLAN:
+        if last.counts_why == EXCLUDED_BY_PLAN:
             return f"excluded: {self.excluded[one.id].rule}"
-        if last.counts_why == counting.EXCLUDED:
+        if last.counts_why == EXCLUDED:
             return "excluded: researcher's decision"
-        return f"excluded: {last.fault or counting.REASONS[last.counts_why]}"
+        return f"excluded: {last.fault or UNCOUNTED[last.counts_why]}"
 
     def _outcomes(self, people: Sequence[ParticipantRecord], cell: str) -> Iterator[Row]:
         """Yield how the first tasks ended that participants drove."""

@@ -99,15 +99,12 @@ def _with_others(known: tuple[str, ...], found: Iterable[str]) -> tuple[str, ...
 def table_4(dataset: Dataset) -> Table:
     """Return the statements of the final questionnaire, by topic."""
     definition = dataset.questionnaire(dataset.study.analysis.statements)
+    title = "Questions answered by the visitors after the experience."
+    head = ("Topic", "", "Statement")
     if definition is None:
-        return Table(
-            "table-4",
-            "Questions answered by the visitors after the experience.",
-            ("Topic", "", "Statement"),
-            (),
-        )
+        return Table("table-4", title, head, ())
     topics = {key: dataset.say(topic.text) for topic in definition.topics for key in topic.items}
-    rows = [
+    rows = tuple(
         (
             words(topics.get(one.key, "")),
             words(_statement(one.key, is_reversed=one.key in definition.reversed)),
@@ -115,18 +112,9 @@ def table_4(dataset: Dataset) -> Table:
         )
         for one in definition.questions()
         if one.points
-    ]
-    scale = next((one.points for one in definition.questions() if one.points), ())
-    below = "; ".join(
-        f"{signed(point.value)}: {dataset.say(point.label)}" for point in scale if point.label
     )
-    return Table(
-        "table-4",
-        "Questions answered by the visitors after the experience.",
-        ("Topic", "", "Statement"),
-        tuple(rows),
-        (f"{below}.",),
-    )
+    labels = (f"{signed(value)}: {label}" for value, label in scale_of(dataset).items() if label)
+    return Table("table-4", title, head, rows, (f"{'; '.join(labels)}.",))
 
 
 def lines_of(
@@ -161,7 +149,7 @@ def table_5(dataset: Dataset, condition: str | None = None) -> Table:
     of one condition.
     """
     lines, responses = lines_of(dataset, condition)
-    scale = scale_of(dataset)
+    scale = tuple(scale_of(dataset))
     head = ("", *(f"% {signed(value)}" for value in scale), "n", "Mean", "SD", "CI95", "CI99")
     head = (*head, "Median", "IQR")
     rows = tuple(_summary_row(line, responses, scale) for line in lines)
@@ -211,13 +199,13 @@ def _not_applicable(
     return (f"Answers “Does not apply”: {times}; they count as missing.",) if times else ()
 
 
-def scale_of(dataset: Dataset) -> tuple[int, ...]:
-    """Return the values of the scale of the statements; none without a questionnaire."""
+def scale_of(dataset: Dataset) -> dict[int, str]:
+    """Return the values of the scale of the statements with their labels; none without a
+    questionnaire.
+    """
     definition = dataset.questionnaire(dataset.study.analysis.statements)
-    points = (
-        next((one.points for one in definition.questions() if one.points), ()) if definition else ()
-    )
-    return tuple(point.value for point in points)
+    scales = (one.points for one in definition.questions() if one.points) if definition else ()
+    return {point.value: dataset.say(point.label) for point in next(iter(scales), ())}
 
 
 def behind(line: LikertRow, responses: Sequence[ResponseRecord]) -> tuple[str, ...]:

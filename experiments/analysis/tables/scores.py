@@ -10,14 +10,7 @@ from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.statistics.comparisons import Test
 from experiments.analysis.statistics.conditions import NO_TEST, compare
 from experiments.analysis.statistics.descriptive import spread
-from experiments.analysis.tables.comparisons import (
-    READ_AS,
-    Group,
-    compared,
-    corrected_for,
-    head_of,
-)
-from experiments.analysis.tables.effects import family
+from experiments.analysis.tables.comparisons import Group, comparison_table
 from experiments.analysis.tables.paper_tables import OVERALL
 from experiments.analysis.tables.response_selection import RULES
 from experiments.analysis.tables.scored_responses import (
@@ -167,49 +160,39 @@ def score_tests(dataset: Dataset, found: ScoredQuestionnaire) -> Table:
     """Return each score by condition with a test of the difference; none where the conditions were
     not asked the same items.
     """
-    keys, slug = found.conditions, found.definition.slug
-    rows = [[_of_condition(found, key, scale) for key in keys] for scale in found.scales]
-    tests = [
-        _test(dataset, found, scale, keys, row)
-        for scale, row in zip(found.scales, rows, strict=True)
+    keys, definition = found.conditions, found.definition
+    rows = [
+        (
+            label_of_scale(dataset, definition, scale),
+            *_tested(dataset, found, scale, [_of_condition(found, key, scale) for key in keys]),
+        )
+        for scale in found.scales
     ]
-    corrected, members = corrected_for(tests, rows)
-    cells = tuple(
-        compared(label_of_scale(dataset, found.definition, scale), row, test, p, is_ordinal=True)
-        for scale, row, test, p in zip(found.scales, rows, tests, corrected, strict=True)
-    )
     notes = (
-        RULE_NOTES[found.definition.scoring],
+        RULE_NOTES[definition.scoring],
         *about_items(dataset, found),
         *_about_robots(found),
         RULES[dataset.study.analysis.counts],
-        family(members),
-        *READ_AS,
     )
-    title = f"Scores of {dataset.say(found.definition.title).removesuffix('.')} by condition."
-    head = ("", *head_of(keys, is_ordinal=True))
-    return Table(f"score-tests-{slug}", title, head, cells, notes)
+    title = f"Scores of {dataset.say(definition.title).removesuffix('.')} by condition."
+    return comparison_table(f"score-tests-{definition.slug}", title, "", keys, rows, notes)
 
 
 def _of_condition(found: ScoredQuestionnaire, key: str, scale: ScoredScale) -> Group:
     own = found.of_condition(key)
     responses = [one for group in own for one in group.responses]
-    return mean_scores(responses, scale), [ids for group in own for ids in group.behind(scale)]
+    sessions = [ids for group in own for ids in group.behind(scale)]
+    return Group(mean_scores(responses, scale), sessions)
 
 
-def _test(
-    dataset: Dataset,
-    found: ScoredQuestionnaire,
-    scale: ScoredScale,
-    keys: Sequence[str],
-    row: Sequence[Group],
-) -> Test:
+def _tested(
+    dataset: Dataset, found: ScoredQuestionnaire, scale: ScoredScale, groups: Sequence[Group]
+) -> tuple[Test, Sequence[Group]]:
     if differing := found.differing(scale):
-        return Test(NO_TEST, 0, remark=f"not the same items: {', '.join(differing)}")
-    return compare(
-        {key: values for key, (values, _ids) in zip(keys, row, strict=True)},
-        is_paired=dataset.study.allocation.design == "within",
-    )
+        remark = f"not the same items: {', '.join(differing)}"
+        return Test(NO_TEST, 0, remark=remark), groups
+    values = {key: own.values for key, own in zip(found.conditions, groups, strict=True)}
+    return compare(values, is_paired=dataset.study.allocation.design == "within"), groups
 
 
 def _about_robots(found: ScoredQuestionnaire) -> Iterator[str]:

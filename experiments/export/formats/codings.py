@@ -5,13 +5,14 @@ Coders go by their numbers. A session that is still being coded is left out, so 
 the events of another before their own coding is done.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import msgspec
 
 from experiments.analysis.dataset.columns import Column
 from experiments.analysis.dataset.files import table
+from experiments.analysis.dataset.records import Dataset
 from experiments.coding import store
 from experiments.coding.agreement import ReliabilityEstimate
 from experiments.coding.boris import to_boris
@@ -20,10 +21,9 @@ from experiments.coding.scheme import CodedEvent
 from experiments.coding.study_agreement import StudyAgreement, agreement_of
 from experiments.dataset.allow_list import coded
 from experiments.dataset.forms import Origin, kept
-from experiments.dataset.selection import Selection
 from experiments.definition.coding import CodingScheme
 from experiments.export.format import ExportFormat, File, encoded
-from experiments.models import Coding, CodingSchemeVersion
+from experiments.models import Coding, CodingSchemeVersion, Drive
 
 NO_DATE = "1970-01-01T00:00:00"  # ELAN and BORIS want one, and a dataset has none
 CODINGS = (
@@ -75,8 +75,11 @@ class CodingsFormat(ExportFormat):
     tables = {"codings": CODINGS, "coded": CODED, "agreement": AGREEMENT, "confusion": CONFUSION}
 
     @classmethod
-    def is_in(cls, _name: str, _choice: Selection) -> bool:
-        return True
+    def tables_of(
+        cls, _dataset: Dataset, drives: Sequence[Drive]
+    ) -> Mapping[str, tuple[Column, ...]]:
+        """Return the columns of its tables; none without codings."""
+        return cls.tables if _schemes(drive.session_id for drive in drives) else {}
 
     def of_study(self) -> Iterator[File]:
         drives = {drive.session_id: drive for drive in self.source.drives}
@@ -86,15 +89,13 @@ class CodingsFormat(ExportFormat):
         found = {row: [one for one in some if one.session_id in drives] for row, some in schemes}
         every = [(row, coding) for row, some in found.items() for coding in some]
         agreements = [(row.version, agreement_of(row)) for row in found]
-        rows = {
-            "codings": [self._row(*one) for one in every],
+        rows: dict[str, Iterable[Sequence[Any]]] = {
+            "codings": (self._row(*one) for one in every),
             "coded": (cells for one in every for cells in self._events(*one)),
             "agreement": (cells for one in agreements for cells in _figures(*one)),
             "confusion": (cells for one in agreements for cells in _confusions(*one)),
         }
-        yield from encoded(
-            table(name, rows[name], columns) for name, columns in self.tables.items()
-        )
+        yield from encoded(table(name, rows[name], layout) for name, layout in self.tables.items())
         for row, codings in found.items():
             yield from self._files(row, codings)
 
@@ -121,8 +122,8 @@ class CodingsFormat(ExportFormat):
             yield (
                 *(self._name(coding), f"C{coding.number}", row.version, event.code),
                 code.kind if code is not None else "",
-                repr(event.begin),
-                "" if event.end is None else repr(event.end),
+                event.begin,
+                event.end,
                 msgspec.json.encode(event.modifiers, order="sorted").decode(),
                 event.comment,
             )
@@ -151,19 +152,18 @@ def _figures(version: int, agreement: StudyAgreement) -> Iterator[tuple[Any, ...
     called = [f"C{number}" for number in agreement.coders]
     for one in agreement.found.codes:
         name = one.code or "all"
-        yield version, name, "alpha", "|".join(called), *_cells(one.alpha)
+        yield version, name, "alpha", "|".join(called), *_figure(one.alpha)
         for pair in one.pairs:
             who = "|".join(called[place] for place in pair.coders)
-            yield version, name, "kappa", who, *_cells(pair.kappa)
-            yield version, name, "agreement", who, *_cells(pair.agreement)
+            yield version, name, "kappa", who, *_figure(pair.kappa)
+            yield version, name, "agreement", who, *_figure(pair.agreement)
     for events in agreement.found.events:
         who = "|".join(called[place] for place in events.coders)
-        yield version, "all", "event_kappa", who, *_cells(events.kappa)
+        yield version, "all", "event_kappa", who, *_figure(events.kappa)
 
 
-def _cells(one: ReliabilityEstimate) -> Iterator[str]:
-    for number in (one.value, one.low, one.high):
-        yield "" if number is None else repr(number)
+def _figure(one: ReliabilityEstimate) -> tuple[float | None, ...]:
+    return one.value, one.low, one.high
 
 
 def _confusions(version: int, agreement: StudyAgreement) -> Iterator[tuple[Any, ...]]:

@@ -9,7 +9,6 @@ from typing import Any
 from experiments.analysis.dataset import levels
 from experiments.analysis.dataset.columns import Column, amount_of, share
 from experiments.analysis.dataset.files import table
-from experiments.dataset.selection import Selection
 from experiments.export.format import ExportFormat, File, encoded
 from experiments.models import Draw, Study
 
@@ -37,10 +36,6 @@ DRAWS = (
 
 class DrawsFormat(ExportFormat):
     tables = {"draws": DRAWS}
-
-    @classmethod
-    def is_in(cls, _name: str, _choice: Selection) -> bool:
-        return True
 
     def of_study(self) -> Iterator[File]:
         about, there = (

@@ -172,8 +172,7 @@ def _pose(x: float, y: float, theta: float) -> dict[str, Any]:
 
 
 def _rows(found: Columns, names: Iterable[str]) -> list[list[float]]:
-    at = [[column.name for column in found.layout].index(name) for name in names]
-    rows: list[list[float]] = found.values[:, at].tolist()
+    rows: list[list[float]] = found[[*names]].tolist()
     return rows
 
 

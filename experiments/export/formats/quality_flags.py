@@ -9,7 +9,6 @@ from experiments.analysis.quality.answers import answer_flags
 from experiments.analysis.quality.driving import driving_flags
 from experiments.analysis.quality.flag import Flag
 from experiments.analysis.quality.flags import network_flags
-from experiments.dataset.selection import Selection
 from experiments.export.format import ExportFormat, ExportSource, File, encoded
 from experiments.models import Drive
 
@@ -42,11 +41,6 @@ class QualityFlagsFormat(ExportFormat):
     """What every export has."""
 
     tables = {"quality_flags": COLUMNS}
-
-    @classmethod
-    def is_in(cls, _name: str, _choice: Selection) -> bool:
-        """Tell that every export has it."""
-        return True
 
     def __init__(self, source: ExportSource) -> None:
         super().__init__(source)

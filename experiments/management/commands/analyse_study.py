@@ -15,6 +15,7 @@ from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.page import write_page
 from experiments.analysis.report import analyse
 from experiments.dataset.build import dataset_of
+from experiments.export.reports import ProgressLines
 from experiments.management.study_lookup import study_named
 
 KINDS = ("participant", "pilot", "bot")
@@ -44,6 +45,11 @@ class Command(BaseCommand):
             help="also write the files that the analysis page shows, but no PNG files",
         )
         parser.add_argument(
+            "--progress",
+            action="store_true",
+            help="print a line of JSON each second: sessions measured, sessions, files written",
+        )
+        parser.add_argument(
             "--kind",
             choices=KINDS,
             action="append",
@@ -54,13 +60,18 @@ class Command(BaseCommand):
         if bool(options["study"]) == bool(options["dataset"]):
             raise CommandError("Give either the name of a study or --dataset.")
         kinds: Sequence[Kind] = options["kind"] or ("participant",)
+        progress = ProgressLines(options["out"])
+        if options["progress"]:
+            progress.start()
         try:
-            dataset = self._dataset(options)
+            dataset = progress.follow(self._dataset(options))
             if options["dataset"]:
                 _check_kinds(dataset, kinds)
             files = analyse(dataset, options["out"], kinds, write_page if options["page"] else None)
         except DatasetError as error:
             raise CommandError(str(error)) from error
+        finally:
+            progress.stop()
         self.stdout.write(f"{options['out']}: {len(files)} files")
 
     def _dataset(self, options: dict[str, Any]) -> Dataset:

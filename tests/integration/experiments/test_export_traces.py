@@ -219,7 +219,7 @@ def exported(study, folder: Path, **choice) -> dict[str, bytes]:
 def test_nothing_that_the_database_holds_of_people_and_things_stands_in_any_file(stored, tmp_path):
     everything = known()
     files = exported(stored.study, tmp_path / "folder", formats=EVERY_FORMAT)
-    folders = {"data", "mcap", "snapshots", "codings", "SHA256SUMS"}
+    folders = {"data", "mcap", "labelled", "snapshots", "codings", "SHA256SUMS"}
     assert {name.split("/")[0] for name in files} >= folders
     archive = b"".join(zipped(export_files(stored.study, Selection(formats=EVERY_FORMAT))))
     assert traces({**files, "archive.zip": archive}, everything) == []

@@ -8,7 +8,7 @@ import pytest
 from django.urls import reverse
 
 from experiments.bots.answers import fill
-from experiments.bots.page import read as read_as_bot
+from experiments.bots.page import HtmlPage
 from experiments.bots.persona import Persona
 from surveys.models import Response
 from surveys.questionnaires import current, store
@@ -53,7 +53,7 @@ def test_a_question_about_another_robot_is_not_on_the_page(take):
 def test_a_bot_answers_a_question_of_every_type_from_its_page_alone(take, kind):
     more = {"rows": rows("q1", "q2")} if kind == "grid" else {}
     ada = take([item(kind, "q", required=True, **more)])
-    form = read_as_bot(ada.get(1).content.decode()).form("survey")
+    form = HtmlPage(ada.get(1).content.decode()).form("survey")
     sent = [*form.hidden, *fill(form, Persona(1, 3), {}, NOW)]
     fields = {name: [value for other, value in sent if other == name] for name, _value in sent}
     assert ada.client.post(ada.url(1), fields).url == "/about/"

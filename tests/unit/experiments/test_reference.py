@@ -4,8 +4,9 @@ from typing import get_args
 
 import msgspec
 
-from experiments.definition import analyses, coding, design, plan, recruiting, schema, wizard
+from experiments.definition import analyses, coding, design, plan, schema, wizard
 from experiments.definition.cues import CueKey
+from experiments.definition.recruitment import recruiting
 from experiments.definition.steps import KINDS
 from experiments.tasks.progress import EventType
 from surveys.documents import DocumentPart

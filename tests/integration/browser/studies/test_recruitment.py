@@ -31,9 +31,7 @@ def robot():
 
 @pytest.fixture
 def arrive(browser, live_server):
-    """Open a study's link in a browser of its own; Prolific is not there, and says with what it was
-    asked. No page may have raised.
-    """
+    """Open a study's link in a browser of its own; no page may have raised."""
     made = []
 
     def make(size: str, identifier: str, **options):
@@ -46,10 +44,7 @@ def arrive(browser, live_server):
         ).new_page()
         page.problems = []
         page.on("pageerror", lambda error: page.problems.append(str(error)))
-        page.context.route(
-            "https://app.prolific.com/**",
-            lambda route: route.fulfill(body=f"Prolific got {route.request.url}"),
-        )
+        page.context.route("**/return/", go_no_further)
         page.goto(f"{FRONT}?PROLIFIC_PID={identifier}&STUDY_ID=s&SESSION_ID=session-{identifier}")
         made.append(page)
         return page
@@ -58,6 +53,12 @@ def arrive(browser, live_server):
     for page in made:
         page.context.close()
     assert [problem for page in made for problem in page.problems] == []
+
+
+def go_no_further(route) -> None:
+    """Say where the site redirects to, instead of going there."""
+    answer = route.fetch(max_redirects=0)
+    route.fulfill(body=f"Redirected to {answer.headers['location']}")
 
 
 def check(page, name: str) -> None:
@@ -90,7 +91,7 @@ def read_on(page) -> None:
     page.get_by_role("button", name="I have read this, continue").click()
 
 
-@pytest.mark.parametrize("size", ["phone", "desktop"])
+@pytest.mark.parametrize("size", ["phone", pytest.param("desktop", marks=pytest.mark.nightly)])
 def test_a_recruit_goes_from_the_link_back_to_the_site_with_the_code(robot, arrive, size):
     study = p.published(p.of("exploration"), entry="code")
     page = arrive(size, "5f0c")
@@ -113,7 +114,7 @@ def test_a_recruit_goes_from_the_link_back_to_the_site_with_the_code(robot, arri
     expect(page.get_by_text(f"complete?cc={code}")).to_be_visible()
 
 
-@pytest.mark.parametrize("size", ["phone", "desktop"])
+@pytest.mark.parametrize("size", ["phone", pytest.param("desktop", marks=pytest.mark.nightly)])
 def test_a_recruit_who_leaves_the_robot_unmoved_reads_so_and_returns(robot, arrive, size):
     study = p.published(p.of("exploration"), entry="code")
     page = arrive(size, "5f0c")
@@ -133,6 +134,7 @@ def test_a_recruit_who_leaves_the_robot_unmoved_reads_so_and_returns(robot, arri
     expect(page.get_by_text(f"complete?cc={code}")).to_be_visible()
 
 
+@pytest.mark.nightly
 def test_a_minor_names_a_guardian_and_a_phone_without_a_computer_is_turned_away(robot, arrive):
     p.published(p.of("exploration", devices=["computer"], turned_away_code=True), entry="code")
     page = arrive("desktop", "minor")
@@ -154,6 +156,7 @@ def test_a_minor_names_a_guardian_and_a_phone_without_a_computer_is_turned_away(
     expect(phone.get_by_text("complete?cc=")).to_be_visible()
 
 
+@pytest.mark.nightly
 def test_a_participant_books_a_time_on_a_phone(robot, arrive):
     p.published(p.of("exploration", appointments={"minutes": 30}), entry="code")
     page = arrive("phone", "5f0c")

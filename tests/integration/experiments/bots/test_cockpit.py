@@ -44,7 +44,7 @@ async def test_a_bot_that_drives_beats_asks_for_pictures_and_tells_of_the_first_
         await cockpit.close()
 
 
-async def test_it_sends_velocities_while_it_holds_the_controller_then_zeros_and_then_nothing():
+async def test_velocities_end_with_three_zeros_when_the_controller_is_released():
     async with RobotSocket() as server:
         cockpit = await at_the_wheel(server)
         assert server.all("command/velocity") == []
@@ -119,7 +119,7 @@ async def test_nonsense_from_the_server_is_left_alone():
         await cockpit.close()
 
 
-async def test_who_leaves_the_queue_says_so_and_has_not_driven(monkeypatch):
+async def test_a_bot_that_leaves_the_queue_says_so_and_sends_no_velocity(monkeypatch):
     async with RobotSocket(queued=True) as server:
         drive = BotDrive(
             Browser(server.url),
@@ -155,7 +155,7 @@ async def under_way(drive):
     return drive
 
 
-async def test_who_gets_no_connection_says_nothing_that_would_make_one():
+async def test_a_bot_without_a_connection_sends_no_heartbeat_and_no_image_request():
     async with RobotSocket() as server:
         drive = about_to(server, Ending.GETS_NO_CONNECTION)
         await drive.cockpit.connect()
@@ -182,7 +182,7 @@ async def test_another_page_takes_the_visit_over_and_knows_nothing_else(ending):
         await drive.cockpit.close()
 
 
-async def test_who_presses_stop_lets_go_and_the_stop_kills_all_velocities_before_it(monkeypatch):
+async def test_a_bot_that_presses_stop_sends_no_velocity_after_it(monkeypatch):
     monkeypatch.setattr("experiments.bots.drive.SURPRISE", 0.3)
     async with RobotSocket() as server:
         drive = await under_way(about_to(server, Ending.PRESSES_STOP))
@@ -199,7 +199,7 @@ async def test_who_presses_stop_lets_go_and_the_stop_kills_all_velocities_before
         await drive.cockpit.close()
 
 
-async def test_who_wants_another_photo_keeps_the_second_one():
+async def test_a_bot_that_retakes_a_photo_keeps_the_second_one():
     async with RobotSocket() as server:
         drive = await under_way(about_to(server, Ending.TAKES_PHOTO_AGAIN))
         driver = Driver(load_site("office").plan, Guide(AT_CENTRE, {}), STAND)

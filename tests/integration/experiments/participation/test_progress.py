@@ -3,7 +3,7 @@ import datetime
 import pytest
 from django.utils import timezone
 
-from experiments.definition.recruiting import ENDINGS
+from experiments.definition.recruitment.recruiting import ENDINGS
 from experiments.models import Participant, ParticipantKind, StepVisit, Study, StudyMember
 from experiments.participation import advance, completion, landing, progress
 from experiments.participation.journey import JourneyPlace

@@ -3,7 +3,7 @@ from django.urls import reverse
 from django.utils import timezone
 
 from experiments.bots.browser import HttpAnswer
-from experiments.bots.page import read as read_page
+from experiments.bots.page import HtmlPage
 from experiments.bots.participant import heading_of
 from experiments.definition.shipped import shipped
 from experiments.definition.steps.consent import SHARING
@@ -451,7 +451,7 @@ def test_the_drive_page_is_told_of_the_study(at_task, robot):
     response = walker.client.get(walker.url("study_drive"))
     assert response.status_code == 200
     guide = response.context["config"]["study"]
-    read_by_a_bot = HttpAnswer("http://x/drive/", 200, read_page(response.content.decode()))
+    read_by_a_bot = HttpAnswer("http://x/drive/", 200, HtmlPage(response.content.decode()))
     assert heading_of(read_by_a_bot) == page.all("h1")[0].text, "not what scripts show at times"
     assert (guide["kind"], len(guide["checkpoints"]), guide["urls"]["step"]) == (
         "task",

@@ -9,7 +9,9 @@ from django.test import Client
 from django.utils import timezone
 
 from experiments.models import Appointment, Contact, Participant
-from experiments.participation import own_data, progress
+from experiments.participation import progress
+from experiments.participation.grants import StudyTerms
+from experiments.participation.own_data.gathering import gather
 from experiments.recruitment import appointments, reminders
 from tests.support.browsers.html_page import faults, read
 from tests.support.people import person
@@ -68,6 +70,7 @@ def test_nobody_drives_without_an_appointment_where_it_is_required(walk):
     assert "Go to the robot" not in page.text
     assert walker.client.get(walker.url("study_drive")).url == walker.url()
     assert book(walker).url == walker.url()
+    move(walker, 3 * HOUR)
     page = walker.look()
     assert "Your appointment is on" in page.text
     assert "Go to the robot" not in page.text
@@ -76,6 +79,17 @@ def test_nobody_drives_without_an_appointment_where_it_is_required(walk):
     assert walker.client.get(walker.url("study_drive")).status_code == 200
     move(walker, datetime.timedelta(hours=-2))
     assert "Go to the robot" not in walker.look().text
+
+
+def test_the_robot_itself_is_granted_only_at_the_appointment(walk, robot):
+    walker = walk()
+    why_not = StudyTerms().why_not
+    assert why_not(walker.user, robot, timezone.now()) == "closed"
+    book(walker)
+    move(walker, datetime.timedelta(minutes=-5))
+    assert why_not(walker.user, robot, timezone.now()) == ""
+    move(walker, 3 * HOUR)
+    assert why_not(walker.user, robot, timezone.now()) == "closed"
 
 
 def test_an_optional_appointment_keeps_nobody_from_driving(walk):
@@ -113,7 +127,8 @@ def test_of_two_who_take_a_slot_at_once_one_gets_it(walk, robot, monkeypatch):
 
 def test_another_time_replaces_the_first_and_can_be_cancelled(walk):
     walker = walk()
-    first, second = offered(read(walker.client.get(URL)))[:2]
+    later = {"day": f"{timezone.now() + datetime.timedelta(days=3):%Y-%m-%d}"}
+    first, second = offered(read(walker.client.get(URL, later)))[:2]
     book(walker, first)
     book(walker, second)
     row = Appointment.objects.get()
@@ -231,7 +246,7 @@ def test_who_withdraws_gets_no_e_mail_and_leaves_no_address(walk):
 
 def test_participants_find_address_and_appointment_in_their_own_data(walk):
     walker = with_address(walk())
-    found = own_data.gather(walker.user)["studies"][0]
+    found = gather(walker.user)["studies"][0]
     assert found["reminders"]["email"] == "ada@example.org"
     assert found["appointments"][0]["visit"] == 1
 

@@ -111,6 +111,19 @@ def test_an_id_that_looks_like_a_formula_is_guarded_in_the_payment_table(client,
     assert "'=HYPERLINK" in text
 
 
+def test_a_rule_on_an_item_or_answer_that_does_not_exist_stands_in_the_way(study):
+    for rule, words in (
+        ({"item": "gendre", "answers": ["woman"]}, "no such item"),
+        ({"item": "gender", "answers": ["female"]}, "its answers are man, other, woman"),
+        ({"item": "gender", "at_least": 3}, ""),
+    ):
+        definition = p.of("exploration", screening=[{"questionnaire": "ict", **rule}])
+        found = [one.sentence(str) for one in p.publishing.obstacles_here(definition)]
+        told = [one for one in found if "ict.gend" in one]
+        assert len(told) == bool(words), told
+        assert all(words in one for one in told)
+
+
 # --- the API --------------------------------------------------------------------------------------
 
 
@@ -151,6 +164,23 @@ def test_a_long_list_comes_in_pages(client, study, ada, key, monkeypatch):
     assert sorted(codes) == codes
     assert len(set(codes)) == 2
     assert "next" not in second
+
+
+def test_program_reads_how_many_participants_a_study_has_by_outcome(client, study, ada, key):
+    for name, given in {
+        "bob": {"status": "finished", "completion": "done"},
+        "eve": {"status": "withdrawn"},
+        "pam": {"kind": "pilot"},
+    }.items():
+        row = p.comer(study, person(name))
+        Participant.objects.filter(pk=row.pk).update(**given)
+    url = "/api/v1/studies/exploration/"
+    assert client.get(url).status_code == 401
+    told = client.get(url, headers={"authorization": f"Bearer {key}"}).json()
+    (version,) = told["versions"]
+    assert (told["study"], version["version"], version["status"]) == (study.slug, 1, "published")
+    statuses = {"active": 1, "finished": 1, "screened_out": 0, "withdrawn": 1}
+    assert (version["participants"], version["outcomes"]) == (statuses, {"done": 1})
 
 
 @pytest.mark.parametrize("header", ["", "Bearer x", "Bearer 00000000000000000000000000000000.x"])

@@ -4,6 +4,7 @@ everything that it shows.
 
 import io
 import re
+import time
 import zipfile
 
 import numpy as np
@@ -18,10 +19,12 @@ from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.models import Drive, Participant, StudyMember
 from experiments.research import analysis_cache
 from experiments.research.analysis_topics import TOPICS, topic_of
+from robots.models import FloorPlan, Robot, RobotPresence
 from sessions.models import SystemLog
 from tests.support.analysis.study_dataset import made_up
 from tests.support.browsers.html_page import read
 from tests.support.people import person
+from tests.support.sessions.replays import PLAN
 from tests.support.studies.study_rows import put
 
 pytestmark = pytest.mark.django_db
@@ -204,6 +207,14 @@ def test_what_changes_in_the_database_makes_the_report_another_one(stored):
     before = analysis_cache.key_of(stored.study, ("participant",))
     assert before == analysis_cache.key_of(stored.study, ("participant",))
     assert before != analysis_cache.key_of(stored.study, ("bot",))
+    for change in (
+        lambda: Robot.objects.filter(name="giraff").update(title="Another Giraff"),
+        lambda: RobotPresence.objects.update(factsheet={"series": "giraff", "rca": "ROS"}),
+        lambda: FloorPlan.objects.filter(name="office").update(plan=PLAN),
+    ):
+        change()
+        known, before = before, analysis_cache.key_of(stored.study, ("participant",))
+        assert before != known
     Drive.objects.filter(pk=next(iter(stored.drives.values())).pk).update(
         excluded_reason="a test drive"
     )
@@ -269,25 +280,105 @@ def test_a_viewer_gets_neither_words_nor_photos_nor_names(stored, member, client
     assert not SystemLog.objects.filter(event="study_exported").exists()
 
 
+def computing(monkeypatch, script: str) -> None:
+    """Have a shell script in place of the process that computes a report."""
+    monkeypatch.setattr(analysis_cache, "command", lambda *_: ["sh", "-c", script])
+
+
+def refreshed(client, answer) -> str:
+    """Follow a page that is not ready until it is, as a browser does; return its last address."""
+    while answer.status_code == 202:
+        seconds, _, address = answer["Refresh"].partition("; url=")
+        time.sleep(float(seconds) / 4)
+        answer = client.get(address)
+    return answer
+
+
 @pytest.mark.nightly
 @pytest.mark.django_db(transaction=True)
-def test_what_is_not_computed_yet_is_computed_by_a_process_of_its_own_once(stored, member, client):
-    html = client.get(f"{PAGE}questionnaires/").content.decode()
-    assert 'id="figure-8b"' in html
-    (folder,) = (path for path in analysis_cache.home(stored.study).iterdir() if path.is_dir())
+def test_report_is_computed_once_by_another_process_while_the_page_shows_progress(
+    stored, member, client
+):
+    begin = time.monotonic()
+    answer = client.get(f"{PAGE}questionnaires/")
+    assert answer.status_code == 202
+    assert time.monotonic() - begin < 1.0
+    done = refreshed(client, answer)
+    assert 'id="figure-8b"' in done.content.decode()
+    (folder,) = analysis_cache.home(stored.study).iterdir()
     made = (folder / "SHA256SUMS").stat().st_mtime_ns
     assert client.get(PAGE).status_code == 200
     assert (folder / "SHA256SUMS").stat().st_mtime_ns == made
 
 
-def test_a_computation_that_fails_says_why(stored, member, client, monkeypatch):
-    monkeypatch.setattr(
-        analysis_cache, "command", lambda *_: ["sh", "-c", "echo the disk is full >&2; exit 3"]
-    )
+@pytest.mark.parametrize(
+    ("printed", "said"),
+    [
+        ("", "Starting"),
+        (
+            '{"measured":0,"sessions":8,"files":0,"seconds":1.2}',
+            "answers and events · 1 s",
+        ),
+        ('{"measured":3,"sessions":8,"files":0,"seconds":5.2}', "Measuring drives: 3 of 8 · 5 s"),
+        ('{"measured":8,"sessions":8,"files":70,"seconds":9}', "figures: 70 files so far · 9 s"),
+    ],
+)
+def test_progress_page_says_what_is_being_computed(
+    stored, member, client, monkeypatch, tmp_path, printed, said
+):
+    go = tmp_path / "go"
+    computing(monkeypatch, f"echo '{printed}'; until [ -e {go} ]; do sleep 0.1; done")
+    client.get(PAGE)
+    (log,) = analysis_cache.home(stored.study).glob("*.log")
+    process = analysis_cache._started[log]
+    deadline = time.monotonic() + 10.0
+    while printed not in log.read_text() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    answer = client.get(PAGE)
+    assert analysis_cache._started[log] is process, "one process computes a report"
+    go.touch()
+    process.wait()
+    assert answer.status_code == 202
+    assert said in " ".join(read(answer).text.split())
+
+
+def test_page_keeps_its_report_while_the_data_change(stored, member, client):
+    report = computed(stored.study)
+    Drive.objects.filter(pk=next(iter(stored.drives.values())).pk).update(outcome="cancelled")
+    page = read(client.get(f"{PAGE}outcomes/", {"report": report.key}))
+    assert "The data have changed since then." in page.text
+    topics = [e.attributes["href"] for e in page.all("a") if f"{PAGE}quest" in e.attributes["href"]]
+    assert f"report={report.key}" in topics[0]
+    again = [e.attributes["href"] for e in page.all("a") if e.text == "Compute again"]
+    assert "report=" not in again[0]
+
+
+def test_computation_that_fails_says_why_and_can_be_tried_again(
+    stored, member, client, monkeypatch
+):
+    progress = '{"measured":0,"sessions":8,"files":0,"seconds":1.2}'
+    computing(monkeypatch, f"echo the disk is full >&2; echo '{progress}'; exit 3")
+    assert client.get(PAGE).status_code == 202
+    for process in analysis_cache._started.values():
+        process.wait()
     answer = client.get(PAGE)
     assert answer.status_code == 503
     assert "the disk is full" in answer.content.decode()
-    assert list(analysis_cache.home(stored.study).iterdir()) == []
+    assert list(analysis_cache.home(stored.study).glob("*.log")) == []
+    assert client.get(PAGE).status_code == 202
+
+
+def test_computation_of_a_process_that_is_gone_is_reported_as_interrupted(
+    stored, member, client, monkeypatch
+):
+    log = analysis_cache.home(stored.study) / (
+        f"{analysis_cache.key_of(stored.study, ('participant',))}.log"
+    )
+    log.parent.mkdir(parents=True)
+    log.write_text('{"measured":0,"sessions":8,"files":0,"seconds":1.2}\n')
+    assert client.get(PAGE).status_code == 202
+    monkeypatch.setattr(analysis_cache, "STALE_SECONDS", -1.0)
+    assert "The computation was interrupted." in client.get(PAGE).content.decode()
 
 
 @pytest.mark.nightly

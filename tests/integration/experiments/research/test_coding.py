@@ -1,4 +1,4 @@
-"""Coding of replays: what is stored of whom, who sees what, files, agreement, withdrawal."""
+"""Coding of replays: stored changes, access, files, agreement, withdrawal."""
 
 import datetime
 import functools
@@ -12,7 +12,7 @@ from django.utils import timezone
 
 from experiments.coding import store
 from experiments.models import Coding, CodingEdit, CodingSchemeVersion, Participant, StudyMember
-from experiments.participation.own_data import gather
+from experiments.participation.own_data.gathering import gather
 from experiments.participation.withdrawal import receipt
 from experiments.participation.withdrawal.deletion import withdraw
 from robots.files import limited_process
@@ -128,7 +128,7 @@ def test_a_change_that_does_not_fit_is_refused_with_the_reason_and_the_others_ar
 
 
 @pytest.mark.parametrize("body", [b"[", b"{}", b'{"edits": [{"id": 1}]}', b'{"edits": 3}'])
-def test_what_no_page_sends_is_refused(client, drive, body):
+def test_requests_that_no_page_sends_are_refused(client, drive, body):
     as_coder(client, "carl")
     address = reverse("coding_save", args=[drive.session_id])
     assert client.post(address, body, content_type="application/json").status_code == 400

@@ -161,7 +161,7 @@ def test_participants_of_the_last_hour_stand_on_their_step(drive):
     ]
 
 
-def test_who_waits_is_told_by_code_and_strangers_without_a_name(drive, robot):
+def test_the_queue_shows_codes_of_participants_and_no_names_of_others(drive, robot):
     of_the_study = replays.participant(drive.participant.study, person("bob"))
     for number, user in enumerate((of_the_study.user, person("stranger"))):
         at = timezone.now() + datetime.timedelta(seconds=number)

@@ -14,7 +14,7 @@ from experiments.dataset.build import release_of
 from experiments.dataset.events import events_of
 from experiments.dataset.selection import Selection
 from experiments.models import Drive, Participant, StudyMember
-from experiments.participation.own_data import gather
+from experiments.participation.own_data.gathering import gather
 from experiments.research import live
 from robots.api import messages as m
 from robots.bridge import bridge as mqtt_bridge

@@ -75,6 +75,9 @@ FOR_ALL = {
     "api_robots",
     "api_robot",
     "api_act",
+    "api_study",
+    "api_participants",
+    "study_reminders_stop",
 }
 
 
@@ -196,6 +199,8 @@ def own_pages() -> list[tuple]:
         ("study", ["study.slug"], ALL, None),
         ("study_step", ["study.slug"], ALL, None),
         ("study_drive", ["study.slug"], ALL, None),
+        ("study_appointment", ["study.slug"], ALL, None),
+        ("study_return", ["study.slug"], ALL, None),
         ("study_withdraw", ["participation.code"], PARTICIPANT, None),
         ("study_withdraw", ["participation.code"], PARTICIPANT, {}),
         ("study_receipt", ["participation.code", "consent"], PARTICIPANT, None),
@@ -248,6 +253,8 @@ def study_pages() -> list[tuple]:
         ("hours", [], VIEWERS, None),
         ("publication", [], VIEWERS, None),
         ("links", [], RESEARCHERS, None),
+        ("recruitment", [], RESEARCHERS, None),
+        ("payments", [], RESEARCHERS, None),
         ("walk_through", [], VIEWERS, None),
         ("walked_step", ["en", 1], VIEWERS, None),
         ("plan", [], VIEWERS, None),
@@ -267,6 +274,7 @@ def study_pages() -> list[tuple]:
             {"form-TOTAL_FORMS": "0", "form-INITIAL_FORMS": "0", "doi": "10.1000/182"},
         ),
         ("links", [], RESEARCHERS, {"make": "1", "count": "1", "access": "open"}),
+        ("recruitment", [], RESEARCHERS, {"label": "payments"}),
     ]
     draft = [
         ("section", ["about"], STUDY_OWNER, {"do": "save"}),

@@ -5,8 +5,8 @@
 #
 #   Rscript stranger.R DATASET KIND OUT.csv        (KIND: participant or bot)
 #
-# Debian: r-base-core r-cran-lme4 r-cran-nlme r-cran-jsonlite
-suppressPackageStartupMessages({library(lme4); library(nlme); library(jsonlite)})
+# Debian: r-base-core r-cran-lme4 r-cran-survival r-cran-clubsandwich r-cran-jsonlite
+suppressPackageStartupMessages({library(lme4); library(survival); library(clubSandwich); library(jsonlite)})
 arguments <- commandArgs(TRUE)
 folder <- arguments[1]; kind <- arguments[2]
 csv <- function(...) read.csv(file.path(folder, "data", paste0(..., "_data.csv")), check.names = FALSE)
@@ -117,41 +117,71 @@ paired_means <- function(x, y) {
     Difference = mean(x - y), `Difference: from` = found$conf.int[1], `Difference: to` = found$conf.int[2]),
     d_z(unname(found$statistic), length(x)))
 }
-paired_ranks <- function(x, y) {
-  difference <- round(x - y, 9); moved <- difference[difference != 0]; n <- length(difference); m <- length(moved)
-  if (!m) return(list(`n tested` = n, Difference = 0))
-  ties <- anyDuplicated(abs(moved)) > 0
-  found <- suppressWarnings(wilcox.test(moved, exact = m <= 50 && !ties, correct = FALSE))
-  p <- found$p.value
-  if (ties && m <= 13) {  # every way to give signs to the ranks
-    ranks <- rank(abs(moved)); signs <- as.matrix(expand.grid(rep(list(0:1), m))); sums <- signs %*% ranks
-    at <- sum(ranks[moved > 0]); p <- min(1, 2 * min(mean(sums <= at), mean(sums >= at)))
+paired_ranks <- function(x, y) {  # Pratt (1959): pairs without a difference are ranked, and their ranks dropped
+  difference <- round(x - y, 9); n <- length(difference); zeros <- sum(difference == 0)
+  if (zeros == n) return(list(`n tested` = n, Difference = 0))
+  ranks <- rank(abs(difference)); ranks[difference == 0] <- 0; at <- sum(ranks[difference > 0])
+  given <- abs(difference[difference != 0]); ties <- table(given)
+  if (!zeros && !anyDuplicated(given) && n <= 50) p <- wilcox.test(difference, exact = TRUE)$p.value
+  else if (n <= 13) {  # every way to give signs to the ranks
+    sums <- as.matrix(expand.grid(rep(list(0:1), n))) %*% ranks
+    p <- min(1, 2 * min(mean(sums <= at + 1e-9), mean(sums >= at - 1e-9)))
+  } else {
+    spread <- (n * (n + 1) * (2 * n + 1) - zeros * (zeros + 1) * (2 * zeros + 1) - sum(ties^3 - ties) / 2) / 24
+    p <- 2 * pnorm(-abs(at - (n * (n + 1) - zeros * (zeros + 1)) / 4) / sqrt(spread))
   }
   walsh <- outer(difference, difference, "+"); walsh <- sort(walsh[lower.tri(walsh, diag = TRUE)] / 2)
   place <- max(0, floor(n * (n + 1) / 4 - qnorm(.975) * sqrt(n * (n + 1) * (2 * n + 1) / 24)))
-  total <- m * (m + 1) / 2; r <- 2 * unname(found$statistic) / total - 1
-  slack <- qnorm(.975) * sqrt((2 * m^3 + 3 * m^2 + m) / 6) / total
-  result <- list(`n tested` = n, Statistic = found$statistic, p = p, Difference = median(walsh),
-    `Difference: from` = walsh[place + 1], `Difference: to` = walsh[length(walsh) - place], Size = r)
-  if (abs(r) < 1) result <- c(result, list(`Size: from` = tanh(atanh(r) - slack), `Size: to` = tanh(atanh(r) + slack)))
-  result
-}
-kendall <- function(ranks) {  # of ranks within rows, with ties
-  n <- nrow(ranks); k <- ncol(ranks)
-  sum((colSums(ranks) - n * (k + 1) / 2)^2) / (n * (sum(ranks^2) - n * k * (k + 1)^2 / 4))
+  list(`n tested` = n, Statistic = at, p = p, Difference = median(walsh),
+    `Difference: from` = walsh[place + 1], `Difference: to` = walsh[length(walsh) - place], Size = 2 * at / sum(ranks) - 1)
 }
 friedman <- function(groups) {
   table <- round(complete(groups), 9); n <- nrow(table)
   if (all(table == table[, 1])) return(list(`n tested` = n))
-  found <- friedman.test(table); ranks <- t(apply(table, 1, rank))
-  set.seed(1)  # the interval is by chance: compared with a tolerance
-  drawn <- replicate(2000, kendall(ranks[sample(n, n, TRUE), ]))
-  bounds <- quantile(drawn[is.finite(drawn)], c(.025, .975))
+  found <- friedman.test(table)
   list(`n tested` = n, Statistic = found$statistic, df = found$parameter, p = found$p.value,
-    Size = unname(found$statistic) / (n * (ncol(table) - 1)), `Size: from` = bounds[[1]], `Size: to` = bounds[[2]])
+    Size = unname(found$statistic) / (n * (ncol(table) - 1)))
+}
+repeated <- function(groups) {  # with the correction of Greenhouse and Geisser
+  table <- complete(groups); n <- nrow(table); k <- ncol(table)
+  if (all(apply(table - table[, 1], 2, same))) return(list(`n tested` = n))
+  fit <- lm(table ~ 1); found <- anova(fit, X = ~1, test = "Spherical")
+  epsilon <- stats:::sphericity(SSD(fit), X = ~1)$GG.eps
+  f <- found[1, "F"]
+  list(`n tested` = n, Statistic = f, df = epsilon * (k - 1), `df 2` = epsilon * (k - 1) * (n - 1), p = found[1, "G-G Pr"],
+    Size = f / (f + n - 1))
+}
+mcnemar_mid <- function(x, y) {  # and the interval of Bonett and Price (2012)
+  n <- length(x); b <- sum(x > y); c <- sum(y > x); p <- (b + 1) / (n + 2); q <- (c + 1) / (n + 2)
+  slack <- qnorm(.975) * sqrt((p + q - (p - q)^2) / (n + 2))
+  found <- list(`n tested` = n, Difference = (b - c) / n, `Difference: from` = max(-1, p - q - slack),
+    `Difference: to` = min(1, p - q + slack))
+  if (b + c) c(found, list(Statistic = b, p = min(1, 2 * pbinom(min(b, c), b + c, .5) - dbinom(min(b, c), b + c, .5)))) else found
+}
+# the score test of sides whose drives of one participant are a cluster, and of two the ratio between them
+clustered <- function(kind, own) {
+  own$side <- droplevels(own$side); contrasts(own$side) <- contr.sum(nlevels(own$side)); n <- length(unique(own$participant))
+  x <- model.matrix(~ side, own)[, -1, drop = FALSE]; q <- ncol(x)
+  scores <- if (kind == "counts") sweep(x, 2, colSums(x * own$weight) / sum(own$weight)) * (own$value - own$weight * sum(own$value) / sum(own$weight))
+    else as.matrix(residuals(coxph(Surv(value, weight) ~ x, own, ties = "breslow", init = rep(0, q), control = coxph.control(iter.max = 0)), "score"))
+  summed <- rowsum(scores, own$participant); covariance <- cov(summed)
+  if (qr(covariance)$rank < q) return(list(`n tested` = n))
+  f <- drop(colMeans(summed) %*% solve(covariance, colMeans(summed))) * n * (n - q) / (q * (n - 1))
+  found <- list(`n tested` = n, Statistic = f, df = q, `df 2` = n - q, p = pf(f, q, n - q, lower.tail = FALSE))
+  if (q > 1) return(found)
+  if (kind == "counts") {
+    fit <- glm(value ~ side, poisson(), own, offset = log(own$weight), epsilon = 1e-12)
+    b <- coef(fit)[[2]]; error <- sqrt(vcovCR(fit, cluster = own$participant, type = "CR3")[2, 2])
+  } else {
+    fit <- suppressWarnings(coxph(Surv(value, weight) ~ side + cluster(participant), own, ties = "breslow", control = coxph.control(eps = 1e-12, toler.inf = 1e-9, iter.max = 100)))
+    b <- -coef(fit)[[1]]; error <- sqrt(vcov(fit)[1] * n / (n - 1))
+  }
+  if (abs(b) > 12) return(found)
+  slack <- qt(.975, n - 2) * error
+  c(found, list(Size = exp(2 * b), `Size: from` = exp(2 * (b - slack)), `Size: to` = exp(2 * (b + slack))))
 }
 compared <- function(groups, test) {
-  if (length(groups) > 2) friedman(groups)
+  if (length(groups) > 2) (if (test == "ranks") friedman else repeated)(groups)
   else { both <- complete(groups); (if (test == "ranks") paired_ranks else paired_means)(both[, 1], both[, 2]) }
 }
 # p values of a table by Holm's method, in which rows of the same data are one test
@@ -173,9 +203,55 @@ compare_table <- function(table, measures, labels, ordinal, keys = conditions, t
 
 # --- tables by condition -------------------------------------------------------------------------
 
-compared_metrics <- c("total_time", "task_time", "time_to_motion", "docking_time", "path", "efficiency",
+compared_metrics <- c("completed", "task_time", "time_to_motion", "docking_time", "path", "efficiency",
   "speed", "stops", "collisions", "near_seconds")
-compare_table("conditions", compared_metrics, compared_metrics, FALSE)
+kinds <- c(completed = "proportions", task_time = "times", time_to_motion = "times", stops = "counts", collisions = "counts")
+per_minute <- c("stops", "collisions", "near_seconds"); of_completed <- "path"
+label_of <- function(name) if (name %in% per_minute) paste(name, "per min") else if (name %in% of_completed) paste(name, "(completed)") else name
+minutes <- function(own) own$total_time * own$seen / 60
+# a metric as it may be compared between sessions of unequal length
+comparable <- function(own, name) {
+  value <- own[[name]]
+  if (name %in% per_minute) ifelse(minutes(own) > 0, value / minutes(own), NA)
+  else if (name %in% of_completed) ifelse(own$outcome == "completed", value, NA) else value
+}
+drives_of <- function(own, name, kind) {
+  found <- data.frame(participant = own$participant, side = own$side, value = own[[name]], weight = 1)
+  if (kind == "counts") { found$weight <- minutes(own); found <- found[is.finite(found$value) & is.finite(found$weight) & found$weight > 0, ] }
+  if (kind == "times") {
+    never <- !is.finite(found$value); found$value[never] <- own$total_time[never]; found$weight[never] <- 0
+  }
+  found[is.finite(found$value), ]
+}
+named_mean <- function(value, who) { known <- is.finite(value); found <- tapply(value[known], who[known], mean); found[!is.na(found)] }
+# a table of metrics between sides of sessions, by what kind of number each is
+metrics_table <- function(table, own, names) {
+  found <- list(); data <- list(); keys <- levels(own$side)
+  for (name in names) {
+    kind <- if (name %in% names(kinds)) kinds[[name]] else "means"; row <- label_of(name)
+    drives <- if (kind != "means") drives_of(own, name, kind)
+    groups <- lapply(setNames(nm = keys), function(key) {
+      if (kind == "means") { one <- own[own$side == key, ]; named_mean(comparable(one, name), one$participant) }
+      else { one <- drives[drives$side == key, ]; named_mean(if (kind == "counts") one$value / one$weight else one$value, one$participant) }
+    })
+    for (key in keys) {
+      numbers <- describe(groups[[key]], paste0(key, ": "), TRUE)
+      if (kind == "times") {
+        one <- drives[drives$side == key, ]; numbers <- numbers[1]
+        if (any(one$weight > 0)) numbers[[paste0(key, ": median")]] <- summary(survfit(Surv(value, weight) ~ 1, one))$table[["median"]]
+      }
+      do.call(tell, c(list(table, row), numbers))
+    }
+    both <- complete(groups)
+    found[[row]] <- if (kind %in% c("counts", "times")) clustered(kind, drives)
+      else if (kind == "means") compared(groups, "means")
+      else if (length(keys) > 2) friedman(groups) else mcnemar_mid(both[, 1], both[, 2])
+    data[[row]] <- groups
+  }
+  tell_family(table, found, data)
+}
+metrics$side <- factor(metrics$condition, levels = conditions)
+metrics_table("conditions", metrics, compared_metrics)
 
 title_of <- function(slug, key) {
   for (topic in asked[[slug]]$topics) if (topic$key == key) return(topic$text$en)
@@ -278,9 +354,7 @@ for (key in c(conditions, "all")) {
   do.call(tell, c(list("outcomes", key, Participants = length(unique(own$participant)), Sessions = nrow(own),
     `% completed` = 100 * done / nrow(own), from = bounds[[1]], to = bounds[[2]]), counts))
 }
-mean_of <- function(name) {
-  own <- metrics[is.finite(metrics[[name]]), ]; tapply(own[[name]], own$participant, mean)
-}
+mean_of <- function(name) named_mean(comparable(metrics, name), metrics$participant)
 causes <- c("round_trip", "loss", "command_age", "frame_age", "fps")
 pairs <- expand.grid(driving = compared_metrics, network = causes, stringsAsFactors = FALSE)
 correlations <- lapply(seq_len(nrow(pairs)), function(n) {
@@ -295,13 +369,13 @@ spearman <- lapply(correlations, function(one) {
   c(found, list(Statistic = rho, df = n - 2, p = 2 * pt(-abs(t), n - 2), Size = rho,
     `Size: from` = tanh(atanh(rho) - slack), `Size: to` = tanh(atanh(rho) + slack)))
 })
-names(spearman) <- paste(pairs$network, pairs$driving, sep = "|")
+names(spearman) <- paste(pairs$network, sapply(pairs$driving, label_of), sep = "|")
 tell_family("network-effects", spearman, correlations)
 
-learnt <- c("total_time", "task_time", "efficiency", "speed", "stops", "near_seconds", "collisions")
+learnt <- c("task_time", "efficiency", "speed", "stops", "near_seconds", "collisions")
 class_row <- function(table, row, own) {
   if (!nrow(own)) return(tell(table, row, Participants = 0, Sessions = 0))
-  medians <- setNames(lapply(learnt, function(name) median(own[[name]], na.rm = TRUE)), paste0(learnt, ", median"))
+  medians <- setNames(lapply(learnt, function(name) median(comparable(own, name), na.rm = TRUE)), paste0(sapply(learnt, label_of), ", median"))
   do.call(tell, c(list(table, row, Participants = length(unique(own$participant)), Sessions = nrow(own),
     `% completed` = 100 * mean(own$outcome == "completed")), medians[!is.na(medians)]))
 }
@@ -321,17 +395,12 @@ metrics$turn <- ave(metrics$visit, metrics$participant, FUN = function(visit) ma
 for (turn in sort(unique(metrics$turn)))
   class_row("learning", paste("visit", turn, sep = "|"), metrics[metrics$turn == turn, ])
 cells <- paste(metrics$participant, metrics$condition)
-again <- metrics[cells %in% intersect(cells[metrics$turn == 1], cells[metrics$turn == 2]), ]
-of_turn <- function(name, turn) {
-  own <- again[again$turn == turn & is.finite(again[[name]]), ]; tapply(own[[name]], own$participant, mean)
-}
+again <- metrics[cells %in% intersect(cells[metrics$turn == 1], cells[metrics$turn == 2]) & metrics$turn %in% 1:2, ]
 if (!nrow(again)) {
-  for (name in learnt) tell("learning-tests", name, `second: n` = 0, `first: n` = 0, `n tested` = 0)
+  for (name in c("completed", learnt)) tell("learning-tests", label_of(name), `second: n` = 0, `first: n` = 0, `n tested` = 0)
 } else {
-  turns <- lapply(learnt, function(name) list(second = of_turn(name, 2), first = of_turn(name, 1)))
-  for (n in seq_along(learnt)) for (turn in names(turns[[n]]))
-    do.call(tell, c(list("learning-tests", learnt[n]), describe(turns[[n]][[turn]], paste0(turn, ": "))))
-  tell_family("learning-tests", setNames(lapply(turns, compared, "means"), learnt), turns)
+  again$side <- factor(ifelse(again$turn == 2, "second", "first"), levels = c("second", "first"))
+  metrics_table("learning-tests", again, c("completed", learnt))
 }
 
 middle <- function(own, name) { x <- own[[name]]; if (all(is.na(x))) NULL else median(x, na.rm = TRUE) }
@@ -383,33 +452,40 @@ for (one in study$analyses) {
     effects <- unlist(one$effects); keys <- unique(unlist(strsplit(effects, ":"))); sums <- identical(one$coding, "sum")
     family <- list()
     for (measure in measures) {
-      own <- long(measure)
-      for (key in keys) {
-        own[[key]] <- factor(own[[key]], levels = levels_of(key))
-        contrasts(own[[key]]) <- if (sums) contr.sum(nlevels(own[[key]])) else contr.treatment(levels(own[[key]]))
+      own <- long(measure); right <- paste(effects, collapse = " + ")
+      coded <- function(own, sums) {
+        for (key in keys) {
+          own[[key]] <- factor(own[[key]], levels = levels_of(key))
+          contrasts(own[[key]]) <- if (sums) contr.sum(nlevels(own[[key]])) else contr.treatment(levels(own[[key]]))
+        }
+        suppressMessages(lmer(as.formula(paste("value ~", right, "+ (1 | participant)")), own,
+          control = lmerControl(optimizer = "bobyqa", optCtrl = list(rhoend = 1e-11))))
       }
-      right <- paste(effects, collapse = " + ")
-      fit <- suppressMessages(lmer(as.formula(paste("value ~", right, "+ (1 | participant)")), own,
-        control = lmerControl(optimizer = "bobyqa", optCtrl = list(rhoend = 1e-11))))
-      degrees <- lme(as.formula(paste("value ~", right)), own, ~ 1 | participant)  # for its degrees of freedom
-      estimates <- coef(summary(fit)); freedom <- summary(degrees)$tTable[, "DF"]
-      rownames(estimates) <- ours(rownames(estimates), keys, sums)
-      for (n in seq_len(nrow(estimates))) {
-        value <- estimates[n, 1]; error <- estimates[n, 2]; df <- freedom[[n]]; slack <- qt(.975, df) * error
-        tell(paste0(table, "-coefficients"), paste(measure, rownames(estimates)[n], sep = "|"), Estimate = value,
+      fit <- coded(own, sums); estimates <- fixef(fit)
+      tests <- coef_test(fit, vcov = vcovCR(fit, cluster = own$participant, type = "CR2"), test = "Satterthwaite")
+      named <- ours(names(estimates), keys, sums); degrees <- tests[[grep("^df", names(tests))[1]]]
+      for (n in seq_along(estimates)) {
+        value <- estimates[[n]]; error <- tests$SE[n]; df <- degrees[n]; slack <- qt(.975, df) * error
+        tell(paste0(table, "-coefficients"), paste(measure, named[n], sep = "|"), Estimate = value,
           from = value - slack, to = value + slack, SE = error, t = value / error, df = df, p = 2 * pt(-abs(value / error), df))
       }
       spread <- as.data.frame(VarCorr(fit))$sdcor
       for (n in 1:3) tell(paste0(table, "-coefficients"), paste(measure, c("SD participants", "SD residual", "ICC")[n], sep = "|"),
         Estimate = c(spread, spread[1]^2 / sum(spread^2))[n])
-      marginal <- anova(degrees, type = "marginal"); assigned <- attr(getME(fit, "X"), "assign")
-      if (is.null(assigned)) assigned <- attr(model.matrix(fit), "assign")
-      terms <- attr(terms(fit), "term.labels"); covariance <- as.matrix(vcov(fit))
-      for (n in seq_along(terms)) {  # Wald's F with the estimates of lme4
-        at <- which(assigned == n); b <- fixef(fit)[at]
-        f <- drop(b %*% solve(covariance[at, at, drop = FALSE], b)) / length(at); df <- marginal[terms[n], c("numDF", "denDF")]
-        family[[paste(measure, terms[n], sep = "|")]] <- list(Participants = length(unique(own$participant)),
-          Observations = nrow(own), Statistic = f, df = df[[1]], `df 2` = df[[2]], p = pf(f, df[[1]], df[[2]], lower.tail = FALSE))
+      fit <- coded(own, TRUE)  # terms are tested in sum coding, whatever is printed
+      covariance <- vcovCR(fit, cluster = own$participant, type = "CR2"); assigned <- attr(model.matrix(fit), "assign")
+      tests <- coef_test(fit, vcov = covariance, test = "Satterthwaite"); degrees <- tests[[grep("^df", names(tests))[1]]]
+      terms <- attr(terms(fit), "term.labels")
+      for (n in seq_along(terms)) {
+        at <- which(assigned == n); found <- Wald_test(fit, constraints = constrain_zero(at), vcov = covariance, test = "HTZ")
+        row <- list(Participants = length(unique(own$participant)), Observations = nrow(own), Statistic = found$Fstat,
+          df = length(at), `df 2` = found$df_denom, p = found$p_val)
+        if (length(at) == 1 && !grepl(":", terms[n])) {  # first less second level
+          slack <- qt(.975, degrees[at]) * tests$SE[at]
+          row <- c(row, list(Difference = 2 * fixef(fit)[[at]], `Difference: from` = 2 * (fixef(fit)[[at]] - slack),
+            `Difference: to` = 2 * (fixef(fit)[[at]] + slack)))
+        }
+        family[[paste(measure, terms[n], sep = "|")]] <- row
       }
     }
     adjusted <- p.adjust(sapply(family, `[[`, "p"), "holm")

@@ -42,7 +42,7 @@ def test_a_page_without_controllers_is_that_of_somebody_who_is_driven(study, is_
 
 
 def bot_on(page, view, number=1, *effects):
-    """A bot whose page was told so much of the study, with what its view knows."""
+    """A bot whose page has this configuration of the study, with a view."""
     config = {"robot": "giraff", "socket": "/ws/", "study": page, "factsheet": {"series": "giraff"}}
     bot = BotDrive(None, config, Persona(1, 7, effects), Ending.COMPLETES, number=number)
     bot.cockpit.view = view

@@ -105,7 +105,7 @@ def test_the_order_of_drives_changes_nothing_but_what_is_planted_on_it():
         "easy:much",
     ],
 )
-def test_what_is_no_effect_is_refused_with_an_example(text):
+def test_text_that_is_no_effect_is_refused_with_an_example(text):
     with pytest.raises(EffectError, match="such as"):
         effect(text)
 

@@ -18,7 +18,7 @@ def length(way):
     return sum(math.dist(a, b) for a, b in pairwise(way))
 
 
-def test_the_way_goes_through_the_door_while_it_is_open_and_round_by_the_other_one_when_it_is_not(
+def test_a_route_takes_another_door_when_the_nearest_is_closed(
     plan,
 ):
     direct = RouteGrid(plan).route(DOCK, OUTSIDE_LAB)
@@ -28,7 +28,7 @@ def test_the_way_goes_through_the_door_while_it_is_open_and_round_by_the_other_o
     assert length(round_about) > 2.0 * length(direct)
 
 
-def test_a_way_keeps_off_everything_that_stands_there(plan):
+def test_a_route_keeps_its_distance_from_furniture(plan):
     way = RouteGrid(plan).route(OUTSIDE_LAB, LOUNGE)
     for piece in plan.furniture:
         if piece.shape == "cylinder":
@@ -38,10 +38,10 @@ def test_a_way_keeps_off_everything_that_stands_there(plan):
             )
 
 
-def test_a_way_ends_where_it_should(plan):
+def test_a_route_ends_at_its_goal(plan):
     assert RouteGrid(plan).route(OUTSIDE_LAB, LOUNGE)[-1] == LOUNGE
 
 
-def test_where_every_door_is_closed_there_is_no_way(plan):
+def test_there_is_no_route_when_every_door_is_closed(plan):
     with pytest.raises(NoRouteError):
         RouteGrid(plan, ["lab-door", "lounge-door"]).route(DOCK, OUTSIDE_LAB)

@@ -57,7 +57,7 @@ def test_figures_that_do_not_fit_are_refused(files, options, told):
         run(*files, **options)
 
 
-def test_what_cannot_be_read_is_named(files, tmp_path):
+def test_files_that_cannot_be_read_are_named(files, tmp_path):
     scheme, ann, bob = files
     with pytest.raises(CommandError, match="at least two coders"):
         run(scheme, ann)

@@ -64,7 +64,7 @@ def test_another_program_reads_the_tiers_and_annotations(eaf):
     assert read.adocument["FORMAT"] == "3.0"
 
 
-def test_what_another_program_writes_is_read(tmp_path):
+def test_files_of_another_program_are_read(tmp_path):
     other = Eaf()
     other.add_tier("lost")
     other.add_annotation("lost", 1000, 2500, "here")
@@ -176,7 +176,7 @@ def test_an_observation_is_named_where_there_are_several():
         from_boris(document, CODES, "S3")
 
 
-def test_what_a_boris_project_has_and_a_scheme_has_not_is_said():
+def test_parts_of_a_boris_project_that_are_not_imported_are_listed():
     rows = [[1, "ann", "help", "", ""], [2, "", "gaze", "", ""], [3, "", "lost", "", ""], ["x"]]
     rows.append([4, "", "help", "a dog|low|x", ""])
     more = {"time offset": 2.5, "file": {"1": ["a.mp4"]}, "description": "d"}
@@ -191,7 +191,7 @@ def test_what_a_boris_project_has_and_a_scheme_has_not_is_said():
     assert all(part in said for part in (*told, "offset of 2.5 s", "media files", "description"))
 
 
-def test_what_an_elan_file_has_and_a_scheme_has_not_is_said():
+def test_parts_of_an_elan_file_that_are_not_imported_are_listed():
     file = to_eaf(CODES, EVENTS, "C1", DATE).decode()
     file = file.replace(">high<", ">shouting<").replace('TIER_ID="found"', 'TIER_ID="gaze"')
     media = '<MEDIA_DESCRIPTOR MEDIA_URL="file:///a/drive.mp4" MIME_TYPE="video/mp4" />'

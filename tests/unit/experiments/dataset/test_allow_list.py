@@ -10,7 +10,7 @@ from typing import get_args
 import msgspec
 import pytest
 
-from experiments.dataset import allow_list, states
+from experiments.dataset import allow_list
 from experiments.dataset.allow_list import (
     CODING_EDIT,
     EVENTS,
@@ -19,7 +19,7 @@ from experiments.dataset.allow_list import (
     coded,
     released,
 )
-from experiments.dataset.forms import Origin, Release, in_columns, kept
+from experiments.dataset.forms import Origin, Release, kept
 from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.dataset.selection import Selection
 from experiments.definition.coding import Code, CodingScheme, Modifier
@@ -50,10 +50,6 @@ def names(kind: type) -> set[str]:
 def leaves(source: str, kind: str, data: dict, *, offset: float = 0.0, **choice) -> dict | None:
     release = Release(RELEASE.names, Selection(**choice), RELEASE.doors, RELEASE.steps)
     return released(source, kind, data, release, Origin(GRANTED, offset))
-
-
-def read_of(kind: type) -> set[str]:
-    return {name for name, form in MESSAGES[kind].items() if form is in_columns}
 
 
 # --- nothing is undecided -------------------------------------------------------------------------
@@ -154,22 +150,6 @@ def test_of_a_coded_event_only_the_words_of_its_scheme_leave():
     assert left == {"code": "help", "begin": 1.5, "end": None, "modifiers": {"whom": "robot"}}
     other = event | {"code": "Ada", "modifiers": {"whom": "Ada", "x": "robot"}}
     assert kept(listed, other, RELEASE, Origin(0.0)) == {"begin": 1.5, "end": None, "modifiers": {}}
-
-
-@pytest.mark.parametrize(
-    ("kind", "reader"),
-    [
-        (messages.State, states.StoredState),
-        (messages.Pose, states.StoredPose),
-        (messages.Velocity, states.StoredVelocity),
-        (messages.Battery, states.StoredBattery),
-        (messages.AppliedCommand, states.Command),
-        (protocol.PageNetwork, states.Sample),
-    ],
-)
-def test_what_is_read_into_columns_is_what_is_listed(kind, reader):
-    assert names(reader) <= read_of(kind), DECIDE
-    assert read_of(kind) - names(reader) <= {"stamp"}  # which has a column of its own in the rows
 
 
 # --- what leaves ----------------------------------------------------------------------------------

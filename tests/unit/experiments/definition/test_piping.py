@@ -1,7 +1,7 @@
 import msgspec
 import pytest
 
-from experiments.definition.piping import MOST_CHARACTERS, filled, piping_problems
+from experiments.definition.recruitment.piping import MOST_CHARACTERS, filled, piping_problems
 from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped
 
@@ -45,8 +45,8 @@ def test_a_text_may_only_refer_to_a_questionnaire_that_was_asked_before():
     keys = [step["key"] for step in whole["steps"]]
     whole["steps"][keys.index("instructions")]["leaves"][0]["text"]["en"] = "{{ict.age}}"
     study = msgspec.convert(whole, StudyDefinition)
-    assert list(piping_problems(study)) == []
+    assert list(piping_problems(study.steps)) == []
     whole["steps"][keys.index("instructions")]["leaves"][0]["text"]["en"] = "{{experience.q1}}"
-    found = list(piping_problems(msgspec.convert(whole, StudyDefinition)))
+    found = list(piping_problems(msgspec.convert(whole, StudyDefinition).steps))
     assert len(found) == 1
     assert "experience.q1" in found[0].sentence(str)

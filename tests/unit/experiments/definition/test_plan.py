@@ -100,6 +100,34 @@ def test_a_direction_needs_two_sides():
     assert problem.startswith("hypothesis h1: it has a direction, but the analysis driving")
 
 
+def crossed(**about):
+    """A study of two crossed factors, and a hypothesis about the effect of one."""
+    names = {"delay": ("none", "long"), "help": ("alone", "helped")}
+    factors = [
+        {"key": key, "title": {"en": key}, "levels": [{"key": one, "title": {}} for one in levels]}
+        for key, levels in names.items()
+    ]
+    base = planned_study(None).conditions[0]
+    conditions = [
+        msgspec.structs.replace(base, key=f"{a}_{b}", levels={"delay": a, "help": b})
+        for a in names["delay"]
+        for b in names["help"]
+    ]
+    model = {"key": "driving", "title": {}, "measures": ["task_time"], "test": "mixed"}
+    plan = plan_with(hypotheses=[hypothesis(effect="delay", direction="less", measures=[])])
+    study = planned_study(plan, factors=factors, analyses=[{**model, **about}])
+    return msgspec.structs.replace(study, conditions=tuple(conditions))
+
+
+def test_a_direction_needs_a_factor_that_does_not_interact():
+    assert told(crossed(effects=["delay", "help"])) == []
+    (problem,) = told(crossed(effects=["delay", "help", "delay:help"]))
+    assert problem == (
+        "hypothesis h1: it has a direction, but the effect of delay depends on another factor in"
+        " the analysis driving: declare a contrast, or leave out the interaction."
+    )
+
+
 def test_a_test_decides_on_the_hypotheses_that_name_it():
     study = planned_study(
         with_hypotheses(hypothesis(), hypothesis(key="h2", measures=[], contrast=1))

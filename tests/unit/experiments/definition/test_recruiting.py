@@ -1,6 +1,6 @@
 import pytest
 
-from experiments.definition.recruiting import (
+from experiments.definition.recruitment.recruiting import (
     AnswerQuota,
     AnswerRule,
     EndingCodes,

@@ -2,7 +2,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
-from experiments.definition.recruiting import Recruiting
+from experiments.definition.recruitment.recruiting import Recruiting
 from experiments.recruitment.sites import (
     NOBODY,
     PROFILES,

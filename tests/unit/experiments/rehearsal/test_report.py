@@ -46,7 +46,7 @@ def test_a_study_that_every_bot_gets_through_passes():
     assert report.drawn == ["table_1"]
 
 
-def test_what_people_will_need_is_reckoned_from_words_questions_and_the_drive():
+def test_times_of_people_are_estimated_from_words_questions_and_the_drive():
     report = played(*everybody())
     assert [step.expected_minutes for step in report.steps if step.heading == "About you"] == [1.7]
     assert report.conditions[0].expected_minutes == 4.5
@@ -102,7 +102,7 @@ def test_a_bot_that_got_no_code_is_a_problem():
     assert played(*bots).problems == ["Bot 2 finished the study but got no completion code."]
 
 
-def test_what_was_in_force_otherwise_than_assigned_is_a_problem():
+def test_a_setting_that_was_not_applied_as_assigned_is_a_problem():
     bots = everybody()
     records = {
         one.legs[0].session: DriveRecord(
@@ -136,7 +136,7 @@ def test_it_tells_how_many_participants_an_effect_needs():
     assert [need["effect"] for need in played(*everybody()).power] == [0.2, 0.5, 0.8]
 
 
-def test_nobody_at_all_is_no_rehearsal():
+def test_a_rehearsal_without_bots_does_not_pass():
     report = judge(STUDY, [], Findings())
     assert not report.passed
     assert report.expected_minutes == 0.0

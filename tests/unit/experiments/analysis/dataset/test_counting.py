@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from experiments.analysis.dataset.counting import REASONS, visits_of, with_reasons
+from experiments.analysis.dataset.counting import counting, visits_of, with_reasons
 from experiments.analysis.dataset.folder import read, write
+from experiments.analysis.dataset.levels import UNCOUNTED
 from experiments.analysis.dataset.records import ResponseRecord
 from experiments.analysis.metrics.definitions import METRICS
 from experiments.analysis.metrics.sessions import measure_all
@@ -26,11 +27,11 @@ def counted(dataset):
 
 
 def test_only_ended_task_drives_in_which_the_robot_moved_count():
-    assert counted(every_ending().counting()) == COUNTING
+    assert counted(counting(every_ending())) == COUNTING
 
 
 def test_each_other_drive_has_a_reason():
-    found = {one.id: one.counts_why for one in every_ending().counting().others}
+    found = {one.id: one.counts_why for one in counting(every_ending()).others}
     assert found == {
         "waiting-1": "running",
         "frozen-1": "not_exposed",
@@ -43,15 +44,15 @@ def test_each_other_drive_has_a_reason():
 
 def test_chosen_kinds_alone_count():
     dataset = every_ending()
-    assert counted(dataset.counting(("pilot",))) == {"pilot-1"}
-    assert counted(dataset.counting(("participant", "bot"))) == COUNTING | {"bot-1"}
+    assert counted(counting(dataset, ("pilot",))) == {"pilot-1"}
+    assert counted(counting(dataset, ("participant", "bot"))) == COUNTING | {"bot-1"}
 
 
 def test_an_exported_session_says_why_it_does_not_count():
     found = {one.id: one.counts_why for one in with_reasons(every_ending()).sessions}
     assert {key for key, why in found.items() if not why} == COUNTING
     assert (found["practice"], found["pilot-1"], found["bot-1"]) == ("practice", "pilot", "bot")
-    assert set(found.values()) <= {"", *REASONS}
+    assert set(found.values()) <= {"", *UNCOUNTED}
 
 
 def test_the_reasons_survive_a_folder(tmp_path):
@@ -71,8 +72,8 @@ def test_the_reasons_survive_a_folder(tmp_path):
 )
 def test_the_study_says_which_of_several_drives_in_a_condition_counts(rule, missing):
     dataset = every_ending(analysis={"drives": rule})
-    assert counted(dataset.counting()) == COUNTING - missing
-    assert {one.id for one in dataset.counting().others if one.counts_why == "repeated"} == missing
+    assert counted(counting(dataset)) == COUNTING - missing
+    assert {one.id for one in counting(dataset).others if one.counts_why == "repeated"} == missing
 
 
 def test_the_first_drive_that_counts_is_the_first_in_which_the_robot_moved():
@@ -81,14 +82,14 @@ def test_the_first_drive_that_counts_is_the_first_in_which_the_robot_moved():
         replace(one, first_motion=float("nan")) if one.id == "again-1" else one
         for one in dataset.sessions
     )
-    assert "again-2" in counted(replace(dataset, sessions=sessions).counting())
+    assert "again-2" in counted(counting(replace(dataset, sessions=sessions)))
 
 
 def test_a_participant_of_two_cells_counts_in_the_first_alone():
     dataset = every_ending()
     both = drive("anew", "shut", 2)
     dataset = replace(dataset, sessions=(*dataset.sessions, both))
-    found = dataset.counting()
+    found = counting(dataset)
     assert {one.condition for one in found.sessions if one.participant == "anew"} == {"all_open"}
     assert {one.id: one.counts_why for one in found.others}["anew-2"] == "drawn_anew"
     table = compare_conditions(found, measure_all(found), ("total_time",))
@@ -97,7 +98,7 @@ def test_a_participant_of_two_cells_counts_in_the_first_alone():
 
 
 def test_answers_count_only_with_the_drive_that_they_are_about():
-    found = every_ending().counting()
+    found = counting(every_ending())
     assert {one.session for one in found.responses} == COUNTING
     assert "again-1" in table_5(found).rows[0][-1].sessions
 
@@ -106,7 +107,7 @@ def test_an_answer_about_no_drive_counts_only_where_it_is_about_the_person():
     dataset = every_ending()
     lonely = ResponseRecord("r-x", "experience", "still", {"q1": -2})
     dataset = replace(dataset, responses=(*dataset.responses, lonely))
-    assert "r-x" not in {one.id for one in dataset.counting().responses}
+    assert "r-x" not in {one.id for one in counting(dataset).responses}
 
 
 def test_the_first_answer_is_the_first_about_a_drive_that_counts():
@@ -116,16 +117,16 @@ def test_the_first_answer_is_the_first_about_a_drive_that_counts():
     dataset = replace(
         dataset, sessions=(never, *dataset.sessions), responses=(bad, *dataset.responses)
     )
-    found = table_5(dataset.counting())
+    found = table_5(counting(dataset))
     assert "late-0" not in {one for row in found.rows for cell in row for one in cell.sessions}
 
 
 def test_rules_of_the_plan_exclude_by_default_and_not_in_a_sensitivity_analysis():
     dataset = every_ending(plan_with(attention_checks=[CHECK]))
-    found = dataset.counting()
+    found = counting(dataset)
     assert counted(found) == set()
     assert {one.counts_why for one in found.others if one.id in COUNTING} == {"excluded_by_plan"}
-    every = dataset.counting(with_excluded=True)
+    every = counting(dataset, with_excluded=True)
     assert counted(every) == COUNTING | {"visitor-1"}
     assert found.exclusions == every.exclusions
     assert {(one.participant, one.rule) for one in found.exclusions} == {
@@ -144,7 +145,8 @@ def test_a_round_is_no_visit():
         participants=every_ending().participants[:1],
         sessions=tuple(drive("done", key, id=key) for key in keys),
         responses=(),
-    ).counting()
+    )
+    dataset = counting(dataset)
     assert [one.number for one in dataset.sessions] == [1] * len(keys)
     assert set(visits_of(dataset.sessions).values()) == {1}
     rows = {row[1].text: row[2].value for row in participants_table(dataset).rows}
@@ -152,7 +154,7 @@ def test_a_round_is_no_visit():
 
 
 def test_who_came_back_has_a_second_visit():
-    found = every_ending().counting()
+    found = counting(every_ending())
     assert visits_of(found.sessions)["again-2"] == 2
     rows = {row[1].text: row[2] for row in participants_table(found).rows}
     assert rows["came back"].value == 1
@@ -162,7 +164,7 @@ def test_who_came_back_has_a_second_visit():
 def test_older_datasets_have_visits_by_the_drives_in_a_condition():
     dataset = every_ending()
     old = replace(dataset, sessions=tuple(replace(one, visit=0) for one in dataset.sessions))
-    found = {one.id: one.visit for one in old.counting().sessions}
+    found = {one.id: one.visit for one in counting(old).sessions}
     assert (found["again-1"], found["again-2"], found["anew-1"]) == (1, 2, 1)
 
 
@@ -184,11 +186,11 @@ def test_every_table_and_figure_is_made_of_drives_that_count():
 def test_a_robot_for_practice_is_in_no_table():
     dataset = every_ending()
     practice = replace(dataset.sessions[0], robot="practice-1")
-    found = replace(dataset, sessions=(practice, *dataset.sessions[1:])).counting()
+    found = counting(replace(dataset, sessions=(practice, *dataset.sessions[1:])))
     assert table_1(found).head == ("", "giraff")
 
 
 def test_metrics_have_one_value_a_drive_that_counts():
-    found = every_ending().counting()
+    found = counting(every_ending())
     assert len(measure_all(found)) == len(COUNTING)
     assert all(len(one.values) == len(METRICS) for one in measure_all(found))

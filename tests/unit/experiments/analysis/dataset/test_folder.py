@@ -8,7 +8,7 @@ import shutil
 import numpy as np
 import pytest
 
-from experiments.analysis.dataset.columns import STATES
+from experiments.analysis.dataset.columns import columns_of, matrix_of
 from experiments.analysis.dataset.files import numbers
 from experiments.analysis.dataset.folder import DatasetError, put, read, write
 from experiments.analysis.dataset.records import (
@@ -17,8 +17,8 @@ from experiments.analysis.dataset.records import (
     ParticipantRecord,
     ResponseRecord,
     SessionRecord,
-    columns_of,
 )
+from experiments.analysis.dataset.states import STATES
 from experiments.definition.shipped import shipped
 from tests.support.analysis.study_dataset import made_up
 from tests.support.studies.questionnaires import defined, item
@@ -62,10 +62,10 @@ def test_a_dataset_that_was_written_and_read_is_the_same(tmp_path):
     )
     for session in dataset.sessions:
         np.testing.assert_array_equal(
-            again.states(session.id).values, dataset.states(session.id).values
+            matrix_of(again.states(session.id)), matrix_of(dataset.states(session.id))
         )
         np.testing.assert_array_equal(
-            again.network(session.id).values, dataset.network(session.id).values
+            matrix_of(again.network(session.id)), matrix_of(dataset.network(session.id))
         )
 
 
@@ -144,7 +144,7 @@ def test_states_that_were_written_before_a_column_was_added_lack_it(tmp_path):
     dataset = Dataset(
         shipped()["exploration"],
         sessions=(SessionRecord("s", "a", "giraff"),),
-        states=lambda _: columns_of(STATES, x=[1.0, 2.0], by_position=[1.0, 1.0]),
+        states=lambda _: columns_of(STATES, x=[1.0, 2.0], distance_by_position=[1.0, 1.0]),
     )
     write(dataset, tmp_path)
     path = next((tmp_path / "data" / "states").glob("*.csv"))
@@ -155,9 +155,23 @@ def test_states_that_were_written_before_a_column_was_added_lack_it(tmp_path):
     path.write_text("\n".join(",".join(row) for row in rows) + "\n")
     found = read(tmp_path).states("s")
     assert found["x"].tolist() == [1.0, 2.0]
-    assert np.isnan(found["by_position"]).all()
-    path.write_text(path.read_text().replace("x,y", "y,x", 1))
-    with pytest.raises(DatasetError, match="unexpected columns"):
+    assert np.isnan(found["distance_by_position"]).all()
+
+
+def test_columns_are_read_by_their_names_also_the_names_of_earlier_releases(tmp_path):
+    states = columns_of(STATES, x=[1.0, 2.0], y=[3.0, 4.0], visitor_silence=[0.1, 0.2])
+    one = SessionRecord("s", "a", "giraff", outcome="completed", number=2)
+    write(Dataset(shipped()["exploration"], sessions=(one,), states=lambda _: states), tmp_path)
+    for path in (tmp_path / "data").rglob("*.csv"):
+        rows = [line.split(",")[::-1] for line in path.read_text().splitlines()]
+        path.write_text("".join(",".join(row) + "\n" for row in rows))
+    path = tmp_path / "data" / "states" / "session-s_data.csv"
+    path.write_text(path.read_text().replace("visitor_silence", "silence", 1))
+    again = read(tmp_path)
+    assert plain(again.sessions[0]) == plain(one)
+    np.testing.assert_array_equal(matrix_of(again.states("s")), matrix_of(states))
+    path.write_text(path.read_text().replace("silence", "noise", 1))
+    with pytest.raises(DatasetError, match="lacks the columns visitor_silence"):
         read(tmp_path).states("s")
 
 

@@ -5,16 +5,17 @@ import pytest
 
 from experiments.analysis.documents.latex import runs_as_latex
 from experiments.analysis.documents.sentences import METHODS, probability, sentences_of
-from experiments.analysis.statistics import comparisons, rank_tests
+from experiments.analysis.statistics import comparisons, proportions, rank_tests, regression
 from experiments.analysis.statistics.comparisons import IntervalEstimate, correlation
 from experiments.analysis.statistics.comparisons import Test as Found
 from experiments.analysis.tables import comparisons as rows
-from experiments.analysis.tables.comparisons import TESTED, compared, head_of
+from experiments.analysis.tables import declared
+from experiments.analysis.tables.comparisons import TESTED, Group, compared, head_of
 from experiments.analysis.tables.table import Table, words
 
 EFFECT = IntervalEstimate(0.49, 0.06, 0.914)
 FOUND = Found("paired t", 24, 2.41, (23.0,), 0.0243, IntervalEstimate(), "d_z", EFFECT)
-GROUPS = [({"a": 1.0, "b": 3.0}, ()), ({"a": 0.5, "b": 1.5}, ())]
+GROUPS = [Group({"a": 1.0, "b": 3.0}), Group({"a": 0.5, "b": 1.5})]
 
 
 def said(test, corrected=0.0486, groups=GROUPS):
@@ -117,5 +118,9 @@ def test_every_test_of_the_statistics_has_its_sentence():
         rank_tests.SIGNED,
         rank_tests.RANK_SUM,
         rank_tests.KRUSKAL,
+        rank_tests.FRIEDMAN,
+        *(proportions.CHI_SQUARE, proportions.BOSCHLOO, proportions.MCNEMAR, proportions.COCHRAN),
+        regression.LOG_RANK,
+        *declared.TESTS.values(),
     }
     assert names <= set(METHODS)

@@ -1,4 +1,4 @@
-"""The shortest ways: what is left of them, and what closed doors make of them."""
+"""Shortest paths with open and closed doors."""
 
 import math
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from experiments.analysis.dataset.columns import STATES
-from experiments.analysis.dataset.records import columns_of
+from experiments.analysis.dataset.columns import columns_of
+from experiments.analysis.dataset.states import STATES
 from experiments.analysis.metrics.motion import Trajectory, drive
 
 

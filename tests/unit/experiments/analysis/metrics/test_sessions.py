@@ -7,16 +7,14 @@ import numpy as np
 import pandas
 import pytest
 
-from experiments.analysis.dataset.columns import STATES
+from experiments.analysis.dataset.columns import columns_of
 from experiments.analysis.dataset.levels import METHODS
 from experiments.analysis.dataset.records import (
-    NO_NETWORK,
-    NO_STATES,
     Dataset,
     EventRecord,
     SessionRecord,
-    columns_of,
 )
+from experiments.analysis.dataset.states import NO_NETWORK, NO_STATES, STATES
 from experiments.analysis.metrics.definitions import METRICS, SEGMENT_METRICS
 from experiments.analysis.metrics.milestones import docking_attempts, milestones
 from experiments.analysis.metrics.motion import Trajectory
@@ -30,8 +28,7 @@ MEASURED = measure_all(DATASET)
 
 
 def frame(session):
-    states = DATASET.states(session)
-    return pandas.DataFrame(states.values, columns=[column.name for column in STATES])
+    return pandas.DataFrame(DATASET.states(session))
 
 
 @pytest.mark.parametrize(
@@ -64,10 +61,7 @@ def test_metrics_agree_with_an_independent_computation(one):
     assert sum(values[f"share_{method}"] for method in METHODS) == pytest.approx(1.0)
     assert values["rate"] == pytest.approx(4.0, abs=0.01)
     assert values["least_clearance"] == task.clearance.min()
-    network = pandas.DataFrame(
-        DATASET.network(one.session.id).values,
-        columns=[c.name for c in DATASET.network(one.session.id).layout],
-    )
+    network = pandas.DataFrame(DATASET.network(one.session.id))
     assert values["round_trip"] == pytest.approx(network.round_trip.median())
     assert values["loss"] == pytest.approx(network.loss.mean())
     assert values["frame_age_p95"] == pytest.approx(network.frame_age.quantile(0.95))

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from experiments.analysis.dataset.counting import counting
 from experiments.analysis.dataset.exclusions import excluded_participants
 from experiments.analysis.dataset.records import (
     Dataset,
@@ -40,7 +41,7 @@ def dataset(plan, *, seconds=(30.0, 32.0, 34.0), given=(2, 2, 2), **more):
 
 
 def found(data):
-    return [(one.participant, one.rule, one.value) for one in data.counting().exclusions]
+    return [(one.participant, one.rule, one.value) for one in counting(data).exclusions]
 
 
 def check(answer="2"):
@@ -115,5 +116,5 @@ def test_platform_faults_and_researchers_exclude_a_session_and_nobody():
         ("P0", "platform fault", "platform fault: web process away"),
         ("P1", "researcher's decision", "a visitor looked on"),
     ]
-    assert excluded_participants(data.counting().exclusions) == frozenset()
-    assert not any(one.is_planned for one in data.counting().exclusions)
+    assert excluded_participants(counting(data).exclusions) == frozenset()
+    assert not any(one.is_planned for one in counting(data).exclusions)

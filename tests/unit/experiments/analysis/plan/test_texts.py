@@ -95,6 +95,16 @@ def with_condition(**changes):
         ),
         ({"quality": {"longest_gap": 1.5}}, "no gap above 1.5 s"),
         ({"allocation": {"left_after_hours": 36.0}}, "- allocation.left_after_hours: 36.0"),
+        ({"devices": ["computer"]}, "- Only with these devices: computer."),
+        (
+            {"screening": [{"questionnaire": "ict", "item": "age", "at_least": 18}]},
+            "- Only with this answer to `ict.age`: at least 18.",
+        ),
+        (
+            {"answer_quotas": [{"questionnaire": "ict", "item": "s", "answers": ["a"], "most": 5}]},
+            "- At most 5 who answer `ict.s` with: a.",
+        ),
+        ({"appointments": {"second_after_days": 7}}, "- appointments.second_after_days: 7"),
         ({"start": {"charge": 0.3}}, "its battery has at least 30 % of its charge"),
         ({}, "`task_time` (s): from the task's event task_started (the first video frame) to its"),
     ],
@@ -123,6 +133,11 @@ def test_the_appendix_has_every_field_also_those_at_their_defaults():
     for name in ("allocation", "refill", "start", "quality", "analysis"):
         for field in getattr(study, name).__struct_fields__:
             assert f"- {name}.{field}: " in text
+
+
+def test_a_preregistration_does_not_tell_the_codes_of_completion():
+    codes = {"done": "C1D2E3F4"}
+    assert "C1D2E3F4" not in text_of(recruiting={"site": "prolific", "codes": codes})
 
 
 def test_a_study_of_one_condition_has_no_sentence_about_several():
@@ -179,6 +194,7 @@ def test_a_text_and_a_sheet_say_the_same_of_the_freeze():
 @pytest.mark.parametrize("study", shipped().values(), ids=list(shipped()))
 def test_shipped_studies_have_a_text(study):
     text = preregistration(study, None)
+    assert "- Participants younger than" in text
     assert (NO_PLAN in text) == (study.plan is None)
     assert "None" not in text
 

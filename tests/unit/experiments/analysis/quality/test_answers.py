@@ -12,7 +12,7 @@ from experiments.analysis.dataset.records import (
 )
 from experiments.analysis.quality.answers import answer_flags, speeding, straight_lining
 from experiments.analysis.quality.flags import flags_of, network_flags
-from experiments.definition.quality_flags import Grade
+from experiments.definition.recruitment.quality_flags import Grade
 from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped
 from surveys.questionnaires import shipped as questionnaires

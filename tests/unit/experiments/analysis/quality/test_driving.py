@@ -1,15 +1,15 @@
 import numpy as np
 import pytest
 
-from experiments.analysis.dataset.columns import NETWORK, STATES
 from experiments.analysis.dataset.records import SessionRecord, columns_of
+from experiments.analysis.dataset.states import NETWORK, STATES
 from experiments.analysis.quality.driving import (
     frozen_video,
     input_lengths,
     never_moved,
     regular_input,
 )
-from experiments.definition.quality_flags import Grade
+from experiments.definition.recruitment.quality_flags import Grade
 
 RATE = 5.0  # states in a second
 

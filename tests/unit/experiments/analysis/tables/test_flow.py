@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from experiments.analysis.dataset.counting import counting
 from experiments.analysis.dataset.records import Dataset, PageRecord, ParticipantRecord
 from experiments.analysis.metrics.sessions import measure_all
 from experiments.analysis.report import reports
@@ -19,7 +20,7 @@ STUDY = shipped()["exploration"]
 
 
 def flow_of(dataset):
-    return flow(dataset.counting())
+    return flow(counting(dataset))
 
 
 def lines(table, cell="all"):
@@ -96,7 +97,7 @@ def test_no_finisher_is_said_not_to_have_continued():
 
 
 def test_what_the_platform_ended_counts_nowhere_and_the_flow_says_how_often_and_why():
-    found = every_ending().counting()
+    found = counting(every_ending())
     assert "1 session (platform fault: web process away)" in " ".join(flow(found).notes)
     row = next(row for row in flow(found).rows if row[2].text.startswith("excluded: platform"))
     assert row[3].sessions == ("fault-1",)
@@ -110,7 +111,7 @@ def test_what_the_platform_ended_counts_nowhere_and_the_flow_says_how_often_and_
 def test_sessions_that_were_not_completed_stand_by_outcome_and_side():
     rows = {
         (row[0].text, row[1].text): row[2].sessions
-        for row in fault_sides(every_ending().counting()).rows
+        for row in fault_sides(counting(every_ending())).rows
     }
     assert rows["connection lost", "platform"] == ("fault-1",)
     assert rows["robot fault", "robot"] == ("replaced-1",)
@@ -131,10 +132,10 @@ def test_orders_show_how_many_had_each_and_how_many_were_complete():
         study,
         participants=tuple(ParticipantRecord(who, cell=order) for who in ("a", "b", "c")),
         sessions=(drive("a", first, id="a1"), drive("a", second, id="a2"), drive("b", first)),
-    ).counting()
-    (row,) = orders(dataset).rows
+    )
+    (row,) = orders(counting(dataset)).rows
     assert [cell.text for cell in row] == [order, "3", "2", "1"]
-    assert orders(every_ending().counting()).rows == ()
+    assert orders(counting(every_ending())).rows == ()
 
 
 def test_the_funnel_counts_who_came_who_went_on_and_how_long_it_took():
@@ -153,7 +154,7 @@ def test_the_funnel_counts_who_came_who_went_on_and_how_long_it_took():
 
 
 def test_who_arrives_at_the_last_page_has_gone_on():
-    (last,) = (row for row in funnel(every_ending().counting(), []).rows if row[0].text == "Bye")
+    (last,) = (row for row in funnel(counting(every_ending()), []).rows if row[0].text == "Bye")
     assert (last[1].value, last[2].value, last[3].value) == (5, 5, 0)
 
 

@@ -333,11 +333,11 @@ def test_table_5_counts_reversed_statements_from_the_other_end_and_says_so():
 def test_a_declared_analysis_measures_the_score_and_no_whole_that_is_not_one_scale():
     dataset, _, _ = printed()
     data = Data(dataset, [])
-    values, _ids = data.of("sus.overall", "alone")
+    values = data.of("sus.overall", "alone").values
     assert sorted(values.values()) == sorted(sus_scores(dataset, "alone"))
-    assert data.is_known("tlx.overall")
-    assert data.is_known("impression.liking")
-    assert not data.is_known("impression.overall")
-    reversed_, _ids = data.of("impression.rude", "alone")
+    assert data.unknown("means", "tlx.overall") == ""
+    assert data.unknown("means", "impression.liking") == ""
+    assert data.unknown("means", "impression.overall") == "no such measure"
+    reversed_ = data.of("impression.rude", "alone").values
     raw = {one.participant: one.values["rude"] for one in dataset.responses[2::6]}
     assert reversed_ == {who: 6 - value for who, value in raw.items()}

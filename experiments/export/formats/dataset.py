@@ -2,21 +2,18 @@
 CSV, and as JSON what is no table.
 """
 
-from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Iterator
 from typing import Any
 
-from experiments.analysis.dataset.cells import as_cell
 from experiments.analysis.dataset.columns import Column
 from experiments.analysis.dataset.files import numbers, table, tables
-from experiments.analysis.dataset.records import Dataset, EventRecord, SessionRecord
+from experiments.analysis.dataset.records import SessionRecord
 from experiments.analysis.metrics.definitions import METRICS, VERSION
-from experiments.analysis.metrics.sessions import measure
+from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.tables.reliability import PROBLEMS, judge
 from experiments.dataset.allow_list import event_columns
-from experiments.dataset.build import ANALYSED
 from experiments.dataset.events import events_of
-from experiments.dataset.selection import Selection
+from experiments.definition.schema import Quality
 from experiments.export.format import ExportFormat, ExportSource, File, encoded
 from experiments.models import Drive
 
@@ -32,19 +29,10 @@ METRIC_TABLE = (
 )
 
 
-class CsvFormat(ExportFormat):
+class DatasetFormat(ExportFormat):
     """What every export has."""
 
     tables = {"metrics": METRIC_TABLE, "events": event_columns()}
-
-    @classmethod
-    def is_in(cls, _name: str, _choice: Selection) -> bool:
-        """Tell that every export has it."""
-        return True
-
-    def __init__(self, source: ExportSource) -> None:
-        super().__init__(source)
-        self._metrics: list[list[Any]] = []
 
     def of_study(self) -> Iterator[File]:
         """Yield everything but states and network samples."""
@@ -57,24 +45,20 @@ class CsvFormat(ExportFormat):
         dataset = self.source.dataset
         yield from encoded(numbers("states", session.id, dataset.states(session.id)))
         yield from encoded(numbers("network", session.id, dataset.network(session.id)))
-        events = events_of([drive], replace(self.source.release, choice=ANALYSED))
-        self._metrics.append(metric_row(dataset, session, events))
 
     def at_last(self) -> Iterator[File]:
         """Yield the metrics of all sessions."""
-        yield from encoded([table("metrics", self._metrics, METRIC_TABLE)])
+        yield from encoded([table("metrics", metric_rows(self.source), METRIC_TABLE)])
 
 
-def metric_row(
-    dataset: Dataset, session: SessionRecord, events: Iterable[EventRecord]
-) -> list[Any]:
-    """Return the row of a session, from its own events."""
-    measured = measure(dataset, session, events)
-    problems = "|".join(word for word, _ in judge(measured, dataset.study.quality).problems)
-    values = (measured.values[column.name] for column in METRICS)
-    return [
-        session.id,
-        VERSION,
-        problems,
-        *(as_cell(value) for value in values),
-    ]
+def metric_rows(source: ExportSource) -> Iterator[list[Any]]:
+    """Yield a row a session."""
+    quality = source.dataset.study.quality
+    return (metric_row(one, quality) for one in source.measured.values())
+
+
+def metric_row(measured: Measured, quality: Quality) -> list[Any]:
+    """Return the row of a session."""
+    problems = "|".join(word for word, _ in judge(measured, quality).problems)
+    numbers = (measured.values[column.name] for column in METRICS)
+    return [measured.session.id, VERSION, problems, *numbers]

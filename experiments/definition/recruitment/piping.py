@@ -8,14 +8,11 @@ other text, and no stored answer or definition is changed.
 
 import re
 import unicodedata
-from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any
 
 from surveys.documents import Problem
 from surveys.documents import gettext_noop as _
-
-if TYPE_CHECKING:
-    from experiments.definition.schema import StudyDefinition
 
 MOST_CHARACTERS = 200
 NO_ANSWER = "–"
@@ -48,10 +45,10 @@ def plain_line(text: str) -> str:
     return line if len(line) <= MOST_CHARACTERS else line[: MOST_CHARACTERS - 1] + "…"
 
 
-def piping_problems(study: "StudyDefinition") -> Iterator[Problem]:
-    """Yield placeholders of steps that name a questionnaire which is not asked before."""
+def piping_problems(steps: Iterable[Any]) -> Iterator[Problem]:
+    """Yield placeholders of a study's steps that name a questionnaire which is not asked before."""
     asked: set[str] = set()
-    for step in study.steps:
+    for step in steps:
         for name, item in sorted(_placeholders(step)):
             if name not in asked:
                 words = _(

@@ -1,6 +1,6 @@
 """The names of quality flags: signs that a participant did not take part as meant.
 
-A flag is graded and never drops anybody by itself. A plan can name flags as rules of exclusion;
+A flag is graded and excludes no participant by itself. A plan can name flags as rules of exclusion;
 experiments/analysis/quality/ finds them.
 """
 

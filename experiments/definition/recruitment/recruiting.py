@@ -75,7 +75,7 @@ class Appointments(DocumentPart, frozen=True, kw_only=True):
     """Participants choose when they drive: one at a time on each robot, `minutes` each, within the
     study's opening hours and up to `days_ahead` days ahead. A reminder is sent `reminder_hours`
     before. With `second_after_days`, who has finished a first visit is invited to a second one by
-    e-mail after that many days. With `required`, nobody drives without an appointment.
+    e-mail after that many days. With `required`, only participants with an appointment drive.
     """
 
     required: bool = True
@@ -85,11 +85,11 @@ class Appointments(DocumentPart, frozen=True, kw_only=True):
     second_after_days: Annotated[int, Meta(ge=1, le=365)] | None = None
 
 
-# --- what is wrong with them ----------------------------------------------------------------------
+# --- problems -------------------------------------------------------------------------------------
 
 
 def recruiting_problems(one: Recruiting) -> Iterator[Problem]:
-    """Yield what is wrong with the recruitment site."""
+    """Yield the problems of a recruitment site."""
     if one.site == "other" and not one.id_parameter:
         yield Problem(_("Enter the parameter of the link that has the participant's id."))
     if one.site in {"other", "sona", "cloudresearch"} and not one.return_address:
@@ -110,9 +110,10 @@ def recruiting_problems(one: Recruiting) -> Iterator[Problem]:
 def screening_problems(
     rules: Iterable[AnswerRule], quotas: Iterable[AnswerQuota], asked: Iterable[str]
 ) -> Iterator[Problem]:
-    """Yield what is wrong with rules and quotas; `asked` are the study's questionnaires."""
+    """Yield the problems of rules and quotas; `asked` are the study's questionnaires."""
     known = set(asked)
-    for one in (*rules, *quotas):
+    both: tuple[AnswerRule | AnswerQuota, ...] = (*rules, *quotas)
+    for one in both:
         if one.questionnaire not in known:
             words = _("the study does not ask the questionnaire %(name)s.")
             yield Problem(words, {"name": one.questionnaire})
