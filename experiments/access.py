@@ -11,7 +11,7 @@ from typing import Any, Concatenate, Literal, ParamSpec
 
 from django.http import Http404, HttpRequest, HttpResponseBase
 
-from experiments.models import Drive, Participant, Study, StudyMember
+from experiments.models import Drive, Participant, ResearcherInvitation, Study, StudyMember
 from sessions.models import Session
 
 Role = Literal["owner", "researcher", "viewer", "coder", "wizard"]
@@ -63,6 +63,7 @@ def forget_members(instance: Study, **_more: Any) -> None:
     """
     if not Study.objects.filter(slug=instance.slug).exists():
         StudyMember.objects.filter(slug=instance.slug).delete()
+        ResearcherInvitation.objects.filter(slug=instance.slug).delete()
 
 
 def for_role(least: Role) -> Callable[[View[Given]], View[Given]]:

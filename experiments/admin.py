@@ -8,28 +8,27 @@ from django.contrib import admin, messages
 from django.db.models import Count, Max, Model, Q, QuerySet
 from django.forms import ModelForm
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
-from django.shortcuts import redirect, render
+from django.shortcuts import redirect
 from django.urls import URLPattern, path, reverse
 from django.utils import timezone
 from django.utils.html import format_html, format_html_join
 from django.utils.safestring import SafeString
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
-from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_POST, require_safe
 
 from accounts import audit
 from experiments import publishing
 from experiments.access import may
-from experiments.builder.forms import PublishForm, StudyForm
+from experiments.builder.forms import CopyForm, PublishForm, StudyForm
 from experiments.builder.recruitment_labels import ENDING_NAMES
-from experiments.builder.views import BuilderPages, sections, told
+from experiments.builder.views import BuilderPages, doubted, sections, told
 from experiments.definition.schema import to_json
 from experiments.definition.shipped import shipped
 from experiments.models import Participant, ParticipantKind, Study, StudyMember
 from experiments.participation import completion
 from experiments.research.notices import mail_to_owner
-from experiments.research.study_access import OfStudies, study_for
+from experiments.research.study_access import OfStudies, shown_time, study_for
 from experiments.study_admin import opening_hours
 from experiments.study_admin.participants import DriveAdmin, ParticipantAdmin
 from experiments.study_admin.people import PeoplePages, made
@@ -38,9 +37,9 @@ from experiments.study_admin.publication import PublicationPages
 from experiments.study_admin.recruitment import RecruitmentPages
 from experiments.study_admin.rehearsals import RehearsalAdmin, offer_of
 from experiments.study_admin.walk_through import WalkThroughPages
-from robots.admin import NOTHING
 from robots.admin_pages.overview import register_section
 from surveys.document_forms.problem_text import sentences
+from surveys.documents import BadDefinitionError
 
 WAY = "participants__kind"
 register_section("mail", mail_to_owner)
@@ -124,12 +123,10 @@ class StudyAdmin(
 
     @admin.display(description=_("pilots"), ordering="n_pilot")
     def pilots(self, row: Study) -> SafeString:
-        """Return how many pilots there are."""
         return self._counted(row, ParticipantKind.PILOT)
 
     @admin.display(description=_("bots"), ordering="n_bot")
     def bots(self, row: Study) -> SafeString:
-        """Return how many bots there are."""
         return self._counted(row, ParticipantKind.BOT)
 
     @staticmethod
@@ -144,9 +141,7 @@ class StudyAdmin(
 
     @admin.display(description=_("last activity"), ordering="active_at")
     def last_activity(self, row: Study) -> str:
-        """Return when somebody was last seen."""
-        at = getattr(row, "active_at", None)
-        return NOTHING if at is None else timezone.localtime(at).strftime("%Y-%m-%d %H:%M")
+        return shown_time(getattr(row, "active_at", None))
 
     @admin.display(description="")
     def ways(self, row: Study) -> SafeString:
@@ -239,6 +234,7 @@ class StudyAdmin(
             "study": row,
             "study_tab": "overview",
             "problems": told(row),
+            "doubts": doubted(row) if row.status == Study.Status.DRAFT else [],
             "is_owner": may(request.user, row.slug, "owner"),
             "may_research": may(request.user, row.slug, "researcher"),
             "sections": sections(row),
@@ -258,38 +254,15 @@ class StudyAdmin(
     # --- what is done with it ---------------------------------------------------------------------
 
     def get_urls(self) -> list[URLPattern]:
-        """The pages of the model, and its own."""
-        guard = self.admin_site.admin_view
-        own = [
-            path(
-                "shipped/", guard(require_POST(self.take_shipped)), name="experiments_study_shipped"
-            ),
-            path(
-                "<uuid:pk>/export.json",
-                guard(require_safe(self.export)),
-                name="experiments_study_export",
-            ),
-            path(
-                "<uuid:pk>/new-version/",
-                guard(require_POST(self.new_version)),
-                name="experiments_study_new_version",
-            ),
-            path(
-                "<uuid:pk>/publish/",
-                guard(never_cache(self.publish_view)),
-                name="experiments_study_publish",
-            ),
-            path(
-                "<uuid:pk>/close/", guard(require_POST(self.close)), name="experiments_study_close"
-            ),
-            path(
-                "<uuid:pk>/reopen/",
-                guard(require_POST(self.reopen)),
-                name="experiments_study_reopen",
-            ),
-        ]
+        shipped = self.admin_site.admin_view(require_POST(self.take_shipped))
         return [
-            *own,
+            path("shipped/", shipped, name="experiments_study_shipped"),
+            self.study_path("export.json", require_safe(self.export), "export"),
+            self.study_path("new-version/", require_POST(self.new_version), "new_version"),
+            self.study_path("copy/", self.copy_view, "copy"),
+            self.study_path("publish/", self.publish_view, "publish"),
+            self.study_path("close/", require_POST(self.close), "close"),
+            self.study_path("reopen/", require_POST(self.reopen), "reopen"),
             *self.builder_urls(),
             *self.people_urls(),
             *self.plan_urls(),
@@ -347,15 +320,34 @@ class StudyAdmin(
         )
         return redirect("admin:experiments_study_change", copy.pk)
 
+    def copy_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
+        """Ask what a copy is called, make it, and go to it."""
+        row = study_for(request, pk, "owner")
+        form = CopyForm(request.POST or None, initial={"title": row.shown_title})
+        if request.method == "POST" and form.is_valid():
+            name, title = form.cleaned_data["name"], form.cleaned_data["title"]
+            try:
+                made = publishing.copy(row, name, title, timezone.now())
+            except BadDefinitionError as error:
+                form.add_error("name", sentences(error.problems))
+            else:
+                publishing.own(made, request.user)
+                self.log_addition(request, made, f"Copied from {row.slug} {row.version}.")
+                return redirect("admin:experiments_study_change", made.pk)
+        title = gettext("Copy as a new study")
+        return self.study_page(request, row, "copy", title, {"form": form}, tab="overview")
+
     def publish_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
         """Say what stands in the way, ask for a reason where there is no rehearsal, and publish."""
         row = study_for(request, pk, "owner")
         form, reasons = PublishForm(request.POST if request.method == "POST" else None), []
         if request.method == "POST" and form.is_valid():
+            reason, is_confirmed = form.cleaned_data["reason"], form.cleaned_data["confirmed"]
+            now = timezone.now()
             try:
-                publishing.publish(row, request.user, form.cleaned_data["reason"], timezone.now())
+                publishing.publish(row, request.user, reason, now, is_confirmed=is_confirmed)
             except publishing.NotPublishableError as error:
-                known = publishing.problems_of(row)  # these stand on the page already
+                known = publishing.problems_of(row)  # these are on the page already
                 reasons = sentences(one for one in error.reasons if one not in known)
             else:
                 messages.success(
@@ -363,31 +355,25 @@ class StudyAdmin(
                     gettext("Study published. Its definition can no longer be changed."),
                 )
                 return redirect("admin:experiments_study_change", row.pk)
-        context = self.admin_site.each_context(request) | {
-            "title": gettext("Publish"),
-            "opts": self.opts,
-            "study": row,
-            "study_tab": "overview",
+        context = {
             "form": form,
             "reasons": reasons,
             "problems": told(row),
+            "doubts": doubted(row),
             "is_owner": True,
             "rehearsal": publishing.passed_rehearsal(row),
             "offer": offer_of(row),
         }
-        return render(
-            request,
-            "admin/experiments/study/publish.html",
-            context,
-            status=422 if request.method == "POST" else 200,
+        status = 422 if request.method == "POST" else 200
+        title = gettext("Publish")
+        return self.study_page(
+            request, row, "publish", title, context, tab="overview", status=status
         )
 
     def close(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Take nobody new."""
         return self._turn(request, study_for(request, pk, "owner"), opens=False)
 
     def reopen(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Take participants again."""
         return self._turn(request, study_for(request, pk, "owner"), opens=True)
 
     @staticmethod

@@ -192,6 +192,51 @@ class StudyMember(models.Model):
         return f"{self.user} · {self.slug} · {self.get_role_display()}"
 
 
+class ResearcherInvitation(models.Model):
+    """An invitation to a colleague, with an account or without one, to become a researcher of a
+    study. Only a hash of the token in its link is stored; the link works once.
+    """
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    slug = models.SlugField(_("study"), max_length=40, db_index=True)
+    email = models.EmailField(_("e-mail address"))
+    role = models.CharField(_("role"), max_length=12, choices=StudyMember.Role)
+    token_sha256 = models.CharField(max_length=64, unique=True, editable=False)
+    invited_by = models.ForeignKey(
+        settings.AUTH_USER_MODEL, models.CASCADE, related_name="+", verbose_name=_("invited by")
+    )
+    created_at = models.DateTimeField(_("created"))
+    expires_at = models.DateTimeField(_("expires"))
+    accepted_at = models.DateTimeField(_("accepted"), null=True, blank=True)
+
+    class Meta:
+        verbose_name = _("invitation")
+        verbose_name_plural = _("invitations")
+        ordering = ("-created_at",)
+
+    def __str__(self) -> str:
+        return f"{self.email} · {self.slug}"
+
+
+class InstructionMedia(models.Model):
+    """A picture or a video of the researchers' own for instructions. Its `name` is made from its
+    content, so that a published study can never show another one.
+    """
+
+    name = models.CharField(max_length=64, primary_key=True)
+    slug = models.SlugField(_("study"), max_length=40, db_index=True)
+    title = models.CharField(_("file name"), max_length=200)
+    content = models.BinaryField()
+    uploaded_at = models.DateTimeField(_("uploaded"))
+
+    class Meta:
+        verbose_name = _("picture of the instructions")
+        verbose_name_plural = _("pictures of the instructions")
+
+    def __str__(self) -> str:
+        return self.title
+
+
 class Participant(models.Model):
     """Somebody in one version of a study. `code` is what datasets call them."""
 

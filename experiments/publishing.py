@@ -16,34 +16,42 @@ import msgspec
 from django.contrib.admin.models import CHANGE, LogEntry
 from django.db import IntegrityError, transaction
 from django.db.models import Max, Model
+from django.utils.translation import get_language, gettext
 
 from accounts import audit
+from experiments.definition.factors import of_condition
 from experiments.definition.feasibility import Known, RobotFacts, obstacles
 from experiments.definition.plan import AttentionCheck
-from experiments.definition.problems import name_problems, problems
+from experiments.definition.problems import doubts, name_problems, problems
 from experiments.definition.reachability import unreachable
 from experiments.definition.recruitment.recruiting import AnswerQuota, AnswerRule
 from experiments.definition.schema import StudyDefinition, as_stored, digest
 from experiments.definition.step import AskingStep, DriveStep
 from experiments.definition.steps.consent import SHARING, TEMPLATE
-from experiments.models import PersonalLink, Rehearsal, StudyMember
+from experiments.definition.steps.instructions import OWN_MEDIA, Instructions
+from experiments.models import InstructionMedia, PersonalLink, Rehearsal, StudyMember
 from experiments.models import Study as Row
 from robots.api import floorplan
 from robots.models import FloorPlan, Robot
 from sessions.interfaces import INTERFACES
 from surveys import questionnaires
 from surveys.definition import Definition as QuestionnaireDefinition
+from surveys.definition import language_for
 from surveys.documents import (
     BadDefinitionError,
     ChangedMeanwhileError,
     Problem,
     ProblemPlace,
+    spoken,
     within,
 )
 from surveys.documents import gettext_noop as _
 from surveys.models import Questionnaire as QuestionnaireRow
+from surveys.scoring import scales_of, topic_scales
 
 LEAST_REASON = 10  # characters: "later" is none
+_NO_METRIC = _("there is no metric %(name)s.")
+_NO_ITEM = _("the questionnaire has no item, topic or score %(name)s.")
 
 
 class NotPublishableError(ValueError):
@@ -127,11 +135,7 @@ def begin_empty(slug: str, title: str, languages: Sequence[str], now: datetime.d
     Raises:
         BadDefinitionError: there is a study of that name, or name or languages cannot be.
     """
-    taken = list(name_problems(slug))
-    if Row.objects.filter(slug=slug).exists():
-        taken.append(Problem(_("There is a study %(name)s already."), {"name": slug}))
-    if taken:
-        raise BadDefinitionError(taken)
+    _check_name(slug)
     try:
         definition = msgspec.convert(
             _usual(slug, title, tuple(dict.fromkeys(languages))), StudyDefinition
@@ -198,6 +202,27 @@ def new_version(row: Row, now: datetime.datetime) -> Row:
     return Row.objects.get(pk=made.pk)
 
 
+def copy(row: Row, slug: str, title: str, now: datetime.datetime) -> Row:
+    """Return a draft of a new study that says the same under another name: its first version, with
+    neither participants nor researchers.
+
+    Raises:
+        BadDefinitionError: there is a study of that name, or it cannot be one.
+    """
+    definition = row.as_definition()
+    titles = dict.fromkeys(definition.languages, title)
+    _check_name(slug)
+    return _put(msgspec.structs.replace(definition, slug=slug, version=1, title=titles), now)
+
+
+def _check_name(slug: str) -> None:
+    taken = list(name_problems(slug))
+    if Row.objects.filter(slug=slug).exists():
+        taken.append(Problem(_("There is a study %(name)s already."), {"name": slug}))
+    if taken:
+        raise BadDefinitionError(taken)
+
+
 def own(row: Row, user: Any) -> None:
     """Make whoever brought a study its owner, when it has none."""
     if not StudyMember.objects.filter(slug=row.slug, role=StudyMember.Role.OWNER).exists():
@@ -210,11 +235,12 @@ def own(row: Row, user: Any) -> None:
 
 
 def problems_of(row: Row) -> list[Problem]:
-    """Return what is wrong with a study in itself, then, when nothing is, what stands in its way
-    here. A consent with placeholders is only refused here: a rehearsal may be run with them.
+    """Return what is wrong with a study in itself, and what stands in its way here. A consent with
+    placeholders is only refused here: a rehearsal may be run with them.
     """
     definition = row.as_definition()
-    return [*problems(definition), *_unfilled(definition)] or obstacles_here(definition)
+    found = [*problems(definition), *_unfilled(definition), *obstacles_here(definition)]
+    return [one for n, one in enumerate(found) if one not in found[:n]]
 
 
 def _unfilled(definition: StudyDefinition) -> Iterator[Problem]:
@@ -230,27 +256,64 @@ def obstacles_here(definition: StudyDefinition) -> list[Problem]:
     return [
         *obstacles(definition, known_here(), unreachable),
         *_elsewhere(definition),
-        *_unknown_metrics(definition),
+        *_unknown_measures(definition),
         *_named_answers(definition),
+        *_missing_media(definition),
         *_balance_factors(definition),
     ]
 
 
-def _unknown_metrics(definition: StudyDefinition) -> Iterator[Problem]:
+def _missing_media(definition: StudyDefinition) -> Iterator[Problem]:
+    """Yield the steps with an uploaded picture that another site has, where the study is from."""
+    for n, step in enumerate(definition.steps):
+        pages = step.leaves if isinstance(step, Instructions) else ()
+        own = {one.picture for one in pages if (one.picture or "").startswith(OWN_MEDIA)}
+        if InstructionMedia.objects.filter(name__in=own).count() < len(own):
+            words = _("an own picture or video is not on this site; upload it again.")
+            yield from within([Problem(words)], ProblemPlace("steps", n), _("Step"), step.key)
+
+
+def measures_here(definition: StudyDefinition) -> dict[str, dict[str, str]]:
+    """Return what a study can measure, by group: metrics of its sessions, and of each
+    questionnaire that it asks the overall score, topics and items, with what each is called.
+    """
+    # needs the columns of datasets, which a page about a study without analyses need not load
+    from experiments.analysis.metrics.definitions import METRICS  # noqa: PLC0415
+
+    found = {"": {one.name: metric_name(one.name, one.unit) for one in METRICS}}
+    asked = {(step.questionnaire, step.version) for step in definition.asking}
+    for one in _questionnaires(asked):
+        language = language_for(one, get_language() or "")
+        title = questionnaires.listed_title(one.slug, spoken(one.title, language))
+        overall = gettext("overall score of %(title)s") % {"title": title}
+        scales = (*scales_of(one), *topic_scales(one))
+        named = {it.key: spoken(it.label, language) or overall for it in scales}
+        for item in one.questions():
+            if item.item.is_number:
+                named.setdefault(item.key, spoken(item.text, language))
+        texts = {f"{one.slug}.{key}": text for key, text in named.items()}
+        found.setdefault(title, {}).update(texts)
+    return found
+
+
+def metric_name(name: str, unit: str) -> str:
+    """Return what a metric is called on pages: "Task time (s)"."""
+    words = name.replace("_", " ").capitalize()
+    return f"{words} ({unit})" if unit else words
+
+
+def _unknown_measures(definition: StudyDefinition) -> Iterator[Problem]:
     if not definition.analyses:
         return
-    # with numpy and scipy, which a page about a study without analyses need not load
-    from experiments.analysis.metrics.definitions import (  # noqa: PLC0415
-        METRICS,
-        unfit_for,
-    )
+    from experiments.analysis.metrics.definitions import unfit_for  # noqa: PLC0415
 
-    known = {column.name for column in METRICS}
+    known = {name for group in measures_here(definition).values() for name in group}
+    asked = {step.questionnaire for step in definition.asking}
     for n, one in enumerate(definition.analyses):
         unknown = (
-            Problem(_("there is no metric %(name)s."), {"name": measure})
-            for measure in one.measures
-            if "." not in measure and measure not in known
+            Problem(_NO_ITEM if "." in name else _NO_METRIC, {"name": name})
+            for name in one.measures
+            if name not in known and ("." not in name or name.partition(".")[0] in asked)
         )
         unfit = (
             Problem(
@@ -388,19 +451,18 @@ def _heard_of() -> list[Robot]:
     return [robot for robot in robots if robot.presence.factsheet]
 
 
-def _elsewhere(definition: StudyDefinition) -> Iterator[str]:
+def _elsewhere(definition: StudyDefinition) -> Iterator[Problem]:
     here = {
         ((robot.presence.factsheet or {})["series"], robot.floor_plan.name)
         for robot in _heard_of()
         if robot.floor_plan is not None
     }
     series = {name for name, _site in here}
-    for condition in definition.conditions:
+    for n, condition in enumerate(definition.conditions):
         if condition.robot in series and (condition.robot, condition.site) not in here:
-            yield (
-                f"Condition {condition.key}: there is no {condition.robot} at the "
-                f"site {condition.site}."
-            )
+            words = _("there is no %(robot)s at the site %(site)s.")
+            named = {"robot": condition.robot, "site": condition.site}
+            yield from of_condition(n, condition, [Problem(words, named)])
 
 
 def usable() -> Iterator[QuestionnaireDefinition]:
@@ -426,7 +488,9 @@ def passed_rehearsal(row: Row) -> Rehearsal | None:
     return rehearsals.order_by("-finished_at").first()
 
 
-def publish(row: Row, user: Any, reason: str, now: datetime.datetime) -> Row:
+def publish(
+    row: Row, user: Any, reason: str, now: datetime.datetime, *, is_confirmed: bool = False
+) -> Row:
     """Open a draft to participants; from now on its definition is frozen, and no earlier version
     takes anybody new.
 
@@ -435,6 +499,7 @@ def publish(row: Row, user: Any, reason: str, now: datetime.datetime) -> Row:
         user: who does it, for the log; None for a command.
         reason: why without a rehearsal that passed; asked for only where there is none.
         now: the time.
+        is_confirmed: what is doubtful (experiments.definition.problems.doubts) is meant so.
 
     Raises:
         NotPublishableError: with everything that stands in the way.
@@ -448,6 +513,9 @@ def publish(row: Row, user: Any, reason: str, now: datetime.datetime) -> Row:
             "is published without one."
         )
         wrong.append(Problem(words, {"n": LEAST_REASON}))
+    unsure = list(doubts(row.as_definition()))
+    if not is_confirmed:
+        wrong += unsure
     if wrong:
         raise NotPublishableError(wrong)
     definition = row.as_definition()
@@ -476,6 +544,8 @@ def publish(row: Row, user: Any, reason: str, now: datetime.datetime) -> Row:
     log(
         row, user, f"Published without a rehearsal: {reason}" if rehearsal is None else "Published."
     )
+    for one in unsure:
+        log(row, user, f"Confirmed: {one}")
     return Row.objects.get(pk=row.pk)
 
 

@@ -2,6 +2,7 @@
 
 from django.urls import URLPattern, URLResolver, path
 
+from experiments.instruction_media import media
 from experiments.participation import appointment_views, step_views, views
 from experiments.participation.own_data import views as own_views
 from experiments.participation.withdrawal.views import receipt_text
@@ -9,6 +10,7 @@ from experiments.recruitment import api
 
 urlpatterns: list[URLPattern | URLResolver] = [
     path("studies/link/<str:token>/", views.link, name="study_link"),
+    path("studies/media/<slug:name>", media, name="study_media"),
     path("studies/<slug:slug>/", views.front, name="study"),
     path("studies/<slug:slug>/step/", step_views.step, name="study_step"),
     path("studies/<slug:slug>/drive/", step_views.drive, name="study_drive"),

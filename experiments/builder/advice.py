@@ -7,7 +7,6 @@ from collections.abc import Iterator
 
 from django.utils.translation import gettext as _
 
-from experiments.builder.labels import GUIDE
 from experiments.builder.pages import BuilderPlace
 from experiments.definition.schema import StudyDefinition
 from experiments.definition.step import AskingStep
@@ -24,7 +23,6 @@ Advice = tuple[str, BuilderPlace]  # a sentence, and the page on which else it c
 
 
 def advice(study: StudyDefinition, place: BuilderPlace, language: str) -> Iterator[Advice]:
-    """Yield what a page advises; texts of the study in a language."""
     if place.section == "steps" and place.index is not None:
         yield from _on_age(study, place.index, language)
         if study.observers_allowed and isinstance(study.steps[place.index], Consent):
@@ -33,10 +31,6 @@ def advice(study: StudyDefinition, place: BuilderPlace, language: str) -> Iterat
                 "others can see and hear them."
             )
             yield text, BuilderPlace("about")
-    elif place.section == "rules" and study.factors:
-        design = {"design": GUIDE.word("design", study.allocation.design)}
-        text = _("Design: %(design)s. It follows from the factors.")
-        yield text % design, BuilderPlace("factors")
 
 
 def _on_age(study: StudyDefinition, index: int, language: str) -> Iterator[Advice]:

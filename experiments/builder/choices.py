@@ -2,8 +2,9 @@
 that others refer to.
 """
 
-from collections.abc import Iterable, Mapping
-from pathlib import Path
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import combinations
+from typing import get_args
 
 import msgspec
 from django.conf import settings
@@ -11,10 +12,16 @@ from django.utils.text import capfirst
 from django.utils.translation import get_language
 from django.utils.translation import gettext as _
 
-from experiments import publishing
+from experiments import instruction_media, publishing
+from experiments.builder.design import shared_fields
+from experiments.builder.labels import CHOICES
 from experiments.builder.pages import AtHand
+from experiments.builder.study_form import claim_of
+from experiments.definition.analyses import AGE, DeclaredAnalysis
 from experiments.definition.feasibility import too_fast
-from experiments.definition.schema import Condition
+from experiments.definition.schema import Condition, Outcome, StudyDefinition
+from experiments.models import Study as Row
+from experiments.participation.steps.instructions import PICTURES
 from robots.api.floorplan import FloorPlan as Plan
 from sessions.interfaces import INTERFACES
 from surveys import questionnaires
@@ -24,7 +31,10 @@ from surveys.document_forms.parts import Document
 from surveys.documents import spoken
 from surveys.models import Questionnaire
 
-PICTURES = Path(settings.BASE_DIR) / "static" / "img" / "instructions"
+DIRECTED = 2  # sides that a directed hypothesis has
+# Outcomes after which a place may be given away: not those of the task itself.
+REFILLED = [one for one in get_args(Outcome) if one not in {"completed", "timed_out"}]
+_MEASURING = {"analyses", "plan"}  # sections whose forms name measures
 
 
 def at_hand() -> AtHand:
@@ -36,44 +46,151 @@ def at_hand() -> AtHand:
     )
 
 
-def offered(whole: Document, part: Document) -> Offered:
-    """Return what can be chosen in a form, by key of the field; doors, stations and mirrors are
-    those of the part's own site.
+def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
+    """Return what can be chosen in a form of a section, by key of the field; doors, stations and
+    mirrors are those of the part's own site, or of all sites of the study.
     """
-    here = at_hand()
-    plan = here.sites.get(part.get("site", ""))
-    doors = tuple(door.name for door in plan.doors) if plan is not None else ()
+    here, study = at_hand(), row.as_definition()
+    language = get_language() or ""
+    sites = [part["site"]] if "site" in part else [one["site"] for one in whole["conditions"]]
+    plans = [here.sites[site] for site in dict.fromkeys(sites) if site in here.sites]
+    doors = tuple(dict.fromkeys(door.name for plan in plans for door in plan.doors))
+    docks = [dock.name for plan in plans for dock in plan.docks if dock.type == part.get("robot")]
+    conditions = {one.key: spoken(one.title, language) or one.key for one in study.conditions}
+    measures = _measures(study) if section in _MEASURING else {}
     return {
         "languages": tuple(code for code, _label in settings.LANGUAGES),
         "robot": here.robots,
         "site": tuple(here.sites),
         "doors": doors,
         "doors_closed": doors,
-        "dock": (
-            tuple(dock.name for dock in plan.docks if dock.type == part.get("robot"))
-            if plan is not None
-            else ()
-        ),
-        "mirror": tuple(mirror.name for mirror in plan.mirrors) if plan is not None else (),
+        "dock": tuple(docks),
+        "mirror": tuple(mirror.name for plan in plans for mirror in plan.mirrors),
         **_questionnaires(whole),
         "interface": INTERFACES,
-        "PlaceMove.name": places(
-            here.sites[site]
-            for site in dict.fromkeys(one["site"] for one in whole["conditions"])
-            if site in here.sites
-        ),
-        "analysis": tuple(one["key"] for one in whole["analyses"]),
-        "condition": tuple(one["key"] for one in whole["conditions"]),
+        "PlaceMove.name": places(plans),
+        **dict.fromkeys(("condition", "first", "second", "conditions"), conditions),
         "hypotheses": tuple(one["key"] for one in part.get("hypotheses", ())),
-        **dict.fromkeys(
-            ("first", "second", "conditions"), tuple(one["key"] for one in whole["conditions"])
-        ),
-        **{
-            f"levels.{factor['key']}": tuple(level["key"] for level in factor.get("levels", ()))
-            for factor in whole["factors"]
-        },
-        "picture": tuple(sorted(file.stem for file in PICTURES.glob("*.svg"))),
+        "outcomes": {key: CHOICES["outcomes"][key] for key in REFILLED},
+        "pictures": _pictures(row, part),
+        "shared": shared_fields(whole),
+        "effects": effects(study, language),
+        "claims": claims(study, language),
+        "measures": measures,
+        "measure": measures,
+        "covariates": _covariates(study, language) if section == "analyses" else {},
     }
+
+
+def _pictures(row: Row, part: Document) -> dict[str, str]:
+    """Return the pictures for instructions: those that come with the site, and own ones."""
+    used = [page.get("picture") or "" for page in part.get("leaves", ())]
+    built_in = {name: name for name in sorted(PICTURES)}
+    return built_in | instruction_media.titles(row.slug, used)
+
+
+def _covariates(study: StudyDefinition, language: str) -> dict[str, str]:
+    """Return what a model can adjust for: the age, and items of questionnaires about the person."""
+    asked = {
+        (one.slug, one.version): one
+        for one in publishing.usable()
+        if any(one.slug == step.questionnaire for step in study.asking if step.is_about_person)
+    }
+    named = {
+        f"{slug}.{item.key}": spoken(item.text, language)
+        for (slug, _version), one in asked.items()
+        for item in one.questions()
+        if not item.item.is_free_text
+    }
+    return {AGE: _("Age"), **named}
+
+
+def _measures(study: StudyDefinition) -> dict[str, dict[str, str]]:
+    found = publishing.measures_here(study)
+    return {group or _("Metrics of a drive"): names for group, names in found.items()}
+
+
+def effects(study: StudyDefinition, language: str) -> dict[str, str]:
+    """Return what a mixed model of a study can have as effects, with what each is called."""
+    titles = {one.key: spoken(one.title, language) or one.key for one in study.factors}
+    crossed = (
+        several for count in range(1, len(titles) + 1) for several in combinations(titles, count)
+    )
+    named = {":".join(keys): " × ".join(titles[key] for key in keys) for keys in crossed}
+    own = {"condition": _("Condition"), "period": _("Round"), "order": _("Order of conditions")}
+    return named | own
+
+
+def claims(study: StudyDefinition, language: str) -> dict[str, dict[str, str]]:
+    """Return what hypotheses of a study may expect, by the analysis that tests it: for each effect
+    or contrast a sentence a direction.
+    """
+    return {
+        spoken(one.title, language) or one.key: dict(_claims(study, one, language))
+        for one in study.analyses
+    }
+
+
+def write_claims(study: StudyDefinition, plan: Document) -> None:
+    """Write the text of each hypothesis that has none, from what was chosen for it."""
+    named = {key: text for group in _measures(study).values() for key, text in group.items()}
+    sentences = {
+        key: text
+        for group in claims(study, study.languages[0]).values()
+        for key, text in group.items()
+    }
+    for one in plan.get("hypotheses", ()):
+        claim = sentences.get(claim_of(one), "")
+        analysis = next((it for it in study.analyses if it.key == one.get("analysis")), None)
+        if claim and analysis is not None and not one.get("text"):
+            keys = one.get("measures") or analysis.measures
+            one["text"] = f"{', '.join(named.get(key, key) for key in keys)} – {claim}."
+
+
+def write_contrasts(study: StudyDefinition, analysis: Document) -> None:
+    """Write the titles that contrasts lack: the conditions of both sides."""
+    for one in analysis.get("contrasts", ()):
+        for language in study.languages:
+            sides = [_side(study, one.get(name, ()), language) for name in ("first", "second")]
+            if all(sides) and not one.get("title", {}).get(language):
+                one["title"] = {**one.get("title", {}), language: " – ".join(sides)}
+
+
+def _claims(
+    study: StudyDefinition, one: DeclaredAnalysis, language: str
+) -> Iterator[tuple[str, str]]:
+    words = effects(study, language)
+    if one.is_model:
+        for effect in one.effects:
+            # what depends on another factor has no direction
+            directed = (it for it in study.factors if not one.interacts(it.key))
+            factor = next((it for it in directed if it.key == effect), None)
+            sides = [spoken(level.title, language) for level in factor.levels] if factor else []
+            last = effect.replace(":", ".")
+            yield from _directions(words.get(effect, effect), sides, f":{one.key}::{last}")
+    elif not one.contrasts:
+        yield f"different:{one.key}::", _("it differs between the conditions")
+    for n, contrast in enumerate(one.contrasts, start=1):
+        sides = [_side(study, keys, language) for keys in (contrast.first, contrast.second)]
+        title = spoken(contrast.title, language) or f"{n}"
+        yield from _directions(title, sides, f":{one.key}:{n}:")
+
+
+def _side(study: StudyDefinition, keys: Iterable[str], language: str) -> str:
+    found = [study.condition(key) for key in keys]
+    return " + ".join(spoken(one.title, language) for one in found if one is not None)
+
+
+def _directions(title: str, sides: Sequence[str], rest: str) -> Iterator[tuple[str, str]]:
+    named = {"title": title, "first": sides[0], "second": sides[-1]} if sides else {"title": title}
+    if len(sides) == DIRECTED:
+        yield f"greater{rest}", _("%(title)s: greater with %(first)s than with %(second)s") % named
+        yield f"less{rest}", _("%(title)s: smaller with %(first)s than with %(second)s") % named
+        yield f"different{rest}", _("%(title)s: different with %(first)s and %(second)s") % named
+    elif "." in rest:
+        yield f"different{rest}", _("%(title)s: the effect of one depends on the other") % named
+    else:
+        yield f"different{rest}", _("%(title)s: a difference") % named
 
 
 def _questionnaires(whole: Document) -> dict[str, Mapping[str, str]]:
@@ -81,11 +198,12 @@ def _questionnaires(whole: Document) -> dict[str, Mapping[str, str]]:
     versions, titles = {}, {}
     for one in publishing.usable():
         title = spoken(one.title, language_for(one, get_language() or ""))
-        titles[one.slug] = title
+        title = titles[one.slug] = questionnaires.listed_title(one.slug, title)
         words = _("%(title)s, version %(n)d") % {"title": title, "n": one.version}
         versions[f"{one.slug}:{one.version}"] = words
     asked = dict.fromkeys(step.get("questionnaire") for step in whole["steps"])
     statements = {slug: titles.get(slug, slug) for slug in asked if slug}
+    versions = dict(sorted(versions.items(), key=lambda one: one[1].lower()))
     return {"versions": versions, "questionnaire": titles, "statements": statements}
 
 
@@ -95,7 +213,10 @@ def questionnaire_titles() -> dict[tuple[str, int], str]:
     rows = Questionnaire.objects.values_list("slug", "version", "definition")
     stored = {(slug, version): definition["title"] for slug, version, definition in rows}
     language = get_language() or ""
-    return {name: spoken(title, language) for name, title in (shipped | stored).items()}
+    return {
+        (slug, version): questionnaires.listed_title(slug, spoken(title, language))
+        for (slug, version), title in (shipped | stored).items()
+    }
 
 
 def speeds_refused(part: Document) -> dict[str, str]:

@@ -7,6 +7,7 @@ from typing import Any
 
 from django import forms
 from django.conf import settings
+from django.core.validators import validate_email
 from django.db.models import Q
 from django.utils import timezone
 from django.utils.translation import gettext
@@ -99,7 +100,6 @@ class StudyForm(DocumentForm):
 
     @staticmethod
     def shown(study: Study) -> str:
-        """Return a definition as the text that the form takes."""
         return to_json(study.as_definition()).decode()
 
 
@@ -112,35 +112,55 @@ class PublishForm(forms.Form):
         max_length=2000,
         widget=forms.Textarea(attrs={"rows": 3}),
     )
+    confirmed = forms.BooleanField(label=_("Yes, it is meant like this."), required=False)
+
+
+class CopyForm(forms.Form):
+    name = forms.SlugField(
+        label=_("Name"),
+        max_length=40,
+        help_text=_("Lower-case letters, digits and hyphens. Used in the address."),
+    )
+    title = forms.CharField(label=_("Title"), max_length=200)
 
 
 class MemberForm(forms.Form):
-    """A researcher, by user name or address."""
+    """A researcher, by user name or address. `invited` is the address of somebody who has no
+    account yet, or none for the administration.
+    """
 
-    person = forms.CharField(label=_("User name or e-mail address"), max_length=254)
+    person = forms.CharField(
+        label=_("User name or e-mail address"),
+        max_length=254,
+        help_text=_("People without an account get an invitation by e-mail."),
+    )
     role = forms.ChoiceField(label=_("Role"), choices=StudyMember.Role)
+    invited = ""
 
-    def clean_person(self) -> User:
-        """Return the user; one who is no staff could not come in here."""
+    def clean_person(self) -> User | None:
+        """Return the user; None for somebody who is invited."""
         text = self.cleaned_data["person"].strip()
-        found = list(
-            User.objects.filter(Q(username=text) | Q(email__iexact=text), is_active=True)[:2]
-        )
-        if len(found) != 1:
-            raise forms.ValidationError(gettext("User not found."))
-        if not found[0].is_staff:
+        known = User.objects.filter(Q(username=text) | Q(email__iexact=text), is_active=True)
+        found = list(known[:2])
+        user = found[0] if len(found) == 1 else None
+        if user is not None and user.is_staff:
+            return user
+        self.invited = user.email if user is not None else text
+        try:
+            validate_email(self.invited)
+        except forms.ValidationError as error:
             raise forms.ValidationError(
-                gettext(
-                    "This user has no access to the administration. An administrator "
-                    "must grant it first."
+                gettext("User not found. Enter an e-mail address to invite this person.")
+                if user is None
+                else gettext(
+                    "This user has no access to the administration and no e-mail address for an "
+                    "invitation. An administrator must grant access first."
                 )
-            )
-        return found[0]
+            ) from error
+        return None
 
 
 class LinksForm(forms.Form):
-    """So many personal links."""
-
     count = forms.IntegerField(label=_("Number"), min_value=1, max_value=MOST_LINKS, initial=10)
     label = forms.CharField(
         label=_("Label"),
@@ -171,6 +191,5 @@ class LinksForm(forms.Form):
         access.choices = [one for one in access.choices if one[0] in there or not there]
 
     def expires_at(self, now: datetime.datetime) -> datetime.datetime | None:
-        """Return when they expire."""
         days = self.cleaned_data["days"]
         return None if days is None else now + datetime.timedelta(days=days)

@@ -3,18 +3,27 @@ for what may be chosen.
 """
 
 from django.utils.functional import Promise
+from django.utils.text import capfirst
 from django.utils.translation import gettext_lazy as _
+from django.utils.translation import gettext_lazy as translated
 from django.utils.translation import pgettext_lazy
 
 from experiments.builder import recruitment_labels
 from experiments.definition.coding import CodingScheme
-from experiments.definition.schema import StudyCheckpoint
+from experiments.definition.factors import SETTING_NAMES
+from experiments.definition.plan import Hypothesis
+from experiments.definition.schema import Condition, StudyCheckpoint
 from experiments.definition.step import AskingStep
 from experiments.definition.wizard import Wizard, WizardStep
 from surveys.document_forms.guide import FormGuide
 from surveys.editor.labels import CHOICES as SURVEY_CHOICES
 
 Words = str | Promise
+# What the buttons for new factors offer.
+FACTOR_KINDS = (
+    *("video_delay", "video_loss", "control_delay", "control_loss", "assist", "interface"),
+    *("controllers", "actions", "linear", "doors_closed", "robot", "site"),
+)
 
 LABELS: dict[str, Words] = {
     "title": _("Title"),
@@ -72,6 +81,16 @@ LABELS: dict[str, Words] = {
     "view": _("Angle (°)"),
     "InstructionPage.robot": _("Only for drivers of"),
     "InstructionPage.conditions": _("Only in these conditions"),
+    "changes": _("What it changes"),
+    "sets": _("This level sets"),
+    "shared": _("In every condition"),
+    "video_delay": _("Delay of the video (s)"),
+    "video_jitter": _("Jitter of the video (s)"),
+    "video_loss": _("Packet loss of the video (0-1)"),
+    "control_delay": _("Delay of the commands (s)"),
+    "control_jitter": _("Jitter of the commands (s)"),
+    "control_loss": _("Packet loss of the commands (0-1)"),
+    "factors": _("Factors"),
     "levels": _("Levels"),
     "measures": _("Measures"),
     "test": _("Test"),
@@ -119,9 +138,7 @@ LABELS: dict[str, Words] = {
     "observers_allowed": _("Other people may watch the drives"),
     "question": _("Research question"),
     "hypotheses": _("Hypotheses"),
-    "direction": _("Expected direction"),
-    "contrast": _("Number of the contrast"),
-    "effect": _("Effect of the model"),
+    "direction": _("What is expected"),
     "families": _("Families of hypotheses"),
     "alpha": _("Level of significance (0-1)"),
     "attention_checks": _("Attention checks"),
@@ -183,7 +200,8 @@ HINTS: dict[str, Words] = {
     "repeat": _("Repeated steps must be consecutive and include the task."),
     "minimum_age": _("Asked on the consent page."),
     "picture": _(
-        "Built-in illustrations. Those of the map and the task show an example, not your course."
+        "A built-in illustration (those of the map and the task show an example, not your course), "
+        "or a file of your own: a picture of at most 2 MB, or a video of at most 8 MB."
     ),
     "doors_closed": _(
         "Doors of the site that are closed in this condition. All others are opened."
@@ -225,10 +243,31 @@ HINTS: dict[str, Words] = {
         "If a participant with conditions left to do is not seen for this long, their order of "
         "conditions goes to someone else."
     ),
-    "measures": _(
-        "Metrics such as task_time, or answers such as experience.q1 or experience.overall, "
-        "separated by commas."
+    "DeclaredAnalysis.measures": _(
+        "Metrics of the drives, and scores and answers of the questionnaires that the study asks."
     ),
+    "factors": _(
+        "What you vary. The conditions are all combinations of the levels, and follow by "
+        "themselves."
+    ),
+    "Factor.key": _("Used in the data. Leave blank to make it from the title."),
+    "Level.key": _("Used in the data. Leave blank to make it from the title."),
+    "Level.title": _("Leave blank to take the value."),
+    "changes": _(
+        "Save after ticking: each level then asks for its value. Tick nothing if the levels "
+        "differ in instructions, or in what people do."
+    ),
+    "shared": _(
+        "Settings that no factor changes. Where conditions differ, they are set on the page of "
+        "each condition."
+    ),
+    "video_delay": _("0.3 is 300 ms. Delays what the driver sees, and no command."),
+    "video_loss": _("Share of packets that get lost: 0.02 is 2 %."),
+    "control_delay": _(
+        "Above about 0.1 s including jitter, the robot slows down, and the study cannot be "
+        "published: delay the video instead."
+    ),
+    "control_loss": _("Share of packets that get lost: 0.02 is 2 %."),
     "contrasts": _("All contrasts of all measures are one family for Holm's correction."),
     "conditions": _("The conditions to compare if there are no contrasts. Leave blank for all."),
     "Condition.robot": _(
@@ -252,11 +291,12 @@ HINTS: dict[str, Words] = {
         "the consent. Otherwise only the participant, the people who operate the robot, and the "
         "study's owners and researchers see it."
     ),
-    "hypotheses": _(
-        "Each names the declared analysis that tests it. All other tests are exploratory."
+    "direction": _(
+        "Declare an analysis first; its effects and contrasts are then listed here. All other "
+        "tests are exploratory."
     ),
-    "contrast": _("Counted from 1. Leave blank for all contrasts of the analysis."),
-    "effect": _("Only for a model, such as delay or delay:help. Leave blank for all."),
+    "Hypothesis.text": _("Leave blank to take the sentence that follows from your choices."),
+    "Hypothesis.measures": _("If you tick none, all measures of the analysis."),
     "families": _(
         "All tests of a family are corrected together. Without a family, those of one analysis are."
     ),
@@ -268,14 +308,8 @@ HINTS: dict[str, Words] = {
         "Only for proportions (a share), counts (events per minute) and times (the median in "
         "seconds), in place of a difference."
     ),
-    "covariates": _(
-        "For a model: age, or items of a questionnaire about the person, such as "
-        "ict.games; separated by commas."
-    ),
-    "effects": _(
-        "For a model: factors, interactions such as delay:help, condition, period, order; "
-        "separated by commas."
-    ),
+    "covariates": _("Of a model."),
+    "effects": _("Of a model."),
     "docked": _("Otherwise the participant waits and the study's researchers get an e-mail."),
     "charge": _(
         "0.3 is 30 %; 0 accepts any charge. A robot that does not report its charge is always "
@@ -284,7 +318,6 @@ HINTS: dict[str, Words] = {
     "docked_seconds": _(
         "Counted while the robot is still and the controls are released. At least 1."
     ),
-    "outcomes": _("The task's own outcomes (completed, timed out) never count here."),
     "controllers": _("Devices the visitor may drive with."),
     "linear": _(
         "Leave blank to use the robot's limit; cannot exceed it. 0.3 m/s is a slow walk, 1.3 m/s "
@@ -375,6 +408,7 @@ CHOICES: dict[str, dict[str, Words]] = {
         "slow": _("slows down and stops at obstacles"),
         "steer": _("steers around obstacles and through doors"),
     },
+    "changes": {name: capfirst(translated(words)) for name, words in SETTING_NAMES.items()},
     "design": {
         "between": _("between participants: one condition each"),
         "within": _("within participants: all conditions"),
@@ -402,11 +436,6 @@ CHOICES: dict[str, dict[str, Words]] = {
         "times": _("times to success: log-rank, Cox regression"),
         "mixed": _("linear mixed model"),
     },
-    "direction": {
-        "different": _("a difference"),
-        "greater": _("first side greater"),
-        "less": _("first side smaller"),
-    },
     "incomplete": {
         "keep": _("kept"),
         "drives": _("excluded if a drive is missing"),
@@ -426,6 +455,7 @@ ITEMS: dict[str, Words] = {
     "leaves": pgettext_lazy("of the instructions", "Page"),
     "checkpoints": _("Checkpoint"),
     "zones": _("Zone"),
+    "factors": _("Factor"),
     "levels": _("Level"),
     "contrasts": _("Contrast"),
     "hypotheses": _("Hypothesis"),
@@ -445,15 +475,24 @@ GUIDE = FormGuide(
     {**ITEMS, **recruitment_labels.ITEMS},
     {**CHOICES, **recruitment_labels.CHOICES},
     # Parts of a list that are added as one of several kinds, by the list.
-    kinds={"WizardStage.steps": {"": _("Line")} | CHOICES["move"]},
+    kinds={
+        "WizardStage.steps": {"": _("Line")} | CHOICES["move"],
+        "StudyDesign.factors": {
+            **{name: CHOICES["changes"][name] for name in FACTOR_KINDS},
+            "": _("Something else"),
+        },
+    },
     hidden={
         StudyCheckpoint: frozenset({"number"}),  # its place in the list says it
         # Lists whose parts have pages of their own.
         Wizard: frozenset({"stages"}),
         CodingScheme: frozenset({"codes"}),
         AskingStep: frozenset({"version"}),  # chosen with the questionnaire
+        Hypothesis: frozenset({"analysis", "contrast", "effect"}),  # chosen with the direction
+        Condition: frozenset({"levels"}),  # they follow from the design
     },
     instead={WizardStep: {"move": frozenset({"line", "aloud"})}},
+    details=frozenset({"Factor.key", "Level.key", "changes"}),
     long=frozenset(
         {
             *("text", "intro", "source", "recruitment", "compensation", "question", "rationale"),

@@ -9,16 +9,28 @@ from typing import Any
 
 import msgspec
 
+from experiments.builder.design import (
+    StudyDesign,
+    design_of,
+    free_key,
+    new_factor,
+    new_level,
+    with_design,
+)
+from experiments.builder.labels import GUIDE
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.coding import Code
 from experiments.definition.design import Factor
+from experiments.definition.factors import SETTINGS
 from experiments.definition.plan import StudyPlan
 from experiments.definition.schema import Condition, Course, StudyDefinition
+from experiments.definition.step import AskingStep
 from experiments.definition.steps import KINDS
 from experiments.definition.wizard import WizardStage
 from robots.api.floorplan import FloorPlan
 from robots.api.messages import Point
 from surveys.document_forms.parts import Document, in_languages, read_points
+from surveys.document_forms.submitted import number
 
 # What of the study itself is on which page, and the classes of what stands in lists.
 PAGES: Mapping[str, Collection[str]] = {
@@ -30,11 +42,12 @@ PAGES: Mapping[str, Collection[str]] = {
         *("recruiting", "turned_away_code", "devices", "browsers"),
         *("screening", "answer_quotas", "appointments"),
     ),
-    "rules": ("allocation", "start", "refill", "quality", "analysis"),
+    "rules": ("start", "refill", "quality", "analysis"),
     "wizard": ("wizard",),
     "coding": ("coding",),
 }
 PLAN = "plan"  # the page of an optional part of the study: one without content is none
+DESIGN = "design"  # factors, what conditions share, and assignment (experiments/builder/design.py)
 LISTS = ("steps", "factors", "conditions", "courses", "analyses")
 # Lists inside an optional part of the study, on whose page they are shown.
 INNER_LISTS: Mapping[str, str] = {"stages": "wizard", "codes": "coding"}
@@ -46,6 +59,7 @@ CLASSES: Mapping[str, type[Any]] = {
     "stages": WizardStage,
     "codes": Code,
 }
+KEPT = ("kind", "levels")  # what no form of a step or of a condition changes
 NEW_ZONE = 1.0  # metres: the sides of a zone before it is drawn
 
 
@@ -58,28 +72,28 @@ class BuilderPlace:
 
     def part(self, whole: Document) -> Document | None:
         """Return the document that the page edits; None when there is none."""
-        if self.section == PLAN:
-            return (whole.get(PLAN) or {}) if self.index is None else None
+        if self.section in {PLAN, DESIGN} and self.index is None:
+            return (whole.get(PLAN) or {}) if self.section == PLAN else design_of(whole)
         if self.index is None:
             return whole if self.section in PAGES else None
         parts = parts_in(whole, self.section) if self.section in {*LISTS, *INNER_LISTS} else []
         return parts[self.index] if self.index < len(parts) else None
 
     def cls(self, part: Document) -> type[Any]:
-        """Return the class of what is edited."""
-        if self.section == PLAN:
-            return StudyPlan
+        if self.section in {PLAN, DESIGN}:
+            return StudyPlan if self.section == PLAN else StudyDesign
         if self.index is None:
             return StudyDefinition
         return KINDS[part["kind"]] if self.section == "steps" else CLASSES[self.section]
 
     @property
     def only(self) -> Collection[str]:
-        """Return which fields are asked for; none means all."""
         return PAGES.get(self.section, ())
 
     def put(self, whole: Document, part: Document) -> Document:
         """Return a study with this part of it replaced."""
+        if self.section == DESIGN:
+            return with_design(whole, part)
         if self.section == PLAN:
             said = {key: value for key, value in part.items() if value not in ([], "", None)}
             return {**whole, PLAN: said or None}
@@ -92,11 +106,8 @@ class BuilderPlace:
                 else changed
             )
         parts = list(parts_in(whole, self.section))
-        kind = {"kind": parts[self.index]["kind"]} if self.section == "steps" else {}
-        parts[self.index] = {
-            **kind,
-            **(renumber(part) if self.section == "courses" else part),
-        }
+        kept = {key: parts[self.index][key] for key in KEPT if key in parts[self.index]}
+        parts[self.index] = {**kept, **(renumber(part) if self.section == "courses" else part)}
         return with_parts(whole, self.section, parts)
 
 
@@ -108,20 +119,10 @@ def parts_in(whole: Document, section: str) -> list[Document]:
 
 
 def with_parts(whole: Document, section: str, parts: list[Document]) -> Document:
-    """Return a study with these parts in a list of it."""
     if section in LISTS:
         return {**whole, section: parts}
     owner = INNER_LISTS[section]
     return {**whole, owner: {**(whole.get(owner) or {}), section: parts}}
-
-
-def by_factors(whole: Document) -> Document:
-    """Return a study whose design is that of its factors, where it has any: it is chosen once."""
-    if not whole["factors"]:
-        return whole
-    is_within = any(factor.get("design") == "within" for factor in whole["factors"])
-    design = "within" if is_within else "between"
-    return {**whole, "allocation": {**whole.get("allocation", {}), "design": design}}
 
 
 def _with_inner_lists(part: Document, whole: Document) -> Document:
@@ -163,14 +164,34 @@ class AtHand:
 
 
 def new_step(kind: str, blank: Mapping[str, Any], whole: Document) -> Document:
-    """Return a step without words; `blank` is what its kind needs beside them."""
-    key = _free(kind, [one["key"] for one in whole["steps"]])
-    return {"kind": kind, "key": key, "title": {}, **blank}
+    """Return a step without words; `blank` is what its kind needs beside them. A questionnaire in a
+    study whose task is repeated is repeated with it.
+    """
+    key = free_key(kind, [one["key"] for one in whole["steps"]])
+    is_repeated = any(one.get("repeat") and one["kind"] == "task" for one in whole["steps"])
+    asks = issubclass(KINDS[kind], AskingStep) and KINDS[kind].may_repeat
+    repeat = {"repeat": True} if is_repeated and asks else {}
+    return {"kind": kind, "key": key, "title": {}, **blank, **repeat}
+
+
+def landing(whole: Document, step: Document) -> int | None:
+    """Return where a new step belongs: as late as its kind and the others allow. None for one of
+    which there are enough.
+    """
+
+    def wrong(documents: list[Document]) -> int:
+        steps = [msgspec.convert(one, KINDS[one["kind"]]) for one in documents]
+        return sum(1 for kind in KINDS.values() for _problem in kind.problems_among(steps))
+
+    steps = whole["steps"]
+    counts = {n: wrong([*steps[:n], step, *steps[n:]]) for n in range(len(steps), -1, -1)}
+    best = min(counts, key=lambda n: counts[n])
+    return best if counts[best] <= wrong(steps) else None
 
 
 def new_condition(whole: Document, at_hand: AtHand) -> Document:
     """Return a condition of the first robot and site."""
-    key = _free("condition", [one["key"] for one in whole["conditions"]])
+    key = free_key("condition", [one["key"] for one in whole["conditions"]])
     site, robot = next(iter(at_hand.sites), "site"), next(iter(at_hand.robots), "robot")
     return {
         "key": key,
@@ -181,26 +202,24 @@ def new_condition(whole: Document, at_hand: AtHand) -> Document:
     }
 
 
-def new_factor(whole: Document) -> Document:
-    """Return a factor of two levels without titles."""
-    key = _free("factor", [one["key"] for one in whole["factors"]])
-    levels = [{"key": f"{key}_level_{n}", "title": {}} for n in (1, 2)]
-    return {"key": key, "title": {}, "levels": levels}
-
-
 def new_analysis(whole: Document) -> Document:
-    """Return an analysis that measures nothing yet."""
-    return {"key": _free("analysis", [one["key"] for one in whole["analyses"]]), "title": {}}
+    """Return an analysis that measures nothing yet. Its coefficients are main effects: in sum
+    coding, that of a factor does not depend on the levels of the others.
+    """
+    key = free_key("analysis", [one["key"] for one in whole["analyses"]])
+    return {"key": key, "title": {}, "coding": "sum"}
 
 
 def new_stage(whole: Document) -> Document:
-    """Return a stage of a script, without steps."""
-    return {"key": _free("stage", [one["key"] for one in parts_in(whole, "stages")]), "title": {}}
+    return {
+        "key": free_key("stage", [one["key"] for one in parts_in(whole, "stages")]),
+        "title": {},
+    }
 
 
 def new_script_step(stage: Document, kind: str, places: Sequence[str]) -> Document | None:
     """Return a step of a script: a line, or a move of a kind; None for another kind."""
-    key = _free(f"{stage['key']}_1", [one["key"] for one in stage.get("steps", ())])
+    key = free_key(f"{stage['key']}_1", [one["key"] for one in stage.get("steps", ())])
     moves: dict[str, Document] = {
         "place": {"name": next(iter(places), "place")},
         "dock": {},
@@ -216,8 +235,7 @@ def new_script_step(stage: Document, kind: str, places: Sequence[str]) -> Docume
 
 
 def new_code(whole: Document) -> Document:
-    """Return a code for points."""
-    code = _free("code", [one["code"] for one in parts_in(whole, "codes")])
+    code = free_key("code", [one["code"] for one in parts_in(whole, "codes")])
     return {"code": code, "name": "", "kind": "point"}
 
 
@@ -232,6 +250,20 @@ def new_course(whole: Document, at_hand: AtHand) -> Document:
     plan = at_hand.sites.get(site)
     course: Document = {"robot": robot, "site": site, "checkpoints": []}
     return {**course, **_suggested(plan, robot)} if plan is not None else course
+
+
+def with_courses(whole: Document, at_hand: AtHand) -> Document:
+    """Return a study with a course for each robot and site of its conditions, as the plans of the
+    sites suggest them.
+    """
+    known = [one for one in whole["conditions"] if one["site"] in at_hand.sites]
+    courses = whole.get("courses", [])
+    while {(one["robot"], one["site"]) for one in known} - {
+        (one["robot"], one["site"]) for one in courses
+    }:
+        new = new_course({**whole, "conditions": known, "courses": courses}, at_hand)
+        courses = [*courses, new]
+    return {**whole, "courses": courses}
 
 
 def _suggested(plan: FloorPlan, robot: str) -> Document:
@@ -249,10 +281,17 @@ def _suggested(plan: FloorPlan, robot: str) -> Document:
     return {**named, "checkpoints": points, "path": msgspec.to_builtins(route.path), "doors": doors}
 
 
-def new_part(key: str, n: int, at: Point) -> Document | None:
-    """Return a new part number `n` (from 0) of a list inside a step or a course, placed at a point;
-    None for other lists.
+def new_part(
+    name: str, others: list[Document], kind: str, languages: Collection[str], at: Point
+) -> Document | None:
+    """Return a new part of a list of that name ("factors.0.levels") beside the others, of a kind
+    where there are several, and placed at a point; None for other lists.
     """
+    key, n = name.rpartition(".")[2], len(others)
+    if key == "factors":
+        return new_factor(others, kind if kind in SETTINGS else "", languages)
+    if key == "levels":
+        return new_level(others)
     x, y = at
     half = NEW_ZONE / 2.0
     corners = [
@@ -264,7 +303,6 @@ def new_part(key: str, n: int, at: Point) -> Document | None:
     parts: dict[str, Document] = {
         "leaves": {"text": {}},
         "contrasts": {"title": {}, "first": [], "second": []},
-        "levels": {"key": f"level_{n + 1}", "title": {}},
         "hypotheses": {"key": f"h{n + 1}"},
         "families": {"key": f"family_{n + 1}"},
         "attention_checks": {"questionnaire": "questionnaire", "item": "item"},
@@ -282,6 +320,22 @@ def new_part(key: str, n: int, at: Point) -> Document | None:
         },
     }
     return parts.get(key)
+
+
+def list_in(part: Document, name: str) -> list[Document] | None:
+    """Return the list with a name in a part, made where there is none; None for what is no list of
+    parts.
+    """
+    *way, key = name.split(".")
+    here: Any = part
+    for step in way:
+        if isinstance(here, list):
+            here = dict(enumerate(here)).get(number(step))
+        else:
+            here = here.get(step) if isinstance(here, dict) else None
+    is_list = isinstance(here, dict) and key in GUIDE.items
+    found = here.setdefault(key, []) if is_list else None
+    return found if isinstance(found, list) else None
 
 
 def clicked_point(at: str, default: Point) -> Point:
@@ -310,23 +364,12 @@ def copied(section: str, part: Document, whole: Document) -> Document:
     if section == "courses":
         return part
     if section == "codes":
-        return {**part, "code": _free(part["code"], [one["code"] for one in parts]), "key": ""}
-    copy = {**part, "key": _free(part["key"], [one["key"] for one in parts])}
+        return {**part, "code": free_key(part["code"], [one["code"] for one in parts]), "key": ""}
+    copy = {**part, "key": free_key(part["key"], [one["key"] for one in parts])}
     if section == "stages":
         taken = [step["key"] for one in parts for step in one.get("steps", ())]
         copy["steps"] = [
-            {**step, "key": _free(step["key"], taken), "shortcut": ""}
+            {**step, "key": free_key(step["key"], taken), "shortcut": ""}
             for step in part.get("steps", ())
         ]
     return copy
-
-
-def _free(key: str, taken: Collection[str]) -> str:
-    longest = 36
-    return (
-        key
-        if key not in taken
-        else next(
-            name for n in range(2, len(taken) + 3) if (name := f"{key[:longest]}_{n}") not in taken
-        )
-    )

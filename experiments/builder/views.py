@@ -3,60 +3,73 @@ into the studies' administration.
 
 A page is a form over one place of the definition (experiments/builder/pages.py). Every button of it
 sends the whole form: what was typed is kept with each part that is added, removed or moved. A draft
-may be saved half done; what is still wrong stands above the form.
+may be saved half done; what is still wrong is listed above the form.
 """
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import msgspec
 from django.contrib import messages
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect, JsonResponse
-from django.shortcuts import render
-from django.urls import URLPattern, path, reverse
+from django.urls import URLPattern, reverse
+from django.utils import timezone
 from django.utils.translation import get_language, gettext_lazy
 from django.utils.translation import gettext as _
-from django.views.decorators.cache import never_cache
 
-from experiments import publishing
+from experiments import instruction_media, publishing
 from experiments.access import may
 from experiments.builder.advice import advice
+from experiments.builder.arrangement import Renamed, arranged, renamed
 from experiments.builder.choices import (
     at_hand,
     offered,
     places,
     questionnaire_titles,
     speeds_refused,
+    write_claims,
+    write_contrasts,
 )
 from experiments.builder.course_ground import course_check, drawn_course
+from experiments.builder.design import (
+    complete,
+    design_table,
+    renaming,
+    restore,
+    set_by_levels,
+)
 from experiments.builder.labels import GUIDE
 from experiments.builder.pages import (
+    DESIGN,
     INNER_LISTS,
     LISTS,
     PAGES,
     PLAN,
     BuilderPlace,
-    by_factors,
     clicked_point,
     copied,
+    landing,
+    list_in,
     middle_of,
     new_analysis,
     new_code,
     new_condition,
     new_course,
-    new_factor,
     new_part,
     new_script_step,
     new_stage,
     new_step,
     parts_in,
     renumber,
+    with_courses,
     with_parts,
 )
 from experiments.builder.study_form import StudyPartForm
+from experiments.builder.study_page import StudyPages
 from experiments.builder.summaries import about, kinds, title_of
-from experiments.definition.schema import Course, StudyDefinition
+from experiments.definition.problems import doubts
+from experiments.definition.schema import Condition, StudyDefinition
 from experiments.definition.steps import KINDS
 from experiments.models import Study as Row
 from experiments.participation.steps import page_type
@@ -70,10 +83,10 @@ from surveys.editor.views import leads_here
 TITLES = {
     "about": gettext_lazy("About the study"),
     "recruitment": gettext_lazy("Recruitment"),
-    "steps": gettext_lazy("Steps"),
-    "factors": gettext_lazy("Factors"),
+    DESIGN: gettext_lazy("Design"),
     "conditions": gettext_lazy("Conditions"),
     "courses": gettext_lazy("Courses"),
+    "steps": gettext_lazy("Steps"),
     "analyses": gettext_lazy("Analyses"),
     PLAN: gettext_lazy("Plan"),
     "rules": gettext_lazy("Rules"),
@@ -82,26 +95,24 @@ TITLES = {
 }
 WALK_THROUGH = "walk_through"  # beside the sections: experiments/study_admin/walk_through.py
 MOST_SHOWN = 40  # problems above a form
+TEMPLATES = {"courses": "course", DESIGN: "design"}  # of forms; "part" of all others
 
 
 @dataclass(frozen=True)
 class LinkedProblem:
-    """A problem, and the page on which it is mended."""
-
     text: str
     url: str = ""
 
 
 def whole_of(row: Row) -> Document:
-    """Return the definition of a study as a plain document."""
     document: Document = msgspec.to_builtins(row.as_definition())
     return {**{name: [] for name in LISTS}, **document}
 
 
 def address(row: Row, place: BuilderPlace) -> str:
-    """Return the address of a page of the builder."""
-    if place.index is None:
-        page = INNER_LISTS.get(place.section, place.section)
+    """Return the address of a page of the builder; all factors are on that of the design."""
+    if place.index is None or place.section == "factors":
+        page = {**INNER_LISTS, "factors": DESIGN}.get(place.section, place.section)
         return reverse("admin:experiments_study_section", args=[row.pk, page])
     return reverse("admin:experiments_study_part", args=[row.pk, place.section, place.index])
 
@@ -114,11 +125,11 @@ def sections(row: Row) -> list[dict[str, Any]]:
     found = [
         {
             "key": name,
-            "label": _title(name),
+            "label": str(title),
             "url": address(row, BuilderPlace(name)),
             "count": len(row.definition.get(name, ())) if name in LISTS else None,
         }
-        for name in TITLES
+        for name, title in TITLES.items()
     ]
     last = {"key": WALK_THROUGH, "label": _("Walk through"), "url": walk, "count": None}
     return [*found, last]
@@ -126,12 +137,18 @@ def sections(row: Row) -> list[dict[str, Any]]:
 
 def told(row: Row) -> list[LinkedProblem]:
     """Return everything that is wrong with a study, or stands in its way here."""
+    return linked(row, publishing.problems_of(row))
+
+
+def doubted(row: Row) -> list[LinkedProblem]:
+    """Return what must be confirmed before the study is published."""
+    return linked(row, list(doubts(row.as_definition())))
+
+
+def linked(row: Row, problems: list[Problem]) -> list[LinkedProblem]:
+    """Return problems in the language of the page, each with the page on which it is mended."""
     whole = whole_of(row)
-    found = by_place(
-        publishing.problems_of(row),
-        lambda one: one.sentence(_),
-        lambda one: _text_name(one, whole),
-    )
+    found = by_place(problems, lambda one: one.sentence(_), lambda one: _text_name(one, whole))
     pages = {
         place: address(row, BuilderPlace(place.section, place.part)) if place.section else ""
         for place in found
@@ -149,48 +166,29 @@ def _text_name(one: Problem, whole: Document) -> str:
     return " · ".join([*title, name])
 
 
-class BuilderPages:
-    """The pages of the builder."""
-
+class BuilderPages(StudyPages):
     def builder_urls(self) -> list[URLPattern]:
-        """Return their addresses."""
-        guard = self.admin_site.admin_view  # type: ignore[attr-defined]
-        start = "<uuid:pk>/build/<slug:section>/"
+        start = "build/<slug:section>/"
         return [
-            path(start, guard(never_cache(self.section_view)), name="experiments_study_section"),
-            path(
-                f"{start}<int:index>/",
-                guard(never_cache(self.part_view)),
-                name="experiments_study_part",
-            ),
-            path(
-                f"{start}<int:index>/check/",
-                guard(never_cache(self.check_view)),
-                name="experiments_study_check",
-            ),
+            self.study_path(start, self.section_view, "section"),
+            self.study_path(f"{start}<int:index>/", self.part_view, "part"),
+            self.study_path(f"{start}<int:index>/check/", self.check_view, "check"),
         ]
 
     def section_view(self, request: HttpRequest, pk: Any, section: str) -> HttpResponse:
         """Show a page of the study's own fields, or a list of its parts; a POST changes them."""
         row = study_for(request, pk, "viewer")
-        if section in PAGES or section == PLAN:
+        if section in {*PAGES, PLAN, DESIGN}:
             return self._form(request, row, BuilderPlace(section))
-        if section not in LISTS and section not in INNER_LISTS:
+        if section not in {*LISTS, *INNER_LISTS} - {"factors"}:
             raise Http404
         if request.method == "POST":
             return self._change_list(request, _to_change(request, row), section)
         if section in INNER_LISTS:
             return HttpResponseRedirect(address(row, BuilderPlace(section)))
-        return self._render(
-            request,
-            row,
-            "list",
-            section,
-            {"parts": list(_listed(row, section)), "kinds": kinds(section)},
-        )
+        return self._render(request, row, "list", section, _list_of(row, section))
 
     def part_view(self, request: HttpRequest, pk: Any, section: str, index: int) -> HttpResponse:
-        """Show one step, condition or course; a POST changes it."""
         return self._form(request, study_for(request, pk, "viewer"), BuilderPlace(section, index))
 
     def check_view(self, request: HttpRequest, pk: Any, section: str, index: int) -> JsonResponse:
@@ -200,7 +198,7 @@ class BuilderPages:
         part = place.part(whole)
         if request.method != "POST" or section != "courses" or part is None:
             raise Http404
-        draft = _read(request, place, part)
+        draft = _read(request, row, place, whole)
         if draft.errors:
             return JsonResponse(
                 {"problems": list(dict.fromkeys(draft.errors.values())), "checkpoints": []}
@@ -213,12 +211,12 @@ class BuilderPages:
     def _form(self, request: HttpRequest, row: Row, place: BuilderPlace) -> HttpResponse:
         whole = whole_of(row)
         part = place.part(whole)
-        if part is None:
+        if part is None or place.section == "factors":
             raise Http404
         if request.method != "POST":
             return self._show(request, row, place, SubmittedPart(part))
         _to_change(request, row)
-        draft = _read(request, place, part)
+        draft = _read(request, row, place, whole)
         saved = None if draft.errors else _save(request, row, place, draft)
         if saved is None:
             return self._show(request, Row.objects.get(pk=row.pk), place, draft, status=422)
@@ -240,58 +238,40 @@ class BuilderPages:
         draft: SubmittedPart,
         status: int = 200,
     ) -> HttpResponse:
-        whole, part = whole_of(row), draft.part
-        former = place.part(whole) or part
-        cls = place.cls(former)
-        form = StudyPartForm(
-            cls,
-            part,
-            languages=whole["languages"],
-            offered=offered(whole, part),
-            only=place.only,
-            is_sent=bool(draft.errors),
-            decided=("Allocation.design",) if whole["factors"] else (),
-        )
-        for name in draft.errors.keys() & form.fields.keys() - form.errors.keys():
-            form.add_error(name, draft.errors[name])
+        whole = whole_of(row)
+        former = place.part(whole) or draft.part
+        form = _shown_form(row, place, draft, whole, former)
         if "questionnaire" in former:
             leads_here(request, row.shown_title, address(row, place))
-        language = get_language() or ""
-        advised = advice(row.as_definition(), place, language)
-        context = {
+        advised = advice(row.as_definition(), place, get_language() or "")
+        context: Document = {
             "advice": [LinkedProblem(text, address(row, other)) for text, other in advised],
             "form": form,
             "place": place,
             "above": draft.above,
             "has_errors": bool(draft.errors),
             "part_title": title_of(former, whole) if place.index is not None else "",
-            "kind": page_type(former["kind"]).label if place.section == "steps" else "",
-            "told": page_type(former["kind"]).told if place.section == "steps" else "",
-            "walked": former["key"] if place.section == "steps" else "",
         }
+        if place.section == "steps":
+            page = page_type(former["kind"])
+            context |= {"kind": page.label, "told": page.told, "walked": former["key"]}
+        elif place.section == "courses":
+            args = [row.pk, "courses", place.index]
+            check = reverse("admin:experiments_study_check", args=args)
+            context |= {"course": drawn_course(draft.part), "check": check}
+        elif place.section == DESIGN:
+            context |= {
+                "table": design_table(row.as_definition()),
+                "shared": form.offered["shared"],
+            }
         inner = next((one for one, page in INNER_LISTS.items() if page == place.section), None)
         if inner is not None and whole.get(place.section) is not None:
-            context |= {
-                "list_title": GUIDE.label(inner),
-                "list_address": reverse("admin:experiments_study_section", args=[row.pk, inner]),
-                "parts": list(_listed(row, inner)),
-                "kinds": kinds(inner),
-            }
-        if place.section == "courses":
-            context |= {
-                "course": drawn_course(part),
-                "check": reverse(
-                    "admin:experiments_study_check", args=[row.pk, "courses", place.index]
-                ),
-            }
+            listed = reverse("admin:experiments_study_section", args=[row.pk, inner])
+            context |= {"list_title": GUIDE.label(inner), "list_address": listed}
+            context |= _list_of(row, inner)
+        template = TEMPLATES.get(place.section, "part")
         return self._render(
-            request,
-            row,
-            "course" if place.section == "courses" else "part",
-            place.section,
-            context,
-            place=place,
-            status=status,
+            request, row, template, place.section, context, place=place, status=status
         )
 
     def _render(
@@ -305,25 +285,25 @@ class BuilderPages:
         place: BuilderPlace | None = None,
         status: int = 200,
     ) -> HttpResponse:
-        found = told(row)
+        found, tab = told(row), INNER_LISTS.get(section, section)
         mine = [one for one in found if place is None or one.url == address(row, place)]
-        context = (
-            self.admin_site.each_context(request)
-            | {  # type: ignore[attr-defined]
-                "title": _title(INNER_LISTS.get(section, section)),
-                "opts": self.opts,
-                "study": row,
-                "study_tab": "builder",
-                "section": INNER_LISTS.get(section, section),  # type: ignore[attr-defined]
-                "sections": sections(row),
-                "problems": mine[:MOST_SHOWN],
-                "elsewhere": len(found) - len(mine),
-                "may_change": _may_change(request, row),
-                "pilots": row.participants.count(),
-            }
-        )
-        return render(
-            request, f"admin/experiments/study/builder_{page}.html", context | more, status=status
+        context = {
+            "section": tab,
+            "sections": sections(row),
+            "problems": mine[:MOST_SHOWN],
+            "doubts": doubted(row),
+            "elsewhere": len(found) - len(mine),
+            "may_change": _may_change(request, row),
+            "pilots": row.participants.count(),
+        }
+        return self.study_page(
+            request,
+            row,
+            f"builder_{page}",
+            TITLES[tab],
+            context | more,
+            tab="builder",
+            status=status,
         )
 
     # --- lists ------------------------------------------------------------------------------------
@@ -331,25 +311,25 @@ class BuilderPages:
     def _change_list(self, request: HttpRequest, row: Row, section: str) -> HttpResponse:
         verb, what = pressed(request.POST, 2)
         whole = whole_of(row)
-        parts = changed = parts_in(whole, section)
+        parts, place = parts_in(whole, section), BuilderPlace(section)
+        n = number(what)
         if verb == "add":
-            changed = [*parts, _new(section, what, whole)]
+            new = _new(section, what, whole)
+            n = len(parts) if section != "steps" else landing(whole, new)
+            if n is None:
+                raise Http404
+            changed, place = [*parts[:n], new, *parts[n:]], BuilderPlace(section, n)
         else:
-            n = number(what)
             changed = change(parts, verb, n)
             if verb == "copy" and len(changed) > len(parts):
                 changed[n + 1] = copied(section, parts[n], whole)
-        whole = with_parts(whole, section, changed)
-        saved = _keep(row, whole) if request.POST.get("sha256") == row.sha256 else str(MEANWHILE)
+                place = BuilderPlace(section, n + 1)
+        is_same = request.POST.get("sha256") == row.sha256
+        saved = _keep(row, with_parts(whole, section, changed)) if is_same else str(MEANWHILE)
         if isinstance(saved, str):
             messages.error(request, saved)
-        elif verb == "add":
-            return HttpResponseRedirect(address(row, BuilderPlace(section, len(parts))))
-        return HttpResponseRedirect(address(row, BuilderPlace(section)))
-
-
-def _title(section: str) -> str:
-    return str(TITLES[section])
+            place = BuilderPlace(section)
+        return HttpResponseRedirect(address(row, place))
 
 
 def _may_change(request: HttpRequest, row: Row) -> bool:
@@ -365,58 +345,117 @@ def _to_change(request: HttpRequest, row: Row) -> Row:
     return row
 
 
-def _read(request: HttpRequest, place: BuilderPlace, former: Document) -> SubmittedPart:
+def _shown_form(
+    row: Row, place: BuilderPlace, draft: SubmittedPart, whole: Document, former: Document
+) -> StudyPartForm:
+    form = StudyPartForm(
+        place.cls(former),
+        draft.part,
+        languages=whole["languages"],
+        offered=offered(row, whole, draft.part, place.section),
+        only=place.only,
+        is_sent=bool(draft.errors),
+        decided=("Allocation.design",) if whole["factors"] else (),
+    )
+    for name in draft.errors.keys() & form.fields.keys() - form.errors.keys():
+        form.add_error(name, draft.errors[name])
+    if place.section == "conditions":
+        for name, title in set_by_levels(row.as_definition(), former["key"]).items():
+            form.fix(name, _("Set by the level “%(title)s” of the design.") % {"title": title})
+    return form
+
+
+def _read(request: HttpRequest, row: Row, place: BuilderPlace, whole: Document) -> SubmittedPart:
     """Return what a form says after its button: `save`, `add:<list>`, or
     `remove|up|down:<list>:<n>`.
     """
+    former, study = place.part(whole) or {}, row.as_definition()
     cls = place.cls(former)
     part = StudyPartForm.read(cls, request.POST, only=place.only)
-    anchor = _press(part, request.POST)
-    if cls is Course:
-        part = renumber(part)
-    told = StudyPartForm(cls, part, only=place.only, is_sent=True).told
+    refused = _store_media(request, row, part)
+    anchor = _press(part, request.POST, whole["languages"])
+    match place.section:
+        case "courses":
+            part = renumber(part)
+        case "conditions":
+            restore(part, former, set_by_levels(study, former["key"]))
+        case "design":
+            complete(part, whole, whole["languages"])
+        case "analyses":
+            write_contrasts(study, part)
+        case "plan":
+            write_claims(study, part)
+    listed: Document = {"shared": request.POST.getlist("shared_fields")}
+    told = StudyPartForm(cls, part, offered=listed, only=place.only, is_sent=True).told
     if place.section == "conditions" and not told:
         told = speeds_refused(part)
-    return SubmittedPart(part, told, anchor=anchor)
+    return SubmittedPart(part, told | refused, anchor=anchor)
 
 
-def _press(part: Document, sent: Any) -> str:
-    """Do what the button of a form says to one of the lists in it, and return where the page goes
-    on.
+def _store_media(request: HttpRequest, row: Row, part: Document) -> dict[str, str]:
+    """Store the files that were sent with pages of instructions; return why some were not, by the
+    field of the picture.
     """
-    verb, key, n = pressed(sent)
-    if key == "balance":  # of all lists the one that is deeper inside
-        part = part.setdefault("allocation", {})
-    values = part.get(key, [])
-    if verb == "add" and key == "steps":
-        step = new_script_step(part, n, places(publishing.sites().values()))
-        part[key] = [*values, step] if step else values
-        return f"{key}.{len(values)}"
-    if verb == "add" and key in GUIDE.items:
+    refused = {}
+    for n, page in enumerate(part.get("leaves", ())):
+        name = f"leaves.{n}.picture"
+        if file := request.FILES.get(f"{name}.file"):
+            try:
+                page["picture"] = instruction_media.store(row.slug, file, timezone.now())
+            except instruction_media.RefusedMediaError as error:
+                refused[name] = str(error)
+    return refused
+
+
+def _press(part: Document, sent: Any, languages: Collection[str]) -> str:
+    """Do what the button of a form says to one of the lists in it, and return where the page
+    continues.
+    """
+    verb, name, what = pressed(sent)
+    values = list_in(part, name) if verb in {"add", "remove", "up", "down"} else None
+    if values is None:
+        return ""
+    if verb != "add":
+        values[:] = change(values, verb, number(what))
+        return name
+    if name == "steps":
+        new = new_script_step(part, what, places(publishing.sites().values()))
+    else:
         middle = middle_of(publishing.sites().get(part.get("site", "")))
         at = clicked_point(sent.get("at", ""), middle)
-        part[key] = [*values, new_part(key, len(values), at)]
-        return "course" if sent.get("at") else f"{key}.{len(values)}"
-    if isinstance(part.get(key), list):
-        part[key] = change(values, verb, number(n))
-    return key
+        new = new_part(name, values, what, languages, at)
+    values += [new] if new else []
+    return "course" if sent.get("at") else f"{name}.{len(values) - 1}"
 
 
 def _save(request: HttpRequest, row: Row, place: BuilderPlace, draft: SubmittedPart) -> Row | None:
-    """Keep what a form says; None with the reason in the draft when that cannot be."""
+    """Store what a form says; None with the reason in the draft when that cannot be."""
     if request.POST.get("sha256") != row.sha256:
         draft.above.append(str(MEANWHILE))
         return None
-    kept = _keep(row, place.put(whole_of(row), draft.part))
+    whole, part = whole_of(row), draft.part
+    names = Renamed()
+    if place.section == DESIGN:
+        names = renaming(part)
+    elif place.index is not None and place.section in {"conditions", "analyses"}:
+        old = parts_in(whole, place.section)[place.index]["key"]
+        names = Renamed(**{place.section: {old: part["key"]}})
+    kept = _keep(row, place.put(renamed(whole, names), part), draws=place.section == DESIGN)
     if isinstance(kept, str):
         draft.above.append(kept)
         return None
     return kept
 
 
-def _keep(row: Row, whole: Document) -> Row | str:
+def _keep(row: Row, whole: Document, *, draws: bool = False) -> Row | str:
+    """Store a study with what follows from its design; `draws` adds the courses that it lacks."""
     try:
-        return publishing.save_draft(row, msgspec.convert(by_factors(whole), StudyDefinition))
+        study, here = msgspec.convert(whole, StudyDefinition), at_hand()
+        blank = msgspec.convert(new_condition(whole, here), Condition)
+        study = arranged(study, row.as_definition(), blank)
+        if draws:
+            study = msgspec.convert(with_courses(msgspec.to_builtins(study), here), StudyDefinition)
+        return publishing.save_draft(row, study)
     except msgspec.ValidationError as error:
         return f"{error}."
     except ChangedMeanwhileError:
@@ -426,8 +465,23 @@ def _keep(row: Row, whole: Document) -> Row | str:
 # --- what is shown --------------------------------------------------------------------------------
 
 
-def _listed(row: Row, section: str) -> Iterator[dict[str, Any]]:
-    whole, titles = whole_of(row), questionnaire_titles() if section == "steps" else {}
+def _list_of(row: Row, section: str) -> Document:
+    """Return the parts of a list, the kinds that can be added, and whether the list follows from
+    the design.
+    """
+    whole = whole_of(row)
+    is_derived = section == "conditions" and bool(whole["factors"])
+    offered_kinds = [
+        (kind, words)
+        for kind, words in ([] if is_derived else kinds(section))
+        if section != "steps" or landing(whole, _new(section, kind, whole)) is not None
+    ]
+    parts = list(_listed(row, section, whole))
+    return {"parts": parts, "kinds": offered_kinds, "is_derived": is_derived}
+
+
+def _listed(row: Row, section: str, whole: Document) -> Iterator[dict[str, Any]]:
+    titles = questionnaire_titles() if section == "steps" else {}
     for n, part in enumerate(parts_in(whole, section)):
         yield {
             "url": address(row, BuilderPlace(section, n)),
@@ -442,14 +496,8 @@ def _new(section: str, kind: str, whole: Document) -> Document:
         if kind not in KINDS:
             raise Http404
         return new_step(kind, page_type(kind).blank, whole)
-    blank = {
-        "factors": new_factor,
-        "analyses": new_analysis,
-        "stages": new_stage,
-        "codes": new_code,
-    }
+    blank = {"analyses": new_analysis, "stages": new_stage, "codes": new_code}
     if section in blank:
         return blank[section](whole)
-    return (
-        new_condition(whole, at_hand()) if section == "conditions" else new_course(whole, at_hand())
-    )
+    here = at_hand()
+    return new_condition(whole, here) if section == "conditions" else new_course(whole, here)

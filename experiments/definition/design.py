@@ -1,13 +1,64 @@
-"""The factors of a study: what is varied, and whether within or between participants."""
+"""The factors of a study: what is varied, what each level sets, and whether within or between
+participants.
+"""
 
 from typing import Annotated, Literal
 
 from msgspec import Meta
 
+from robots.api.floorplan import Key as PlanKey
+from robots.api.messages import AssistLevel, Positive, Share
 from surveys.documents import DocumentPart, Key, Text
 
 Design = Literal["between", "within"]
 Levels = dict[Key, Key]  # of a condition: the key of its level, by the key of the factor
+Controller = Literal["keyboard", "mouse", "touch", "stick", "gamepad"]
+OwnAction = Literal["places", "map", "follow", "dock", "undock", "tilt"]
+ControlWay = Literal["any", "datachannel", "mqtt"]
+Delay = Annotated[float, Meta(ge=0.0, le=10.0)]
+# What the levels of a factor can set in a condition: the fields of LevelSettings.
+Setting = Literal[
+    "video_delay",
+    "video_jitter",
+    "video_loss",
+    "control_delay",
+    "control_jitter",
+    "control_loss",
+    "assist",
+    "interface",
+    "controllers",
+    "actions",
+    "control_way",
+    "linear",
+    "angular",
+    "doors_closed",
+    "robot",
+    "site",
+]
+
+
+class LevelSettings(DocumentPart, frozen=True, kw_only=True):
+    """What a level sets in each condition that has it; None leaves a setting to the condition.
+
+    Delays and jitters in seconds, losses as shares of the packets, speed limits in m/s and rad/s.
+    """
+
+    video_delay: Delay | None = None
+    video_jitter: Delay | None = None
+    video_loss: Share | None = None
+    control_delay: Delay | None = None
+    control_jitter: Delay | None = None
+    control_loss: Share | None = None
+    assist: AssistLevel | None = None
+    interface: Key | None = None
+    controllers: tuple[Controller, ...] | None = None
+    actions: tuple[OwnAction, ...] | None = None
+    control_way: ControlWay | None = None
+    linear: Positive | None = None
+    angular: Positive | None = None
+    doors_closed: tuple[PlanKey, ...] | None = None
+    robot: PlanKey | None = None
+    site: PlanKey | None = None
 
 
 class Level(DocumentPart, frozen=True, kw_only=True):
@@ -15,14 +66,18 @@ class Level(DocumentPart, frozen=True, kw_only=True):
 
     key: Key
     title: Text
+    sets: LevelSettings = LevelSettings()
 
 
 class Factor(DocumentPart, frozen=True, kw_only=True):
     """What is varied, such as the delay or the assistance. `within`: a participant has all of its
-    levels, `between`: one. The first level is the reference of treatment coding.
+    levels, `between`: one. Each level sets what the factor `changes`; a factor that changes nothing
+    on the robot differs in the instructions, or in what people do. The first level is the reference
+    of treatment coding.
     """
 
     key: Key
     title: Text
     design: Design = "between"
+    changes: tuple[Setting, ...] = ()
     levels: Annotated[tuple[Level, ...], Meta(max_length=24)] = ()

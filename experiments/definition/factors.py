@@ -1,21 +1,92 @@
-"""Factors and their crossing: which conditions one participant may have, and what is wrong with the
-cells of a design. Pure.
+"""Factors and their crossing: which conditions one participant may have, what the levels of a
+condition set in it, and what is wrong with the cells of a design. Pure.
 
 A condition is one cell: it has one level of each factor. A factor is *within* when a participant
 has all of its levels, *between* when they have one; a study with both kinds is a mixed design.
 """
 
+import math
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import product
+from typing import Any, get_args
 
-from experiments.definition.design import Factor
-from experiments.definition.schema import Condition, StudyDefinition
+from msgspec.structs import replace
+
+from experiments.definition.design import Factor, Level, Setting
+from experiments.definition.schema import Condition, Impairment, StudyDefinition
 from surveys.documents import Problem, ProblemPlace, duplicates, within
 from surveys.documents import gettext_noop as _
 
 LEAST_LEVELS = 2
 MOST_PERMUTED = 4  # conditions of which all orders are made: 24
 MOST_ORDERED = 9  # conditions of one participant, in balanced or fixed order
+MOST_CELLS = 24  # conditions of a study
+# Where a condition has what a level sets: its fields, from the outside in.
+_INSIDE: Mapping[str, tuple[str, ...]] = {
+    **{
+        f"{way}_{name}": ("network", way, name)
+        for way in ("video", "control")
+        for name in ("delay", "jitter", "loss")
+    },
+    "linear": ("speed", "linear"),
+    "angular": ("speed", "angular"),
+}
+SETTINGS = {name: _INSIDE.get(name, (name,)) for name in get_args(Setting)}
+SETTING_NAMES: Mapping[str, str] = {
+    "video_delay": _("delay of the video"),
+    "video_jitter": _("jitter of the video"),
+    "video_loss": _("packet loss of the video"),
+    "control_delay": _("delay of the commands"),
+    "control_jitter": _("jitter of the commands"),
+    "control_loss": _("packet loss of the commands"),
+    "assist": _("assistance"),
+    "interface": _("interface"),
+    "controllers": _("input devices"),
+    "actions": _("actions the robot may be given"),
+    "control_way": _("command channel"),
+    "linear": _("speed limit"),
+    "angular": _("limit of the turning speed"),
+    "doors_closed": _("closed doors"),
+    "robot": _("robot"),
+    "site": _("site"),
+}
+
+
+def setting_of(condition: Condition, name: str) -> Any:
+    """Return the value that a condition has of a setting, whatever set it."""
+    value: Any = condition
+    for step in SETTINGS[name]:
+        value = getattr(Impairment() if value is None else value, step)
+    return value
+
+
+def levels_of(study: StudyDefinition, condition: Condition) -> list[tuple[Factor, Level]]:
+    """Return the levels of a condition that exist, in the order of the factors."""
+    return [
+        (factor, level)
+        for factor in study.factors
+        for level in factor.levels
+        if level.key == condition.levels.get(factor.key)
+    ]
+
+
+def with_levels(condition: Condition, cell: Iterable[tuple[Factor, Level]]) -> Condition:
+    """Return a condition with what its levels set."""
+    for factor, level in cell:
+        for name in factor.changes:
+            value = getattr(level.sets, name)
+            if value is not None:
+                condition = _with(condition, SETTINGS[name], value)
+    return condition
+
+
+def _with(part: Any, path: Sequence[str], value: Any) -> Any:
+    name, *rest = path
+    if rest:
+        inner = getattr(part, name)
+        value = _with(Impairment() if inner is None else inner, rest, value)
+    return replace(part, **{name: None if value == Impairment() else value})
 
 
 def groups(study: StudyDefinition, access: str) -> tuple[tuple[Condition, ...], ...]:
@@ -47,26 +118,55 @@ def problems(study: StudyDefinition) -> Iterator[Problem]:
     """Yield what is wrong with the factors of a study and their cells."""
     keys = (factor.key for factor in study.factors)
     yield from within(duplicates(_("Factor"), keys), ProblemPlace("factors"))
+    changed = Counter[str](name for factor in study.factors for name in factor.changes)
     for n, factor in enumerate(study.factors):
         place = ProblemPlace("factors", n)
-        yield from within(_of_factor(factor), place, _("Factor"), factor.key)
-    wrong = list(_of_levels(study))
-    yield from wrong
-    if study.factors and not wrong:
-        yield from _of_cells(study)
-    yield from within(_of_design(study), ProblemPlace("rules"))
+        yield from within(_of_factor(factor, changed), place, _("Factor"), factor.key)
+    count = math.prod(len(factor.levels) for factor in study.factors)
+    if count > MOST_CELLS:
+        words = _("The factors have %(n)d cells; at most %(most)d are allowed.")
+        yield Problem(words, {"n": count, "most": MOST_CELLS}, place=ProblemPlace("design"))
+    else:
+        wrong = list(_of_levels(study))
+        yield from wrong
+        if study.factors and not wrong:
+            yield from _of_cells(study)
+    yield from within(_of_design(study), ProblemPlace("design"))
 
 
-def _of_factor(factor: Factor) -> Iterator[Problem]:
+def _of_factor(factor: Factor, changed: Mapping[str, int]) -> Iterator[Problem]:
     if len(factor.levels) < LEAST_LEVELS:
         yield Problem(_("it needs at least %(n)d levels."), {"n": LEAST_LEVELS})
     yield from duplicates(_("Level"), (level.key for level in factor.levels))
+    for name in factor.changes:
+        if changed[name] > 1:
+            words = _("another factor changes the same setting: %(setting)s.")
+            yield Problem(words, {"setting": SETTING_NAMES[name]})
+    for level in factor.levels:
+        for name in SETTINGS:
+            is_set, named = getattr(level.sets, name) is not None, SETTING_NAMES[name]
+            if is_set and name not in factor.changes:
+                words = _("the level %(level)s sets what the factor does not change: %(setting)s.")
+            elif not is_set and name in factor.changes:
+                words = _("the level %(level)s does not set what the factor changes: %(setting)s.")
+            else:
+                continue
+            yield Problem(words, {"level": level.key, "setting": named})
 
 
 def _of_levels(study: StudyDefinition) -> Iterator[Problem]:
     known = {factor.key: [level.key for level in factor.levels] for factor in study.factors}
     for n, condition in enumerate(study.conditions):
         yield from of_condition(n, condition, _of_own_levels(condition, known))
+        yield from of_condition(n, condition, _of_settings(study, condition))
+
+
+def _of_settings(study: StudyDefinition, condition: Condition) -> Iterator[Problem]:
+    wanted = with_levels(condition, levels_of(study, condition))
+    for name in SETTINGS:
+        if setting_of(condition, name) != setting_of(wanted, name):
+            words = _("it differs from what its levels set: %(setting)s.")
+            yield Problem(words, {"setting": SETTING_NAMES[name]})
 
 
 def of_condition(n: int, condition: Condition, found: Iterable[Problem]) -> Iterator[Problem]:

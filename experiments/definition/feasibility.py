@@ -8,15 +8,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from experiments.definition import wizard as wizards
+from experiments.definition.design import OwnAction
 from experiments.definition.factors import of_condition
 from experiments.definition.problems import length_of, of_course
-from experiments.definition.schema import (
-    Condition,
-    Course,
-    Network,
-    OwnAction,
-    StudyDefinition,
-)
+from experiments.definition.schema import Condition, Course, Network, StudyDefinition
 from experiments.definition.slowing import (
     REAL_COMMANDS,
     REAL_PICTURES,

@@ -13,7 +13,7 @@ from experiments.definition.coding import scheme_problems
 from experiments.definition.recruitment.piping import piping_problems
 from experiments.definition.recruitment.recruiting import recruiting_problems, screening_problems
 from experiments.definition.schema import Condition, Course, Impairment, StudyDefinition
-from experiments.definition.step import Step
+from experiments.definition.step import AskingStep, Step
 from experiments.definition.steps import KINDS
 from surveys.documents import Problem, ProblemPlace, checked, duplicates, text_problems, within
 from surveys.documents import gettext_noop as _
@@ -24,8 +24,8 @@ LEAST_CHECKPOINTS = 2
 # Beyond these nobody can drive: with more loss the robot brakes between commands, below these rates
 # commands or pictures only queue (bit/s).
 MOST_LOSS, LEAST_CONTROL_RATE, LEAST_VIDEO_RATE = 0.5, 50e3, 150e3
-# a study of that name could not be reached: /studies/link/ leads to personal links
-TAKEN_NAMES = frozenset({"link"})
+# a study of such a name could not be reached: /studies/link/ leads to personal links
+TAKEN_NAMES = frozenset({"link", "invitation", "media"})
 
 
 def parse(document: bytes) -> StudyDefinition:
@@ -79,8 +79,8 @@ def name_problems(slug: str) -> Iterator[Problem]:
     """Yield why a study cannot have a name."""
     if slug in TAKEN_NAMES:
         words = _(
-            "The name %(name)s is reserved for the addresses of personal links: give the study "
-            "another one."
+            "The name %(name)s is reserved for other addresses of the site: give the study another "
+            "one."
         )
         yield Problem(words, {"name": slug})
 
@@ -154,6 +154,27 @@ def _of_all_steps(study: StudyDefinition) -> Iterator[Problem]:
     if task is not None and task.last_minutes > task.minutes:
         words = _("The last %(n)g minutes of the task cannot be longer than the task.")
         yield Problem(words, {"n": task.last_minutes})
+
+
+def doubts(study: StudyDefinition) -> Iterator[Problem]:
+    """Yield what is allowed but rarely meant: whoever publishes the study confirms it."""
+    task = study.task
+    if task is None or not participants_do_several(study):
+        return
+    after = study.steps.index(task)
+    for n, step in enumerate(study.steps):
+        if n > after and isinstance(step, AskingStep) and step.may_repeat and not step.repeat:
+            words = _(
+                "participants do several conditions but answer this questionnaire only once, so "
+                "its answers belong to no condition. Tick “Once for each condition”, unless it is "
+                "about the whole study."
+            )
+            yield from within([Problem(words)], ProblemPlace("steps", n), _("Step"), step.key)
+
+
+def participants_do_several(study: StudyDefinition) -> bool:
+    """Tell whether some participants do more than one condition."""
+    return any(len(keys) > 1 for keys in factors.conditions_together(study))
 
 
 def _of_condition(study: StudyDefinition, condition: Condition) -> Iterator[Problem]:
@@ -284,6 +305,12 @@ def _of_analysis(one: DeclaredAnalysis, study: StudyDefinition) -> Iterator[Prob
         if point and questionnaire not in asked:
             words = _("the study does not ask the questionnaire %(name)s.")
             yield Problem(words, {"name": questionnaire})
+        elif point and _is_asked_once(questionnaire, study):
+            words = _(
+                "%(name)s is asked only once, so it cannot be compared between conditions that "
+                "each participant does: repeat its step."
+            )
+            yield Problem(words, {"name": questionnaire})
     known = {condition.key for condition in study.conditions}
     named = [*one.conditions, *(key for it in one.contrasts for key in (*it.first, *it.second))]
     for key in dict.fromkeys(named):
@@ -294,6 +321,14 @@ def _of_analysis(one: DeclaredAnalysis, study: StudyDefinition) -> Iterator[Prob
             words = _("a contrast compares two different sides of at least one condition each.")
             yield Problem(words)
     yield from _of_model(one, study)
+
+
+def _is_asked_once(questionnaire: str, study: StudyDefinition) -> bool:
+    """Tell whether a questionnaire has one answer for all conditions that the study compares."""
+    is_apart = any(factor.design == "between" for factor in study.factors)
+    steps = [step for step in study.asking if step.questionnaire == questionnaire]
+    is_repeated = any(step.repeat for step in steps)
+    return not is_repeated and not is_apart and participants_do_several(study)
 
 
 def _of_model(one: DeclaredAnalysis, study: StudyDefinition) -> Iterator[Problem]:

@@ -22,7 +22,15 @@ from msgspec import Meta
 
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.coding import CodingScheme
-from experiments.definition.design import Design, Factor, Levels
+from experiments.definition.design import (
+    Controller,
+    ControlWay,
+    Delay,
+    Design,
+    Factor,
+    Levels,
+    OwnAction,
+)
 from experiments.definition.plan import StudyPlan
 from experiments.definition.recruitment.recruiting import (
     AnswerQuota,
@@ -58,10 +66,6 @@ Outcome = Literal[
     "robot_fault",
     "connection_lost",
 ]
-Controller = Literal["keyboard", "mouse", "touch", "stick", "gamepad"]
-OwnAction = Literal["places", "map", "follow", "dock", "undock", "tilt"]
-ControlWay = Literal["any", "datachannel", "mqtt"]
-Delay = Annotated[float, Meta(ge=0.0, le=10.0)]
 
 
 # --- where it is driven ---------------------------------------------------------------------------

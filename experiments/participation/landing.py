@@ -11,7 +11,8 @@ from django.utils.dates import WEEKDAYS_ABBR
 from django.utils.translation import gettext as _
 
 from experiments.definition import opening_hours
-from experiments.definition.schema import Condition, Controller, StudyDefinition
+from experiments.definition.design import Controller
+from experiments.definition.schema import Condition, StudyDefinition
 from experiments.models import DONE, TIMED_OUT, Participant, Study
 from experiments.participation import journey, progress
 from experiments.participation.drive_status import longest_wait, robots_of

@@ -13,11 +13,11 @@ import structlog
 from django.conf import settings
 from django.core.mail import EmailMessage, get_connection
 from django.http import HttpRequest
-from django.utils import timezone
 from django.utils.translation import gettext as _
 
 from experiments.models import Study, StudyMember
 from experiments.participation.grants import is_for, standing_of
+from experiments.research.study_access import shown_time
 from robots.models import Robot
 from robots.readiness_text import in_words
 from sessions.models import Session
@@ -112,7 +112,7 @@ def _send(
         "study": study.title,
         "robot": str(robot),
         "reason": in_words(reason),
-        "at": timezone.localtime(at).strftime("%Y-%m-%d %H:%M %Z"),
+        "at": shown_time(at),
     }
     subject, text = words
     try:

@@ -5,10 +5,12 @@ Studies of others are not forbidden but absent. What a model's own permissions s
 bringing in new studies.
 """
 
+import datetime
 from typing import Any
 
 from django.db.models import Model, QuerySet
 from django.http import Http404, HttpRequest
+from django.utils import timezone
 
 from accounts.admin_filters import ShownFilters
 from experiments.access import Role, may
@@ -22,6 +24,11 @@ def slugs_of(user: Any) -> "QuerySet[StudyMember, str]":
     own = (StudyMember.Role.CODER, StudyMember.Role.WIZARD)
     members = StudyMember.objects.filter(user=user).exclude(role__in=own)
     return members.values_list("slug", flat=True)
+
+
+def shown_time(at: datetime.datetime | None) -> str:
+    """Return a time as pages of studies show it, "2026-11-27 13:36 CET"; a dash for none."""
+    return "–" if at is None else f"{timezone.localtime(at):%Y-%m-%d %H:%M %Z}"
 
 
 def study_for(request: HttpRequest, pk: Any, least: Role) -> Study:

@@ -3,8 +3,10 @@
 from django.urls import URLPattern, path
 
 from experiments.research import views
+from experiments.research.invitations import invitation
 
 urlpatterns: list[URLPattern] = [
+    path("studies/invitation/<str:token>/", invitation, name="study_invitation"),
     path("studies/replay/<uuid:session>/", views.replay_page, name="replay"),
     path("studies/replay/<uuid:session>.json", views.replay_data, name="replay_data"),
     path(

@@ -20,7 +20,6 @@ class StudyFilter(admin.SimpleListFilter):
     way = "study"
 
     def lookups(self, request: HttpRequest, model_admin: Any) -> list[tuple[str, str]]:
-        """Return their versions, newest first."""
         rows = model_admin.get_queryset(request)
         found = Study.objects.filter(pk__in=rows.order_by().values_list(self.way).distinct())
         return [(str(row.pk), str(row)) for row in found]
@@ -38,23 +37,17 @@ class StudyFilter(admin.SimpleListFilter):
 
 
 class StudyOfDriveFilter(StudyFilter):
-    """The same for drives."""
-
     way = "participant__study"
 
 
 class ExcludedFilter(admin.SimpleListFilter):
-    """Drives that somebody excluded."""
-
     title = _("excluded")
     parameter_name = "excluded"
 
     def lookups(self, _request: HttpRequest, _model_admin: Any) -> list[tuple[str, Any]]:
-        """Return yes and no."""
         return [("yes", _("excluded")), ("no", _("not excluded"))]
 
     def queryset(self, _request: HttpRequest, queryset: Any) -> Any:
-        """Return those."""
         rows: dict[str | None, Any] = {
             "yes": queryset.exclude(excluded_reason=""),
             "no": queryset.filter(excluded_reason=""),
@@ -69,11 +62,9 @@ class MismatchFilter(admin.SimpleListFilter):
     parameter_name = "applied"
 
     def lookups(self, _request: HttpRequest, _model_admin: Any) -> list[tuple[str, Any]]:
-        """Return yes and no."""
         return [("yes", _("as assigned")), ("no", _("differs"))]
 
     def queryset(self, _request: HttpRequest, queryset: Any) -> Any:
-        """Return those."""
         rows: dict[str | None, Any] = {
             "yes": queryset.filter(mismatches=[]),
             "no": queryset.exclude(mismatches=[]),
@@ -82,18 +73,12 @@ class MismatchFilter(admin.SimpleListFilter):
 
 
 class LanguageFilter(admin.AllValuesFieldListFilter):
-    """Languages by their names."""
-
     def choices(self, changelist: Any) -> Iterator[dict[str, Any]]:
-        """Return them with their names."""
         for one in super().choices(changelist):
             yield {**one, "display": language_name(str(one["display"]))}
 
 
 class CompletionFilter(admin.AllValuesFieldListFilter):
-    """Ways of ending in words."""
-
     def choices(self, changelist: Any) -> Iterator[dict[str, Any]]:
-        """Return them in words."""
         for one in super().choices(changelist):
             yield {**one, "display": ENDING_NAMES.get(str(one["display"]), one["display"])}

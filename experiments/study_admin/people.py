@@ -8,19 +8,20 @@ from urllib.parse import quote
 from django.contrib import messages
 from django.db import IntegrityError
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
-from django.shortcuts import get_object_or_404, render
-from django.urls import URLPattern, path, reverse
+from django.shortcuts import get_object_or_404
+from django.urls import URLPattern, reverse
 from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
-from django.views.decorators.cache import never_cache
 
 from accounts import audit
 from experiments import publishing
 from experiments.access import may
 from experiments.builder.forms import LinksForm, MemberForm
-from experiments.models import PersonalLink, Study, StudyMember
+from experiments.builder.study_page import StudyPages
+from experiments.models import PersonalLink, ResearcherInvitation, Study, StudyMember
 from experiments.participation import links
+from experiments.research.invitations import invite
 from experiments.research.study_access import study_for
 from experiments.study_admin import opening_hours
 from robots.files.csv_text import csv_text
@@ -28,68 +29,58 @@ from robots.files.csv_text import csv_text
 MOST_LISTED = 500
 
 
-class PeoplePages:
+class PeoplePages(StudyPages):
     """Researchers, links and hours."""
 
     def people_urls(self) -> list[URLPattern]:
-        """Return their addresses."""
-        guard = self.admin_site.admin_view  # type: ignore[attr-defined]
         return [
-            path(
-                "<uuid:pk>/researchers/",
-                guard(never_cache(self.members_view)),
-                name="experiments_study_members",
-            ),
-            path(
-                "<uuid:pk>/links/",
-                guard(never_cache(self.links_view)),
-                name="experiments_study_links",
-            ),
-            path(
-                "<uuid:pk>/hours/",
-                guard(never_cache(self.hours_view)),
-                name="experiments_study_hours",
-            ),
+            self.study_path("researchers/", self.members_view, "members"),
+            self.study_path("links/", self.links_view, "links"),
+            self.study_path("hours/", self.hours_view, "hours"),
         ]
 
     def _page(
         self, request: HttpRequest, row: Study, name: str, title: str, **context: Any
     ) -> HttpResponse:
-        around = self.admin_site.each_context(request) | {
-            "title": title,
-            "opts": self.opts,
-            "study": row,
-            "study_tab": "sharing",
-            "sharing_tab": name,
-        }  # type: ignore[attr-defined]
-        return render(request, f"admin/experiments/study/{name}.html", {**around, **context})
+        shown = {"sharing_tab": name, **context}
+        return self.study_page(request, row, name, title, shown, tab="sharing")
 
     # --- researchers ------------------------------------------------------------------------------
 
     def members_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Show who belongs to a study; owners add, change and remove."""
+        """Show who belongs to a study; owners add, invite, change and remove."""
         row = study_for(request, pk, "viewer")
         is_owner = may(request.user, row.slug, "owner")
-        form = MemberForm(
-            request.POST if request.method == "POST" and "add" in request.POST else None
-        )
-        if request.method == "POST":
-            if not is_owner:
-                raise Http404
-            if "remove" in request.POST:
-                self._remove(request, row, request.POST["remove"])
-            elif form.is_valid():
-                self._add(request, row, form.cleaned_data["person"], form.cleaned_data["role"])
-            if "remove" in request.POST or form.is_valid():
+        form = MemberForm(request.POST if "add" in request.POST else None)
+        invited: dict[str, Any] = {}
+        if request.method == "POST" and not is_owner:
+            raise Http404
+        if "remove" in request.POST:
+            self._remove(request, row, request.POST["remove"])
+            return HttpResponseRedirect(request.path)
+        if "cancel" in request.POST:
+            waiting = ResearcherInvitation.objects.filter(slug=row.slug, accepted_at=None)
+            waiting.filter(email=request.POST["cancel"]).delete()
+            return HttpResponseRedirect(request.path)
+        if form.is_valid():
+            person, role = form.cleaned_data["person"], form.cleaned_data["role"]
+            if person is not None:
+                self._add(request, row, person, role)
                 return HttpResponseRedirect(request.path)
-        members = (
-            StudyMember.objects.filter(slug=row.slug)
-            .select_related("user")
-            .order_by("user__username")
-        )
-        return self._page(
-            request, row, "members", _("Researchers"), members=members, form=form, is_owner=is_owner
-        )
+            link, is_sent = invite(request, row, form.invited, role)
+            publishing.log(row, request.user, f"Invited: {role}.")
+            invited = {"email": form.invited, "link": link, "is_sent": is_sent}
+            form = MemberForm()
+        members = StudyMember.objects.filter(slug=row.slug).select_related("user")
+        context = {
+            "members": members.order_by("user__username"),
+            "invitations": ResearcherInvitation.objects.filter(slug=row.slug, accepted_at=None),
+            "invited": invited,
+            "now": timezone.now(),
+            "form": form,
+            "is_owner": is_owner,
+        }
+        return self._page(request, row, "members", _("Researchers"), **context)
 
     def _add(self, request: HttpRequest, row: Study, user: Any, role: str) -> None:
         member = StudyMember.objects.filter(slug=row.slug, user=user).first()
@@ -108,14 +99,8 @@ class PeoplePages:
         )
 
     def _remove(self, request: HttpRequest, row: Study, pk: str) -> None:
-        member = next(
-            (
-                one
-                for one in StudyMember.objects.filter(slug=row.slug).select_related("user")
-                if str(one.pk) == pk
-            ),
-            None,
-        )
+        members = StudyMember.objects.filter(slug=row.slug).select_related("user")
+        member = next((one for one in members if str(one.pk) == pk), None)
         if member is None:
             raise Http404
         if self._is_last_owner(member):
@@ -143,10 +128,7 @@ class PeoplePages:
         """
         row = study_for(request, pk, "researcher")
         definition = row.as_definition()
-        form = LinksForm(
-            definition,
-            request.POST if request.method == "POST" and "make" in request.POST else None,
-        )
+        form = LinksForm(definition, request.POST if "make" in request.POST else None)
         made = None
         if request.method == "POST":
             if row.status == Study.Status.CLOSED:
@@ -155,19 +137,9 @@ class PeoplePages:
                 return self._revoke(request, row, request.POST["revoke"])
             if form.is_valid():
                 made, form = self._made(request, row, form), LinksForm(definition)
-        rows = PersonalLink.objects.filter(study=row).select_related("participant__user")[
-            :MOST_LISTED
-        ]
-        return self._page(
-            request,
-            row,
-            "links",
-            _("Personal links"),
-            links=rows,
-            form=form,
-            made=made,
-            now=timezone.now(),
-        )
+        rows = PersonalLink.objects.filter(study=row).select_related("participant__user")
+        context = {"links": rows[:MOST_LISTED], "form": form, "made": made, "now": timezone.now()}
+        return self._page(request, row, "links", _("Personal links"), **context)
 
     def _made(self, request: HttpRequest, row: Study, form: LinksForm) -> dict[str, Any]:
         now, told = timezone.now(), form.cleaned_data
@@ -209,7 +181,6 @@ class PeoplePages:
     # --- hours ------------------------------------------------------------------------------------
 
     def hours_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Show and change when a study is open."""
         row = study_for(request, pk, "viewer")
         is_owner = may(request.user, row.slug, "owner")
         told = dict(
@@ -240,5 +211,4 @@ class PeoplePages:
 
 
 def made(count: int) -> str:
-    """Return how many studies were added."""
     return ngettext("%(n)d study was added.", "%(n)d studies were added.", count) % {"n": count}

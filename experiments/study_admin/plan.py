@@ -10,10 +10,9 @@ from django import forms
 from django.contrib import messages
 from django.core.validators import MaxLengthValidator
 from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
-from django.urls import URLPattern, path, reverse
+from django.urls import URLPattern, reverse
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy, ngettext
-from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_POST, require_safe
 
 from accounts import audit
@@ -21,6 +20,7 @@ from experiments import publishing
 from experiments.access import may
 from experiments.analysis.dataset.records import FreezeRecord
 from experiments.analysis.plan.preregistration import preregistration
+from experiments.builder.study_page import StudyPages
 from experiments.dataset.answers import questionnaires_of
 from experiments.dataset.freeze import freeze_of
 from experiments.models import Study
@@ -41,7 +41,6 @@ class PowerForm(forms.Form):
     )
 
     def clean_participants(self) -> str:
-        """Return the numbers with commas between."""
         words = self.cleaned_data["participants"].replace(",", " ").split()
         is_fine = all(
             word.isascii() and word.isdigit() and 1 <= int(word) <= MOST_PARTICIPANTS
@@ -56,8 +55,6 @@ class PowerForm(forms.Form):
 
 
 class DeviationsForm(forms.Form):
-    """What was done differently than planned."""
-
     deviations = forms.CharField(
         label=gettext_lazy("Deviations from the plan"),
         required=False,
@@ -69,41 +66,20 @@ class DeviationsForm(forms.Form):
     )
 
 
-class PlanPages:
-    """The page of a plan, and what it leads to."""
-
+class PlanPages(StudyPages):
     def plan_urls(self) -> list[URLPattern]:
-        """Return their addresses."""
-        guard = self.admin_site.admin_view  # type: ignore[attr-defined]
+        text, deviations = require_safe(self.preregistration_view), self.deviations_view
         return [
-            path(
-                "<uuid:pk>/plan/",
-                guard(never_cache(require_safe(self.plan_view))),
-                name="experiments_study_plan",
-            ),
-            path(
-                "<uuid:pk>/plan/preregistration.md",
-                guard(require_safe(self.preregistration_view)),
-                name="experiments_study_preregistration",
-            ),
-            path(
-                "<uuid:pk>/plan/power/",
-                guard(never_cache(require_POST(self.power_view))),
-                name="experiments_study_power",
-            ),
-            path(
-                "<uuid:pk>/plan/deviations/",
-                guard(require_POST(self.deviations_view)),
-                name="experiments_study_deviations",
-            ),
+            self.study_path("plan/", require_safe(self.plan_view), "plan"),
+            self.study_path("plan/preregistration.md", text, "preregistration"),
+            self.study_path("plan/power/", require_POST(self.power_view), "power"),
+            self.study_path("plan/deviations/", require_POST(deviations), "deviations"),
         ]
 
     def plan_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Show the plan of a study."""
         return self._plan(request, study_for(request, pk, "viewer"), PowerForm())
 
     def preregistration_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Return the text of the preregistration as a file."""
         row = study_for(request, pk, "viewer")
         name = f"{row.slug}-{row.version}-preregistration.md"
         return HttpResponse(
@@ -143,8 +119,6 @@ class PlanPages:
     ) -> HttpResponse:
         definition, freeze = row.as_definition(), freeze_of(row)
         context = {
-            "study_tab": "overview",
-            "sharing_tab": "",
             "plan": definition.plan,
             "analyses": definition.analyses,
             "text": preregistration(definition, freeze, questionnaires_of(row)),
@@ -155,11 +129,10 @@ class PlanPages:
             "is_owner": may(request.user, row.slug, "owner"),
             "deviations": DeviationsForm({"deviations": row.deviations}),
         }
-        response: HttpResponse = self._page(  # type: ignore[attr-defined]
-            request, row, "plan", _("Plan and power"), **(context | more)
+        title = _("Plan and power")
+        return self.study_page(
+            request, row, "plan", title, context | more, tab="overview", status=status
         )
-        response.status_code = status
-        return response
 
 
 def by_test(found: dict[str, Any]) -> dict[str, Any]:

@@ -26,7 +26,7 @@ def state_text(row: Rehearsal, now: datetime.datetime) -> str:
     """Return how far a rehearsal is, or how it ended."""
     told = {"host": row.host or "?", "reason": row.reason}
     if runs.is_lost(row, now):
-        told["time"] = timezone.localtime(row.seen_at).strftime("%H:%M")
+        told["time"] = timezone.localtime(row.seen_at).strftime("%H:%M %Z")
         return (
             _(
                 "Failed: its process on %(host)s has given no sign of life since %(time)s. That "

@@ -57,7 +57,6 @@ class RehearsalAdmin(StudyRows):
 
     @admin.display(description=_("status"), ordering="status")
     def state(self, row: Rehearsal) -> str:
-        """Return whether it waits, runs or has ended."""
         lost = runs.is_lost(row, timezone.now())
         return str((runs.Status.FAILED if lost else runs.Status(row.status)).label)
 
@@ -67,7 +66,6 @@ class RehearsalAdmin(StudyRows):
         return row.sha256 == row.study.sha256
 
     def get_urls(self) -> list[URLPattern]:
-        """The pages of the model, and its own."""
         guard, name = self.admin_site.admin_view, "experiments_rehearsal"
         own = [
             path("start/<uuid:study>/", guard(require_POST(self.start_view)), name=f"{name}_start"),
@@ -115,13 +113,11 @@ class RehearsalAdmin(StudyRows):
         return HttpResponseRedirect(reverse("admin:experiments_rehearsal_change", args=[row.pk]))
 
     def state_view(self, request: HttpRequest, pk: UUID) -> JsonResponse:
-        """Return how far a rehearsal is, for its page."""
         row, now = self._row(request, pk, "viewer"), timezone.now()
         told = {"text": state_text(row, now), "live": runs.is_live(row, now)}
         return JsonResponse(told | {"progress": row.progress})
 
     def report_view(self, request: HttpRequest, pk: UUID) -> JsonResponse:
-        """Return the report as a file."""
         row = self._row(request, pk, "viewer")
         name = f"{row.study.slug}-{row.study.version}-rehearsal.json"
         headers = {"Content-Disposition": f'attachment; filename="{name}"'}

@@ -11,14 +11,13 @@ from typing import Any
 from csp.constants import SELF
 from csp.decorators import csp_replace
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase, HttpResponseRedirect
-from django.shortcuts import render
-from django.urls import URLPattern, path, reverse
+from django.urls import URLPattern, reverse
 from django.utils import timezone, translation
 from django.utils.translation import gettext as _
-from django.views.decorators.cache import never_cache
 from django.views.decorators.clickjacking import xframe_options_sameorigin
 
 from accounts.models import User
+from experiments.builder.study_page import StudyPages
 from experiments.builder.views import WALK_THROUGH, sections
 from experiments.definition.schema import StudyDefinition
 from experiments.models import Participant, ParticipantKind, Study
@@ -32,29 +31,15 @@ from surveys.documents import spoken
 WIDTHS = {"phone": (390, 760), "tablet": (820, 760), "computer": (1280, 760)}  # pixels
 
 
-class WalkThroughPages:
-    """The frame, and the pages in it."""
-
+class WalkThroughPages(StudyPages):
     def walk_through_urls(self) -> list[URLPattern]:
-        """Return their addresses."""
-        guard = self.admin_site.admin_view  # type: ignore[attr-defined]
-        step = xframe_options_sameorigin(
-            csp_replace({"frame-ancestors": [SELF]})(never_cache(self.walked_step_view))
-        )
+        in_frame = csp_replace({"frame-ancestors": [SELF]})(self.walked_step_view)
+        step, route = xframe_options_sameorigin(in_frame), "walk-through/"
+        place = f"{route}<slug:language>/<int:number>/"
         return [
-            path(
-                "<uuid:pk>/walk-through/",
-                guard(never_cache(self.walk_through_view)),
-                name="experiments_study_walk_through",
-            ),
-            *(
-                path(
-                    f"<uuid:pk>/walk-through/<slug:language>/<int:number>/{condition}",
-                    guard(step),
-                    name="experiments_study_walked_step",
-                )
-                for condition in ("", "<slug:condition>/")
-            ),
+            self.study_path(route, self.walk_through_view, "walk_through"),
+            self.study_path(place, step, "walked_step"),
+            self.study_path(f"{place}<slug:condition>/", step, "walked_step"),
         ]
 
     def walk_through_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
@@ -78,15 +63,9 @@ class WalkThroughPages:
         keys = [place.step for place in way]
         asked = request.GET.get("step", "")
         first = keys.index(asked) if asked in keys else 0
-        context = self.admin_site.each_context(request) | {  # type: ignore[attr-defined]
-            "title": _("Walk through as a participant"),
-            "opts": self.opts,  # type: ignore[attr-defined]
-            "study": row,
-            "study_tab": "builder",
+        context = {
             "sections": sections(row),
             "section": WALK_THROUGH,
-            # the frame of a computer needs the room
-            "is_nav_sidebar_enabled": False,
             "steps": steps,
             "shown": steps[first][0] if steps else "",
             "step": asked,
@@ -104,7 +83,8 @@ class WalkThroughPages:
             ],
             "size": WIDTHS[width],
         }
-        return render(request, "admin/experiments/study/walk_through.html", context)
+        title = _("Walk through as a participant")
+        return self.study_page(request, row, "walk_through", title, context, tab="builder")
 
     def walked_step_view(
         self, request: HttpRequest, pk: Any, language: str, number: int, condition: str = ""

@@ -25,7 +25,7 @@ from surveys.document_forms.parts import (
 )
 
 NOT_POINTS = "Write one point per line: x and y in metres."
-NONE = gettext_lazy("none")
+NONE = gettext_lazy("not chosen")
 # What msgspec says of a number beyond its limits, and what is said instead.
 BEYOND = re.compile(r"Expected `\w+(?: \| null)?` ([<>]=?) (-?[\d.]+)\.$")
 LIMITS = {
@@ -34,9 +34,28 @@ LIMITS = {
     "<=": gettext_lazy("Write a number of at most %(n)s."),
     "<": gettext_lazy("Write a number below %(n)s."),
 }
-# What may be chosen, by field: values, or values with what they are called.
-Offered = Mapping[str, Sequence[str] | Mapping[str, str]]
+# What may be chosen, by field: values, values with what they are called, or such in groups.
+Offered = Mapping[str, Sequence[str] | Mapping[str, Any]]
 NOTHING: Offered = MappingProxyType({})
+
+
+class GroupedText(str):
+    """What a choice is called, and the `group` of choices in which it is listed."""
+
+    __slots__ = ("group",)
+    group: str
+
+
+def _called(offers: Sequence[str] | Mapping[str, Any]) -> dict[str, Any]:
+    """Return what choices are called, by value; nothing for those that have no names."""
+    found: dict[str, Any] = {}
+    for key, text in offers.items() if isinstance(offers, Mapping) else ():
+        for value, called in text.items() if isinstance(text, Mapping) else ((key, text),):
+            found[value] = called
+            if isinstance(text, Mapping):
+                found[value] = GroupedText(called)
+                found[value].group = key
+    return found
 
 
 def language_name(code: str) -> str:
@@ -253,8 +272,8 @@ def field_of(member: AskedField, value: Any = None, offered: Offered = NOTHING) 
     `offered` is what may be chosen, by key; `value` stays among it.
     """
     offers = offered.get(member.called, offered.get(member.key, ()))
-    shape, choices = member.shape, choices_of(member) or tuple(offers)
-    names = offers if isinstance(offers, Mapping) else {}
+    names = _called(offers)
+    shape, choices = member.shape, tuple(names or offers) or choices_of(member)
     if isinstance(shape, inspect.VarTupleType):
         if isinstance(shape.item_type, inspect.TupleType):
             return PointsField(member, "points", _box(5))
@@ -272,14 +291,14 @@ def field_of(member: AskedField, value: Any = None, offered: Offered = NOTHING) 
     if choices:
         empty = ("",) if member.has_none or member.default == "" else ()
         missing = () if value in {*choices, None, ""} else (str(value),)
-        listed = _named(member, (*empty, *choices, *missing), names)
+        listed = _in_groups(_named(member, (*empty, *choices, *missing), names))
         return ValueField(member, "choice", forms.Select(choices=listed), allowed=names)
     return text_field(member)
 
 
 def text_field(member: AskedField, language: str = "") -> ValueField:
     """Return the field of a text, on a line or several."""
-    style, widget = ("text", _box(4)) if member.guide.is_long(member.called) else ("line", _line())
+    style, widget = ("text", _box(8)) if member.guide.is_long(member.called) else ("line", _line())
     return ValueField(member, style, widget, language=language)
 
 
@@ -289,6 +308,14 @@ def _line(**attributes: str) -> forms.TextInput:
 
 def _box(lines: int) -> forms.Textarea:
     return forms.Textarea({"rows": lines, "cols": None})
+
+
+def _in_groups(listed: Iterable[tuple[str, Any]]) -> list[tuple[str, Any]]:
+    """Return choices, those of a group together behind those without one."""
+    groups: dict[str, list[tuple[str, Any]]] = {"": []}
+    for value, words in listed:
+        groups.setdefault(getattr(words, "group", ""), []).append((value, words))
+    return [*groups.pop(""), *groups.items()]
 
 
 def _named(

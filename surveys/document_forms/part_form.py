@@ -66,12 +66,18 @@ class Group(FormLayout):
     is_list: bool = False
     kind: str = ""
     number: int | None = None  # of a part in a list, from 1
+    was: str = ""  # its short name when the page was first shown
     is_last: bool = False
     is_group: bool = True  # a field has no such thing
 
     @property
     def key(self) -> str:
         return self.member.key
+
+    @property
+    def list_name(self) -> str:
+        """The name of the list: of itself, or of that which it is a part of."""
+        return self.name if self.number is None else self.name.rpartition(".")[0]
 
     @property
     def called(self) -> int:
@@ -96,7 +102,8 @@ class Group(FormLayout):
     def added(self) -> list[tuple[str, Any]]:
         """What can be added to the list: what its button sends, and what that is called."""
         kinds = self.member.guide.added(self.member.called)
-        return [(f"{self.key}:{kind}", word) for kind, word in kinds] or [(self.key, self.item)]
+        listed = [(f"{self.list_name}:{kind}", word) for kind, word in kinds]
+        return listed or [(self.list_name, self.item)]
 
     @property
     def hint(self) -> Any:
@@ -178,7 +185,8 @@ class PartForm(FormLayout, forms.Form):
             inner = list(self._parts(member.listed, value, f"{name}.{n}."))
             last = n == len(values) - 1
             one = f"{name}.{n}"
-            yield Group(one, member, inner, number=n + 1, is_last=last)
+            was = value.get("was", value.get("key", ""))
+            yield Group(one, member, inner, number=n + 1, was=was, is_last=last)
 
     def add(self, name: str, one: ValueField, value: Any) -> forms.BoundField:
         self.fields[name], self.initial[name] = one, value

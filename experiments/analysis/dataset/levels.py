@@ -7,7 +7,8 @@ from itertools import pairwise
 from typing import Literal, get_args
 
 from experiments.definition.conditions import ASPECTS
-from experiments.definition.schema import ControlWay, Outcome
+from experiments.definition.design import ControlWay
+from experiments.definition.schema import Outcome
 from robots.api.messages import AssistLevel, InputMethod, Mode, Way
 from sessions.devices import OTHER, SYSTEMS, TABLE_3_BROWSERS
 from sessions.leases.fault_side import MANAGER, WEB, Side

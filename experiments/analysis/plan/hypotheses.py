@@ -54,14 +54,14 @@ class DecidingTest:
 
 
 @dataclass(frozen=True)
-class Decision:
+class CorrectedTest:
     """A test that decides on a hypothesis, with p as corrected in the family."""
 
     test: DecidingTest
     p: float
 
 
-def decisions_of(study: StudyDefinition, tables: Sequence[Table]) -> list[Decision]:
+def decisions_of(study: StudyDefinition, tables: Sequence[Table]) -> list[CorrectedTest]:
     """Return the tests that decide on the hypotheses of a study's plan, from the tables of its
     declared analyses.
     """
@@ -69,10 +69,10 @@ def decisions_of(study: StudyDefinition, tables: Sequence[Table]) -> list[Decisi
         return []
     tests = list(_tests(study, study.plan, {table.name: table for table in tables}))
     corrected = family_corrected(study.plan, tests)
-    return [Decision(test, p) for test, p in zip(tests, corrected, strict=True)]
+    return [CorrectedTest(test, p) for test, p in zip(tests, corrected, strict=True)]
 
 
-def hypotheses_table(study: StudyDefinition, decisions: Sequence[Decision]) -> Table:
+def hypotheses_table(study: StudyDefinition, decisions: Sequence[CorrectedTest]) -> Table:
     """Return each hypothesis with the tests that decide on it."""
     plan = study.plan
     title = "Hypotheses of the plan."
@@ -85,7 +85,9 @@ def hypotheses_table(study: StudyDefinition, decisions: Sequence[Decision]) -> T
     return Table("hypotheses", title, HEAD, rows, (*texts, SELECTED, PRECISION, alpha))
 
 
-def by_row(decisions: Sequence[Decision]) -> dict[tuple[str, str, str], list[tuple[str, float]]]:
+def by_row(
+    decisions: Sequence[CorrectedTest],
+) -> dict[tuple[str, str, str], list[tuple[str, float]]]:
     """Return the hypotheses on which each row of a declared table decides, with p in the family; a
     row is named by its table, measure, and contrast or effect.
     """
@@ -96,7 +98,7 @@ def by_row(decisions: Sequence[Decision]) -> dict[tuple[str, str, str], list[tup
     return found
 
 
-def _row(plan: StudyPlan, decision: Decision) -> Row:
+def _row(plan: StudyPlan, decision: CorrectedTest) -> Row:
     one, p = decision.test, decision.p
     return (
         words(one.hypothesis.key),

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 
 from experiments.analysis.dataset.records import Dataset, ResponseRecord
 from experiments.analysis.statistics.conditions import compare
-from experiments.analysis.tables.comparisons import Group, comparison_table
+from experiments.analysis.tables.comparisons import ComparedSide, comparison_table
 from experiments.analysis.tables.paper_tables import behind, label_of, lines_of
 from experiments.analysis.tables.response_selection import RULES
 from experiments.analysis.tables.table import Table
@@ -27,7 +27,9 @@ def compare_answers(dataset: Dataset) -> Table:
     found = []
     for line in lines:
         groups = {
-            key: Group(scores(counted[key][1], line.statements), behind(line, counted[key][1]))
+            key: ComparedSide(
+                scores(counted[key][1], line.statements), behind(line, counted[key][1])
+            )
             for key in keys
         }
         values = {key: group.values for key, group in groups.items()}

@@ -47,7 +47,7 @@ READ_AS = (
 
 
 @dataclass(frozen=True)
-class Group:
+class ComparedSide:
     """A side of a comparison: a value a participant, and the sessions behind them. Times that are
     censored have no mean, and the median that is given.
     """
@@ -65,7 +65,7 @@ def head_of(keys: Sequence[str]) -> tuple[str, ...]:
 
 
 def compared(
-    label: str, groups: Sequence[Group], test: Test, corrected: float
+    label: str, groups: Sequence[ComparedSide], test: Test, corrected: float
 ) -> tuple[TableCell, ...]:
     """Return a row: what was compared, each group, and the test with its corrected p value."""
     cells: list[TableCell] = []
@@ -109,7 +109,7 @@ def _freedom(value: float | None) -> TableCell:
     return number(value, 0 if value is not None and value.is_integer() else 1)
 
 
-Comparison = tuple[str, Test, Sequence[Group]]  # what was compared, the test, its sides
+Comparison = tuple[str, Test, Sequence[ComparedSide]]  # what was compared, the test, its sides
 
 
 def comparison_table(
@@ -145,7 +145,7 @@ def family(members: int) -> str:
 
 
 def corrected_for(
-    tests: Sequence[Test], rows: Sequence[Sequence[Group]]
+    tests: Sequence[Test], rows: Sequence[Sequence[ComparedSide]]
 ) -> tuple[tuple[float, ...], int]:
     """Return the p values of a table, corrected by Holm's method, and how many tests the family
     has: rows of the same data are one of them.
@@ -156,5 +156,5 @@ def corrected_for(
     return holm(values, members), len(known)
 
 
-def _data(groups: Sequence[Group]) -> Hashable:
+def _data(groups: Sequence[ComparedSide]) -> Hashable:
     return tuple(tuple(sorted(group.values.items())) for group in groups)

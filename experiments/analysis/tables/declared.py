@@ -45,7 +45,7 @@ from experiments.analysis.tables.comparisons import (
     READ_AS,
     REMARK,
     TESTED,
-    Group,
+    ComparedSide,
     compared,
     corrected_for,
     estimated,
@@ -116,19 +116,21 @@ class Data:
     dataset: Dataset
     measured: Sequence[Measured]
 
-    def of(self, measure: str, condition: str) -> Group:
+    def of(self, measure: str, condition: str) -> ComparedSide:
         """Return a measure in a condition: a value a participant, and the sessions behind them."""
         questionnaire, point, item = measure.partition(".")
         if not point:
             own = self._driven(condition)
             known = measure in {column.name for column in METRICS}
             values = values_by_participant(own, measure) if known else {}
-            return Group(values, [one.session.id for one in own] if values else [])
+            return ComparedSide(values, [one.session.id for one in own] if values else [])
         scale = self._scale(questionnaire, item)
         if scale is None:
-            return Group({})
+            return ComparedSide({})
         responses = coded(self.dataset, counted(self.dataset, questionnaire, condition))
-        return Group(mean_scores(responses, scale), behind_statements(scale.items, responses))
+        return ComparedSide(
+            mean_scores(responses, scale), behind_statements(scale.items, responses)
+        )
 
     def drives(self, test: str, measure: str, condition: str) -> list[DriveOutcome]:
         """Return what a model takes of a condition: each session's outcome, or each participant's
@@ -145,7 +147,7 @@ class Data:
 
     def side(
         self, test: str, measure: str, keys: Sequence[str]
-    ) -> tuple[list[DriveOutcome], Group]:
+    ) -> tuple[list[DriveOutcome], ComparedSide]:
         """Return the drives of a side of a contrast and what is printed of them. Means of a
         participant are over all conditions that they were to have on it; who lacks one has none.
         """
@@ -153,8 +155,8 @@ class Data:
         if test in FAMILIES:
             drives = [one for own in found.values() for one in own]
             ids = [one.session.id for key in keys for one in self._driven(key)]
-            group = group_of(KINDS[measure], drives) if drives else Group({})
-            return drives, Group(group.values, ids, group.is_censored, group.median)
+            group = group_of(KINDS[measure], drives) if drives else ComparedSide({})
+            return drives, ComparedSide(group.values, ids, group.is_censored, group.median)
         groups = {key: self.of(measure, key) for key in keys}
         values: dict[str, float] = {}
         for together in self.conditions_together():
@@ -164,7 +166,7 @@ class Data:
                 values |= {who: sum(one[who] for one in own) / len(own) for who in shared}
         values = dict(sorted(values.items()))
         ids = [session for group in groups.values() for session in group.sessions]
-        return [DriveOutcome(*one) for one in values.items()], Group(values, ids)
+        return [DriveOutcome(*one) for one in values.items()], ComparedSide(values, ids)
 
     def covariate(self, name: str) -> tuple[dict[str, str | float], tuple[str, ...]]:
         """Return each participant's value of a covariate, and its levels in the order of the
@@ -289,7 +291,7 @@ def _about_metrics(one: DeclaredAnalysis) -> tuple[str, ...]:
 
 def _test_sides(
     one: DeclaredAnalysis, data: Data, measure: str, sides: Mapping[str, Sequence[str]]
-) -> tuple[Test, list[Group]]:
+) -> tuple[Test, list[ComparedSide]]:
     """Return the test of a measure between sides, of some conditions each, and their groups."""
     found = {name: data.side(one.test, measure, keys) for name, keys in sides.items()}
     groups = [group for _, group in found.values()]

@@ -18,7 +18,7 @@ from experiments.analysis.statistics.regression import (
     compare_drives,
     median_time,
 )
-from experiments.analysis.tables.comparisons import Group
+from experiments.analysis.tables.comparisons import ComparedSide
 
 MetricTest = Literal["means"] | Family
 CENSORED_AT_END = (
@@ -79,7 +79,7 @@ def outcomes(measured: Sequence[Measured], family: Family, name: str) -> Iterato
 
 def metric_test(
     name: str, sides: Mapping[str, Sequence[Measured]], *, is_paired: bool
-) -> tuple[Test, list[Group]]:
+) -> tuple[Test, list[ComparedSide]]:
     """Return the test of a metric between sides of sessions, by what kind of number it is, and what
     is printed of each side.
     """
@@ -88,7 +88,9 @@ def metric_test(
     if family is None:
         means = {key: values_by_participant(side, name) for key, side in sides.items()}
         test = compare(means, is_paired=is_paired)
-        return test, [Group(own, these) for own, these in zip(means.values(), ids, strict=True)]
+        return test, [
+            ComparedSide(own, these) for own, these in zip(means.values(), ids, strict=True)
+        ]
     drives = {key: tuple(outcomes(side, family, name)) for key, side in sides.items()}
     test = compare_drives(family, drives)
     groups = [
@@ -98,7 +100,7 @@ def metric_test(
     return test, groups
 
 
-def group_of(family: Family, drives: Sequence[DriveOutcome]) -> Group:
+def group_of(family: Family, drives: Sequence[DriveOutcome]) -> ComparedSide:
     """Return what is printed of the drives of a side: of times only their number and median."""
     found: dict[str, list[float]] = {}
     for one in drives:
@@ -106,5 +108,5 @@ def group_of(family: Family, drives: Sequence[DriveOutcome]) -> Group:
         found.setdefault(one.who, []).append(value)
     values = {who: math.fsum(own) / len(own) for who, own in found.items()}
     if family != "times":
-        return Group(values)
-    return Group(values, is_censored=True, median=median_time(drives))
+        return ComparedSide(values)
+    return ComparedSide(values, is_censored=True, median=median_time(drives))

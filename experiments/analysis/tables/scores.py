@@ -10,7 +10,7 @@ from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.statistics.comparisons import Test
 from experiments.analysis.statistics.conditions import NO_TEST, compare
 from experiments.analysis.statistics.descriptive import spread
-from experiments.analysis.tables.comparisons import Group, comparison_table
+from experiments.analysis.tables.comparisons import ComparedSide, comparison_table
 from experiments.analysis.tables.paper_tables import OVERALL
 from experiments.analysis.tables.response_selection import RULES
 from experiments.analysis.tables.scored_responses import (
@@ -178,16 +178,16 @@ def score_tests(dataset: Dataset, found: ScoredQuestionnaire) -> Table:
     return comparison_table(f"score-tests-{definition.slug}", title, "", keys, rows, notes)
 
 
-def _of_condition(found: ScoredQuestionnaire, key: str, scale: ScoredScale) -> Group:
+def _of_condition(found: ScoredQuestionnaire, key: str, scale: ScoredScale) -> ComparedSide:
     own = found.of_condition(key)
     responses = [one for group in own for one in group.responses]
     sessions = [ids for group in own for ids in group.behind(scale)]
-    return Group(mean_scores(responses, scale), sessions)
+    return ComparedSide(mean_scores(responses, scale), sessions)
 
 
 def _tested(
-    dataset: Dataset, found: ScoredQuestionnaire, scale: ScoredScale, groups: Sequence[Group]
-) -> tuple[Test, Sequence[Group]]:
+    dataset: Dataset, found: ScoredQuestionnaire, scale: ScoredScale, groups: Sequence[ComparedSide]
+) -> tuple[Test, Sequence[ComparedSide]]:
     if differing := found.differing(scale):
         remark = f"not the same items: {', '.join(differing)}"
         return Test(NO_TEST, 0, remark=remark), groups

@@ -10,10 +10,12 @@ from robots.api.floorplan import Key as PlanKey
 from surveys.documents import DocumentPart, Key, Problem, Text
 from surveys.documents import gettext_noop as _
 
+OWN_MEDIA = "own-"  # how names of uploaded pictures and videos begin
+
 
 class InstructionPage(DocumentPart, frozen=True, kw_only=True):
-    """One page of the instructions; `picture` is the name of a picture of the site's own. `robot`
-    and `conditions` say for whom it is; none is everybody.
+    """One page of the instructions; `picture` is the name of a picture of the site's own, or
+    of an uploaded picture or video. `robot` and `conditions` say for whom it is; none is everybody.
     """
 
     text: Text

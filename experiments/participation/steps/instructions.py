@@ -4,9 +4,12 @@ import datetime
 
 from django.conf import settings
 from django.http import HttpRequest, HttpResponseBase
+from django.templatetags.static import static
+from django.urls import reverse
 from django.utils.translation import gettext_lazy as _
 
-from experiments.definition.steps.instructions import InstructionPage
+from experiments.definition.steps.instructions import OWN_MEDIA, InstructionPage
+from experiments.instruction_media import is_video
 from experiments.participation import grants, progress
 from experiments.participation.step_page import StepPage, to_step
 
@@ -48,7 +51,9 @@ class InstructionsStepPage(StepPage):
         page = pages[number - 1]
         more = {
             "text": self.filled(page.text, request),
-            "picture": f"img/instructions/{page.picture}.svg" if page.picture in PICTURES else "",
+            "picture": _address(page.picture or ""),
+            "is_video": is_video(page.picture or ""),
+            "is_built_in": page.picture in PICTURES,
             "is_example": page.picture in EXAMPLES,
             "leaf": number,
             "leaves": len(pages),
@@ -80,3 +85,10 @@ class InstructionsStepPage(StepPage):
     def take(self, request: HttpRequest, now: datetime.datetime) -> bool:
         """Lead on whoever has read them."""
         return True
+
+
+def _address(picture: str) -> str:
+    """Return where a picture or video is; empty for none."""
+    if picture.startswith(OWN_MEDIA):
+        return str(reverse("study_media", args=[picture]))
+    return str(static(f"img/instructions/{picture}.svg")) if picture in PICTURES else ""

@@ -13,7 +13,7 @@ from tests.support.paths import ROOT
 from tests.support.people import person
 from tests.support.robots import create_robot
 
-BEFORE = [("experiments", "0015_recruitment")]
+BEFORE = [("experiments", "0016_invitations_and_media")]
 GOLDEN = ROOT / "tests" / "golden"
 OLD = json.loads((GOLDEN / "study_published_before.json").read_text("utf-8"))
 COMPLETE = json.loads((GOLDEN / "study_complete.json").read_text("utf-8"))

@@ -17,6 +17,7 @@ from experiments.participation.withdrawal import receipt
 from experiments.participation.withdrawal.deletion import withdraw
 from robots.files import limited_process
 from robots.files.limited_process import ChildLimits
+from tests.support.browsers.html_page import read
 from tests.support.people import person
 from tests.support.sessions import replays
 
@@ -331,3 +332,12 @@ def test_a_coding_outlives_its_coders_account_without_them(client, drive):
     Coding.objects.get().coder.delete()
     assert (Coding.objects.get().coder, Coding.objects.get().number) == (None, 1)
     assert CodingEdit.objects.count() == 1
+
+
+def test_page_of_a_study_without_scheme_leads_to_the_builder(client):
+    plain = replays.study()
+    client.force_login(person("boss", is_staff=True, is_superuser=True))
+    page = read(client.get(reverse("study_coding", args=[plain.slug])))
+    build = reverse("admin:experiments_study_section", args=[plain.pk, "coding"])
+    assert build in [a.attributes.get("href") for a in page.all("a")]
+    assert client.get(build).status_code == 200

@@ -19,14 +19,12 @@ from tests.support.studies.studies import small_study
 
 pytestmark = pytest.mark.django_db
 FILLED = {
-    "form-TOTAL_FORMS": "2",
-    "form-INITIAL_FORMS": "0",
-    "form-0-name": "Carberry, Josiah",
-    "form-0-orcid": "https://orcid.org/0000-0002-1825-0097",
-    "form-0-affiliation": "Brown University",
-    "form-1-name": "",
-    "form-1-orcid": "",
-    "form-1-affiliation": "",
+    "authors.0": "",
+    "authors.0.name": "Carberry, Josiah",
+    "authors.0.orcid": "https://orcid.org/0000-0002-1825-0097",
+    "authors.0.affiliation": "Brown University",
+    "authors.1": "",
+    "authors.1.name": "",
     "license": "CC-BY-4.0",
     "funder": "NSF 1",
     "preregistration": "https://osf.io/abcde",
@@ -71,11 +69,11 @@ def test_an_owner_writes_them_and_an_export_says_them(client, study, page, tmp_p
 @pytest.mark.parametrize(
     ("field", "value", "problem"),
     [
-        ("form-0-orcid", "0000-0002-1825-0098", "check digit"),
-        ("form-0-name", "", "Enter the name of this author."),
+        ("authors.0.orcid", "0000-0002-1825-0098", "check digit"),
+        ("authors.0.name", "", "Enter the name of this author."),
         ("doi", "zenodo.12", "is not a DOI"),
         ("preregistration", "osf.io/abcde", "Enter an address"),
-        ("license", "WTFPL", "valid choice"),
+        ("license", "WTFPL", "Choose one of the licences."),
     ],
 )
 def test_a_problem_is_told_at_its_field_and_nothing_is_kept(

@@ -8,8 +8,10 @@ import msgspec
 import pytest
 from asgiref.sync import sync_to_async
 from channels.layers import get_channel_layer
+from django.urls import reverse
 from django.utils import timezone
 
+from experiments import publishing
 from experiments.dataset.build import release_of
 from experiments.dataset.events import events_of
 from experiments.dataset.selection import Selection
@@ -25,14 +27,16 @@ from sessions.leases.store import change_lease
 from sessions.models import Lease, SessionEvent
 from sessions.wizard import protocol
 from sessions.wizard.leases import note
+from tests.integration.experiments.test_publishing import NOW
 from tests.support import words
+from tests.support.browsers.html_page import read
 from tests.support.browsers.pages import SECONDS, Page, until
 from tests.support.browsers.wizard_console import Console
 from tests.support.patience import patient
 from tests.support.people import person
 from tests.support.sessions.memory_bridge import MemoryBridge
 from tests.support.studies import participants as p
-from tests.support.studies.studies import STUDY
+from tests.support.studies.studies import STUDY, small_study
 from tests.support.studies.study_site import ALL, cabin_with_giraff
 from tests.support.studies.wizard_study import OPERATOR_TEXT, wizard_study
 
@@ -312,3 +316,15 @@ def test_a_lease_that_moves_to_another_session_forgets_its_operator(robot):
     assert change_lease(robot, 3, session=None, peer="", now=timezone.now())
     lease = Lease.objects.get()
     assert (lease.wizard_peer, lease.wizard_epoch) == ("", 5)
+
+
+def test_page_of_a_study_without_hidden_operator_says_so(client):
+    plain = publishing.store(small_study(slug="plain"), NOW)
+    owner = person("olga", is_staff=True)
+    StudyMember.objects.create(slug=plain.slug, user=owner, role=StudyMember.Role.OWNER)
+    client.force_login(owner)
+    page = read(client.get(f"/studies/{plain.slug}/wizard/"))
+    assert "This study has no hidden operator" in page.text
+    build = reverse("admin:experiments_study_section", args=[plain.pk, "wizard"])
+    assert build in [a.attributes.get("href") for a in page.all("a")]
+    assert client.get("/studies/nothing/wizard/").status_code == 404

@@ -5,10 +5,12 @@ import pytest
 from django.http import QueryDict
 from django.utils import translation
 
+from experiments.builder.design import StudyDesign
 from experiments.builder.labels import GUIDE
 from experiments.builder.pages import clicked_point, renumber
 from experiments.builder.study_form import StudyPartForm
 from experiments.definition.coding import Code
+from experiments.definition.plan import StudyPlan
 from experiments.definition.schema import Condition, Course, StudyCheckpoint, StudyDefinition
 from experiments.definition.shipped import shipped
 from experiments.definition.steps.instructions import Instructions
@@ -33,7 +35,7 @@ def sent(form: StudyPartForm, **changes: str) -> QueryDict:
     data = QueryDict(mutable=True)
     for group in groups(form):
         if group.number is not None:
-            data[group.name] = ""
+            data[group.name] = group.was
         if group.switch and group.is_on:
             data[group.switch] = "on"
     for one in form:
@@ -216,29 +218,32 @@ def test_an_optional_part_that_is_off_lacks_nothing():
     assert list(errors(Course, {**course, "photo": {}})) == ["photo.checkpoint", "photo.mirror"]
 
 
-def test_a_condition_chooses_its_level_of_each_factor():
-    document = msgspec.to_builtins(shipped()["assistance"].conditions[0])
-    offered = {"levels.delay": ("none", "long"), "levels.help": ("alone", "assisted")}
-    form = StudyPartForm(Condition, document, languages=BOTH, offered=offered)
-    assert choices(form, "levels.delay") == ["", "none", "long"]
-    told = StudyPartForm.read(Condition, sent(form, levels__delay="long", levels__help="alone"))
-    assert told["levels"] == {"delay": "long", "help": "alone"}
-    assert errors(Condition, told) == {}
-    again = StudyPartForm(Condition, told, languages=BOTH, offered=offered)
-    assert again["levels.delay"].value() == "long"
-    assert StudyPartForm.read(Condition, sent(again, levels__delay=""))["levels"] == {
-        "help": "alone"
+def test_levels_ask_for_what_their_factor_changes():
+    levels = [{"key": "a", "title": {}, "sets": {"video_delay": 0.3}}, {"key": "b", "title": {}}]
+    design = {
+        "factors": [{"key": "f", "title": {}, "changes": ["video_delay"], "levels": levels}],
+        "shared": {},
+        "allocation": {},
     }
+    form = StudyPartForm(StudyDesign, design, languages=["en"], offered={"shared": ()})
+    asked = [name for name in form.fields if ".sets." in name]
+    assert asked == [f"factors.0.levels.{n}.sets.video_delay" for n in (0, 1)]
+    data = sent(form, factors__0__levels__1__sets__video_delay="0")
+    told = StudyPartForm.read(StudyDesign, data)
+    assert [level["sets"] for level in told["factors"][0]["levels"]] == [
+        *({"video_delay": 0.3}, {"video_delay": 0.0})
+    ]
 
 
-def test_a_level_whose_factor_is_gone_is_shown_until_somebody_empties_it():
-    document = {
-        **msgspec.to_builtins(shipped()["assistance"].conditions[0]),
-        "levels": {"old": "a"},
-    }
-    form = StudyPartForm(Condition, document, languages=BOTH)
-    assert choices(form, "levels.old") == ["", "a"]
-    assert StudyPartForm.read(Condition, sent(form, levels__old=""))["levels"] == {}
+def test_expectation_of_a_hypothesis_is_one_choice():
+    claims = {"Delay": {"greater:main::delay.help": "It depends", "less:main:2:": "Less"}}
+    one = {"key": "h1", "direction": "greater", "analysis": "main", "effect": "delay:help"}
+    form = StudyPartForm(StudyPlan, {"hypotheses": [one]}, offered={"claims": claims})
+    assert form["hypotheses.0.direction"].value() == "greater:main::delay.help"
+    told = StudyPartForm.read(StudyPlan, sent(form, hypotheses__0__direction="less:main:2:"))
+    assert told["hypotheses"] == [
+        {"key": "h1", "direction": "less", "measures": [], "analysis": "main", "contrast": 2}
+    ]
 
 
 def test_a_step_of_a_script_has_a_line_or_the_fields_of_its_move():

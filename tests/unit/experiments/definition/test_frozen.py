@@ -23,10 +23,10 @@ from tests.support.studies.wizard_study import wizard_study
 GOLDEN = ROOT / "tests" / "golden"
 BEFORE = json.loads((GOLDEN / "study_published_before.json").read_text("utf-8"))
 COMPLETE = json.loads((GOLDEN / "study_complete.json").read_text("utf-8"))
-MIGRATION = import_module("experiments.migrations.0017_frozen_values")
+MIGRATION = import_module("experiments.migrations.0018_frozen_values")
 DECIDE = (
     "what did studies mean that were stored before this field? Write a migration like "
-    "0017_frozen_values that gives stored definitions that value"
+    "0018_frozen_values that gives stored definitions that value"
 )
 
 

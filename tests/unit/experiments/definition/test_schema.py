@@ -193,7 +193,7 @@ def test_the_second_study_has_everybody_drive_with_and_without_assistance():
         ({"languages": ["en", "es"]}, "study.title has no text in es"),
         ({"title": {"en": "  "}}, "study.title has no text in en"),
         ({"title": {"en": "a\x00b"}}, "null character"),
-        ({"slug": "link"}, "reserved for the addresses of personal links"),
+        ({"slug": "link"}, "reserved for other addresses of the site"),
     ],
 )
 def test_a_study_that_makes_no_sense_is_refused_with_a_sentence_that_says_where(changes, said):

@@ -12,7 +12,8 @@ from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.metrics.definitions import METRICS
 from experiments.analysis.metrics.milestones import ENDED, STARTED
 from experiments.definition.conditions import ASPECTS
-from experiments.definition.schema import ControlWay, Outcome
+from experiments.definition.design import ControlWay
+from experiments.definition.schema import Outcome
 from experiments.definition.shipped import shipped
 from robots.api import docked, messages
 from sessions.devices import SYSTEMS

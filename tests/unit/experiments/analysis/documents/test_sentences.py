@@ -10,12 +10,12 @@ from experiments.analysis.statistics.comparisons import IntervalEstimate, correl
 from experiments.analysis.statistics.comparisons import Test as Found
 from experiments.analysis.tables import comparisons as rows
 from experiments.analysis.tables import declared
-from experiments.analysis.tables.comparisons import TESTED, Group, compared, head_of
+from experiments.analysis.tables.comparisons import TESTED, ComparedSide, compared, head_of
 from experiments.analysis.tables.table import Table, words
 
 EFFECT = IntervalEstimate(0.49, 0.06, 0.914)
 FOUND = Found("paired t", 24, 2.41, (23.0,), 0.0243, IntervalEstimate(), "d_z", EFFECT)
-GROUPS = [Group({"a": 1.0, "b": 3.0}), Group({"a": 0.5, "b": 1.5})]
+GROUPS = [ComparedSide({"a": 1.0, "b": 3.0}), ComparedSide({"a": 0.5, "b": 1.5})]
 
 
 def said(test, corrected=0.0486, groups=GROUPS):

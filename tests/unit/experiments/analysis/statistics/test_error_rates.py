@@ -1,10 +1,10 @@
 """Every test that a report prints is tried on null data, and every interval on a true value
-(benchmarks/type_one_error.py); the rates of 2,000 studies each are in the documentation.
+(benchmarks/studies/type_one_error.py); the rates of 2,000 studies each are in the documentation.
 """
 
 import pytest
 
-from benchmarks.type_one_error import HELD, INTERVALS, NULLS, REJECTED, REPORTS, rates
+from benchmarks.studies.type_one_error import HELD, INTERVALS, NULLS, REJECTED, REPORTS, rates
 from experiments.analysis.documents.sentences import METHODS
 from tests.support.examples import binomial_band, repetitions
 from tests.support.paths import ROOT

@@ -2,7 +2,7 @@
 their intervals holds the true value: by simulated studies on data that are difficult (ties, zeros,
 unequal variances and group sizes, time-outs, drives that are missing).
 
-    python -m benchmarks.type_one_error [--runs 2000] [--only WORDS]
+    python -m benchmarks.studies.type_one_error [--runs 2000] [--only WORDS]
 
 prints the tables of docs/explanation/statistics.md, and fails where a rate is out of its bounds: at
 α = 5 %, 3 to 7 % of true nulls may be rejected, and 93 to 97 % of intervals hold the true value.
@@ -235,7 +235,7 @@ def four_levels(rng: Rng, n: int, *, missing: float = 0.0) -> FittedModel | None
 
 
 def groups_by_conditions(rng: Rng, n: int, m: int, sd: float) -> FittedModel | None:
-    """Two groups of different size under three conditions; the first has `sd`, the second 1 to 2."""
+    """Two groups of different size under three conditions; the first has `sd`, the other 1 to 2."""
     values = np.concatenate([correlated(rng, n, (sd, sd, sd)), correlated(rng, m, (1.0, 1.0, 2.0))])
     rows: list[dict[str, str | float]] = [
         {"group": group, "condition": f"c{at}"}

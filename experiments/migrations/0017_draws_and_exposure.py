@@ -10,7 +10,7 @@ from django.db import migrations, models
 
 class Migration(migrations.Migration):
     dependencies = [
-        ("experiments", "0015_recruitment"),
+        ("experiments", "0016_invitations_and_media"),
     ]
 
     operations = [

@@ -1,7 +1,7 @@
 """The analysis of a thousand sessions with 1.2 million states, from the files of an exported
 dataset to every table and figure.
 
-    python -m benchmarks.analysis [--sessions N]
+    python -m benchmarks.studies.analysis [--sessions N]
 
 The dataset is made up by a seeded generator and written first; that is measured too, but is not the
 export, which reads a database.

@@ -1,7 +1,7 @@
 """The export of a thousand sessions with 1.2 million states from the database, as a folder and as
 an archive, by the site's own command.
 
-    python -m benchmarks.export [--sessions N]
+    python -m benchmarks.studies.export [--sessions N]
 
 The study is made up by a seeded generator and stored in a database of the benchmark's own; time and
 memory are those of the command's whole process, with its start.
@@ -15,7 +15,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from benchmarks.analysis import SEED, large
+from benchmarks.studies.analysis import SEED, large
 from benchmarks.table import Figure, keep
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -70,8 +70,25 @@ CLASSES: dict[str, tuple[dict[str, Any], dict[str, str]]] = {'StudyDefinition': 
  'step questionnaire': ({'repeat': False, 'version': 1}, {}),
  'step task': ({'repeat': False, 'minutes': 15.0, 'last_minutes': 2.0, 'docked_seconds': 2.0},
                {}),
- 'Factor': ({'design': 'between', 'levels': []}, {'levels': 'Level'}),
- 'Level': ({}, {}),
+ 'Factor': ({'design': 'between', 'changes': [], 'levels': []}, {'levels': 'Level'}),
+ 'Level': ({'sets': {}}, {'sets': 'LevelSettings'}),
+ 'LevelSettings': ({'video_delay': None,
+                    'video_jitter': None,
+                    'video_loss': None,
+                    'control_delay': None,
+                    'control_jitter': None,
+                    'control_loss': None,
+                    'assist': None,
+                    'interface': None,
+                    'controllers': None,
+                    'actions': None,
+                    'control_way': None,
+                    'linear': None,
+                    'angular': None,
+                    'doors_closed': None,
+                    'robot': None,
+                    'site': None},
+                   {}),
  'Condition': ({'levels': {},
                 'access': 'open',
                 'control_way': 'any',
@@ -295,7 +312,7 @@ def _number(word: str) -> int:
 
 class Migration(migrations.Migration):
     dependencies = [
-        ("experiments", "0016_draws_and_exposure"),
+        ("experiments", "0017_draws_and_exposure"),
         ("telepresence_sessions", "0001_squashed_0013_states_in_order"),
     ]
 

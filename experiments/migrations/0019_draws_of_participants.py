@@ -15,7 +15,7 @@ def give_words(apps: Any, _schema_editor: Any) -> None:
 
 class Migration(migrations.Migration):
     dependencies = [
-        ("experiments", "0017_frozen_values"),
+        ("experiments", "0018_frozen_values"),
     ]
 
     operations = [

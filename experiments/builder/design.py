@@ -1,0 +1,317 @@
+"""The page on which a study is designed: its factors, what each level sets, what all conditions
+share, and how participants are assigned. The conditions follow from it
+(experiments/builder/arrangement.py); a table shows them.
+"""
+
+import math
+import re
+import unicodedata
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from typing import Any
+
+import msgspec
+from django.conf import settings
+from django.utils.translation import get_language, ngettext, override
+from django.utils.translation import gettext as _
+
+from experiments.builder.arrangement import MOST_LETTERS, Renamed
+from experiments.builder.labels import GUIDE
+from experiments.definition.design import Factor, Level
+from experiments.definition.factors import (
+    SETTING_NAMES,
+    SETTINGS,
+    conditions_together,
+    levels_of,
+    setting_of,
+)
+from experiments.definition.schema import Allocation, Condition, StudyDefinition
+from experiments.participation.assignment import cells
+from surveys.document_forms.parts import Document
+from surveys.documents import DocumentPart, spoken
+
+# Short names that nobody wrote: they follow the title.
+_AUTOMATIC = re.compile(r"(factor|level)_\d+")
+_OWN_PAGE = frozenset({"key", "title", "levels", "access"})  # of a condition: never shared
+_SHORT = {"video_delay": "delay", "video_loss": "loss", "video_jitter": "jitter"}
+_EVERYWHERE = frozenset({"robot", "site", "controllers"})  # every condition sets these
+NEW_LEVELS = 2
+
+
+class StudyDesign(DocumentPart, frozen=True, kw_only=True):
+    """What the page edits. `shared` has the settings that are the same in all conditions."""
+
+    factors: tuple[Factor, ...] = ()
+    shared: Condition
+    allocation: Allocation = Allocation()
+
+
+def design_of(whole: Document) -> Document:
+    """Return the design of a study as the page edits it."""
+    first = next(iter(whole["conditions"]), {})
+    shared = {key: value for key, value in first.items() if key in shared_fields(whole)}
+    allocation = whole.get("allocation", {})
+    return {"factors": whole["factors"], "shared": shared, "allocation": allocation}
+
+
+def shared_fields(whole: Document) -> tuple[str, ...]:
+    """Return the fields that no factor changes and all conditions have in common."""
+    conditions = whole["conditions"]
+    changed = {
+        SETTINGS[name][0] for factor in whole["factors"] for name in factor.get("changes", ())
+    }
+    fields = (one.encode_name for one in msgspec.structs.fields(Condition))
+    return tuple(
+        field
+        for field in fields
+        if conditions
+        and field not in _OWN_PAGE | changed
+        and all(one.get(field) == conditions[0].get(field) for one in conditions)
+    )
+
+
+def with_design(whole: Document, design: Document) -> Document:
+    """Return a study with a changed design; its conditions have the new shared settings."""
+    fields, shared = shared_fields(whole), design.get("shared", {})
+    conditions = [
+        {key: value for key, value in one.items() if key not in fields} | shared
+        for one in whole["conditions"]
+    ]
+    own = {"factors": design.get("factors", []), "allocation": design.get("allocation", {})}
+    return {**whole, **own, "conditions": conditions}
+
+
+def set_by_levels(study: StudyDefinition, key: str) -> dict[str, str]:
+    """Return the fields of a condition that its levels set ("network.video.delay"), each with the
+    title of the level.
+    """
+    condition, language = study.condition(key), get_language() or ""
+    return {
+        ".".join(SETTINGS[name]): spoken(level.title, language) or level.key
+        for factor, level in (levels_of(study, condition) if condition is not None else ())
+        for name in factor.changes
+    }
+
+
+def restore(part: Document, former: Document, fields: Iterable[str]) -> None:
+    """Give fields of a part their former values: browsers do not send what cannot be changed."""
+    for field in fields:
+        *way, key = field.split(".")
+        here, before = part, former
+        for step in way:
+            here[step] = here.get(step) or {}
+            here, before = here[step], before.get(step) or {}
+        here.pop(key, None)
+        here |= {key: before[key]} if key in before else {}
+
+
+# --- factors and levels that are new, or not named yet -------------------------------------------
+
+
+def new_factor(factors: list[Document], setting: str, languages: Iterable[str]) -> Document:
+    """Return a factor that changes a setting, or nothing on the robot, with two levels; it is
+    within participants if the one before it is.
+    """
+    taken = [one["key"] for one in factors]
+    title, design = {}, factors[-1].get("design") if factors else None
+    for language in languages if setting else ():
+        with override(language if language in dict(settings.LANGUAGES) else "en"):
+            text = _(SETTING_NAMES[setting])
+        title[language] = text[:1].upper() + text[1:]
+    return {
+        "key": free_key(_SHORT.get(setting, setting), taken) if setting else _next("factor", taken),
+        "title": title,
+        "levels": [{"key": f"level_{n + 1}", "title": {}} for n in range(NEW_LEVELS)],
+        **({"design": design} if design else {}),
+        **({"changes": [setting]} if setting else {}),
+    }
+
+
+def new_level(levels: list[Document]) -> Document:
+    """Return one more level, whose name follows the title that it will have."""
+    return {"key": _next("level", [one["key"] for one in levels]), "title": {}}
+
+
+def _next(word: str, taken: Collection[str]) -> str:
+    return next(name for n in range(1, len(taken) + 2) if (name := f"{word}_{n}") not in taken)
+
+
+def complete(design: Document, former: Document, languages: Collection[str]) -> None:
+    """Fill in what was left blank: values of new levels as the first condition has them, titles by
+    the values, and short names by the titles. Titles and names that nobody wrote follow a change.
+    """
+    known = {factor["key"]: factor for factor in former["factors"]}
+    for factor in design.get("factors", ()):
+        before = known.get(factor.get("was", ""), {})
+        levels = {level["key"]: level for level in before.get("levels", ())}
+        changes = factor.get("changes", [])
+        for level in factor.get("levels", ()):
+            level["sets"] = _values(changes, level.get("sets", {}), former)
+            _title(level, changes, levels.get(level.get("was", ""), {}), languages)
+    _name(design.get("factors", []), known, "factor", languages)
+
+
+def _values(changes: Iterable[str], sets: Document, former: Document) -> Document:
+    first = msgspec.convert(former["conditions"][0], Condition) if former["conditions"] else None
+    found = {}
+    for name in changes:
+        value = sets.get(name)
+        if value is None and first is not None:
+            value = msgspec.to_builtins(setting_of(first, name))
+        if value is None and SETTINGS[name][0] == "network":
+            value = 0.0
+        if value is not None:
+            found[name] = value
+    return found
+
+
+def _title(
+    level: Document, changes: Iterable[str], before: Document, languages: Iterable[str]
+) -> None:
+    for language in languages:
+        with override(language if language in dict(settings.LANGUAGES) else "en"):
+            text = values_text(changes, level["sets"])
+            former = values_text(changes, before.get("sets", {}))
+        if text and level.get("title", {}).get(language, "") in {"", former}:
+            level["title"] = {**level.get("title", {}), language: text}
+
+
+def _name(
+    parts: list[Document], known: Mapping[str, Document], word: str, languages: Collection[str]
+) -> None:
+    """Name factors, or the levels of one (`word` is then its short name)."""
+    for n, part in enumerate(parts):
+        key, was = part.get("key", ""), part.get("was", "")
+        former = known.get(was, {})
+        stem = _stem(former, languages, word)
+        is_written = bool(key) and not _AUTOMATIC.fullmatch(key)
+        if key == was and stem and re.fullmatch(rf"{stem}(_\d+)?", key):
+            is_written = False
+        if not is_written:
+            taken = [one.get("key", "") for one in parts[:n] + parts[n + 1 :]]
+            stem = _stem(part, languages, word)
+            part["key"] = free_key(stem, taken) if stem else key or _next(word, taken)
+        levels = {level["key"]: level for level in former.get("levels", ())}
+        _name(part.get("levels", []), levels, part["key"], languages)
+
+
+def _stem(part: Document, languages: Iterable[str], before: str) -> str:
+    """Return the short name that follows from what a level sets, or from a title."""
+    values = [one for one in part.get("sets", {}).values() if isinstance(one, str)]
+    titles = [text for name in languages if (text := part.get("title", {}).get(name))]
+    return key_of(next(iter((*values, *titles)), ""), before)
+
+
+def key_of(text: str, before: str) -> str:
+    """Return a short name for a title: "300 ms" of a delay is "delay_300_ms"; empty for none."""
+    plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode().lower()
+    words = re.sub(r"[^a-z0-9]+", "_", plain).strip("_")
+    name = words if not words or words[0].isalpha() else f"{before}_{words}"
+    return name[:MOST_LETTERS].rstrip("_")
+
+
+def free_key(key: str, taken: Collection[str]) -> str:
+    """Return a short name that is not taken: this one, or with the first free number after it."""
+    numbered = (f"{key[: MOST_LETTERS - 4]}_{n}" for n in range(2, len(taken) + 3))
+    return key if key not in taken else next(name for name in numbered if name not in taken)
+
+
+def renaming(design: Document) -> Renamed:
+    """Return which factors and levels got new short names; takes the former ones off the design."""
+    factors, levels = {}, {}
+    for factor in design.get("factors", ()):
+        own = {
+            was: level["key"] for level in factor.get("levels", ()) if (was := level.pop("was", ""))
+        }
+        if was := factor.pop("was", ""):
+            factors[was], levels[was] = factor["key"], own
+    return Renamed(factors=factors, levels=levels)
+
+
+# --- in words -------------------------------------------------------------------------------------
+
+
+def values_text(changes: Iterable[str], sets: Mapping[str, Any]) -> str:
+    """Return what a level sets: "300 ms"."""
+    texts = (setting_text(name, sets[name]) for name in changes if sets.get(name) is not None)
+    return ", ".join(texts)
+
+
+def setting_text(name: str, value: Any) -> str:
+    """Return the value of a setting with its unit, or in words."""
+    if isinstance(value, list | tuple):
+        nothing = {"doors_closed": _("all doors open"), "actions": _("no actions")}
+        words = ", ".join(str(GUIDE.word(name, one)) for one in value)
+        return words or nothing.get(name, _("no device"))
+    if isinstance(value, str):
+        return str(GUIDE.word(name, value))
+    match name.rpartition("_")[2]:
+        case "delay" | "jitter":
+            return f"{1000.0 * value:g} ms"
+        case "loss":
+            return f"{100.0 * value:g} %"
+        case "linear":
+            return f"{value:g} m/s"
+        case "angular":
+            return f"{math.degrees(value):.4g} °/s"
+    return str(value)
+
+
+def condition_facts(condition: Document, *, but: Collection[str] = ()) -> Iterator[str]:
+    """Yield what a condition sets that is not so by default, in words, without some settings."""
+    own = msgspec.convert(condition, Condition)
+    usual = Condition(key="a", title={}, robot="", site="", controllers=())
+    for name in SETTINGS:
+        value = setting_of(own, name)
+        if name not in {*_EVERYWHERE, *but} and value != setting_of(usual, name):
+            yield f"{_(SETTING_NAMES[name])}: {setting_text(name, value)}"
+
+
+def design_table(study: StudyDefinition) -> dict[str, Any]:
+    """Return the conditions as a table with a column a factor, and how many there are of all."""
+    language = get_language() or ""
+    heads = [spoken(one.title, language) or one.key for one in study.factors]
+    changed = {name for factor in study.factors for name in factor.changes}
+    rows = [
+        {
+            "n": n,
+            "title": spoken(one.title, language) or one.key,
+            "key": one.key,
+            "levels": [_level_text(factor, level) for factor, level in levels_of(study, one)],
+            "facts": list(condition_facts(msgspec.to_builtins(one), but=changed)),
+        }
+        for n, one in enumerate(study.conditions)
+    ]
+    return {"heads": heads, "rows": rows, "facts": list(_numbers(study))}
+
+
+def _level_text(factor: Factor, level: Level) -> str:
+    """Return the title of a level, with what it sets where the title does not say it."""
+    title = spoken(level.title, get_language() or "") or level.key
+    values = values_text(factor.changes, msgspec.to_builtins(level.sets))
+    return title if not values or values in title else f"{title} ({values})"
+
+
+def _numbers(study: StudyDefinition) -> Iterator[str]:
+    """Yield how many conditions, cells and participants a design has."""
+    together = conditions_together(study)
+    if not together:
+        return
+    n, most = len(study.conditions), max(map(len, together))
+    yield ngettext("%(n)d condition", "%(n)d conditions", n) % {"n": n}
+    yield ngettext("each participant does %(n)d", "each participant does %(n)d", most) % {"n": most}
+    count = len(cells(study, "open")) + len(cells(study, "invitation"))
+    if most > 1:
+        yield ngettext("%(n)d order of conditions", "%(n)d orders of conditions", count) % {
+            "n": count
+        }
+    quota, planned = study.allocation.quota, study.plan.participants if study.plan else None
+    if quota is not None:
+        words = _("%(quota)d participants in each: %(total)d participants needed")
+        yield words % {"quota": quota, "total": quota * count}
+    elif count > 1:
+        yield _("participants needed: %(n)d, or a multiple of it") % {"n": count}
+    if planned is not None and planned % count:
+        yield _("the plan has %(n)d participants, which is no multiple of %(cells)d") % {
+            "n": planned,
+            "cells": count,
+        }

@@ -1,0 +1,47 @@
+"""A page of one study in the administration: its address and what is around its content."""
+
+from collections.abc import Callable
+from typing import Any
+
+from django.contrib.admin import AdminSite
+from django.http import HttpRequest, HttpResponse, HttpResponseBase
+from django.shortcuts import render
+from django.urls import URLPattern, path
+from django.views.decorators.cache import never_cache
+
+from experiments.models import Study
+
+
+class StudyPages:
+    """What pages of a study share; mixed into the studies' administration."""
+
+    admin_site: AdminSite
+    opts: Any
+
+    def study_path(
+        self, route: str, view: Callable[..., HttpResponseBase], name: str
+    ) -> URLPattern:
+        """Return the address of a page that nobody but staff sees and no cache keeps."""
+        guarded: Any = self.admin_site.admin_view(never_cache(view))
+        return path(f"<uuid:pk>/{route}", guarded, name=f"experiments_study_{name}")
+
+    def study_page(
+        self,
+        request: HttpRequest,
+        row: Study,
+        template: str,
+        title: Any,
+        context: dict[str, Any],
+        *,
+        tab: str,
+        status: int = 200,
+    ) -> HttpResponse:
+        around = self.admin_site.each_context(request) | {
+            "title": title,
+            "opts": self.opts,
+            "study": row,
+            "study_tab": tab,
+            "is_nav_sidebar_enabled": False,  # forms, tables and tabs need the width
+        }
+        name = f"admin/experiments/study/{template}.html"
+        return render(request, name, around | context, status=status)
