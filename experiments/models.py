@@ -1,10 +1,11 @@
 """Studies as they are run: who takes part, what they were assigned, agreed to, went through and
 drove, and what became of it.
 
-Four facts are kept apart: what a participant was *assigned* (Participant), whether they were
-*exposed* (Drive: the first velocity was applied), how the task *ended* (Drive), and whether they
-*answered* (surveys). Nothing of a participant who was exposed is deleted by the site itself; one
-who withdraws leaves a row without a name.
+Five facts are kept apart: what a participant was *assigned* (Participant, and each Draw), whether
+they were *exposed* (Drive: their page showed the robot's video), whether they *moved* the robot
+(Drive), how the task *ended* (Drive), and whether they *answered* (surveys). Nothing of a
+participant who was exposed is deleted by the site itself; one who withdraws leaves a row without a
+name.
 """
 
 import secrets
@@ -17,7 +18,7 @@ from django.utils.translation import get_language
 from django.utils.translation import gettext_lazy as _
 
 from accounts.passwordless import CODE_LETTERS
-from experiments.definition.schema import StudyDefinition, digest, from_stored
+from experiments.definition.schema import StudyDefinition, as_stored, digest, from_stored
 from sessions.models import Session
 from surveys.documents import spoken
 
@@ -31,7 +32,7 @@ LEFT: Final = "left"
 
 
 def not_drawn() -> str:
-    """Return a unique word for somebody who was not assigned yet."""
+    """Return a unique word for a column that is unique and has no value yet."""
     return uuid.uuid4().hex
 
 
@@ -41,8 +42,6 @@ def new_code() -> str:
 
 
 class ParticipantKind(models.TextChoices):
-    """Whose data it is: pilots and bots never count."""
-
     PARTICIPANT = "participant", _("participant")
     PILOT = "pilot", _("pilot")
     BOT = "bot", _("bot")
@@ -67,8 +66,6 @@ class Study(models.Model):
         CLOSED = "closed", _("closed")
 
     class Entry(models.TextChoices):
-        """How people come in."""
-
         OPEN = "open", _("open link, with an account")
         CODE = "code", _("open link, without an account")
         PERSONAL = "personal", _("personal links only")
@@ -136,27 +133,28 @@ class Study(models.Model):
         return f"{self.title} · {self.slug} {self.version}"
 
     def save(self, **options: Any) -> None:
-        """Save the study; its digest follows from its definition.
+        """Save the study. A draft is completed with every value, and its digest follows from that;
+        the digest that was published stays.
 
         Raises:
             FrozenStudyError: when it is published and not what was published.
         """
-        self.sha256 = digest(self.as_definition())
-        published = (
-            Study.objects.filter(pk=self.pk)
-            .exclude(status=self.Status.DRAFT)
-            .values_list("slug", "version", "sha256")
-            .first()
-        )
-        same = (
-            published == (self.slug, self.version, self.sha256) and self.status != self.Status.DRAFT
-        )
-        if published is not None and not same:
+        definition = self.as_definition()
+        published = Study.objects.filter(pk=self.pk).exclude(status=self.Status.DRAFT).first()
+        if published is None:
+            self.definition, self.sha256 = as_stored(definition), digest(definition)
+        elif self.status == self.Status.DRAFT or not self._is_same(published):
             raise FrozenStudyError(
-                f"version {published[1]} of {published[0]} is published and cannot "
+                f"version {published.version} of {published.slug} is published and cannot "
                 "change: make a new version"
             )
         super().save(**options)
+
+    def _is_same(self, published: "Study") -> bool:
+        names = ("slug", "version", "sha256")
+        return self.as_definition() == published.as_definition() and all(
+            getattr(self, name) == getattr(published, name) for name in names
+        )
 
     @property
     def shown_title(self) -> str:
@@ -165,7 +163,6 @@ class Study(models.Model):
         return (spoken(titles, get_language() or "") if titles else "") or self.title
 
     def as_definition(self) -> StudyDefinition:
-        """Return what the study says."""
         return from_stored(self.definition)
 
 
@@ -173,8 +170,6 @@ class StudyMember(models.Model):
     """A researcher of a study, in all of its versions."""
 
     class Role(models.TextChoices):
-        """What a researcher may do."""
-
         OWNER = "owner", _("owner: full access")
         RESEARCHER = "researcher", _("researcher: sees data, excludes drives, intervenes")
         VIEWER = "viewer", _("viewer: sees pseudonymous data")
@@ -246,8 +241,6 @@ class Participant(models.Model):
     """Somebody in one version of a study. `code` is what datasets call them."""
 
     class Status(models.TextChoices):
-        """Where they stand."""
-
         ACTIVE = "active", _("taking part")
         FINISHED = "finished", _("finished")
         SCREENED_OUT = "screened_out", _("screened out")
@@ -301,15 +294,10 @@ class Participant(models.Model):
     recruited_as = models.CharField(max_length=120, unique=True, default=not_drawn, editable=False)
     age = models.PositiveIntegerField(_("age"), null=True, blank=True)
 
-    # --- assignment, once, at the first grant of the robot ---
+    # --- assignment, at the first grant of the robot: as the last draw says ---
     cell = models.CharField(_("cell"), max_length=400, blank=True, db_index=True)
     conditions = models.JSONField(_("conditions in order"), default=list, blank=True)
-    candidates = models.JSONField(_("randomised among"), default=list, blank=True)
-    # "<study>:<kind>:<number>" of the draw, unique: of two who are drawn at the same time one has
-    # to look again. No word of ours before.
-    drawn_as = models.CharField(max_length=100, unique=True, default=not_drawn, editable=False)
-    draw_seed = models.BigIntegerField(_("randomisation seed"), null=True, blank=True)
-    assigned_at = models.DateTimeField(_("assigned"), null=True, blank=True)
+    draws_applied = models.PositiveIntegerField(_("draws"), default=0)
     stage = models.CharField(
         _("place"),
         max_length=10,
@@ -332,6 +320,8 @@ class Participant(models.Model):
     completion_code = models.CharField(_("completion code"), max_length=20, blank=True)
     withdrawn_at = models.DateField(_("withdrawn on"), null=True, blank=True)
     withdrawn_step = models.CharField(_("withdrawn at step"), max_length=40, blank=True)
+    # how far they had come then: experiments/dataset/stages.py
+    withdrawn_stage = models.CharField(_("reached"), max_length=12, blank=True)
 
     class Meta:
         verbose_name = _("participant")
@@ -341,6 +331,52 @@ class Participant(models.Model):
 
     def __str__(self) -> str:
         return f"{self.code} · {self.study.slug} {self.study.version}"
+
+
+class Draw(models.Model):
+    """A cell that was drawn for a participant, with all that the draw was decided on
+    (experiments/participation/assignment.py): `counts` are the places taken in each open cell,
+    `scores` those of alike participants, `best` the cells with the least score, `levels` the
+    participant's levels of the balance factors.
+
+    `number` is unique within a study and kind: of two participants who are drawn at the same time
+    one is drawn again. `nth` is the participant's own first, second … draw; one beyond
+    `Participant.draws_applied` was decided and not applied yet.
+    """
+
+    class Reason(models.TextChoices):
+        FIRST = "first", _("first assignment")
+        AGAIN = "again", _("assigned again, because nothing had been seen of the first")
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    study = models.ForeignKey(Study, models.PROTECT, related_name="draws", verbose_name=_("study"))
+    participant = models.ForeignKey(
+        Participant, models.CASCADE, related_name="draws", verbose_name=_("participant")
+    )
+    kind = models.CharField(_("kind"), max_length=12, choices=ParticipantKind)
+    number = models.PositiveIntegerField(_("number"))
+    nth = models.PositiveIntegerField(_("of the participant"))
+    reason = models.CharField(_("reason"), max_length=10, choices=Reason)
+    cell = models.CharField(_("cell"), max_length=400)
+    best = models.JSONField(_("best cells"), default=list)
+    counts = models.JSONField(_("places taken"), default=dict)
+    scores = models.JSONField(_("places of alike participants"), default=dict)
+    levels = models.JSONField(_("balance factors"), default=dict, blank=True)
+    best_probability = models.FloatField(_("probability of the best cell"), default=1.0)
+    seed = models.BigIntegerField(_("randomisation seed"), null=True)
+    at = models.DateTimeField(_("time"), null=True)  # None once the participant withdrew
+
+    class Meta:
+        verbose_name = _("draw")
+        verbose_name_plural = _("draws")
+        ordering = ("number",)
+        constraints = [
+            models.UniqueConstraint(fields=["study", "kind", "number"], name="draw_number_once"),
+            models.UniqueConstraint(fields=["participant", "nth"], name="nth_draw_once"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.number} · {self.cell}"
 
 
 class ConsentReceipt(models.Model):
@@ -356,6 +392,9 @@ class ConsentReceipt(models.Model):
     text = models.TextField(_("text as shown"))
     text_sha256 = models.CharField(max_length=64)
     guardian = models.CharField(_("guardian"), max_length=120, blank=True)
+    # whether the data may be published; None where the study did not ask
+    sharing = models.BooleanField(_("data may be shared"), null=True)
+    sharing_text = models.TextField(_("text on sharing as shown"), blank=True)
     agreed_at = models.DateTimeField(_("agreed"))
 
     class Meta:
@@ -564,7 +603,9 @@ class Drive(models.Model):
     (`settled_at`), exactly as anybody can compute it again. So are `began_with` and `ended_with`:
     how the robot stood in the first and the last state of the session
     (experiments.definition.start_condition.RobotSnapshot). `clock_offset` is the robot's clock
-    minus ours in seconds, one for the whole drive.
+    minus ours in seconds, one for the whole drive. `versions` are those of the software and of the
+    definition (experiments/versions.py). `exposed_at` is when the server heard from the
+    participant's page that it shows the robot's video.
     """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
@@ -586,7 +627,10 @@ class Drive(models.Model):
     shown = models.JSONField(_("shown"), default=dict, blank=True, editable=False)
     clock_offset = models.FloatField(_("clock offset (s)"), null=True, editable=False)
     granted_at = models.DateTimeField(_("granted"))
-    exposed = models.BooleanField(_("exposed"), default=False)  # a velocity of theirs was applied
+    versions = models.JSONField(_("versions"), default=dict, blank=True)
+    exposed_at = models.DateTimeField(_("exposed"), null=True, blank=True)
+    # a velocity of theirs was applied, or the robot moved by itself for them
+    moved = models.BooleanField(_("moved the robot"), default=False)
     outcome = models.CharField(_("task outcome"), max_length=20, blank=True)
     result = models.JSONField(_("result"), default=dict, blank=True)
     began_with = models.JSONField(_("start state"), default=dict, blank=True)

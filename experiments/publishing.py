@@ -8,6 +8,8 @@ questionnaires at hand, and never changes again.
 
 import datetime
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import astuple
+from itertools import takewhile
 from typing import Any
 
 import msgspec
@@ -23,8 +25,9 @@ from experiments.definition.plan import AttentionCheck
 from experiments.definition.problems import doubts, name_problems, problems
 from experiments.definition.reachability import unreachable
 from experiments.definition.recruitment.recruiting import AnswerQuota, AnswerRule
-from experiments.definition.schema import StudyDefinition, digest
-from experiments.definition.steps.consent import TEMPLATE
+from experiments.definition.schema import StudyDefinition, as_stored, digest
+from experiments.definition.step import AskingStep, DriveStep
+from experiments.definition.steps.consent import SHARING, TEMPLATE
 from experiments.definition.steps.instructions import OWN_MEDIA, Instructions
 from experiments.models import InstructionMedia, PersonalLink, Rehearsal, StudyMember
 from experiments.models import Study as Row
@@ -107,7 +110,7 @@ def _fields(definition: StudyDefinition) -> dict[str, Any]:
     )
     return {
         "title": title[:200],
-        "definition": msgspec.to_builtins(definition),
+        "definition": as_stored(definition),
         "sha256": digest(definition),
     }
 
@@ -152,6 +155,7 @@ def _usual(slug: str, title: str, languages: tuple[str, ...]) -> dict[str, Any]:
             "key": "consent",
             "title": said("Consent"),
             "text": {name: TEMPLATE.get(name, TEMPLATE["en"]) for name in languages},
+            "sharing": {name: SHARING.get(name, SHARING["en"]) for name in languages},
         },
         {
             "kind": "form",
@@ -255,6 +259,7 @@ def obstacles_here(definition: StudyDefinition) -> list[Problem]:
         *_unknown_measures(definition),
         *_named_answers(definition),
         *_missing_media(definition),
+        *_balance_factors(definition),
     ]
 
 
@@ -366,6 +371,28 @@ def _of_check(
         yield Problem(_("its answers are %(answers)s."), {"answers": ", ".join(sorted(options))})
 
 
+def _balance_factors(definition: StudyDefinition) -> Iterator[Problem]:
+    """Yield the balance factors of which nothing is known when the robot is assigned."""
+    before = takewhile(lambda step: not isinstance(step, DriveStep), definition.steps)
+    asked = {(one.questionnaire, one.version) for one in before if isinstance(one, AskingStep)}
+    for factor in definition.allocation.balance:
+        questionnaire, _point, item = factor.item.rpartition(".")
+        found = [one for one in _questionnaires(asked) if one.slug == questionnaire]
+        consent = definition.consent
+        if not questionnaire:
+            words = _("the consent does not ask the age: give it a minimum age.")
+            wrong = consent is None or not consent.minimum_age
+        elif not found:
+            words = _("the questionnaire is not asked before the first drive.")
+            wrong = True
+        else:
+            words = _("the questionnaire has no such item.")
+            wrong = not any(one.key == item for each in found for one in each.questions())
+        if wrong:
+            named = within([Problem(words)], None, _("balance factor"), factor.item)
+            yield from within(named, ProblemPlace("rules"))
+
+
 def _questionnaires(versions: Iterable[tuple[str, int]]) -> Iterator[QuestionnaireDefinition]:
     shipped = {(one.slug, one.version): one for one in questionnaires.shipped().values()}
     for slug, version in sorted(versions):
@@ -396,28 +423,21 @@ def sites() -> dict[str, floorplan.FloorPlan]:
 
 
 def _robots() -> dict[str, RobotFacts]:
-    """A series can do what each of its robots can: nobody knows which one a participant gets."""
+    """Return what every robot of a series can do: a participant may get any of them."""
     found: dict[str, RobotFacts] = {}
     for robot in _heard_of():
         sheet = robot.presence.factsheet or {}
-        limits = sheet["limits"]
-        linear = min(limits["linear"], robot.max_linear or float("inf"))
-        ages = (
+        limits, series = sheet["limits"], sheet["series"]
+        facts = RobotFacts(
+            frozenset(sheet["capabilities"]),
+            min(limits["linear"], robot.max_linear or float("inf")),
             limits.get("commandAge", RobotFacts.command_age),
             limits.get("frameAge", RobotFacts.frame_age),
+            min(limits.get("angular", RobotFacts.angular), robot.max_angular or RobotFacts.angular),
         )
-        angular = min(
-            limits.get("angular", RobotFacts.angular), robot.max_angular or RobotFacts.angular
-        )
-        facts = RobotFacts(frozenset(sheet["capabilities"]), linear, *ages, angular)
-        other = found.get(sheet["series"], facts)
-        found[sheet["series"]] = RobotFacts(
-            facts.capabilities & other.capabilities,
-            min(facts.linear, other.linear),
-            min(facts.command_age, other.command_age),
-            min(facts.frame_age, other.frame_age),
-            min(facts.angular, other.angular),
-        )
+        capabilities, *numbers = astuple(found.get(series, facts))
+        mine, *own = astuple(facts)
+        found[series] = RobotFacts(mine & capabilities, *map(min, own, numbers))
     return found
 
 
@@ -498,8 +518,11 @@ def publish(
         wrong += unsure
     if wrong:
         raise NotPublishableError(wrong)
-    _freeze_questionnaires(row.as_definition(), now)
+    definition = row.as_definition()
+    _freeze_questionnaires(definition, now)
     told = {
+        "definition": as_stored(definition),
+        "sha256": digest(definition),
         "status": Row.Status.PUBLISHED,
         "published_at": now,
         "published_by": user,

@@ -34,6 +34,7 @@ LABELS: dict[str, Words] = {
     "key": _("Short name"),
     "repeat": _("Once for each condition"),
     "text": _("Text"),
+    "sharing": _("Agreement to publishing"),
     "version": _("Version"),
     "minimum_age": _("Minimum age"),
     "minors": _("Below this age"),
@@ -106,6 +107,11 @@ LABELS: dict[str, Words] = {
     "design": _("Design"),
     "order": _("Order"),
     "quota": _("Participants per cell"),
+    "best_probability": _("Probability of the smallest cell (0-1)"),
+    "balancing": _("Balance factors by"),
+    "balance": _("Balance factors"),
+    "limits": _("Groups begin at"),
+    "BalanceFactor.item": _("Age or answer"),
     "start": _("Before a drive starts"),
     "docked": _("Robot docked at its charging station"),
     "distance": _("Max. distance from station (m)"),
@@ -214,6 +220,25 @@ HINTS: dict[str, Words] = {
     ),
     "dock": _("Required if the site has several for this robot."),
     "quota": _("Leave blank for no limit. A cell is one condition or one order of conditions."),
+    "best_probability": _(
+        "With 1, staff who know the numbers know each assignment beforehand. 0.75 keeps cells even "
+        "and assignments unpredictable."
+    ),
+    "balancing": _(
+        "Strata count participants alike in all factors: for few factors with few levels. "
+        "Minimization counts those alike in each factor and adds up."
+    ),
+    "balance": _("What should be distributed evenly over the cells. Leave empty for nothing."),
+    "BalanceFactor.item": _(
+        "age, or questionnaire.item such as ict.games, asked before the first drive."
+    ),
+    "limits": _(
+        "Of numbers: where the second group begins, the third and so on, separated by commas."
+    ),
+    "sharing": _(
+        "Text of a second tick, which participants can leave empty. Public datasets contain only "
+        "those who set it. Leave blank not to ask."
+    ),
     "left_after_hours": _(
         "If a participant with conditions left to do is not seen for this long, their order of "
         "conditions goes to someone else."
@@ -349,6 +374,7 @@ HINTS: dict[str, Words] = {
 
 # By the field, then by value.
 CHOICES: dict[str, dict[str, Words]] = {
+    "balancing": {"strata": _("strata"), "minimization": _("minimization")},
     "minors": {"refused": _("cannot take part"), "guardian": _("need a guardian's consent")},
     "access": {"open": _("anyone with the link"), "invitation": _("invited participants")},
     "control_way": {
@@ -437,6 +463,7 @@ ITEMS: dict[str, Words] = {
     "attention_checks": _("Attention check"),
     "speeders": _("Rule on fast answers"),
     "expected": _("Expected effect"),
+    "balance": _("Balance factor"),
     "steps": _("Step"),
     "stages": _("Stage"),
     "codes": _("Code"),

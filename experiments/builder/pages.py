@@ -308,6 +308,7 @@ def new_part(
         "attention_checks": {"questionnaire": "questionnaire", "item": "item"},
         "speeders": {"questionnaire": "questionnaire", "seconds": 30.0},
         "expected": {"measure": "task_time"},
+        "balance": {"item": "age"},
         "screening": {"questionnaire": "questionnaire", "item": "item"},
         "answer_quotas": {"questionnaire": "questionnaire", "item": "item"},
         "modifiers": {"name": f"modifier {n + 1}", "values": []},

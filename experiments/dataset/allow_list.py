@@ -28,6 +28,7 @@ from experiments.analysis.dataset.states import (
 from experiments.dataset.forms import (
     Form,
     Origin,
+    PrivateForm,
     Release,
     code,
     door,
@@ -160,7 +161,8 @@ MESSAGES: Mapping[type, Fields] = {
     m.Factsheet: {
         **dict.fromkeys(("series", "rca"), in_columns),
         **dict.fromkeys(("capabilities", "limits", "camera", "tilt", "laser"), in_columns),
-        **dict.fromkeys(("name", "agentVersion", "boot", "footprint", "mapId"), withheld),
+        **dict.fromkeys(("agentVersion", "adapter", "driver"), in_columns),
+        **dict.fromkeys(("name", "boot", "footprint", "mapId"), withheld),
         **dict.fromkeys(("watchdog", "viewers", "navigationControl"), withheld),
     },
     m.LabReport: {
@@ -208,8 +210,10 @@ NONE: Fields = {}
 _LAID_OUT: Fields = {
     "interface": words(*INTERFACES),
     "layout": words("low", "upright", "wide"),
-    **dict.fromkeys(("width", "height", "screen_width", "screen_height", "density"), number),
+    **dict.fromkeys(("width", "height"), PrivateForm(number)),
     "touch": number,
+    # together they tell devices apart
+    **dict.fromkeys(("screen_width", "screen_height", "density"), withheld),
 }
 _SHOWN: Fields = {"word": page_word, "number": number, "seconds": number}
 _DETAILS: Mapping[str, Form] = {
@@ -262,10 +266,11 @@ PAGE: Mapping[str, Fields] = {
     **{key: {"on": number} for key in ("full_screen", "screen_shared", "slow_picture", "sound")},
     **{key: {"on": number, "why": words(*DEVICE_TROUBLES)} for key in ("camera", "microphone")},
     "check": {
-        **dict.fromkeys(("server", "browser", "picture", "way", "detour"), CHECKED),
+        **dict.fromkeys(("server", "picture", "way", "detour"), CHECKED),
+        "browser": PrivateForm(CHECKED),
         **dict.fromkeys(("microphone", "camera", "gamepad", "overall"), CHECKED),
         "roundTrip": number,
-        "app": APPS,
+        "app": PrivateForm(APPS),
     },
     "controller": {"method": words(*get_args(m.InputMethod))},
     "first_frame": {"way": words("direct", "server")},
@@ -355,5 +360,7 @@ def end_reason(reason: str, release: Release) -> str:
 
 
 def device(name: str, release: Release, known: frozenset[str]) -> str:
-    """Return the word for an operating system or a browser."""
+    """Return the word for an operating system or a browser; no public dataset has it."""
+    if release.choice.public:
+        return ""
     return name if release.choice.identified or name in known else ""

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from experiments.analysis.dataset.levels import WITHHELD
 from experiments.analysis.dataset.records import ResponseRecord
-from experiments.dataset.people import Round
+from experiments.dataset.people import Round, people_of
 from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.dataset.selection import Selection
 from experiments.models import Participant, Study
@@ -28,11 +28,7 @@ def responses_of(
     """Yield the responses that were given in a study, participant by participant; `sessions` has
     the code of each round's drive.
     """
-    people = list(
-        Participant.objects.filter(study=study)
-        .exclude(status=Participant.Status.WITHDRAWN)
-        .order_by("code")
-    )
+    people = list(people_of(study, choice).exclude(status=Participant.Status.WITHDRAWN))
     asking = study.as_definition().asking
     repeated, slugs = (
         {step.key: not step.is_about_person for step in asking},
@@ -50,9 +46,13 @@ def responses_of(
             place = row.asked_at
             who = known[str(place.participant_id)]
             round_of = (who.pk, place.visit, place.round)
-            session = sessions.get(round_of, "") if repeated[place.step] else ""
+            is_about_drive = repeated[place.step]
+            session = sessions.get(round_of, "") if is_about_drive else ""
+            is_exact = is_about_drive or not choice.public
             found[str(who.pk)].append(
-                _response(row, definition, answers, who.code, session, names, choice)
+                _response(
+                    row, definition, answers, who.code, session, names, choice, is_exact=is_exact
+                )
             )
         for own in found.values():
             yield from own
@@ -66,11 +66,13 @@ def _response(
     session: str,
     names: Pseudonyms,
     choice: Selection,
+    *,
+    is_exact: bool,
 ) -> ResponseRecord:
     stands = row.response_statuses(definition, {answer.item: answer.given for answer in answers})
     values, missing = {}, {}
     for question in definition.questions():
-        value, reason = _said(question, stands[question.key], choice)
+        value, reason = _said(question, stands[question.key], choice, is_exact=is_exact)
         if reason:
             missing[question.key] = reason
         else:
@@ -90,10 +92,17 @@ def _response(
     )
 
 
-def _said(question: Question, given: AnswerValue, choice: Selection) -> tuple[object, str]:
+def _said(
+    question: Question, given: AnswerValue, choice: Selection, *, is_exact: bool
+) -> tuple[object, str]:
+    """Return the value of an answer, or why it has none; without `is_exact`, what is not chosen
+    from a list (an age, a year of birth) is withheld as free text is.
+    """
     if given.value is None:
         return None, str(given.missing or "")
     if question.item.is_free_text and not choice.has_text:
+        return None, WITHHELD
+    if not is_exact and not question.labelled_values:
         return None, WITHHELD
     return given.value, ""
 

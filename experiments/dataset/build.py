@@ -46,16 +46,16 @@ def dataset_of(
     release = release_of(study, choice)
     names = release.names
     with_events = drives is None
-    drives = list(drives_of(study)) if drives is None else drives
+    drives = list(drives_of(study, choice)) if drives is None else drives
     sessions = sessions_of(study, drives, release)
     places = places_of(drives, names)
     found = Dataset(
         study=study.as_definition(),
         robots=robots_of(study.as_definition(), (one.robot for one in sessions)),
-        participants=tuple(participants_of(study, drives)),
+        participants=tuple(participants_of(study, drives, choice)),
         sessions=tuple(sessions),
         events=tuple(events_of(drives, release)) if with_events else (),
-        pages=tuple(pages_of(study, places)),
+        pages=tuple(pages_of(study, places, choice)),
         responses=tuple(responses_of(study, places, names, choice)),
         questionnaires=questionnaires_of(study),
         plans=plans_of(study.as_definition()),
@@ -73,7 +73,6 @@ def dataset_of(
 
 
 def release_of(study: Study, choice: Selection) -> Release:
-    """Return what the data of a study leaves by."""
     plans = plans_of(study.as_definition()).values()
     doors = frozenset(opening.name for plan in plans for opening in plan.openings)
     wizard = study.as_definition().wizard

@@ -163,6 +163,17 @@ class ObjectForm:
         return kept(self.listed, value, release, origin) if isinstance(value, Mapping) else NOTHING
 
 
+@dataclass(frozen=True)
+class PrivateForm:
+    """What leaves in a form, but in no public dataset."""
+
+    form: Form
+
+    def __call__(self, value: Any, release: Release, origin: Origin) -> Any:
+        """Return the value in its form."""
+        return NOTHING if release.choice.public else self.form(value, release, origin)
+
+
 def fields(listed: Mapping[str, Form]) -> ObjectForm:
     """An object of which the listed fields leave."""
     return ObjectForm(listed)
@@ -188,6 +199,8 @@ def in_words(listed: Mapping[str, Form]) -> str:
 
 
 def _told(form: Form) -> str:
+    if isinstance(form, PrivateForm):
+        return _told(form.form) + " (in no public dataset)"
     if isinstance(form, ObjectForm):
         return f" ({in_words(form.listed)})"
     if isinstance(form, WordForm):

@@ -1,12 +1,8 @@
 """When the definition of a study was frozen, and whether its data came later."""
 
-import tomllib
-from pathlib import Path
-
-from django.conf import settings
-
 from experiments.analysis.dataset.records import FreezeRecord
 from experiments.models import Participant, ParticipantKind, Study
+from experiments.versions import software_version
 
 
 def freeze_of(study: Study) -> FreezeRecord:
@@ -26,12 +22,3 @@ def freeze_of(study: Study) -> FreezeRecord:
         deviations=known.deviations,
         software=known.software,
     )
-
-
-def software_version() -> str:
-    """Return the version of the server's software; empty where its project file is not there."""
-    path = Path(settings.BASE_DIR) / "pyproject.toml"
-    if not path.is_file():
-        return ""
-    project = tomllib.loads(path.read_text(encoding="utf-8")).get("project", {})
-    return str(project.get("version", ""))

@@ -1,11 +1,17 @@
 """Participants and the pages that they went through, as rows of a dataset."""
 
 import datetime
+from bisect import bisect_right
 from collections.abc import Iterable, Mapping
 
-from experiments.analysis.dataset.levels import TURNED_AWAY, WITHDREW
+from django.db.models import Q, QuerySet
+
+from experiments.analysis.dataset.levels import AGE_BANDS, AGE_LIMITS, TURNED_AWAY, WITHDREW
 from experiments.analysis.dataset.records import PageRecord, ParticipantRecord
-from experiments.models import SCREENED_OUT, Drive, StepVisit, Study
+from experiments.dataset.selection import Selection
+from experiments.dataset.stages import stages_of
+from experiments.definition.schema import StudyDefinition
+from experiments.models import SCREENED_OUT, ConsentReceipt, Draw, Drive, StepVisit, Study
 from experiments.models import Participant as Row
 
 NAN = float("nan")
@@ -15,29 +21,66 @@ NO_REASON = frozenset({"", "completed", "timed_out"})
 Round = tuple[object, int, int]  # participant, visit and round
 
 
-def participants_of(study: Study, drives: Iterable[Drive]) -> list[ParticipantRecord]:
-    """Return everybody who came, by code; whoever withdrew is a row with the step at which that
-    was.
+def people_of(study: Study, choice: Selection) -> "QuerySet[Row]":
+    """Return everybody who is in a dataset; in a public one, where the consent asks for it, those
+    who agreed to publishing, and the rows without a person of those who withdrew.
     """
+    rows = Row.objects.filter(study=study).order_by("code")
+    if not (choice.public and asks_for_sharing(study.as_definition())):
+        return rows
+    agreed = ConsentReceipt.objects.filter(participant__study=study, sharing=True)
+    keys = list(agreed.values_list("participant_id", flat=True))
+    return rows.filter(Q(pk__in=keys) | Q(status=Row.Status.WITHDRAWN))
+
+
+def asks_for_sharing(study: StudyDefinition) -> bool:
+    return study.consent is not None and any(study.consent.sharing.values())
+
+
+def participants_of(
+    study: Study, drives: Iterable[Drive], choice: Selection
+) -> list[ParticipantRecord]:
+    """Return everybody who came, by code; of participants who withdrew only what is kept."""
     begun = dict(
         StepVisit.objects.filter(participant__study=study)
         .order_by("began_at")
         .values_list("participant_id", "step")
     )
     outcomes = {drive.participant_id: drive.outcome or drive.session.outcome for drive in drives}
-    rows = Row.objects.filter(study=study).order_by("code")
-    return [_participant(row, begun.get(row.pk, ""), outcomes.get(row.pk, "")) for row in rows]
+    first_cells = dict(
+        Draw.objects.filter(study=study, nth=1).values_list("participant_id", "cell")
+    )
+    rows = list(people_of(study, choice))
+    stages = stages_of(study, rows)
+    return [
+        _participant(
+            row,
+            begun.get(row.pk, ""),
+            outcomes.get(row.pk, ""),
+            first_cells.get(row.pk, ""),
+            stages[row.pk],
+            is_exact=not choice.public,
+        )
+        for row in rows
+    ]
 
 
-def _participant(row: Row, begun: str, outcome: str) -> ParticipantRecord:
+def _participant(
+    row: Row, begun: str, outcome: str, first_cell: str, stage: str, *, is_exact: bool
+) -> ParticipantRecord:
     withdrawn = row.status == Row.Status.WITHDRAWN
     turned_away = row.completion == SCREENED_OUT  # whoever comes again has finished all the same
     lost = outcome if row.status == Row.Status.ACTIVE and outcome not in NO_REASON else ""
+    age = None if withdrawn else row.age
     return ParticipantRecord(
         row.code,
         kind=row.kind,
-        age=NAN if row.age is None or withdrawn else float(row.age),
+        age=float(age) if age is not None and is_exact else NAN,
+        age_band=age_band(age),
         cell=row.cell,
+        first_cell=first_cell or row.cell,
+        draws=row.draws_applied,
+        stage=stage,
         place=row.stage,
         reached=row.withdrawn_step or row.step or begun,
         left=LEFT.get(row.status, lost),
@@ -46,11 +89,16 @@ def _participant(row: Row, begun: str, outcome: str) -> ParticipantRecord:
     )
 
 
-def pages_of(study: Study, sessions: Mapping[Round, str]) -> list[PageRecord]:
+def age_band(age: int | None) -> str:
+    """Return the range of an age in years; empty when it is unknown."""
+    return "" if age is None else tuple(AGE_BANDS)[bisect_right(AGE_LIMITS, age)]
+
+
+def pages_of(study: Study, sessions: Mapping[Round, str], choice: Selection) -> list[PageRecord]:
     """Return every page that was seen, by participant and in order; `sessions` has the code of each
     round's drive.
     """
-    visits = StepVisit.objects.filter(participant__study=study).exclude(
+    visits = StepVisit.objects.filter(participant__in=people_of(study, choice)).exclude(
         participant__status=Row.Status.WITHDRAWN
     )
     columns = (

@@ -21,11 +21,9 @@ class Pseudonyms:
         self._key = secret.encode()
 
     def session(self, key: object) -> str:
-        """Return the code of a session."""
         return "S" + self._code("session", str(key))
 
     def response(self, key: object) -> str:
-        """Return the code of a filled-in questionnaire."""
         return "R" + self._code("response", str(key))
 
     def network(self, network: str) -> str:

@@ -92,7 +92,6 @@ def _camera(camera: Mapping[str, Any] | None) -> str:
 
 
 def plans_of(study: StudyDefinition) -> dict[str, FloorPlan]:
-    """Return the floor plans of the sites of a study, by name."""
     sites = {one.site for one in (*study.conditions, *study.courses)}
     rows = (
         PlanRow.objects.filter(name__in=sorted(sites)).order_by("name").values_list("name", "plan")

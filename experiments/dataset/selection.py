@@ -15,12 +15,21 @@ class Selection:
 
     `identified` adds who the participants are and leaves out nothing; `sources` are those of the
     events, `formats` the names of those that were asked for (experiments/export/formats/).
+
+    A `public` dataset is for everybody: of the participants who allowed it, where the study asked
+    them, with ages as ranges, without numbers from questions about the person, devices and
+    networks, and without free text and photos.
     """
 
+    public: bool = False
     identified: bool = False
     free_text: bool = False
     formats: frozenset[str] = frozenset()
     sources: tuple[str, ...] = SOURCES
+
+    def __post_init__(self) -> None:
+        if self.public and (self.identified or self.free_text or self.formats):
+            raise ValueError("a public dataset has neither names, free text nor other formats")
 
     @property
     def has_text(self) -> bool:

@@ -7,9 +7,12 @@ from collections.abc import Sequence
 import msgspec
 from django.db.models import QuerySet
 
+from experiments.analysis.dataset.levels import VERSIONED
 from experiments.analysis.dataset.records import SessionRecord
 from experiments.dataset.allow_list import BROWSERS, OS, device, end_reason
 from experiments.dataset.forms import NEAR, Release
+from experiments.dataset.people import people_of
+from experiments.dataset.selection import Selection
 from experiments.dataset.states import STORED
 from experiments.definition.schema import Condition, StudyDefinition
 from experiments.models import Drive, Participant, Study
@@ -21,12 +24,13 @@ from sessions.models import Session as Visit
 from sessions.models import SessionEvent
 
 NAN = float("nan")
+WHOLE = Selection()
 OPERATOR = "operator"  # events of the server that begin so were an operator's doing
 
 
-def drives_of(study: Study) -> QuerySet[Drive]:
-    """Return the drives whose data are there for research: those of the withdrawn are not."""
-    rows = Drive.objects.filter(participant__study=study).exclude(
+def drives_of(study: Study, choice: Selection = WHOLE) -> QuerySet[Drive]:
+    """Return the drives whose data are in a dataset: those of the withdrawn are not."""
+    rows = Drive.objects.filter(participant__in=people_of(study, choice)).exclude(
         participant__status=Participant.Status.WITHDRAWN
     )
     return rows.select_related(
@@ -35,7 +39,6 @@ def drives_of(study: Study) -> QuerySet[Drive]:
 
 
 def sessions_of(study: Study, drives: Sequence[Drive], release: Release) -> list[SessionRecord]:
-    """Return drives as sessions, in their order."""
     definition = study.as_definition()
     practice = definition.practice_keys
     touched = _touched([drive.session_id for drive in drives])
@@ -54,7 +57,6 @@ def sessions_of(study: Study, drives: Sequence[Drive], release: Release) -> list
 
 
 def _touched(sessions: Sequence[object]) -> set[object]:
-    """Those in which an operator intervened."""
     acts = SessionEvent.objects.filter(
         source=SessionEvent.Source.SERVER, type__startswith=OPERATOR, session__drive__isnull=False
     )
@@ -93,7 +95,7 @@ def _session(
         reason=_reason(visit, release, by_operator=stopped),
         os=device(about.get("os", ""), release, OS),
         browser=device(about.get("browser", ""), release, BROWSERS),
-        network=names.network(about.get("network", "")),
+        network="" if release.choice.public else names.network(about.get("network", "")),
         first_frame=_first_frame(drive),
         first_motion=_first_motion(drive),
         ended=_after(drive, end_of(visit)),
@@ -104,6 +106,7 @@ def _session(
         excluded=drive.excluded_reason,
         fault_side=fault.side,
         fault_part=fault.part,
+        **{f"{name}_version": drive.versions.get(name, "") for name in VERSIONED},
     )
 
 
@@ -169,26 +172,23 @@ def _after(drive: Drive, at: datetime.datetime | None) -> float:
 
 
 def _first_frame(drive: Drive) -> float:
-    """What the task engine counted from; the page's first word of a picture where there was no
-    task.
+    """What the task engine counted from; else when the page first showed the video, where there was
+    no task.
     """
     started = drive.result.get("started")
-    if started is None:
-        events = SessionEvent.objects.filter(
-            session=drive.session_id, source=SessionEvent.Source.PAGE, type="first_frame"
-        )
-        started = events.order_by("received_at").values_list("received_at", flat=True).first()
-    return NAN if started is None else round(started - granted(drive), 6)
+    return (
+        _after(drive, drive.exposed_at) if started is None else round(started - granted(drive), 6)
+    )
 
 
 def _first_motion(drive: Drive) -> float:
     """The session manager's note; one that it could not make, because it was away, is found in the
     states.
     """
-    if drive.settled_at is not None and not drive.exposed:
+    if drive.settled_at is not None and not drive.moved:
         return NAN
     noted = _after(drive, drive.session.first_motion_at)
-    return _from_states(drive) if drive.exposed and math.isnan(noted) else noted
+    return _from_states(drive) if drive.moved and math.isnan(noted) else noted
 
 
 def _from_states(drive: Drive) -> float:

@@ -57,7 +57,6 @@ class PublicationDetails(msgspec.Struct, frozen=True, kw_only=True, omit_default
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """The names of the fields that are empty."""
         return tuple(name for name in self.__struct_fields__ if not getattr(self, name))
 
 
@@ -86,12 +85,10 @@ def is_orcid(text: str) -> bool:
 
 
 def is_doi(text: str) -> bool:
-    """Tell whether it has the form of a DOI."""
     return _DOI.fullmatch(text) is not None
 
 
 def is_address(text: str) -> bool:
-    """Tell whether it is an address of a page."""
     return _URL.fullmatch(text) is not None
 
 

@@ -3,8 +3,9 @@
 A study is the *steps* that a participant goes through, the *conditions* that are compared, and the
 *courses* that are driven. What happens in which order for whom follows from it alone
 (experiments/participation/assignment.py, experiments/tasks/engine.py); a published study is frozen
-by the SHA-256 of its definition. Metres, radians, m/s and seconds in the frame of the site's map,
-unless a name says minutes.
+by the SHA-256 of its definition. What is stored, exported and hashed names every value, so that a
+release that changes a default changes no study. Metres, radians, m/s and seconds in the frame of
+the site's map, unless a name says minutes.
 
 Texts are objects of languages, as in questionnaires. The classes refuse unknown fields and wrong
 types; experiments/definition/problems.py tells what types cannot,
@@ -112,7 +113,7 @@ class Course(DocumentPart, frozen=True, kw_only=True):
 
     robot: PlanKey
     site: PlanKey
-    dock: PlanKey = ""
+    dock: Annotated[str, Meta(pattern=r"^([a-z0-9][a-z0-9_-]{0,63})?$")] = ""
     checkpoints: Annotated[tuple[StudyCheckpoint, ...], Meta(max_length=100)]
     path: Annotated[tuple[Point, ...], Meta(max_length=500)] = ()
     doors: tuple[PlanKey, ...] = ()
@@ -178,21 +179,41 @@ class Condition(DocumentPart, frozen=True, kw_only=True):
 # --- the rules ------------------------------------------------------------------------------------
 
 
+class BalanceFactor(DocumentPart, frozen=True, kw_only=True):
+    """A property of participants that is to be distributed evenly over the cells.
+
+    `item` is `age`, as given with the consent, or `questionnaire.item`, as answered before the
+    robot is assigned. Numbers are grouped: below the first of `limits`, then from each of them on.
+    Participants without an answer form a group of their own.
+    """
+
+    item: Annotated[str, Meta(pattern=r"^(age|[a-z][a-z0-9-]{0,39}\.[a-z][a-z0-9_]{0,39})$")]
+    limits: Annotated[tuple[float, ...], Meta(max_length=10)] = ()
+
+
 class Allocation(DocumentPart, frozen=True, kw_only=True):
     """Who gets which condition.
 
     Between participants each does one condition; within them each does all that are open to them,
     in an order: `fixed` as written, `all` orders, or `balanced` ones. With factors of both kinds a
     participant does the conditions of one cell of the between factors. `quota` is how many
-    participants fill a cell (a condition, or an order); None is no end. Who is to do several
-    conditions and was not seen for `left_after_hours` before the last of them has left: another
-    participant gets the order.
+    participants fill a cell (a condition, or an order); None is no end. Participants who have
+    several conditions to do and are not seen for `left_after_hours` before the last of them have
+    left: another participant gets the order.
+
+    A participant gets the cell with the fewest participants with probability `best_probability`,
+    else any other one: with 1, whoever knows the numbers knows each assignment beforehand. With
+    `balance`, the participants that are counted are those alike in all of these factors (`strata`),
+    or in each of them, added up (`minimization`).
     """
 
     design: Design = "between"
     order: Literal["fixed", "all", "balanced"] = "balanced"
     quota: Annotated[int, Meta(ge=1, le=100_000)] | None = None
     left_after_hours: Annotated[float, Meta(ge=1.0, le=8760.0)] = 24.0
+    best_probability: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.75
+    balancing: Literal["strata", "minimization"] = "minimization"
+    balance: Annotated[tuple[BalanceFactor, ...], Meta(max_length=6)] = ()
 
 
 class Refill(DocumentPart, frozen=True, kw_only=True):
@@ -284,11 +305,9 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     appointments: Appointments | None = None
 
     def condition(self, key: str) -> Condition | None:
-        """Return the condition with a key."""
         return next((condition for condition in self.conditions if condition.key == key), None)
 
     def course_of(self, condition: Condition) -> Course | None:
-        """Return what is driven under a condition."""
         return next(
             (
                 course
@@ -300,18 +319,30 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
 
     @property
     def task(self) -> TaskStep | None:
-        """The step in which the course is driven."""
         return next((step for step in self.steps if isinstance(step, TaskStep)), None)
 
     @property
     def consent(self) -> Consent | None:
-        """The step in which participants agree to take part."""
         return next((step for step in self.steps if isinstance(step, Consent)), None)
 
     @property
     def tells_condition(self) -> bool:
         """Whether participants read something that only their condition says."""
         return any(step.named_conditions for step in self.steps)
+
+    @property
+    def reveals_condition(self) -> bool:
+        """Whether participants learn something of their condition before any video: from
+        instructions, or because the drive page shows it as soon as the robot is theirs.
+        """
+        looks = {
+            (one.access, one.robot, one.site): (one.interface, one.controllers, one.actions)
+            for one in reversed(self.conditions)
+        }
+        return self.tells_condition or any(
+            looks[one.access, one.robot, one.site] != (one.interface, one.controllers, one.actions)
+            for one in self.conditions
+        )
 
     @property
     def tells_of_operator(self) -> bool:
@@ -331,65 +362,51 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
 
     @property
     def drives(self) -> tuple[DriveStep, ...]:
-        """The steps in which a robot is driven."""
         return tuple(step for step in self.steps if isinstance(step, DriveStep))
 
     @property
     def practice_keys(self) -> frozenset[str]:
-        """The keys of the steps whose drives are for practice."""
         return frozenset(step.key for step in self.drives if step.is_practice)
 
     @property
     def asking(self) -> tuple[AskingStep, ...]:
-        """The steps in which a questionnaire is asked."""
         return tuple(step for step in self.steps if isinstance(step, AskingStep))
 
     def step(self, key: str) -> AnyStep | None:
-        """Return the step with a key."""
         return next((step for step in self.steps if step.key == key), None)
 
     def drive(self, key: str) -> DriveStep | None:
-        """Return the step with a key when a robot is driven in it."""
         return next((step for step in self.drives if step.key == key), None)
 
 
 prepare(StudyDefinition)
 
 
+def as_stored(value: Any) -> Any:
+    """Return a part of a study as JSON has it, with every value, also those of defaults."""
+    if isinstance(value, tuple):
+        return [as_stored(one) for one in value]
+    if not isinstance(value, msgspec.Struct):
+        return value
+    config = value.__struct_config__
+    tag = {config.tag_field: config.tag} if config.tag_field else {}
+    return tag | {
+        field.encode_name: as_stored(getattr(value, field.name)) for field in fields_of(type(value))
+    }
+
+
 def to_json(study: StudyDefinition) -> bytes:
-    """Return a study as the JSON that import takes: indented, fields in the order
+    """Return a study as the JSON that import takes: with every value, indented, fields in the order
     of the classes.
     """
-    return msgspec.json.format(msgspec.json.encode(study), indent=2) + b"\n"
+    return msgspec.json.format(msgspec.json.encode(as_stored(study)), indent=2) + b"\n"
 
 
 def digest(study: StudyDefinition) -> str:
-    """Return the SHA-256 of a study: equal exactly when two say the same, defaults written out or
-    not. It freezes a published version.
+    """Return the SHA-256 of a study's JSON with every value, sorted keys and no white space. It
+    freezes a published version.
     """
-    return sha256(msgspec.json.encode(_said(study), order="deterministic")).hexdigest()
-
-
-def _said(value: Any) -> Any:
-    """Return what is said, without what is so by default: a field that a later format adds leaves
-    the digests of older studies alone.
-    """
-    if isinstance(value, tuple):
-        return [_said(one) for one in value]
-    if not isinstance(value, msgspec.Struct):
-        return value
-    kind, name = value.__struct_config__.tag, value.__struct_config__.tag_field
-    told = {
-        field.encode_name: (getattr(value, field.name), _default(field))
-        for field in fields_of(type(value))
-    }
-    return ({name: kind} if name else {}) | {
-        word: _said(own) for word, (own, default) in told.items() if own != default
-    }
-
-
-def _default(field: msgspec.structs.FieldInfo) -> Any:
-    return field.default if field.default_factory is msgspec.NODEFAULT else field.default_factory()
+    return sha256(msgspec.json.encode(as_stored(study), order="deterministic")).hexdigest()
 
 
 def from_stored(document: Any) -> StudyDefinition:

@@ -15,8 +15,10 @@ from experiments.analysis.tables.participant_kinds import counted
 from experiments.analysis.tables.software import PROGRAM, versions
 from experiments.dataset.build import ANALYSED, dataset_of, release_of
 from experiments.dataset.events import events_of
+from experiments.dataset.people import people_of
 from experiments.dataset.selection import Selection
 from experiments.dataset.sessions import drives_of
+from experiments.export.anonymity import anonymity
 from experiments.export.format import ExportSource, File
 from experiments.export.formats import chosen
 from experiments.models import Study
@@ -80,6 +82,13 @@ def read_me(dataset: Dataset) -> str:
     )
 
 
+def _about_anonymity(study: Study, dataset: Dataset, choice: Selection) -> str:
+    if not choice.public:
+        return ""
+    everybody = people_of(study, replace(choice, public=False)).count()
+    return anonymity(dataset, everybody - len(dataset.participants))
+
+
 def _summed(name: str, parts: Iterable[bytes], sums: list[str]) -> Iterator[bytes]:
     found = sha256()
     for part in parts:
@@ -90,9 +99,9 @@ def _summed(name: str, parts: Iterable[bytes], sums: list[str]) -> Iterator[byte
 
 def _files(study: Study, choice: Selection) -> Iterator[File]:
     classes = chosen(choice)
-    drives = list(drives_of(study))
+    drives = list(drives_of(study, choice))
     dataset = dataset_of(study, choice=choice, drives=drives)
-    yield "README.md", [read_me(dataset).encode()]
+    yield "README.md", [(read_me(dataset) + _about_anonymity(study, dataset, choice)).encode()]
     more = {
         name: layout for one in classes for name, layout in one.tables_of(dataset, drives).items()
     }

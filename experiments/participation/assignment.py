@@ -1,38 +1,51 @@
-"""Who gets which condition: at the first grant of the robot, or when they come to instructions that
-only some conditions have, to the cell that has the fewest.
+"""Who gets which condition: at the first grant of the robot, or when participants come to
+instructions that only some conditions have, preferably the cell that has the fewest.
 
 A *cell* is what a participant is assigned to: one condition (between participants), or one order of
-conditions (within them). A place in it is held from then on, and is
+conditions (within them). From then on a participant holds a place in it, which is
 
-- freed only when its visitor left before the first velocity was applied: nothing was done to them.
-  Participants who have read what only their condition says keep it, for as long as the study waits;
+- freed only when the participant left without being exposed: their page never showed the robot's
+  video, nor anything else that only their condition has. They are drawn again if they return;
 - filled by every other ending, whose outcome counts in the cell;
 - filled and yet given to another when the study's frozen rule says so of its outcome, as often as
   the rule allows;
-- left, where a participant is to do several conditions, by one who is gone before they had them
-  all: such a place is given to another, so that the *complete cases* of the orders are even.
-  Whether somebody is gone is asked anew each time; who comes back goes on in their place.
+- left, where a participant has several conditions to do, or learned of theirs before the video,
+  and is gone before driving them: such a place is given to another, so that the *complete cases* of
+  the orders are even. Who is gone is computed each time; participants who
+  return go on in their place.
 
-With all participants drawn to the smallest cell, the numbers of filled places never differ by more
-than the greatest number of participants that were under way at once: the last one who filled the
-largest cell was drawn when it was not larger than any other, and only those under way at that
-moment, less than all by that one, can have left since. (A refill rule frees places too, at the
-moment in which they would be filled, and changes nothing in this.)
-tests/unit/experiments/participation/test_assignment.py tries it.
+Smallest first alone would be predictable: of two cells, every second participant's would be known
+beforehand. So the best cell is only the most probable one (a biased coin, Efron, "Forcing a
+sequential experiment to be balanced", 1971), and the counts can be of alike participants
+(minimization after Pocock and Simon, "Sequential treatment assignment with balancing for prognostic
+factors in the controlled clinical trial", 1975, with the totals of all cells as in Altman and
+Bland, "Treatment allocation by minimisation", 2005).
 
-Pure: what is held comes in, a choice goes out. Ties are drawn with a seed that is kept with the
-choice.
+With `best_probability` 1 and no factors, the numbers of filled places never differ by more than the
+greatest number of participants in progress at once: the last one who filled the largest cell was
+drawn when it was not larger than any other, and only those in progress at that moment, fewer by
+that one, can have left since. (A refill rule frees places too, at the moment in which they would be
+filled, and changes nothing in this.) tests/unit/experiments/participation/test_assignment.py tries
+it, and simulates how predictable and how uneven other probabilities are.
+
+Pure: a function of the places that are held, and of a seed that is kept with the choice.
 """
 
 import random
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import permutations
 from typing import Literal
 
 from experiments.definition.factors import groups
-from experiments.definition.schema import Outcome, Refill, StudyDefinition
+from experiments.definition.schema import (
+    Allocation,
+    BalanceFactor,
+    Outcome,
+    Refill,
+    StudyDefinition,
+)
 
 Access = Literal["open", "invitation"]
 Stage = Literal["under_way", "freed", "filled", "refilled", "left"]
@@ -50,20 +63,23 @@ class Cell:
 
 @dataclass(frozen=True)
 class Held:
-    """A place in a cell, and what became of it."""
+    """A place in a cell, what became of it, and its participant's level of each balance factor."""
 
     cell: str
     stage: Stage = "under_way"
+    levels: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class AssignmentChoice:
-    """The cell of a participant, the ones that it was drawn from, and the seed
-    that draws it again.
+    """The cell of a participant, and what repeats the choice: the places that were taken in each
+    cell, the scores that decided, the cells that were best by them, and the seed.
     """
 
     cell: Cell
-    candidates: tuple[str, ...]
+    best: tuple[str, ...]
+    counts: Mapping[str, int]
+    scores: Mapping[str, int]
     seed: int
 
 
@@ -108,24 +124,67 @@ def balanced(keys: Sequence[str]) -> tuple[tuple[str, ...], ...]:
 
 
 def choose(
-    offered: Sequence[Cell], held: Iterable[Held], quota: int | None, seed: int
+    offered: Sequence[Cell],
+    held: Iterable[Held],
+    allocation: Allocation,
+    seed: int,
+    levels: Mapping[str, str] | None = None,
 ) -> AssignmentChoice | None:
     """Return the cell for a new participant; None when all are full.
 
     Args:
         offered: the cells that they may get.
         held: every place of the study that is, or was, held.
-        quota: how many places a cell has; None is no end.
-        seed: draws among cells with equally few. Take a new one each time, and keep it.
+        allocation: the study's rule.
+        seed: of the chance in it. Take a new one each time, and keep it.
+        levels: the participant's level of each balance factor, by its item.
     """
-    loads = load(held)
-    free = [cell for cell in offered if quota is None or loads[cell.key] < quota]
+    held = list(held)
+    taken = load(held)
+    free = open_cells(offered, taken, allocation.quota)
     if not free:
         return None
-    least = min(loads[cell.key] for cell in free)
-    candidates = [cell for cell in free if loads[cell.key] == least]
-    drawn = random.Random(seed).choice(candidates)
-    return AssignmentChoice(drawn, tuple(cell.key for cell in candidates), seed)
+    alike = [load(some) for some in _alike(held, allocation, levels or {})]
+    scores = {cell.key: sum(counts[cell.key] for counts in alike) for cell in free}
+    least = min(scores.values())
+    best = [cell for cell in free if scores[cell.key] == least]
+    others = [cell for cell in free if scores[cell.key] > least]
+    chance = random.Random(seed)
+    is_best = not others or chance.random() < allocation.best_probability
+    drawn = chance.choice(best if is_best else others)
+    counts = {cell.key: taken[cell.key] for cell in free}
+    return AssignmentChoice(drawn, tuple(cell.key for cell in best), counts, scores, seed)
+
+
+def open_cells(offered: Sequence[Cell], taken: Mapping[str, int], quota: int | None) -> list[Cell]:
+    """Return the cells that are not full; `taken` counts the places of each."""
+    return [cell for cell in offered if quota is None or taken[cell.key] < quota]
+
+
+def _alike(
+    held: Sequence[Held], allocation: Allocation, levels: Mapping[str, str]
+) -> Iterator[list[Held]]:
+    """Yield the places that count for a participant with these levels: all of them, those of
+    participants alike in every factor, or for each factor those alike in it.
+    """
+    items = [factor.item for factor in allocation.balance]
+    groups_of_items = (
+        [[item] for item in items] if items and allocation.balancing == "minimization" else [items]
+    )
+    for some in groups_of_items:
+        yield [
+            place for place in held if all(place.levels.get(one) == levels.get(one) for one in some)
+        ]
+
+
+def level_of(factor: BalanceFactor, value: object) -> str:
+    """Return the level of a factor that an answer belongs to; empty without an answer."""
+    if value is None or value == "":
+        return ""
+    if not factor.limits or isinstance(value, bool) or not isinstance(value, int | float):
+        return str(value)
+    passed = [limit for limit in sorted(factor.limits) if value >= limit]
+    return f"from {passed[-1]:g}" if passed else f"below {min(factor.limits):g}"
 
 
 def load(held: Iterable[Held]) -> Counter[str]:
@@ -133,24 +192,12 @@ def load(held: Iterable[Held]) -> Counter[str]:
     return Counter(place.cell for place in held if place.stage in {"under_way", "filled"})
 
 
-def stage_at_end(
-    cell: str, outcome: Outcome, *, exposed: bool, refill: Refill, held: Iterable[Held]
-) -> Stage:
-    """Return what becomes of a place whose participant is done, or gone.
-
-    Args:
-        cell: where the place is.
-        outcome: of the session that ended it.
-        exposed: whether a velocity of theirs was ever applied.
-        refill: the study's rule.
-        held: every place of the study, for the number of those refilled before.
+def stage_at_end(outcome: Outcome, refill: Refill, refilled: int) -> Stage:
+    """Return what becomes of the place of a participant who was exposed and is done, or gone;
+    `refilled` places of the cell were given to another before.
     """
-    if not exposed:
-        return "freed"
-    if outcome not in refill.outcomes:
-        return "filled"
-    before = sum(place.stage == "refilled" and place.cell == cell for place in held)
-    return "refilled" if before < refill.most else "filled"
+    is_passed_on = outcome in refill.outcomes and refilled < refill.most
+    return "refilled" if is_passed_on else "filled"
 
 
 def stage_now(
@@ -163,7 +210,7 @@ def stage_now(
         conditions: how many the participant is to do.
         done: in how many of them they drove.
         is_gone: whether they withdrew, or were not seen for as long as the study waits.
-        is_told: whether they were assigned before they drove, to read their instructions.
+        is_told: whether they learned of their condition before any video.
     """
     is_taken = stage in {"under_way", "filled"}
     may_leave = conditions > 1 or is_told

@@ -13,16 +13,6 @@ from surveys.documents import spoken
 Answer = Literal["agreed", "too_young", "guardian"]
 
 
-def text_of(step: Consent, language: str) -> str:
-    """Return what a participant is asked to agree to."""
-    return spoken(step.text, language)
-
-
-def sha256(text: str) -> str:
-    """Return by what a text is known word by word."""
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
 def may_agree(step: Consent, age: int | None, guardian: str) -> Answer:
     """Return whether somebody may agree by themself, is turned away, or needs a guardian's word
     that is not there.
@@ -41,17 +31,20 @@ def agree(
     language: str,
     age: int | None = None,
     guardian: str = "",
+    sharing: bool | None = None,
     now: datetime.datetime,
 ) -> ConsentReceipt:
-    """Return the receipt of a participant's consent, made at the first call: the text stands in it
-    as it was shown then.
+    """Return the receipt of a participant's consent, made at the first call, with the texts as they
+    were shown then; `sharing` is None where the step did not ask.
     """
-    text = text_of(step, language)
+    text = spoken(step.text, language)
     fields = {
         "language": language,
         "text": text,
-        "text_sha256": sha256(text),
+        "text_sha256": hashlib.sha256(text.encode()).hexdigest(),
         "guardian": guardian[:120],
+        "sharing": sharing,
+        "sharing_text": spoken(step.sharing, language) if sharing is not None else "",
         "agreed_at": now,
     }
     try:
@@ -69,7 +62,6 @@ def agree(
 
 
 def as_text(receipt: ConsentReceipt) -> str:
-    """Return a receipt to keep, as plain text."""
     study = receipt.participant.study
     lines = [
         receipt.text,
@@ -83,4 +75,6 @@ def as_text(receipt: ConsentReceipt) -> str:
     ]
     if receipt.guardian:
         lines.insert(-1, f"guardian {receipt.guardian}")
+    if receipt.sharing is not None:
+        lines[1:1] = ["", f"[{'x' if receipt.sharing else ' '}] {receipt.sharing_text}"]
     return "\n".join(lines) + "\n"

@@ -14,8 +14,8 @@ from robots.models import Robot
 from sessions.leases.traffic import living_sessions, traffic_at
 from sessions.models import Session
 
-# Not yet; on the robot or in its queue now; over, with a velocity of theirs applied; over without.
-Standing = Literal["never", "living", "exposed", "unexposed"]
+# Not yet; on the robot or in its queue now; over, with the robot moved for them; over without.
+Standing = Literal["never", "living", "moved", "unmoved"]
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,6 @@ class DriveStatus:
 
     @property
     def robot(self) -> Robot | None:
-        """Which robot it was."""
         return self.session.robot if self.session is not None else None
 
 
@@ -45,8 +44,8 @@ def driven(participant: Participant, place: JourneyPlace) -> DriveStatus:
     living = _living(participant, place)
     if living is not None:
         return DriveStatus("living", living)
-    exposed = next((one for one in done if one.standing == "exposed"), None)
-    return exposed or (done[0] if done else _without_drive(participant, place))
+    moved = next((one for one in done if one.standing == "moved"), None)
+    return moved or (done[0] if done else _without_drive(participant, place))
 
 
 def last_drive(participant: Participant, place: JourneyPlace) -> DriveStatus:
@@ -69,9 +68,9 @@ def _of_drive(drive: Drive) -> DriveStatus:
     session = drive.session
     if session.state != Session.State.ENDED:
         return DriveStatus("living", session)
-    exposed = drive.exposed or session.first_motion_at is not None
+    moved = drive.moved or session.first_motion_at is not None
     return DriveStatus(
-        "exposed" if exposed else "unexposed",
+        "moved" if moved else "unmoved",
         session,
         drive.outcome or session.outcome,
         session.outcome_reason,
@@ -102,7 +101,7 @@ def _living(participant: Participant, place: JourneyPlace) -> Session | None:
 def _without_drive(participant: Participant, place: JourneyPlace) -> DriveStatus:
     session = _own_sessions(participant, place).filter(granted_at=None, drive=None).first()
     return (
-        DriveStatus("unexposed", session, session.outcome, session.outcome_reason)
+        DriveStatus("unmoved", session, session.outcome, session.outcome_reason)
         if session is not None
         else NEVER
     )
@@ -178,12 +177,11 @@ def _series_wanted(
     definition = participant.study.as_definition()
     kinds = {(condition.robot, condition.site) for condition in conditions}
     if len(kinds) > 1:
-        cells = assignment.cells(
-            definition, "invitation" if participant.access == "invitation" else "open"
-        )
-        held = places.held(participant.study, participant.kind, now)
         chosen = assignment.choose(
-            cells, held, definition.allocation.quota, participant.pk.int % 2**31
+            assignment.cells(definition, progress.access_of(participant)),
+            places.held(participant.study, participant.kind, now),
+            definition.allocation,
+            participant.pk.int % 2**31,
         )
         first = (
             definition.condition(chosen.cell.conditions[participant.round])

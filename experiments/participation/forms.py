@@ -8,6 +8,7 @@ from django.utils.translation import gettext_lazy as _
 from accounts.forms import single_line
 from experiments.definition.steps.consent import Consent
 from experiments.participation.consent import may_agree
+from surveys.documents import spoken
 
 OLDEST = 120
 
@@ -25,8 +26,8 @@ class EntryCodeForm(forms.Form):
 
 
 class ConsentForm(forms.Form):
-    """The age, where the study asks for it, a guardian where that is needed, and the agreement
-    itself.
+    """The age, where the study asks for it, a guardian where that is needed, the agreement itself,
+    and apart from it that to publishing.
     """
 
     age = forms.IntegerField(
@@ -44,11 +45,15 @@ class ConsentForm(forms.Form):
         widget=forms.TextInput(attrs={"autocomplete": "off"}),
     )
     agree = forms.BooleanField(label=_("I have read this and want to take part."))
+    sharing = forms.BooleanField(required=False)
 
-    def __init__(self, step: Consent, data: Any = None) -> None:
+    def __init__(self, step: Consent, language: str, data: Any = None) -> None:
         super().__init__(data)
         self.step = step
         self.is_too_young = False
+        self.fields["sharing"].label = spoken(step.sharing, language) if step.sharing else ""
+        if not self.fields["sharing"].label:
+            del self.fields["sharing"]
         if not step.minimum_age:
             del self.fields["age"]
         else:
@@ -74,7 +79,6 @@ class ConsentForm(forms.Form):
         )
 
     def clean_guardian(self) -> str:
-        """Return the guardian's name as one visible line."""
         return single_line(self.cleaned_data["guardian"])
 
     def clean(self) -> dict[str, Any]:

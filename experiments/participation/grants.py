@@ -1,15 +1,16 @@
 """On what terms a participant gets a robot: the condition that they are assigned to, and all that
 it fixes.
 
-Asked by sessions (sessions/leases/terms.py), in whichever process grants the robot, perhaps by two
-of them at once and again after one was killed: every answer is the same as the first. A participant
-is assigned at the first grant, or before: whoever reads instructions that only some conditions have
-is drawn when they come to them, and keeps that cell. Of all others, who never moved the robot gave
-their place back, and is drawn anew.
+Called by sessions (sessions/leases/terms.py) in the process that grants the robot, perhaps by two
+at once and again after one was killed: every answer is the same as the first. A participant is
+assigned at the first grant, or on reaching instructions that only some conditions have.
+Participants who were not exposed give up their place and are drawn again, unless they have learned
+of their condition in another way.
 
-Nothing rests on transactions: a draw has a number that no other one of its study has, and the
-places that it was decided on are those that stood there before that number, so that of two who are
-drawn at the same moment one has to look again.
+Assignment does not rely on transactions. A draw is a row with a number that is unique in its study;
+it considers the places of all draws before that number, so that of two participants drawn at once
+the later draw is repeated. It is decided once it is stored: a participant's row takes it over
+afterwards, by any process that finds one not taken over yet.
 """
 
 import datetime
@@ -27,15 +28,16 @@ from accounts.models import User
 from experiments.access import may
 from experiments.definition import conditions, start_condition
 from experiments.definition.course import CourseError
-from experiments.definition.schema import Condition, StudyDefinition
+from experiments.definition.schema import Condition, StudyDefinition, as_stored
 from experiments.definition.step import DriveStep
-from experiments.models import Drive, Participant, ParticipantKind, Study
+from experiments.models import Draw, Drive, Participant, ParticipantKind, Study
 from experiments.participation import assignment, places, progress
-from experiments.participation.assignment import AssignmentChoice, Cell, Held
+from experiments.participation.assignment import Cell
 from experiments.participation.drive_status import driven, series_of
 from experiments.participation.layout import laid_out
 from experiments.participation.robot_eligibility import is_lent
 from experiments.recruitment import appointments
+from experiments.versions import versions_of
 from robots.access import may_operate
 from robots.api.floorplan import DoorState
 from robots.api.geometry import Pose2D
@@ -43,6 +45,7 @@ from robots.models import Robot
 from sessions.leases.terms import NotGranted, Terms
 from sessions.models import Session
 from surveys.documents import spoken
+from surveys.models import Answer
 
 log = structlog.stdlib.get_logger(__name__)
 
@@ -51,11 +54,11 @@ GRACE_SECONDS = 120.0
 SLACK_SECONDS = 180.0
 # after which a robot's last state does not say any more how it stands; states are written every two
 SAID_SECONDS = 5.0
-ATTEMPTS = 200  # every failed one means that somebody else was assigned meanwhile
+ATTEMPTS = 200  # every failed one means that another participant was assigned meanwhile
 
 
 class AssignmentContention(RuntimeError):
-    """Somebody else was assigned under every attempt."""
+    """Another participant was assigned during every attempt."""
 
 
 @dataclass(frozen=True)
@@ -69,16 +72,11 @@ class Standing:
 
     @property
     def assigned(self) -> Condition | None:
-        """The condition of this round, if it is assigned already."""
-        return assigned(self.participant, self.definition)
+        return progress.wanted_condition(self.participant, self.definition)
 
     @property
     def cells(self) -> list[Cell]:
-        """The cells that they may be assigned to on this robot."""
-        access: assignment.Access = (
-            "invitation" if self.participant.access == "invitation" else "open"
-        )
-        number = self.participant.round
+        access, number = progress.access_of(self.participant), self.participant.round
         offered = []
         for cell in assignment.cells(self.definition, access):
             condition = (
@@ -123,7 +121,7 @@ class StudyTerms:
         standing = standing_of(session.visitor, session.robot)
         if standing is None:
             return None
-        condition = standing.assigned or assign(standing, now)
+        condition = draw(standing.participant, standing.cells, now)
         if condition is None:
             raise NotGranted("full")
         if not is_for(condition, session.robot):
@@ -131,18 +129,17 @@ class StudyTerms:
         return _begin(standing, condition, session, now)
 
     def claims(self, user: User, robot: Robot) -> bool:
-        """Tell whether somebody is to drive a robot for a study now."""
+        """Tell whether a user's current step of a study is a drive with this robot."""
         return standing_of(user, robot) is not None
 
     def may_watch(self, user: User, session: str) -> bool:
-        """Tell whether somebody is of the staff of a drive's study: its owners and researchers, but
-        not its viewers, who see pseudonymous data alone.
+        """Tell whether a user is an owner or a researcher of a drive's study; viewers see
+        pseudonymous data alone.
         """
         slug = Drive.objects.filter(session=session).values_list("participant__study__slug").first()
         return slug is not None and may(user, slug[0], "researcher")
 
     def shown(self, session: str) -> dict[str, Any]:
-        """Return what the page shows of the task of a session."""
         row = Drive.objects.filter(session=session).values_list("shown", flat=True).first()
         return row or {}
 
@@ -168,7 +165,6 @@ def standing_of(user: User, robot: Robot) -> Standing | None:
 
 
 def claimed(user: User, robots: Sequence[Robot]) -> list[Robot]:
-    """Return the robots that the user's current step of a study is about."""
     return [standing.robot for standing in _participation_by_robot(user, robots).values()]
 
 
@@ -186,7 +182,7 @@ def _participation_by_robot(user: User, robots: Sequence[Robot]) -> dict[Any, St
         step = definition.drive(participant.step)
         if step is None:
             continue
-        condition = assigned(participant, definition)
+        condition = progress.wanted_condition(participant, definition)
         for robot in robots:
             standing = Standing(participant, definition, step, robot)
             if is_for(condition, robot) if condition is not None else standing.cells:
@@ -219,14 +215,13 @@ def _why_not(standing: Standing, now: datetime.datetime) -> str:
     participant = standing.participant
     if not progress.is_open(participant.study, now) or not appointments.may_drive(participant, now):
         return "closed"
-    if (
-        standing.assigned is None
-        and _choose(standing.cells, _held(participant, now), standing.definition, 0) is None
+    if standing.assigned is None and not places.free_cells(
+        participant.study, participant.kind, standing.cells, now
     ):
         return "full"
     return (
         "not_allowed"
-        if driven(participant, progress.place(participant)).standing == "exposed"
+        if driven(participant, progress.place(participant)).standing == "moved"
         else ""
     )
 
@@ -285,23 +280,6 @@ def _is_reserved(robot: Robot, now: datetime.datetime) -> bool:
 # --- assignment -----------------------------------------------------------------------------------
 
 
-def assign(standing: Standing, now: datetime.datetime) -> Condition | None:
-    """Draw the cell of a participant, unless they have one, and return the condition of their
-    round; None when every cell is full.
-
-    Raises:
-        AssignmentContention: somebody else was assigned under every attempt.
-    """
-    return draw(standing.participant, standing.cells, now)
-
-
-def assigned(participant: Participant, definition: StudyDefinition) -> Condition | None:
-    """Return the condition of a participant's round, if it is assigned already."""
-    if not progress.has_place(participant):
-        return None
-    return progress.wanted_condition(participant, definition)
-
-
 def draw(
     participant: Participant, cells: Sequence[Cell], now: datetime.datetime
 ) -> Condition | None:
@@ -309,18 +287,21 @@ def draw(
     their round; None when every cell is full.
 
     Raises:
-        AssignmentContention: somebody else was assigned under every attempt.
+        AssignmentContention: another participant was assigned during every attempt.
     """
     definition = participant.study.as_definition()
     for _ in range(ATTEMPTS):
-        if (condition := assigned(participant, definition)) is not None:
+        if (condition := progress.wanted_condition(participant, definition)) is not None:
             return condition
-        held = _held(participant, now)
-        chosen = _choose(cells, held, definition, secrets.randbits(31))
-        if chosen is None:
+        try:
+            # only so that PostgreSQL survives the refusal within a caller's transaction
+            with transaction.atomic():
+                drawn = _undone_draw(participant) or _new_draw(participant, cells, now)
+        except IntegrityError:  # somebody else took the number, or drew for this participant
+            continue
+        if drawn is None:
             return None
-        if _store(participant, chosen, 1 + max((number for number, _ in held), default=0), now):
-            log.info("participant_assigned", study=participant.study_id, cell=chosen.cell.key)
+        _apply(participant, drawn)
         participant.refresh_from_db()
     raise AssignmentContention(participant.study.slug)
 
@@ -334,44 +315,79 @@ def assign_reader(participant: Participant, now: datetime.datetime) -> Condition
     return draw(participant, cells, now)
 
 
-def _held(participant: Participant, now: datetime.datetime) -> list[tuple[int, Held]]:
-    """Return (number of the draw, place) of everybody of the study and kind who was ever
-    assigned.
-    """
-    return places.numbered(participant.study, participant.kind, now)
+def _undone_draw(participant: Participant) -> Draw | None:
+    """Return a draw that another process has decided and not written into the participant's row."""
+    found: Draw | None = participant.draws.filter(nth=participant.draws_applied + 1).first()
+    return found
 
 
-def _choose(
-    cells: Sequence[Cell], held: list[tuple[int, Held]], definition: StudyDefinition, seed: int
-) -> AssignmentChoice | None:
-    return assignment.choose(cells, [place for _, place in held], definition.allocation.quota, seed)
-
-
-def _store(
-    participant: Participant, chosen: AssignmentChoice, number: int, now: datetime.datetime
-) -> bool:
-    """Write a draw down if its number is still free and nobody else, in another process, has drawn
-    for the same participant.
-    """
-    before = Participant.objects.filter(
-        pk=participant.pk, stage=participant.stage, drawn_as=participant.drawn_as
+def _new_draw(
+    participant: Participant, cells: Sequence[Cell], now: datetime.datetime
+) -> Draw | None:
+    study, kind = participant.study, participant.kind
+    allocation = study.as_definition().allocation
+    number, levels = places.next_number(study, kind), balance_levels(participant)
+    chosen = assignment.choose(
+        cells, places.held(study, kind, now), allocation, secrets.randbits(31), levels
     )
-    try:
-        # only so that PostgreSQL survives the refusal within a caller's transaction
-        with transaction.atomic():
-            return bool(
-                before.update(
-                    cell=chosen.cell.key,
-                    conditions=list(chosen.cell.conditions),
-                    candidates=list(chosen.candidates),
-                    draw_seed=chosen.seed,
-                    drawn_as=f"{participant.study_id}:{participant.kind}:{number}",
-                    assigned_at=now,
-                    stage=Participant.Stage.UNDER_WAY,
-                )
+    if chosen is None:
+        return None
+    nth = participant.draws_applied + 1
+    made: Draw = participant.draws.create(
+        study=study,
+        kind=kind,
+        number=number,
+        nth=nth,
+        reason=Draw.Reason.FIRST if nth == 1 else Draw.Reason.AGAIN,
+        cell=chosen.cell.key,
+        best=list(chosen.best),
+        counts=chosen.counts,
+        scores=chosen.scores,
+        levels=levels,
+        best_probability=allocation.best_probability,
+        seed=chosen.seed,
+        at=now,
+    )
+    log.info("participant_assigned", study=study.pk, cell=made.cell, reason=made.reason)
+    return made
+
+
+def _apply(participant: Participant, drawn: Draw) -> None:
+    """Write a draw into the participant's row, if no other process has."""
+    study = participant.study.as_definition()
+    cells = (*assignment.cells(study), *assignment.cells(study, "invitation"))
+    order = next(cell.conditions for cell in cells if cell.key == drawn.cell)
+    Participant.objects.filter(
+        pk=participant.pk,
+        draws_applied=drawn.nth - 1,
+        stage__in=(Participant.Stage.UNASSIGNED, Participant.Stage.FREED),
+    ).update(
+        cell=drawn.cell,
+        conditions=list(order),
+        draws_applied=drawn.nth,
+        stage=Participant.Stage.UNDER_WAY,
+    )
+
+
+def balance_levels(participant: Participant) -> dict[str, str]:
+    """Return a participant's level of each balance factor of the study; empty without an answer."""
+    found = {}
+    for factor in participant.study.as_definition().allocation.balance:
+        questionnaire, _point, item = factor.item.rpartition(".")
+        value = (
+            Answer.objects.filter(
+                response__asked_at__participant=participant,
+                response__questionnaire__slug=questionnaire,
+                item=item,
             )
-    except IntegrityError:
-        return False
+            .order_by("-response__started_at")
+            .values_list("value", flat=True)
+            .first()
+            if questionnaire
+            else participant.age
+        )
+        found[factor.item] = assignment.level_of(factor, value)
+    return found
 
 
 # --- the drive ------------------------------------------------------------------------------------
@@ -383,10 +399,10 @@ def _begin(
     participant, definition, seed = standing.participant, standing.definition, secrets.randbits(31)
     terms = terms_of(standing, condition, session.robot, seed)
     assigned = {
-        "condition": msgspec.to_builtins(condition),
+        "condition": as_stored(condition),
         "terms": msgspec.to_builtins(terms),
         "track": None,
-        "start": msgspec.to_builtins(definition.start),
+        "start": as_stored(definition.start),
     }
     if not standing.step.is_practice:
         try:
@@ -403,6 +419,7 @@ def _begin(
         "condition": condition.key,
         "seed": seed,
         "assigned": assigned,
+        "versions": versions_of(session.robot.presence.factsheet or {}, participant.study.sha256),
     }
     try:
         with transaction.atomic():  # as above
@@ -464,8 +481,8 @@ def terms_of(standing: Standing, condition: Condition, robot: Robot, seed: int) 
 
 
 def _doors(robot: Robot) -> list[str]:
-    """Return the doors that the server can move: those of a simulated site. A real door is
-    somebody's to close.
+    """Return the doors that the server can move: those of a simulated site. A person closes a real
+    door.
     """
     movable = "doors" in (robot.presence.factsheet or {}).get("capabilities", ())
     return (

@@ -1,4 +1,4 @@
-"""Taking part: coming in, and standing on a step. Going on from there is advance.py's.
+"""Enrolment and a participant's current step; advance.py moves them on.
 
 A place is changed only where it is still the one that was seen, and a user has one row a study
 (`Participant.slot`), so that nothing here happens twice under a reload, the back button, a second
@@ -47,7 +47,6 @@ def visible_studies(now: datetime.datetime) -> list[Study]:
 
 
 def is_open(study: Study, now: datetime.datetime) -> bool:
-    """Tell whether a study's opening hours are now."""
     return opening_hours.is_open(study.opening_hours, study.time_zone, now)
 
 
@@ -95,7 +94,6 @@ def _under_way_in(user: Any, slug: str) -> Participant | None:
 
 
 def found(study: Study, user: Any) -> Participant | None:
-    """Return somebody's row in a study, or None."""
     if not user.is_authenticated:
         return None
     return (
@@ -182,7 +180,6 @@ def language_of(study: StudyDefinition, wanted: str) -> str:
 
 
 def title_of(study: Study, wanted: str) -> str:
-    """Return what a study is called by somebody who reads `wanted`."""
     definition = study.as_definition()
     return spoken(definition.title, language_of(definition, wanted))
 
@@ -193,33 +190,21 @@ def is_full(
     """Tell whether nobody new can get a place: every cell has its quota, or there is none for those
     who came that way.
     """
-    definition = study.as_definition()
-    return (
-        assignment.choose(
-            assignment.cells(definition, access),
-            places.held(study, kind, now),
-            definition.allocation.quota,
-            0,
-        )
-        is None
-    )
+    return not places.free_cells(study, kind, assignment.cells(study.as_definition(), access), now)
 
 
 # --- where they are -------------------------------------------------------------------------------
 
 
 def place(participant: Participant) -> JourneyPlace:
-    """Return where a participant stands, as it was read."""
     return JourneyPlace(participant.visit, participant.round, participant.step)
 
 
 def step_of(participant: Participant) -> Step:
-    """Return the step on which a participant stands."""
     return journey.step_at(participant.study.as_definition(), place(participant))
 
 
 def way_of(participant: Participant) -> tuple[JourneyPlace, ...]:
-    """Return all places of a participant's visit."""
     definition = participant.study.as_definition()
     number = len(participant.conditions) or journey.rounds(definition, access_of(participant))
     return journey.route(definition, number, participant.visit)
@@ -244,15 +229,15 @@ def access_of(participant: Participant) -> Access:
 
 
 def wanted_condition(participant: Participant, study: StudyDefinition) -> Condition | None:
-    """Return the condition of a participant's round; None before the assignment."""
-    if participant.round >= len(participant.conditions):
+    """Return the condition of a participant's round; None without a place."""
+    if not has_place(participant) or participant.round >= len(participant.conditions):
         return None
     return study.condition(participant.conditions[participant.round])
 
 
 def has_place(participant: Participant) -> bool:
-    """Tell whether somebody holds a place in a cell; who never moved the robot gave it back, and is
-    drawn anew.
+    """Tell whether somebody holds a place in a cell; those who were not exposed gave it back, and
+    are drawn again.
     """
     return participant.stage not in {Participant.Stage.UNASSIGNED, Participant.Stage.FREED}
 
@@ -269,14 +254,10 @@ def open_conditions(participant: Participant) -> tuple[Condition, ...]:
     else all that are open to them.
     """
     definition = participant.study.as_definition()
-    assigned = wanted_condition(participant, definition) if has_place(participant) else None
+    assigned = wanted_condition(participant, definition)
     if assigned is not None:
         return (assigned,)
-    return tuple(
-        condition
-        for condition in definition.conditions
-        if condition.access == access_of(participant)
-    )
+    return tuple(one for one in definition.conditions if one.access == access_of(participant))
 
 
 def see(participant: Participant, now: datetime.datetime) -> None:

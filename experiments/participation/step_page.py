@@ -155,7 +155,7 @@ class DrivePage(StepPage):
 
     def is_done(self) -> bool:
         """Tell whether the robot was moved."""
-        return self.done.standing == "exposed"
+        return self.done.standing == "moved"
 
     def may_do_without(self, now: datetime.datetime) -> bool:
         """Tell whether somebody may go on without driving: after a drive that never began, or where
@@ -164,7 +164,7 @@ class DrivePage(StepPage):
         if self.done.standing == "living":
             return False
         is_closed = self.participant.study.status == Study.Status.CLOSED
-        if self.done.standing == "unexposed" or is_closed:
+        if self.done.standing == "unmoved" or is_closed:
             return True
         robot, _conditions = robot_for(self.participant, now)
         return robot is None or not robot.is_online(now)

@@ -120,7 +120,7 @@ def drive(request: HttpRequest, slug: str) -> HttpResponseBase:
         or not progress.is_open(participant.study, now)
         or not appointments.may_drive(participant, now)
     )
-    if robot is None or done.standing == "exposed" or (away and done.standing != "living"):
+    if robot is None or done.standing == "moved" or (away and done.standing != "living"):
         return to_step(participant)
     if not may_drive(request.user, robot):
         return render_in_frame(

@@ -35,6 +35,7 @@ PART = 64 * 1024
 # What may be chosen, and who may.
 LEAST: dict[str, Role] = {
     **{name: one.least for name, one in ON_REQUEST.items()},
+    "public": "viewer",
     "free_text": "researcher",
     "identified": "owner",
 }
@@ -78,6 +79,8 @@ def dataset(request: HttpRequest, slug: str) -> HttpResponseBase:
     chosen = [name for name in LEAST if request.GET.get(name)]
     if not all(may(request.user, slug, LEAST[name]) for name in chosen):
         raise Http404
+    if "public" in chosen:  # of what else was chosen, a public dataset has nothing
+        chosen = ["public"]
     asked = asked_of(request, slug)
     user: Any = request.user
     keep(
@@ -114,7 +117,7 @@ def dataset(request: HttpRequest, slug: str) -> HttpResponseBase:
 @require_POST
 @for_role("owner")
 def deposit(request: HttpRequest, slug: str) -> HttpResponseBase:
-    """Upload the pseudonymous dataset to a repository as a draft, and show how far that is. The
+    """Upload the public dataset to a repository as a draft, and show how far that is. The
     token goes to the command alone, in its environment.
     """
     asked = asked_of(request, slug)

@@ -1,5 +1,5 @@
-"""Participants and drives in the administration: to look at, and to exclude drives with a reason.
-Nothing is edited or deleted.
+"""Participants and drives in the administration: to look at, to exclude drives with a reason, and
+to withdraw participants on their request. Nothing is edited.
 """
 
 import uuid
@@ -34,6 +34,7 @@ from experiments.study_admin.filters import (
     StudyFilter,
     StudyOfDriveFilter,
 )
+from experiments.study_admin.withdrawal import may_withdraw, withdraw_page
 from robots.admin import NOTHING, link_to
 from surveys.document_forms.fields import language_name
 
@@ -68,7 +69,6 @@ class StudyRows(OfStudies):
     study_tab = ""
 
     def changelist_view(self, request: HttpRequest, extra_context: Any = None) -> HttpResponse:
-        """Show the tabs of the chosen study."""
         chosen = request.GET.get(StudyFilter.parameter_name, "")
         study = Study.objects.filter(pk=chosen).first() if is_uuid(chosen) else None
         return super().changelist_view(request, {**(extra_context or {}), **self._tabs_of(study)})
@@ -124,9 +124,10 @@ class ParticipantAdmin(StudyRows):
         "language_name",
         "came_with",
         "condition",
-        "drawn_among",
+        "draws_told",
         "ending",
     )
+    change_form_template = "admin/experiments/participant/change_form.html"
 
     def get_fieldsets(
         self, request: HttpRequest, obj: Participant | None = None
@@ -137,14 +138,14 @@ class ParticipantAdmin(StudyRows):
             section(None, "code", "study", "kind", "access", "language_name", *who),
             section(
                 _("Assignment"),
-                *("cell", "condition", "drawn_among", "draw_seed", "assigned_at", "stage"),
+                *("cell", "condition", "draws_told", "stage"),
             ),
             section(
                 _("Progress"),
                 *("status", "visit", "step", "round"),
                 *("created_at", "seen_at", "finished_at", "ending"),
             ),
-            section(_("Withdrawn"), "withdrawn_at", "withdrawn_step"),
+            section(_("Withdrawn"), "withdrawn_at", "withdrawn_step", "withdrawn_stage"),
             section(_("Drives"), "drives_told"),
             *([section(_("Quality"), "quality")] if is_known else []),
         ]
@@ -199,6 +200,38 @@ class ParticipantAdmin(StudyRows):
     def came_with(self, row: Participant) -> str:
         return ", ".join(f"{name} {value}" for name, value in row.recruitment.items()) or NOTHING
 
+    @admin.display(description=_("draws"))
+    def draws_told(self, row: Participant) -> str | SafeString:
+        """Return every draw: when, which cell, why, and the places taken in each cell then."""
+        lines = (
+            (
+                f"{timezone.localtime(one.at):%Y-%m-%d %H:%M} · " if one.at else "",
+                one.cell,
+                one.get_reason_display(),
+                ", ".join(f"{cell} {count}" for cell, count in one.counts.items()),
+                one.seed if one.seed is not None else NOTHING,
+            )
+            for one in row.draws.order_by("number")
+        )
+        told = gettext("{}{}: {}; places taken: {}; seed {}")
+        return format_html_join(format_html("<br>"), told, lines) or NOTHING
+
+    def get_urls(self) -> list[URLPattern]:
+        page = self.admin_site.admin_view(never_cache(self.withdraw_view))
+        name = "experiments_participant_withdraw"
+        return [path("<uuid:pk>/withdraw/", page, name=name), *super().get_urls()]
+
+    def withdraw_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
+        frame = self.admin_site.each_context(request) | {"opts": self.opts}
+        return withdraw_page(request, pk, frame | {"study_tab": self.study_tab})
+
+    def render_change_form(
+        self, request: HttpRequest, context: dict[str, Any], *args: Any, **options: Any
+    ) -> Any:
+        row = context["original"]
+        context["may_withdraw"] = row is not None and may_withdraw(request.user, row)
+        return super().render_change_form(request, context, *args, **options)
+
     @admin.display(description=_("recruitment id"), ordering="visible_id")
     def known_id(self, row: Participant) -> str:
         return getattr(row, "visible_id", "") or NOTHING
@@ -216,10 +249,6 @@ class ParticipantAdmin(StudyRows):
             for one in flags_of_study(row.study, [row.code])
         )
         return format_html_join(format_html("<br>"), "{}: {} ({})", lines) or gettext("none")
-
-    @admin.display(description=_("randomised among"))
-    def drawn_among(self, row: Participant) -> str:
-        return ", ".join(row.candidates) or NOTHING
 
     @admin.display(description=_("completion"))
     def ending(self, row: Participant) -> Any:
@@ -260,7 +289,7 @@ class DriveAdmin(StudyRows):
         "study_name",
         "number",
         "condition",
-        "exposed",
+        "moved",
         "outcome_told",
         "as_assigned",
         "is_counted",
@@ -271,7 +300,7 @@ class DriveAdmin(StudyRows):
         "participant__status",
         "condition",
         "outcome",
-        "exposed",
+        "moved",
         MismatchFilter,
         ExcludedFilter,
     )
@@ -289,13 +318,24 @@ class DriveAdmin(StudyRows):
         "assigned_told",
         "applied_told",
         "differs",
+        "versions_told",
         "excluded",
     )
     fieldsets = (
-        section(None, *WHICH, "step", "visit", "round_shown", "number", "condition", "seed"),
+        section(
+            None,
+            *WHICH,
+            "step",
+            "visit",
+            "round_shown",
+            "number",
+            "condition",
+            "seed",
+            "versions_told",
+        ),
         section(
             _("Outcome"),
-            *("granted", "exposed", "outcome_told", "finalised", *RECORDED),
+            *("granted", "exposed_at", "moved", "outcome_told", "finalised", *RECORDED),
         ),
         section(_("Condition"), "differs", "assigned_told", "applied_told"),
         section(_("Excluded"), "excluded"),
@@ -347,6 +387,10 @@ class DriveAdmin(StudyRows):
     @admin.display(description=_("robot at start and end"))
     def ends_told(self, row: Drive) -> str | SafeString:
         return recorded_in_words({"began_with": row.began_with, "ended_with": row.ended_with})
+
+    @admin.display(description=_("versions"))
+    def versions_told(self, row: Drive) -> str:
+        return ", ".join(f"{name} {version}" for name, version in row.versions.items()) or NOTHING
 
     @admin.display(description=_("differs"))
     def differs(self, row: Drive) -> str:

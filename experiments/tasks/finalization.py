@@ -20,15 +20,16 @@ import structlog
 from django.db import transaction
 from django.db.models import F, Q
 
+from experiments.analysis.metrics.definitions import VERSION as METRICS_VERSION
 from experiments.definition import conditions
 from experiments.definition.schema import Condition
 from experiments.models import Drive, Participant, TaskEvent
-from experiments.participation import assignment, places
+from experiments.participation import assignment
 from experiments.participation.layout import track_of
 from experiments.tasks.engine import TaskEngine
 from experiments.tasks.manipulation_check import Gathering, as_stored
 from experiments.tasks.progress import ProgressEvent
-from experiments.tasks.records import seen
+from experiments.tasks.records import FirstFrame, seen
 from experiments.tasks.stored_records import TASK, ended, events_of, of_event, offset_of, states_of
 from sessions.models import Session
 
@@ -48,14 +49,11 @@ def due() -> Any:
 
 
 def settle(drive: Drive, now: datetime.datetime) -> None:
-    """Compute all of a drive from its stored record."""
     for _ in _work(drive, now):
         pass
 
 
 class Settler:
-    """Settles drives one after another, in small steps."""
-
     def __init__(self) -> None:
         self._work: Iterator[None] | None = None
         self._refused: set[object] = set()
@@ -100,17 +98,26 @@ def note_end(drive: Drive) -> None:
     outcome = told or (
         at_end.outcome if at_end is not None and track_of(drive) is not None else session.outcome
     )
-    exposed = session.first_motion_at is not None
-    Drive.objects.filter(pk=drive.pk, settled_at=None).update(outcome=outcome, exposed=exposed)
+    moved = session.first_motion_at is not None
+    Drive.objects.filter(pk=drive.pk, settled_at=None).update(outcome=outcome, moved=moved)
+
+
+def note_exposure(drive: Drive, at: float | None) -> None:
+    """Note when a participant first saw the robot's video in a drive that lives: `at` in Unix
+    seconds, None when they have not.
+    """
+    if at is not None and drive.exposed_at is None:
+        drive.exposed_at = datetime.datetime.fromtimestamp(at, datetime.UTC)
+        Drive.objects.filter(pk=drive.pk, exposed_at=None).update(exposed_at=drive.exposed_at)
 
 
 # --- the work -------------------------------------------------------------------------------------
 
 
 def _work(drive: Drive, now: datetime.datetime) -> Iterator[None]:
-    """Do it, with a pause after every few states."""
     track, offset, gathering = track_of(drive), offset_of(drive), Gathering(drive)
     engine = TaskEngine(track) if track is not None else None
+    frames = []
     for number, state in enumerate(states_of(drive)):
         gathering.see(state)
         if engine is not None:
@@ -121,13 +128,15 @@ def _work(drive: Drive, now: datetime.datetime) -> Iterator[None]:
     for event in events_of(drive):
         gathering.hear(event)
         record = of_event(event, offset)
+        if isinstance(record, FirstFrame):
+            frames.append(record.at)
         if engine is not None and record is not None:
             engine.feed(record)
     yield
     if engine is not None:
         end(engine, drive.session)
     yield
-    _write(drive, engine, gathering, offset, now)
+    _write(drive, engine, gathering, min(frames, default=None), now)
 
 
 def _fold(engine: TaskEngine | None) -> None:
@@ -152,7 +161,7 @@ def _write(
     drive: Drive,
     engine: TaskEngine | None,
     gathering: Gathering,
-    offset: float,
+    first_frame: float | None,
     now: datetime.datetime,
 ) -> None:
     condition = _condition_of(drive)
@@ -160,18 +169,20 @@ def _write(
     outcome = engine.progress.outcome if engine is not None else drive.session.outcome
     # Where states are lost for good nobody can tell that nothing was done to the participant.
     missing = bool(drive.session.summary.get("missing")) and drive.session.driving_at is not None
-    exposed = gathering.exposed or missing
+    moved = gathering.moved or missing
     _write_events(drive, engine.events if engine is not None else ())
     began_with, ended_with = gathering.ends()
     Drive.objects.filter(pk=drive.pk).update(
         outcome=outcome or drive.session.outcome,
-        exposed=exposed,
+        exposed_at=_exposed_at(drive, first_frame, moved=moved),
+        moved=moved,
+        versions=drive.versions | {"metrics": str(METRICS_VERSION)},
         applied=as_stored(applied),
-        clock_offset=offset,
+        clock_offset=offset_of(drive),
         began_with=began_with,
         ended_with=ended_with,
         mismatches=list(conditions.mismatches(condition, applied, by_wizard=_is_by_wizard(drive)))
-        if exposed and condition is not None
+        if moved and condition is not None
         else [],
         result=msgspec.to_builtins(engine.result) if engine is not None else {},
     )
@@ -184,9 +195,21 @@ def _write(
         "drive_settled",
         session=drive.session_id,
         outcome=drive.outcome,
-        exposed=drive.exposed,
+        exposed=drive.exposed_at is not None,
+        moved=drive.moved,
         mismatches=drive.mismatches,
     )
+
+
+def _exposed_at(
+    drive: Drive, first_frame: float | None, *, moved: bool
+) -> datetime.datetime | None:
+    """Return when a participant was exposed: at the first video frame; one whose page's event was
+    lost, though the robot moved for them, at the first motion.
+    """
+    if first_frame is not None:
+        return datetime.datetime.fromtimestamp(first_frame, datetime.UTC)
+    return (drive.session.first_motion_at or drive.granted_at) if moved else None
 
 
 def _is_by_wizard(drive: Drive) -> bool:
@@ -215,11 +238,11 @@ def _write_events(drive: Drive, events: tuple[ProgressEvent, ...]) -> None:
 
 
 def settle_place(drive: Drive) -> None:
-    """Fill, free or pass on the place of a participant whose drive is over; a place that was driven
-    in, or whose instructions were read, is never freed.
+    """Fill, free or pass on the place of a participant whose drive is over; a place of which they
+    saw something is never freed.
     """
     participant = Participant.objects.select_related("study").get(pk=drive.participant_id)
-    exposed = Drive.objects.filter(participant=participant, exposed=True)
+    exposed = Drive.objects.filter(participant=participant, exposed_at__isnull=False)
     if exposed.exists():
         first = exposed.order_by("granted_at").values_list("visit", flat=True)[0]
         under_way = participant.stage in {Stage.UNDER_WAY, Stage.FREED}
@@ -227,7 +250,7 @@ def settle_place(drive: Drive) -> None:
             _move(participant, _stage_after(drive, participant))
     elif (
         participant.stage == Stage.UNDER_WAY
-        and not participant.study.as_definition().tells_condition
+        and not participant.study.as_definition().reveals_condition
         and not Drive.objects.filter(participant=participant, settled_at=None)
         .exclude(pk=drive.pk)
         .exists()
@@ -242,15 +265,14 @@ def _stage_after(drive: Drive, participant: Participant) -> str:
     definition = participant.study.as_definition()
     if definition.task is None or drive.step != definition.task.key:
         return participant.stage if participant.stage == Stage.FILLED else Stage.UNDER_WAY
-    held = places.stored(participant.study, participant.kind)
+    alike = Participant.objects.filter(study=participant.study, kind=participant.kind)
+    refilled = alike.filter(cell=participant.cell, stage=Stage.REFILLED).count()
     outcome: Any = drive.outcome
-    return assignment.stage_at_end(
-        participant.cell, outcome, exposed=True, refill=definition.refill, held=held
-    )
+    return assignment.stage_at_end(outcome, definition.refill, refilled)
 
 
 def _move(participant: Participant, stage: str) -> None:
     if stage != participant.stage:
         Participant.objects.filter(
-            pk=participant.pk, stage=participant.stage, drawn_as=participant.drawn_as
+            pk=participant.pk, stage=participant.stage, draws_applied=participant.draws_applied
         ).update(stage=stage)

@@ -19,7 +19,7 @@ DONE = frozenset({"FINISHED", "CANCELLED"})
 
 
 class Gathering:
-    """Takes the states and the events of a drive, in any order of the two; `exposed` tells whether
+    """Takes the states and the events of a drive, in any order of the two; `moved` tells whether
     the robot was moved for its visitor.
     """
 
@@ -28,7 +28,7 @@ class Gathering:
         self.applied = Applied(
             robot=series_of(robot), site=robot.floor_plan.name if robot.floor_plan else ""
         )
-        self.exposed = drive.session.first_motion_at is not None
+        self.moved = drive.session.first_motion_at is not None
         # What the server has set counts until the robot says otherwise; of doors that somebody has
         # to close by hand, only what is said.
         self._doors = dict(drive.assigned.get("terms", {}).get("doors", {}))
@@ -50,10 +50,9 @@ class Gathering:
         if self._drives:
             self.applied.see(state)
         moved = any(command.linear or command.angular for command in state.applied)
-        self.exposed = self.exposed or moved or state.mode in BY_ITSELF
+        self.moved = self.moved or moved or state.mode in BY_ITSELF
 
     def hear(self, event: SessionEvent) -> None:
-        """Take an event."""
         data = event.data
         if event.source == SessionEvent.Source.PAGE:
             if event.type == "layout" and isinstance(data.get("interface"), str):
@@ -76,7 +75,6 @@ class Gathering:
         return first, last
 
     def done(self) -> Applied:
-        """Return what was gathered."""
         doors = self._doors | {name: state for _, name, state in sorted(self._changes)}
         self.applied.doors_closed = {name for name, state in doors.items() if state == "closed"}
         # More than one is none that a condition could name.

@@ -25,7 +25,7 @@ import structlog
 from experiments.models import Drive, TaskEvent
 from experiments.participation.layout import track_of
 from experiments.tasks.engine import TaskEngine
-from experiments.tasks.finalization import Settler, note_end
+from experiments.tasks.finalization import Settler, note_end, note_exposure
 from experiments.tasks.records import FirstFrame, Record, seen
 from experiments.tasks.stored_records import TASK, of_message, offset_of, stored
 from robots.api.messages import State
@@ -175,6 +175,8 @@ class Runner:
         record = of_message(message, received_at, self._offset(running, clock_offset) or 0.0)
         if record is not None:
             running.feed(record)
+            if isinstance(record, FirstFrame):
+                note_exposure(running.drive, running.started)
             self._go_on(running, received_at)
 
     def tick(
@@ -313,6 +315,7 @@ def begin(drive: Drive) -> Running:
     )
     for record in stored(drive, offset_of(drive)):
         running.feed(record)
+    note_exposure(drive, running.started)
     running.written = TaskEvent.objects.filter(drive=drive).count()
     if engine is not None:
         known = set(TaskEvent.objects.filter(drive=drive).values_list("stamp", "type"))

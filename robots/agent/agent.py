@@ -251,6 +251,8 @@ def factsheet_of(
         watchdog=profile.watchdog,
         viewers=config.viewers,
         navigation_control=profile.navigation_control or "",
+        adapter=registry.version_of(config.adapter, VERSION),
+        driver=profile.driver,
     )
 
 

@@ -94,7 +94,7 @@ class Profile:
 
     A robot whose measured speeds do not exceed `standstill_linear` (m/s) and `standstill_angular`
     (rad/s) is at rest. `navigation_control` is None for a robot whose RCA does not move it by
-    itself.
+    itself. `driver` is the software of its base with its version, empty when unknown.
     """
 
     series: str
@@ -115,6 +115,7 @@ class Profile:
     standstill_linear: float = 0.02
     standstill_angular: float = 0.05
     navigation_control: NavigationControl | None = None
+    driver: str = ""
 
     @property
     def standstill(self) -> Velocity:

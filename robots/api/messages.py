@@ -313,7 +313,9 @@ class Factsheet(Message, frozen=True, kw_only=True):
     """`factsheet`: retained; what this robot is and can do. `watchdog` is what stops its base when
     the agent is dead. `navigation_control` states what stops the robot's own navigation then:
     `agent` (its velocities pass through the agent), `guarded` (a process on its side) or
-    `unguarded` (nothing); empty when the robot does not move by itself.
+    `unguarded` (nothing); empty when the robot does not move by itself. `adapter` names the agent's
+    adapter to the RCA, and `driver` the software of the base, both with their versions; empty when
+    unknown.
     """
 
     name: Id
@@ -331,6 +333,8 @@ class Factsheet(Message, frozen=True, kw_only=True):
     watchdog: Positive
     viewers: Annotated[int, Meta(ge=0, le=64)] = 8
     navigation_control: Name = ""
+    adapter: Name = ""
+    driver: Name = ""
 
 
 class State(Message, frozen=True, kw_only=True):

@@ -220,11 +220,15 @@ class CheckField(ValueField):
 
 
 class NamesField(ValueField):
-    """Several names: on one line with commas between them, or as boxes to tick."""
+    """Several names or numbers: on one line with commas between them, or names as boxes to tick."""
 
     def prepare_value(self, value: Any) -> Any:
         """Return the names on one line, or for the boxes one by one."""
-        names = value if isinstance(value, str) else [str(one) for one in value or ()]
+        names = (
+            value
+            if isinstance(value, str)
+            else [number_text(one) if isinstance(one, float) else str(one) for one in value or ()]
+        )
         is_line = self.style == "names" and not isinstance(value, str)
         return ", ".join(names) if is_line else names
 
@@ -234,7 +238,14 @@ class NamesField(ValueField):
             return gettext("Choose at least one language.")
         return super().refusal(value)
 
-    def to_python(self, value: Any) -> list[str]:
+    def to_python(self, value: Any) -> list[Any]:
+        """Return the names or numbers."""
+        words = self._words(value)
+        if not isinstance(self.member.shape.item_type, inspect.FloatType):  # type: ignore[attr-defined]
+            return words
+        return [read_number(word, whole=False, mark=decimal_mark()) for word in words]
+
+    def _words(self, value: Any) -> list[str]:
         values = [value] if isinstance(value, str) else value or ()
         if self.member.key in self.member.guide.spaced:
             return [name.strip() for one in values for name in one.split(",") if name.strip()]

@@ -3,6 +3,7 @@ enumerations in the code; one that is added there needs its meaning here before 
 """
 
 from collections.abc import Iterable, Mapping
+from itertools import pairwise
 from typing import Literal, get_args
 
 from experiments.definition.conditions import ASPECTS
@@ -79,6 +80,16 @@ LEFT = {
     WITHDREW: "withdrew the consent",
     **{word: OUTCOMES[word] for word in OUTCOMES if word not in {"completed", "timed_out"}},
 }
+# The youngest age of each range but the first, in years.
+AGE_LIMITS = (18, 25, 35, 45, 55, 65)
+AGE_BANDS = {
+    f"below {AGE_LIMITS[0]}": "younger",
+    **{
+        f"{low}–{high - 1}": f"at least {low} and younger than {high}"
+        for low, high in pairwise(AGE_LIMITS)
+    },
+    f"{AGE_LIMITS[-1]} or above": "at least that old",
+}
 # What became of a place in a cell (experiments/participation/assignment.py).
 REPLACED = "refilled"
 PLACES = {
@@ -93,6 +104,15 @@ STAGES = {
     "exposed": "saw the robot's video in the task",
     "ended": "a drive of theirs ended with an outcome",
     "answered": "and finished the questionnaire of the table",
+}
+# What a drive was made with, as far as it is known.
+VERSIONED = {
+    "server": "version of the server's software when the robot was granted",
+    "agent": "version of the robot's agent",
+    "adapter": "name and version of the agent's adapter to the robot's control architecture",
+    "driver": "name and version of the robot's own driver, as its adapter reports",
+    "metrics": "version of the definitions of result and metrics at the end of the drive",
+    "definition": "SHA-256 of the study's definition",
 }
 CONTROL_WAYS = explained(
     get_args(ControlWay),

@@ -68,7 +68,10 @@ class ParticipantRecord:
 
     id: str = column(REQUIRED, "code of the participant")
     kind: Kind = column("participant", "who took part", levels=levels.KINDS)
-    age: float = column(NAN, "self-reported age (consent page)", "years", least=0.0)
+    age: float = column(
+        NAN, "self-reported age (consent page); empty in a public dataset", "years", least=0.0
+    )
+    age_band: str = column("", "that, as a range", late=True, levels=levels.AGE_BANDS)
     cell: str = column("", "assigned condition, or conditions in order", divider="-")
     first_cell: str = column(
         "",
@@ -170,7 +173,8 @@ class SessionRecord:
     first_frame: float = column(
         NAN,
         "when the server heard from the page that it showed the first video frame, since the"
-        " grant, by the server's clock; the task's time begins here",
+        " grant, by the server's clock; exposure and the task's time begin here; empty when the"
+        " page never showed one",
         "s",
     )
     first_motion: float = column(
@@ -232,6 +236,12 @@ class SessionRecord:
     fault_part: str = column(
         "", "part of the platform that was unavailable then", late=True, levels=levels.PARTS
     )
+    server_version: str = column("", levels.VERSIONED["server"], late=True)
+    agent_version: str = column("", levels.VERSIONED["agent"], late=True)
+    adapter_version: str = column("", levels.VERSIONED["adapter"], late=True)
+    driver_version: str = column("", levels.VERSIONED["driver"], late=True)
+    metrics_version: str = column("", levels.VERSIONED["metrics"], late=True)
+    definition_version: str = column("", levels.VERSIONED["definition"], late=True)
 
     @property
     def counts(

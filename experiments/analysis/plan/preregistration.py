@@ -21,7 +21,7 @@ from experiments.definition.plan import (
     hypotheses_of,
     measures_of,
 )
-from experiments.definition.schema import Condition, Course, Impairment, StudyDefinition
+from experiments.definition.schema import Allocation, Condition, Course, Impairment, StudyDefinition
 from robots.api.network_words import RANGES, spell
 from surveys.definition import Definition
 from surveys.documents import spoken
@@ -308,10 +308,13 @@ def _randomization(study: StudyDefinition) -> Iterator[str]:
     )
     yield (
         f"{when}, a participant is assigned to the cell with the fewest places filled or in"
-        " progress; ties are drawn with a seed that is kept."
+        f" progress with probability {allocation.best_probability:g}, otherwise to one of the"
+        " others; ties and chance follow from a seed that is kept."
     )
-    if study.tells_condition:
-        yield "A participant who has read such instructions keeps the cell."
+    if allocation.balance:
+        yield _balance(allocation)
+    if study.reveals_condition:
+        yield "A participant keeps the cell: the page shows something of it before any video."
     else:
         yield (
             "A participant who was not exposed gives the place back and is drawn anew on getting"
@@ -326,6 +329,21 @@ def _randomization(study: StudyDefinition) -> Iterator[str]:
             " participant gets the order."
         )
     yield _replacement(refill.outcomes, refill.most)
+
+
+def _balance(allocation: Allocation) -> str:
+    factors = [
+        f"{one.item} (from {', '.join(f'{limit:g}' for limit in one.limits)})"
+        if one.limits
+        else one.item
+        for one in allocation.balance
+    ]
+    alike = (
+        "each of these factors, added up (minimization)"
+        if allocation.balancing == "minimization"
+        else "all of these factors (strata)"
+    )
+    return f"Places count of participants alike in {alike}: {', '.join(factors)}."
 
 
 def _replacement(outcomes: Sequence[str], most: int) -> str:

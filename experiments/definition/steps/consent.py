@@ -30,8 +30,11 @@ it, which kind of device and connection you use, and your answers. People near t
 and hear you through it if you switch on your camera and microphone. Over the Internet, only the \
 people who run the robot and this study can watch your drive.
 
-We keep your data for [[retention]]. You can download it or have it deleted at any time on the \
-page “Your data”.
+This site keeps your data for [[retention]]. Until then you can download it and have it deleted, \
+on the page “Your data” or by writing to us with your participant code. Deleting removes it from \
+this site, at once; backups lose it when newer ones replace them. It does not remove it from \
+copies that were given out before: [[who gets copies]]. Results that were computed by then, \
+probably from [[date of the analysis]] on, stay as they are.
 
 Ethics approval: [[ethics approval]]
 
@@ -49,18 +52,38 @@ qué tipo de dispositivo y de conexión usas, y tus respuestas. Quienes estén c
 verte y oírte a través de él si activas tu cámara y tu micrófono. A través de Internet, solo \
 quienes se encargan del robot y de este estudio pueden ver tu recorrido.
 
-Conservamos tus datos durante [[conservación]]. Puedes descargarlos o borrarlos en cualquier \
-momento en la página «Tus datos».
+Este sitio conserva tus datos durante [[conservación]]. Hasta entonces puedes descargarlos y \
+hacer que se borren, en la página «Tus datos» o escribiéndonos con tu código de participante. Al \
+borrarlos desaparecen de este sitio de inmediato; de las copias de seguridad, cuando otras más \
+nuevas las sustituyen. No desaparecen de las copias que se entregaron antes: [[quién recibe \
+copias]]. Los resultados que ya se hayan calculado, probablemente a partir del [[fecha del \
+análisis]], se quedan como están.
 
 Aprobación ética: [[aprobación ética]]
 
 Si tienes preguntas, escribe a [[contacto]].""",
 }
 
+# With which the words of a new study's tick for sharing begin.
+SHARING: Mapping[str, str] = {
+    "en": """\
+My data may be published, so that others can check and reuse it: my answers from lists, the \
+robot's path and how I drove, my age as a range. Not my name, free text, photos or details of my \
+device. What has been published cannot be taken back. I can also take part without this.""",
+    "es": """\
+Mis datos se pueden publicar para que otras personas los comprueben y los reutilicen: mis \
+respuestas de listas, el recorrido del robot y cómo conduje, y mi edad por intervalos. No mi \
+nombre, ni texto libre, fotos o detalles de mi dispositivo. Lo publicado no se puede retirar. \
+También puedo participar sin esto.""",
+}
+
 
 class Consent(Step, frozen=True, kw_only=True, tag="consent"):
-    """The participant agrees to `text`, or leaves. Who is younger than `minimum_age` is turned
-    away, or needs a guardian's word.
+    """The participant agrees to `text`, or leaves. Participants younger than `minimum_age` are
+    turned away, or need a guardian's agreement.
+
+    With `sharing`, a separate tick with this text, which nobody has to set: public datasets are
+    then of those who set it.
     """
 
     may_repeat: ClassVar[bool] = False
@@ -68,6 +91,7 @@ class Consent(Step, frozen=True, kw_only=True, tag="consent"):
 
     version: Version = 1
     text: Text
+    sharing: Text = {}
     minimum_age: Annotated[int, Meta(ge=0, le=99)] = 18
     minors: Literal["refused", "guardian"] = "refused"
 

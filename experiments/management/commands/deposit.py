@@ -94,7 +94,7 @@ def record_of(study: Study) -> Record:
     title = definition.title.get("en") or study.title
     return Record(
         f"{title} (dataset, version {study.version})"[:MOST_TITLE],
-        f"Pseudonymous dataset of the study {study.slug}, version {study.version}, in the "
+        f"Public dataset of the study {study.slug}, version {study.version}, in the "
         "Psych-DS format: driving, events, questionnaires and a code book.",
         from_stored(study.publication),
     )
@@ -107,7 +107,7 @@ def written(study: Study, folder: Path) -> dict[str, Path]:
     loose: dict[str, Path] = {}
 
     def kept() -> Any:
-        for name, parts in export_files(study, Selection()):
+        for name, parts in export_files(study, Selection(public=True)):
             if name not in LOOSE:
                 yield name, parts
                 continue

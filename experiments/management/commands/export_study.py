@@ -44,6 +44,11 @@ class Command(BaseCommand):
         parser.add_argument(
             "--free-text", action="store_true", help="with the free text that people wrote"
         )
+        parser.add_argument(
+            "--public",
+            action="store_true",
+            help="for everybody: of those who agreed, ages as ranges, no devices and networks",
+        )
         for name, one in ON_REQUEST.items():
             parser.add_argument(f"--{name.replace('_', '-')}", action="store_true", help=one.help)
         # the analysis page has written down who took it
@@ -51,11 +56,15 @@ class Command(BaseCommand):
 
     def handle(self, *_args: Any, **options: Any) -> None:
         out: Path = options["out"]
-        choice = Selection(
-            identified=options["identified"],
-            free_text=options["free_text"],
-            formats=frozenset(name for name in ON_REQUEST if options[name]),
-        )
+        try:
+            choice = Selection(
+                public=options["public"],
+                identified=options["identified"],
+                free_text=options["free_text"],
+                formats=frozenset(name for name in ON_REQUEST if options[name]),
+            )
+        except ValueError as error:
+            raise CommandError(f"{error}.") from error
         study = study_named(options["study"])
         to_stdout = options["zip"] and str(out) == "-"
         taken = out.exists() and (options["zip"] or not out.is_dir() or any(out.iterdir()))
@@ -87,6 +96,6 @@ def _note(study: Study, options: dict[str, Any]) -> None:
     """Write down that it was given out, as the analysis page does: participants who
     withdraw are told.
     """
-    names = [name for name in (*ON_REQUEST, "free_text", "identified") if options[name]]
+    names = [name for name in (*ON_REQUEST, "free_text", "identified", "public") if options[name]]
     version = f"version {study.version}"
     audit.note("study_exported", study=study.slug, thing=version, detail=" ".join(names))

@@ -57,8 +57,17 @@ def _participation(one: Participant) -> dict[str, Any]:
             completionCode="completion_code",
         ),
         "consents": [
-            _of(row, "step", "version", "language", "text", "guardian", agreed="agreed_at")
+            _of(
+                row,
+                *("step", "version", "language", "text", "guardian", "sharing"),
+                sharingText="sharing_text",
+                agreed="agreed_at",
+            )
             for row in one.consents.order_by("agreed_at")
+        ],
+        "draws": [
+            _of(row, "number", "cell", "reason", "levels", at="at")
+            for row in one.draws.order_by("number")
         ],
         "steps": [
             _of(row, "visit", "round", "step", began="began_at", finished="finished_at")

@@ -12,41 +12,35 @@ from experiments.participation import consent, progress
 from experiments.participation.forms import ConsentForm
 from experiments.participation.step_page import StepPage
 from experiments.participation.withdrawal.views import leave
+from surveys.documents import spoken
 
 WRONG = 422
 
 
 class ConsentStepPage(StepPage):
-    """Consent."""
-
     label = _("Consent")
     blank = {"text": {}}
 
     @classmethod
     def is_done_for_good(cls, participant: Participant, step: Consent) -> bool:
-        """Tell whether this version of the text was agreed to."""
         agreed = ConsentReceipt.objects.filter(participant=participant, step=step.key)
         return bool(agreed.filter(version=step.version).exists())
 
     def is_done(self) -> bool:
-        """Tell whether this version of the text was agreed to."""
         return self.is_done_for_good(self.participant, self.step)
 
     def show(self, request: HttpRequest, now: datetime.datetime) -> HttpResponseBase:
-        """Show the text, and the form below it."""
-        return self._form(request, ConsentForm(self.step))
+        return self._form(request, ConsentForm(self.step, self.language(request)))
 
     def _form(self, request: HttpRequest, form: ConsentForm, *, status: int = 200) -> HttpResponse:
-        text = consent.text_of(self.step, self.language(request))
-        more = {"text": text, "form": form}
+        more = {"text": spoken(self.step.text, self.language(request)), "form": form}
         return self.render(request, "experiments/consent.html", more, status=status)
 
     def take(self, request: HttpRequest, now: datetime.datetime) -> HttpResponseBase | bool:
-        """Take the consent, or its refusal."""
         participant, asked = self.participant, self.step
         if request.POST.get("go") == "decline":
             return leave(request, participant, now)
-        form = ConsentForm(asked, request.POST)
+        form = ConsentForm(asked, self.language(request), request.POST)
         if not form.is_valid() and not form.is_too_young:
             return self._form(request, form, status=WRONG)
         if form.is_too_young:
@@ -59,6 +53,7 @@ class ConsentStepPage(StepPage):
             language=self.language(request),
             age=given.get("age"),
             guardian=_guardian(asked, given),
+            sharing=given.get("sharing"),
             now=now,
         )
         return True

@@ -11,19 +11,19 @@ closed its record, the participant's row waits for it, without the user.
 
 import datetime
 from collections.abc import Iterator
-from contextlib import suppress
 from hashlib import sha256
 from typing import Any
 
 from django.contrib.admin.models import LogEntry
-from django.db import IntegrityError, transaction
+from django.db import transaction
 from django.db.models import QuerySet
 from django.utils import timezone
 
 from accounts import audit
+from experiments.dataset.stages import EXPOSED, stages_of
 from experiments.export import reports
-from experiments.models import Contact, Drive, Participant, PersonalLink, not_drawn
-from experiments.participation import places, progress, questions
+from experiments.models import Contact, Draw, Drive, Participant, PersonalLink, not_drawn
+from experiments.participation import progress, questions
 from sessions.leases import store
 from sessions.models import Session, Snapshot
 from sessions.shards.ownership import EVERYTHING, Ownership
@@ -39,9 +39,26 @@ KEPT = (
     "status",
     "cell",
     "conditions",
+    "draws_applied",
     "stage",
+    "completion",
+    "completion_code",
     "withdrawn_at",
     "withdrawn_step",
+    "withdrawn_stage",
+)
+# Of each of their draws, so that those of others can still be checked: neither time nor seed, nor
+# what the participant told of themself.
+KEPT_OF_DRAWS = (
+    "study_id",
+    "kind",
+    "number",
+    "nth",
+    "reason",
+    "cell",
+    "best",
+    "counts",
+    "best_probability",
 )
 LEFT = "withdrawn:"  # begins the slot of such a row
 A_REQUEST = datetime.timedelta(minutes=1)  # for which one may take on a busy computer
@@ -83,22 +100,17 @@ def _strip(participant: Participant, now: datetime.datetime) -> None:
 
 
 def _mark(participant: Participant, now: datetime.datetime) -> None:
-    """Note the day and the step, and what becomes of the place."""
-    exposed = _was_exposed(participant)
+    """Note the day, the step and how far the participant came, and what becomes of the place. The
+    completion stays: everybody who ends alike has the same code, and may still need it.
+    """
     rows = Participant.objects.filter(pk=participant.pk)
+    stage = stages_of(participant.study, [participant])[participant.pk]
     told = {"withdrawn_at": now.date(), "withdrawn_step": participant.step}
-    cleared = {"completion": "", "completion_code": "", "finished_at": None}
-    told |= {"status": Status.WITHDRAWN, "seen_at": now}
-    if rows.exclude(status=Status.WITHDRAWN).update(**told, **cleared):
+    told |= {"status": Status.WITHDRAWN, "seen_at": now, "finished_at": None}
+    if rows.exclude(status=Status.WITHDRAWN).update(withdrawn_stage=stage, **told):
         audit.note("withdrawn", study=participant.study.slug, at=_begin_of(now.date()))
-    rows.filter(stage=Stage.UNDER_WAY).update(stage=Stage.FILLED if exposed else Stage.FREED)
-
-
-def _was_exposed(participant: Participant) -> bool:
-    return any(
-        drive.exposed or drive.session.first_motion_at is not None
-        for drive in participant.drives.select_related("session")
-    )
+    was_exposed = participant.drives.filter(EXPOSED).exists()
+    rows.filter(stage=Stage.UNDER_WAY).update(stage=Stage.FILLED if was_exposed else Stage.FREED)
 
 
 def _end_drives(participant: Participant, now: datetime.datetime) -> None:
@@ -107,7 +119,6 @@ def _end_drives(participant: Participant, now: datetime.datetime) -> None:
 
 
 def responses_of(participant: Participant) -> "QuerySet[Response]":
-    """Return what somebody filled in for a study."""
     return Response.objects.filter(context__startswith=questions.context_of_all(participant))
 
 
@@ -129,7 +140,6 @@ def _unlink(participant: Participant) -> None:
 
 
 def _items(participant: Participant) -> Iterator[tuple[str, str]]:
-    """Yield (model, id) of all that a log may name."""
     sessions = Session.objects.filter(drive__participant=participant)
     rows: tuple[QuerySet[Any], ...] = (
         Participant.objects.filter(pk=participant.pk),
@@ -182,13 +192,12 @@ def _replace(participant: Participant) -> None:
     begin = _begin_of(participant.withdrawn_at or participant.seen_at.date())
     fields = {name: getattr(participant, name) for name in KEPT}
     told = {**fields, "language": "", "created_at": begin, "seen_at": begin}
-    slot, is_last = _slot_after(participant), places.is_last_drawn(participant)
     with transaction.atomic():
-        Participant.objects.get_or_create(slot=slot, defaults=told)
+        row, _made = Participant.objects.get_or_create(slot=_slot_after(participant), defaults=told)
+        draws = list(participant.draws.values(*KEPT_OF_DRAWS))
+        participant.draws.all().delete()  # their numbers are unique
+        Draw.objects.bulk_create(Draw(participant=row, **draw) for draw in draws)
         Participant.objects.filter(pk=participant.pk).delete()
-    if is_last:  # the next draw takes a higher number (experiments/participation/grants.py)
-        with suppress(IntegrityError), transaction.atomic():
-            Participant.objects.filter(slot=slot).update(drawn_as=participant.drawn_as)
 
 
 def _slot_after(participant: Participant) -> str:

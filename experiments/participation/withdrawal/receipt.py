@@ -36,6 +36,7 @@ COUNTED: dict[str, str | Promise] = {
 WHAT: dict[str, str | Promise] = {
     "identified": _("dataset with names, free text and photos"),
     "free_text": _("dataset by participant code, with free text"),
+    "public": _("public dataset, with ages as ranges"),
     "pseudonymous": _("dataset by participant code"),
     "drive": _("record of your drive"),
     "drives": _("records of drives, perhaps also yours"),
@@ -65,7 +66,6 @@ class Export(msgspec.Struct, frozen=True):
 
     @property
     def what_text(self) -> str | Promise:
-        """What it was."""
         return WHAT[self.what]
 
     @property
@@ -76,7 +76,8 @@ class Export(msgspec.Struct, frozen=True):
 
 class WithdrawalReceipt(msgspec.Struct, frozen=True):
     """What a participant is told: `deleted` counts rows by the keys of `COUNTED`; `waits` tells
-    that a drive still has to end, `with_account` that the account goes too.
+    that a drive still has to end, `with_account` that the account goes too. `completion_code` is
+    what they had got for the recruitment site; it stays valid.
     """
 
     title: str
@@ -88,10 +89,10 @@ class WithdrawalReceipt(msgspec.Struct, frozen=True):
     waits: bool
     deleted: dict[str, int]
     exports: tuple[Export, ...]
+    completion_code: str = ""
 
     @property
     def counts(self) -> list[tuple[str | Promise, int]]:
-        """What was deleted, in words, and how much of it."""
         return [(COUNTED[name], number) for name, number in self.deleted.items() if number]
 
 
@@ -108,15 +109,15 @@ def of(participant: Participant, language: str, now: datetime.datetime) -> Withd
         version=study.version,
         code=participant.code,
         day=now.date(),
-        with_account=user.is_guest and progress.of_user(user).count() == 1,
+        with_account=user is not None and user.is_guest and progress.of_user(user).count() == 1,
         waits=living.exists(),
         deleted=_counted(participant),
         exports=_exports(participant),
+        completion_code=participant.completion_code,
     )
 
 
 def signed(receipt: WithdrawalReceipt) -> str:
-    """Return a receipt as a page carries it."""
     return signing.dumps(msgspec.to_builtins(receipt), salt=SALT, compress=True)
 
 
@@ -177,7 +178,9 @@ def _what(entry: AuditEntry) -> str:
     if entry.act != "study_exported":
         return others.get(entry.act, "answers")
     chosen = entry.detail.split()
-    return next((name for name in ("identified", "free_text") if name in chosen), "pseudonymous")
+    return next(
+        (name for name in ("identified", "free_text", "public") if name in chosen), "pseudonymous"
+    )
 
 
 def _by(actor: Any, roles: dict[Any, str]) -> str:

@@ -19,6 +19,7 @@ from robots.api.adapter_names import (
     AmbiguousAdapterError,
     installed,
     known_names,
+    package_of,
 )
 from robots.world.sites import SiteError, load_site
 
@@ -65,6 +66,16 @@ def create(
             f"the robot {profile_name!r} cannot be driven safely: {error}"
         ) from error
     return adapter
+
+
+def version_of(adapter_name: str, own: str) -> str:
+    """Return an adapter's name with its version: of its package, or `own`, the agent's, for ours; a
+    file has none.
+    """
+    if adapter_name in OURS:
+        return f"{adapter_name} {own}"
+    point = installed().get(adapter_name)
+    return (package_of(point) if point is not None else Path(adapter_name).name)[:120]
 
 
 def _module(name: str) -> ModuleType:

@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from django.core.management import CommandError, call_command
 from django.db import connection
+from django.utils import timezone
 from mcap.reader import make_reader
 
 from experiments.analysis.dataset.counting import counting
@@ -27,11 +28,13 @@ from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.dataset.states import STATES
 from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.dataset.selection import Selection
+from experiments.definition.schema import as_stored
 from experiments.definition.shipped import shipped
 from experiments.export.archive import unpacked, zipped
 from experiments.export.files import SUMS, export_files, read_me
 from experiments.export.formats import FORMATS, ON_REQUEST, UnknownFormatError
-from experiments.models import Participant
+from experiments.models import ConsentReceipt, Draw, Drive, Participant, Study
+from experiments.participation.withdrawal.deletion import withdraw
 from sessions.models import SessionEvent, Snapshot, StateChunk
 from surveys.models import Answer
 from surveys.questions.text import TextItem
@@ -481,3 +484,107 @@ def test_states_without_numbers_are_written_and_read(tmp_path):
         assert np.isnan(states[name][: len(chunk.states)]).all()
         assert np.isfinite(states[name][len(chunk.states) :]).all()
     assert states.dtype.names == tuple(one.name for one in STATES)
+
+
+def lines(files: dict[str, bytes], name: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(files[f"data/description-{name}_data.csv"].decode())))
+
+
+def asking_for_sharing(study: Study) -> Study:
+    definition = study.as_definition()
+    consent = msgspec.structs.replace(definition.consent, sharing={"en": "May we publish?"})
+    whole = msgspec.structs.replace(definition, steps=(consent, *definition.steps[1:]))
+    Study.objects.filter(pk=study.pk).update(definition=as_stored(whole))
+    return Study.objects.get(pk=study.pk)
+
+
+def agreed(person: Participant, sharing: bool | None) -> None:
+    ConsentReceipt.objects.create(
+        participant=person,
+        step="consent",
+        version=1,
+        language="en",
+        text="",
+        text_sha256="",
+        sharing=sharing,
+        agreed_at=person.created_at,
+    )
+
+
+def test_public_dataset_is_of_those_who_agreed_without_exact_ages_and_devices(stored, tmp_path):
+    study = asking_for_sharing(stored.study)
+    yes, no, unasked, also = sorted(stored.people.values(), key=lambda one: one.code)
+    agreed(yes, True)
+    agreed(also, True)
+    agreed(no, False)
+    for one, age in ((yes, 37), (also, 20)):
+        Participant.objects.filter(pk=one.pk).update(age=age)
+    whole = exported(study, tmp_path / "whole")
+    files = exported(study, tmp_path / "public", public=True)
+    people = {row["id"]: row for row in lines(files, "participants")}
+    assert set(people) == {yes.code, also.code}
+    assert unasked.code not in b"".join(files.values()).decode(errors="replace")
+    assert (people[yes.code]["age"], people[yes.code]["age_band"]) == ("", "35–44")
+    exact = {row["id"]: row["age"] for row in lines(whole, "participants")}
+    assert exact[yes.code] == "37"
+    for name in ("sessions", "pages", "answers"):
+        assert no.code not in {row["participant"] for row in lines(files, name)}
+        assert no.code in {row["participant"] for row in lines(whole, name)}
+    about = [
+        {row[name] for row in lines(files, "sessions")} for name in ("os", "browser", "network")
+    ]
+    assert about == [{""}, {""}, {""}]
+    said = files["README.md"].decode()
+    assert "2 participants did not agree to be in it." in said
+    assert "| age_band | 1 | 2 of 2 |" in said
+    assert "## Anonymity" not in whole["README.md"].decode()
+
+
+@pytest.mark.parametrize(
+    "more", [{"identified": True}, {"free_text": True}, {"formats": frozenset({"snapshots"})}]
+)
+def test_public_dataset_cannot_have_names_texts_or_photos(more):
+    with pytest.raises(ValueError, match="public"):
+        Selection(public=True, **more)
+
+
+def test_every_draw_is_exported_with_what_repeats_it(stored, tmp_path):
+    person = next(iter(stored.people.values()))
+    about = {"study": stored.study, "participant": person, "kind": "participant", "seed": 7}
+    counts = {"giraff_open": 2, "giraff_lab_closed": 1}
+    Draw.objects.create(**about, number=1, nth=1, reason="first", cell="giraff_open", counts=counts)
+    levels = {"ict.games": "4"}
+    Draw.objects.create(**about, number=2, nth=2, reason="again", cell=person.cell, levels=levels)
+    Participant.objects.filter(pk=person.pk).update(draws_applied=2)
+    files = exported(stored.study, tmp_path / "whole")
+    first, second = lines(files, "draws")
+    assert (first["participant"], first["reason"], first["seed"]) == (person.code, "first", "7")
+    assert json.loads(first["counts"]) == counts
+    assert json.loads(second["levels"]) == levels
+    assert {row["at"] for row in (first, second)} == {""}
+    row = next(one for one in lines(files, "participants") if one["id"] == person.code)
+    assert (row["first_cell"], row["draws"]) == ("giraff_open", "2")
+    public = exported(stored.study, tmp_path / "public", public=True)
+    assert lines(public, "draws")[1]["levels"] == "{}"
+
+
+def test_flow_knows_how_far_a_withdrawn_participant_had_come(stored, tmp_path):
+    person = next(one for one in stored.people.values() if one.drives.exists())
+    withdraw(person, timezone.now())
+    (row,) = [
+        one
+        for one in lines(exported(stored.study, tmp_path), "participants")
+        if one["withdrawn"] == "1"
+    ]
+    assert row["stage"] == "answered"
+    assert row["age_band"] == row["age"] == ""
+
+
+def test_sessions_say_visit_round_and_versions(stored, tmp_path):
+    drive = next(iter(stored.drives.values()))
+    versions = {"server": "0.1.0+abc", "agent": "0.2", "definition": stored.study.sha256}
+    Drive.objects.filter(pk=drive.pk).update(visit=2, round=1, versions=versions)
+    rows = lines(exported(stored.study, tmp_path), "sessions")
+    (row,) = [one for one in rows if one["agent_version"]]
+    assert (row["visit"], row["round"], row["server_version"]) == ("2", "2", "0.1.0+abc")
+    assert (row["definition_version"], row["driver_version"]) == (stored.study.sha256, "")

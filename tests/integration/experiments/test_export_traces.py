@@ -165,7 +165,7 @@ def stored(_made):
         email="president.zb@betelgeuse.example",
     )
     Participant.objects.filter(pk=drive.participant_id).update(
-        recruitment=fill.anything(), draw_seed=fill.count(), completion_code=fill.word()[:20]
+        recruitment=fill.anything(), completion_code=fill.word()[:20]
     )
     RobotPresence.objects.filter(pk=drive.session.robot_id).update(
         factsheet=as_stored(fill.message(m.Factsheet, **PUBLIC))

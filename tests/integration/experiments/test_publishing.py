@@ -101,14 +101,17 @@ def test_an_empty_study_has_the_usual_steps_and_says_what_is_missing():
         "thanks",
     ]
     assert "There is no condition; add at least one." in sentences(publishing.problems_of(row))
-    asked = "institution, duration, risks, retention, ethics approval, contact"
+    asked = (
+        "institution, duration, risks, retention, who gets copies, date of the analysis, "
+        "ethics approval, contact"
+    )
     english = ", ".join(f"[[{name}]]" for name in asked.split(", "))
     told = [one for one in sentences(publishing.problems_of(row)) if "placeholders" in one]
     assert len(told) == 1
     assert told[0].startswith(
         f"Step consent: fill in the placeholders of the text. en: {english}; es: [[institución]], "
     )
-    assert told[0].count("[[") == 12
+    assert told[0].count("[[") == 16
     with pytest.raises(BadDefinitionError, match="There is a study mine already"):
         publishing.begin_empty("mine", "My study", ["en"], NOW)
 

@@ -31,7 +31,7 @@ def main() -> None:
         assert standing is not None
         while time.time() < float(start):
             pass  # a sleep wakes up late, and then nobody races
-        condition = grants.assign(standing, timezone.now())
+        condition = grants.draw(participant, standing.cells, timezone.now())
         print(condition.key if condition is not None else "full", flush=True)
 
 

@@ -113,6 +113,7 @@ def profile_of(
         standstill_linear=robot.standstill_linear,
         standstill_angular=robot.standstill_angular,
         navigation_control=control,
+        driver=robot.driver,
     )
 
 

@@ -1,6 +1,7 @@
 """A real robot's fixed data, in a TOML file: by its name in profiles/, or by a path with .toml.
 
 series = "giraff"                      how the site calls this kind of robot
+driver = "base 2.4"                    software of the base and its version, kept with study drives
 footprint = [[0.3, -0.2], …]           convex, metres in the robot's frame
 [limits]  [tilt]  [laser]  [camera]  [battery]   as in the factsheet; SI units and radians
 [[sonars]]  bumper = true  [depth]     sensors for obstacles, as in robot_interface.py
@@ -76,6 +77,7 @@ class RobotProfile(Struct, frozen=True):
     unguarded_navigation: bool = False
     standstill_linear: LinearStandstill = 0.02
     standstill_angular: AngularStandstill = 0.05
+    driver: Name = ""
     adapters: dict[str, dict[str, Any]] = {}
     file: str = ""
 
@@ -99,6 +101,7 @@ UNDELIVERED: dict[ObstacleSensor, str] = {
 SHARED = frozenset(
     {
         "series",
+        "driver",
         "footprint",
         "sonars",
         "bumper",

@@ -214,6 +214,25 @@ def test_questionnaire_asked_once_in_a_within_study_must_be_confirmed(client, st
     assert Study.objects.get().status == Study.Status.PUBLISHED
 
 
+def test_assignment_is_balanced_by_factors_that_are_known_before_the_first_drive(client, study):
+    design = section(study, "design")
+    send(client, design, "add:allocation.balance", allocation__best_probability="0.9")
+    send(
+        client,
+        design,
+        allocation__balance__0__item="age",
+        allocation__balance__0__limits="30, 50",
+        allocation__balancing="strata",
+    )
+    allocation = stored().allocation
+    assert (allocation.best_probability, allocation.balancing) == (0.9, "strata")
+    assert [(one.item, one.limits) for one in allocation.balance] == [("age", (30.0, 50.0))]
+    assert form_of(client.get(design))["allocation.balance.0.limits"] == "30, 50"
+    assert any("the consent does not ask the age" in one for one in wrong())
+    send(client, design, allocation__balance__0__item="experience.q1")
+    assert any("not asked before the first drive" in one for one in wrong())
+
+
 def test_recruitment_screening_and_appointments_are_built_without_json(client, study):
     page = section(study, "recruitment")
     send(client, page, "add:screening")

@@ -9,7 +9,7 @@ from django.utils import timezone
 
 from experiments.definition.course import CourseTrack
 from experiments.definition.schema import digest, from_stored
-from experiments.models import Drive, Participant, ParticipantKind, Study, StudyMember
+from experiments.models import Draw, Drive, Participant, ParticipantKind, Study, StudyMember
 from experiments.participation import advance, grants, progress
 from experiments.participation.grants import StudyTerms
 from experiments.participation.layout import track_of
@@ -25,6 +25,7 @@ from tests.support.studies.study_site import cabin_with_giraff, robot_at
 from tests.support.studies.task_drives import track
 
 pytestmark = pytest.mark.django_db
+SURE = {"best_probability": 1.0}  # always the cell with the fewest
 
 
 def heard_of() -> None:
@@ -43,7 +44,7 @@ def robot():
 
 @pytest.fixture
 def study(robot):
-    return p.published(small_study())
+    return p.published(small_study(allocation=SURE))
 
 
 def take(robot: Robot, user, **more) -> store.Taken:
@@ -88,15 +89,22 @@ def test_the_first_grant_assigns_a_condition_and_fixes_all_that_it_says(robot, s
         drive.condition,
         [drive.condition],
     )
-    assert set(participant.candidates) == {"all_open", "shut"}
+    draw = participant.draws.get()
+    assert set(draw.best) == {"all_open", "shut"}
+    assert (draw.cell, draw.reason, draw.counts) == (
+        participant.cell,
+        "first",
+        {"all_open": 0, "shut": 0},
+    )
     assert (
         drive.step,
         drive.visit,
         drive.round,
         drive.number,
-        drive.exposed,
+        drive.exposed_at,
+        drive.moved,
         drive.settled_at,
-    ) == ("task", 1, 0, 1, False, None)
+    ) == ("task", 1, 0, 1, None, False, None)
     assert (
         granted.terms
         == terms.of(Session.objects.get())
@@ -135,11 +143,8 @@ def test_a_reload_changes_nothing(robot, study):
     assert StudyTerms().granted(Session.objects.get(), timezone.now()) == first.terms
     assert Drive.objects.count() == 1
     seen = Participant.objects.get()
-    assert (seen.cell, seen.draw_seed, seen.drawn_as) == (
-        participant.cell,
-        participant.draw_seed,
-        participant.drawn_as,
-    )
+    assert (seen.cell, seen.draws_applied) == (participant.cell, 1)
+    assert Draw.objects.count() == 1
 
 
 def test_cells_fill_evenly_and_every_draw_can_be_repeated(robot, study):
@@ -147,9 +152,8 @@ def test_cells_fill_evenly_and_every_draw_can_be_repeated(robot, study):
         drives(robot, participant)
     counts = Counter(Participant.objects.values_list("cell", flat=True))
     assert sorted(counts.values()) == [4, 5]
-    for participant in Participant.objects.all():
-        assert participant.cell in participant.candidates
-    assert len(set(Participant.objects.values_list("drawn_as", flat=True))) == 9
+    assert all(draw.cell in draw.best for draw in Draw.objects.all())
+    assert list(Draw.objects.values_list("number", flat=True)) == list(range(1, 10))
 
 
 def test_pilots_and_bots_are_assigned_among_themselves(robot, study):
@@ -330,7 +334,7 @@ def test_somebody_who_does_not_stand_on_a_drive_drives_for_themselves(robot, stu
 def test_a_drive_that_was_driven_is_not_driven_again(robot, study):
     participant = p.comer(study, person("ada"))
     drive = drives(robot, participant)
-    Drive.objects.filter(pk=drive.pk).update(exposed=True)
+    Drive.objects.filter(pk=drive.pk).update(moved=True)
     assert take(robot, participant.user) == store.Refused(reason="not_allowed")
 
 

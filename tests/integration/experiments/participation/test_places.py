@@ -30,7 +30,7 @@ def somebody(study, robot, name, order, rounds):
     task = study.as_definition().task.key
     for number in range(rounds):
         Participant.objects.filter(pk=found.pk).update(round=number, step=task)
-        p.drive_of(robot, found, outcome="completed", moved=True, exposed=True, step=task)
+        p.drive_of(robot, found, outcome="completed", moved=True, step=task)
     Participant.objects.filter(pk=found.pk).update(stage="filled")
     found.refresh_from_db()
     return found
@@ -64,7 +64,7 @@ def test_whoever_withdrew_or_is_through_without_every_condition_has_left_at_once
 
 def test_a_drive_that_is_not_settled_yet_counts(study, robot):
     one = somebody(study, robot, "ada", ORDERS[0], 2)
-    one.drives.filter(number=2).update(exposed=False, settled_at=None)
+    one.drives.filter(number=2).update(moved=False, settled_at=None)
     Participant.objects.filter(pk=one.pk).update(status="finished")
     assert stages(study) == [("alone-assisted", "filled")]
 

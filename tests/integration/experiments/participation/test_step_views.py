@@ -6,6 +6,7 @@ from experiments.bots.browser import HttpAnswer
 from experiments.bots.page import HtmlPage
 from experiments.bots.participant import heading_of
 from experiments.definition.shipped import shipped
+from experiments.definition.steps.consent import SHARING
 from experiments.models import ConsentReceipt, Participant, StepVisit, Study
 from experiments.participation import completion, journey, progress
 from robots.models import Robot, RobotPresence
@@ -223,6 +224,26 @@ def test_the_receipt_holds_the_text_as_it_was_shown_and_can_be_taken_along(walk)
 
 
 @pytest.mark.parametrize(
+    ("asks", "ticked", "stored"), [(True, True, True), (True, False, False), (False, True, None)]
+)
+def test_agreement_to_publishing_is_a_tick_of_its_own_that_nobody_has_to_set(
+    robot, asks, ticked, stored
+):
+    definition = p.of("exploration")
+    consent = p.msgspec.structs.replace(definition.consent, sharing=dict(SHARING) if asks else {})
+    whole = p.msgspec.structs.replace(definition, steps=(consent, *definition.steps[1:]))
+    walker = Walker(p.published(whole), person(), robot)
+    walker.come()
+    assert ("My data may be published" in walker.look().text) == asks
+    walker.send(age="30", agree="on", **({"sharing": "on"} if ticked else {}))
+    row = ConsentReceipt.objects.get()
+    assert (row.sharing, row.sharing_text) == (stored, SHARING["en"] if asks else "")
+    address = reverse("study_receipt", args=[walker.participant.code, "consent"])
+    receipt = walker.client.get(address).content.decode()
+    assert (f"[{'x' if ticked else ' '}] My data may be published" in receipt) == asks
+
+
+@pytest.mark.parametrize(
     "fields",
     [
         {},
@@ -330,7 +351,8 @@ def read_by_condition(*keys: str) -> list[dict]:
 
 def test_a_page_for_some_conditions_is_read_by_those_alone_who_are_assigned_when_they_come(robot):
     keys = ("giraff_open", "giraff_lab_closed", "giraff_lounge_closed")
-    study = p.published(p.of("exploration", steps=read_by_condition(*keys)))
+    even = {"best_probability": 1.0}
+    study = p.published(p.of("exploration", steps=read_by_condition(*keys), allocation=even))
     for n in range(3):
         walker = Walker(study, person(f"p{n}"), robot)
         walker.come()

@@ -127,7 +127,11 @@ def drive(walker: Walker) -> None:
     row = Drive.objects.get(session=session)
     TaskEvent.objects.create(drive=row, number=0, stamp=BEGAN.timestamp() + 9.5, type="began")
     Drive.objects.filter(pk=row.pk).update(
-        outcome="completed", exposed=True, settled_at=timezone.now(), result={"note": "zqresulted"}
+        outcome="completed",
+        moved=True,
+        exposed_at=timezone.now(),
+        settled_at=timezone.now(),
+        result={"note": "zqresulted"},
     )
 
 

@@ -383,6 +383,20 @@ def test_computation_of_a_process_that_is_gone_is_reported_as_interrupted(
 
 @pytest.mark.nightly
 @pytest.mark.django_db(transaction=True)
+async def test_public_dataset_has_nothing_of_what_else_was_chosen(stored, member):
+    client = AsyncClient()
+    await client.aforce_login(member)
+    answer = await client.get(f"{PAGE}dataset.zip", {"public": "1", "mcap": "1"})
+    content = b"".join([part async for part in answer.streaming_content])
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        assert "## Anonymity" in archive.read("README.md").decode()
+        assert not [name for name in archive.namelist() if name.startswith("mcap/")]
+    log = await SystemLog.objects.aget(event="study_exported")
+    assert log.fields["chosen"] == ["public"]
+
+
+@pytest.mark.nightly
+@pytest.mark.django_db(transaction=True)
 async def test_the_dataset_is_sent_as_it_is_made_and_it_is_written_down_who_took_it(stored, member):
     client = AsyncClient()
     await client.aforce_login(member)

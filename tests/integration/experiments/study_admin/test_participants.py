@@ -6,7 +6,7 @@ from django.urls import reverse
 from django.utils import timezone
 
 from experiments import publishing
-from experiments.models import Drive, Participant, Rehearsal, StudyMember
+from experiments.models import Draw, Drive, Participant, Rehearsal, StudyMember
 from robots.models import Robot
 from sessions.models import Session
 from tests.integration.experiments.test_publishing import NOW
@@ -48,7 +48,8 @@ def drive():
         seed=1,
         granted_at=NOW,
         outcome="completed",
-        exposed=True,
+        exposed_at=NOW,
+        moved=True,
         mismatches=["assist"],
     )
 
@@ -93,6 +94,48 @@ def test_what_belongs_to_a_study_of_others_is_not_listed_shown_or_excluded(clien
         client.get(exclude(drive)).status_code,
         client.post(exclude(drive), {"reason": "Because."}).status_code,
     ) == (404, 404)
+
+
+def withdrawal(row) -> str:
+    return reverse("admin:experiments_participant_withdraw", args=[row.pk])
+
+
+def test_researcher_withdraws_a_participant_by_their_code_and_gets_the_receipt(client, drive):
+    signed_in(client, "researcher")
+    person_row = drive.participant
+    assert withdrawal(person_row) in [
+        e.attributes.get("href") for e in read(client.get(change(person_row))).all("a")
+    ]
+    answer = client.post(withdrawal(person_row), {"code": "WRONG"})
+    assert (answer.status_code, Drive.objects.count()) == (422, 1)
+    assert "This is not the participant's code." in read(answer).text
+    page = read(client.post(withdrawal(person_row), {"code": person_row.code.lower()}))
+    assert "Drives: 1" in page.text
+    assert person_row.code in page.text
+    (row,) = Participant.objects.filter(status="withdrawn")
+    assert (row.user, row.recruitment) == (None, {})
+    assert client.get(withdrawal(row)).status_code == 404
+
+
+def test_withdrawing_is_for_researchers_and_owners_alone(client, drive):
+    signed_in(client, "viewer")
+    assert client.get(withdrawal(drive.participant)).status_code == 404
+    assert client.post(withdrawal(drive.participant), {"code": "x"}).status_code == 404
+    assert "Withdraw and delete data" not in read(client.get(change(drive.participant))).text
+
+
+def test_participants_page_shows_every_draw(client, drive):
+    signed_in(client, "viewer")
+    study = drive.participant.study
+    about = {"study": study, "participant": drive.participant, "kind": "participant"}
+    Draw.objects.create(
+        **about, number=1, nth=1, reason="first", cell="all_open", counts={"shut": 2}, at=NOW
+    )
+    Draw.objects.create(**about, number=2, nth=2, reason="again", cell="shut", seed=77, at=NOW)
+    text = read(client.get(change(drive.participant))).text
+    assert "all_open: first assignment; places taken: shut 2" in text
+    assert "shut: assigned again" in text
+    assert "seed 77" in text
 
 
 def test_the_page_of_a_drive_has_units_and_times_instead_of_stored_numbers(client, drive):
@@ -190,7 +233,7 @@ def test_nothing_is_added_changed_or_deleted_by_hand(client, drive):
         ({"excluded": "yes"}, False),
         ({"participant__kind__exact": "participant"}, True),
         ({"participant__kind__exact": "bot"}, False),
-        ({"exposed__exact": "1"}, True),
+        ({"moved__exact": "1"}, True),
         ({"study": "nonsense"}, False),
     ],
 )

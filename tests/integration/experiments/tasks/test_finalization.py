@@ -92,7 +92,7 @@ def test_the_record_of_a_whole_task_gives_events_result_and_outcome(robot):
         ("docked", 0),
         ("task_ended", "completed"),
     ]
-    assert (drive.outcome, drive.exposed, drive.clock_offset) == ("completed", True, AHEAD)
+    assert (drive.outcome, drive.moved, drive.clock_offset) == ("completed", True, AHEAD)
     assert (drive.result["photo"], drive.result["doors"], len(drive.result["checkpoints"])) == (
         "kept",
         ["door"],
@@ -198,7 +198,7 @@ def test_a_visitor_who_leaves_in_the_middle_has_cancelled_the_task(robot):
         ],
     )
     drive = settled(close(drive, outcome="completed", reason="left", at=records[-1].at + 1.0))
-    assert (drive.outcome, drive.exposed, drive.participant.stage) == ("cancelled", True, "filled")
+    assert (drive.outcome, drive.moved, drive.participant.stage) == ("cancelled", True, "filled")
     assert told(drive)[-1] == ("task_ended", "cancelled")
 
 
@@ -217,7 +217,7 @@ def test_a_task_whose_time_is_over_is_timed_out_at_its_limit(robot):
 # --- the place in the cell ------------------------------------------------------------------------
 
 
-def test_who_left_before_anything_moved_gives_the_place_back(robot):
+def test_participant_whose_page_showed_no_frame_gives_the_place_back(robot):
     drive = begin(robot)
     still = [
         Seen(
@@ -229,7 +229,7 @@ def test_who_left_before_anything_moved_gives_the_place_back(robot):
     drive = settled(
         close(drive, outcome="connection_refused", reason="never_connected", at=still[-1].at)
     )
-    assert (drive.outcome, drive.exposed, drive.participant.stage, drive.mismatches) == (
+    assert (drive.outcome, drive.moved, drive.participant.stage, drive.mismatches) == (
         "connection_refused",
         False,
         "freed",
@@ -243,7 +243,7 @@ def test_who_has_read_what_only_their_condition_says_keeps_the_place(robot):
     drive = begin(robot, steps=[*STUDY["steps"], read])
     at = timezone.now().timestamp()
     drive = settled(close(drive, outcome="connection_refused", reason="never_connected", at=at))
-    assert (drive.exposed, drive.participant.stage) == (False, "under_way")
+    assert (drive.moved, drive.participant.stage) == (False, "under_way")
 
 
 @pytest.mark.parametrize(
@@ -260,7 +260,7 @@ def test_whatever_comes_after_the_first_velocity_fills_the_place(robot, outcome)
         ],
     )
     drive = settled(close(drive, outcome=outcome, reason="x", at=now + 1.0))
-    assert (drive.outcome, drive.exposed, drive.participant.stage) == (outcome, True, "filled")
+    assert (drive.outcome, drive.moved, drive.participant.stage) == (outcome, True, "filled")
 
 
 def test_where_states_are_lost_for_good_nobody_is_taken_for_untouched(robot):
@@ -274,7 +274,7 @@ def test_where_states_are_lost_for_good_nobody_is_taken_for_untouched(robot):
             missing=12,
         )
     )
-    assert (drive.exposed, drive.participant.stage) == (True, "filled")
+    assert (drive.moved, drive.participant.stage) == (True, "filled")
 
 
 def test_a_technical_failure_is_given_to_another_only_as_often_as_the_frozen_rule_says(robot):
@@ -303,7 +303,7 @@ def test_a_practice_drive_fills_nothing_and_is_never_taken_for_the_task(robot):
     now = timezone.now().timestamp()
     write(drive, [Seen(now, "boot", 0, 0.5, 2.0, 3.1), Seen(now + 0.25, "boot", 1, 0.6, 2.0, 3.1)])
     drive = settled(close(drive, outcome="robot_fault", reason="robot_offline", at=now + 1.0))
-    assert (drive.outcome, drive.result, drive.exposed, drive.participant.stage) == (
+    assert (drive.outcome, drive.result, drive.moved, drive.participant.stage) == (
         "robot_fault",
         {},
         True,
@@ -315,7 +315,9 @@ def test_a_practice_drive_fills_nothing_and_is_never_taken_for_the_task(robot):
 def test_a_second_visit_frees_and_refills_nothing(robot):
     drive = begin(robot, refill={"outcomes": ["robot_fault"], "most": 5})
     Participant.objects.update(stage="filled")
-    Drive.objects.filter(pk=drive.pk).update(exposed=True, settled_at=timezone.now())
+    Drive.objects.filter(pk=drive.pk).update(
+        moved=True, exposed_at=timezone.now(), settled_at=timezone.now()
+    )
     store.end(str(drive.session_id), "completed", "task", timezone.now())
     RobotPresence.objects.update(turnaround="ready")
     Participant.objects.update(visit=2)

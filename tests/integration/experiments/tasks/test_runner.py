@@ -334,11 +334,11 @@ def test_a_session_that_ends_otherwise_gives_its_outcome_at_once_and_loses_nothi
     Session.objects.update(first_motion_at=timezone.now())
     runner.on_end(session=Session.objects.get())
     told = Drive.objects.get()
-    assert (told.outcome, told.exposed, told.settled_at) == (task, True, None)
+    assert (told.outcome, told.moved, told.settled_at) == (task, True, None)
     write(drive, records)
     settle(close(drive, at=records[-1].at + 2.0), timezone.now())
     told = Drive.objects.get()
-    assert (told.outcome, told.exposed, told.participant.stage) == (task, True, "filled")
+    assert (told.outcome, told.moved, told.participant.stage) == (task, True, "filled")
 
 
 def test_the_runner_settles_what_is_over_beside_what_lives(robot):

@@ -195,7 +195,7 @@ def test_the_name_of_the_visitor_in_a_robots_event_does_not_leave():
         ("page", "link_lost", {"why": "bye_replaced"}),
         ("page", "cue_shown", {"word": "cue.go_to_checkpoint", "number": 2, "seconds": 4.25}),
         ("page", "card_shown", {"word": "lobby", "number": None, "seconds": 1.5}),
-        ("page", "layout", {"interface": "novice", "width": 390.0, "density": 2.5}),
+        ("page", "layout", {"interface": "novice", "width": 390.0, "touch": True}),
         ("task", "checkpoint", {"number": 1, "pose": {"x": 1.5, "y": 2.0, "theta": -0.5}}),
         ("task", "cue", {"name": "dock_now", "number": 0}),
         ("task", "door_passed", {"name": "hall"}),

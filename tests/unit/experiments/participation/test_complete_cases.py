@@ -24,6 +24,7 @@ from tests.support.examples import repetitions
 
 MONTHS, PARTICIPANTS, DROP_OUT = repetitions(12, thorough=50), 200, 0.2
 MONTH_HOURS = 30 * 24.0
+SURE = Allocation(best_probability=1.0)
 
 
 @dataclass
@@ -60,7 +61,7 @@ class Month:
 
     def comes(self, now):
         """Somebody drives one condition, then leaves or drives the others."""
-        choice = choose(self.cells, self.held(now), None, self.rng.getrandbits(31))
+        choice = choose(self.cells, self.held(now), SURE, self.rng.getrandbits(31))
         one = Person(choice.cell, now)
         self.people.append(one)
         self.drives(one, now)
@@ -72,9 +73,7 @@ class Month:
 
     def drives(self, one, now):
         one.rounds, one.seen = one.rounds + 1, now
-        one.stage = stage_at_end(
-            one.cell.key, "completed", exposed=True, refill=Refill(), held=self.held(now)
-        )
+        one.stage = stage_at_end("completed", Refill(), 0)
 
     def worst(self):
         complete = Counter({cell.key: 0 for cell in self.cells})

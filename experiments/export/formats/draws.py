@@ -1,0 +1,66 @@
+"""How participants were assigned to cells: each draw with what it was decided on, so that it
+can be repeated (experiments/participation/assignment.py).
+"""
+
+import json
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from experiments.analysis.dataset import levels
+from experiments.analysis.dataset.columns import Column, amount_of, share
+from experiments.analysis.dataset.files import table
+from experiments.export.format import ExportFormat, File, encoded
+from experiments.models import Draw, Study
+
+DRAWS = (
+    Column("number", "", "order of the draws within a kind of participants"),
+    Column("participant", "", "code of the participant; empty: not in this dataset"),
+    Column("kind", "", "for whom it was drawn").one_of(levels.KINDS),
+    amount_of("draw", "", "first, second … draw of the participant"),
+    Column("reason", "", "why it was drawn").one_of(
+        {
+            "first": "the first assignment",
+            "again": "again, because the participant had seen nothing of the first",
+        }
+    ),
+    Column("cell", "", "cell that was drawn").some_of({}, "-"),
+    Column("best", "", "cells with the lowest score, with | between them"),
+    Column("counts", "", "JSON: places taken in each open cell before the draw"),
+    Column("scores", "", "JSON: of these, those of participants alike in the balance factors"),
+    Column("levels", "", "JSON: the participant's level of each balance factor; none in public"),
+    share("best_probability", "probability of one of the best cells"),
+    Column("seed", "", "seed of the draw"),
+    Column("at", "", "when it was drawn; only in an identified dataset"),
+)
+
+
+class DrawsFormat(ExportFormat):
+    tables = {"draws": DRAWS}
+
+    def of_study(self) -> Iterator[File]:
+        about, there = (
+            self.source.dataset.study,
+            {one.id for one in self.source.dataset.participants},
+        )
+        study = Study.objects.get(slug=about.slug, version=about.version)
+        draws = Draw.objects.filter(study=study).select_related("participant")
+        rows = (self._row(one, there) for one in draws.order_by("kind", "number"))
+        yield from encoded([table("draws", rows, DRAWS)])
+
+    def _row(self, draw: Draw, there: set[str]) -> Sequence[Any]:
+        choice, code = self.source.release.choice, draw.participant.code
+        return (
+            draw.number,
+            code if code in there else "",
+            draw.kind,
+            draw.nth,
+            draw.reason,
+            draw.cell,
+            "|".join(draw.best),
+            json.dumps(draw.counts),
+            json.dumps(draw.scores),
+            json.dumps({} if choice.public else draw.levels),
+            draw.best_probability,
+            "" if draw.seed is None else draw.seed,
+            draw.at.isoformat() if draw.at is not None and choice.identified else "",
+        )
