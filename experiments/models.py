@@ -344,7 +344,7 @@ class Draw(models.Model):
     `Participant.draws_applied` was decided and not applied yet.
     """
 
-    class Reason(models.TextChoices):
+    class DrawReason(models.TextChoices):
         FIRST = "first", _("first assignment")
         AGAIN = "again", _("assigned again, because nothing had been seen of the first")
 
@@ -356,7 +356,7 @@ class Draw(models.Model):
     kind = models.CharField(_("kind"), max_length=12, choices=ParticipantKind)
     number = models.PositiveIntegerField(_("number"))
     nth = models.PositiveIntegerField(_("of the participant"))
-    reason = models.CharField(_("reason"), max_length=10, choices=Reason)
+    reason = models.CharField(_("reason"), max_length=10, choices=DrawReason)
     cell = models.CharField(_("cell"), max_length=400)
     best = models.JSONField(_("best cells"), default=list)
     counts = models.JSONField(_("places taken"), default=dict)

@@ -311,7 +311,7 @@ def reported_study(*, within: bool) -> StudyDefinition:
 def reported(rng: Rng, study: StudyDefinition, people: int) -> dict[str, bool | None]:
     """Tell of each declared test of a study without any effect whether it is significant. Under one
     condition a third of the participants see the video and never move the robot; they are drawn
-    anew where each has one condition. Drives end at a time limit or early.
+    again where each has one condition. Drives end at a time limit or early.
     """
     is_within = study.allocation.design == "within"
     participants, drives = [], []
@@ -325,7 +325,7 @@ def reported(rng: Rng, study: StudyDefinition, people: int) -> dict[str, bool | 
                 drives.append(drive_of(who, condition, dict.fromkeys(ZEROS, 0.0), "left"))
                 if is_within:
                     continue
-                condition = "a"  # noqa: PLW2901 - drawn anew
+                condition = "a"  # noqa: PLW2901 - drawn again
             seconds, ends = rng.exponential(200.0) / ability, min(480.0, rng.exponential(900.0))
             total = min(seconds, ends)
             values = {
@@ -576,7 +576,7 @@ NULLS = (
 REPORTS = (
     Case(
         "whole report",
-        "between, n = 48; a third of one condition never move the robot, and are drawn anew",
+        "between, n = 48; a third of one condition never move the robot, and get another draw",
         lambda rng: reported(rng, BETWEEN, 48),
     ),
     Case(

@@ -311,7 +311,7 @@ def _numbers(study: StudyDefinition) -> Iterator[str]:
     elif count > 1:
         yield _("participants needed: %(n)d, or a multiple of it") % {"n": count}
     if planned is not None and planned % count:
-        yield _("the plan has %(n)d participants, which is no multiple of %(cells)d") % {
+        yield _("the plan has %(n)d participants, which is not a multiple of %(cells)d") % {
             "n": planned,
             "cells": count,
         }

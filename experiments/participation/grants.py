@@ -338,7 +338,7 @@ def _new_draw(
         kind=kind,
         number=number,
         nth=nth,
-        reason=Draw.Reason.FIRST if nth == 1 else Draw.Reason.AGAIN,
+        reason=Draw.DrawReason.FIRST if nth == 1 else Draw.DrawReason.AGAIN,
         cell=chosen.cell.key,
         best=list(chosen.best),
         counts=chosen.counts,

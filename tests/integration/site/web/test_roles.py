@@ -295,6 +295,8 @@ def study_pages() -> list[tuple]:
         ("admin:experiments_rehearsal_end", ["rehearsal.pk"], STUDY_OWNER, {}),
         ("admin:experiments_rehearsal_state", ["rehearsal.pk"], VIEWERS, None),
         ("admin:experiments_rehearsal_report", ["rehearsal.pk"], VIEWERS, None),
+        ("admin:experiments_participant_withdraw", ["participation.pk"], RESEARCHERS, None),
+        ("admin:experiments_participant_withdraw", ["participation.pk"], RESEARCHERS, {"code": ""}),
         ("admin:experiments_drive_exclude", ["drive.pk"], RESEARCHERS, None),
         (
             "admin:experiments_drive_exclude",
