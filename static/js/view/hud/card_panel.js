@@ -2,20 +2,21 @@
  * Shows a card. It is no modal dialog: those would lie over the stop button and take its clicks.
  */
 
-import { write } from "../../lib/dom.js";
+import { backToDriving, write } from "../../lib/dom.js";
 
 export class CardPanel {
   /**
    * @param {object} options
-   * @param {HTMLElement} options.element with #card-title, #card-warning, #card-text,
-   *   #card-instead, #card-main, #card-extra, #card-other, #card-count in it
+   * @param {(id: string) => HTMLElement} options.element gives the page's elements: #card, with
+   *   #card-title, #card-warning, #card-text, #card-instead, #card-main, #card-extra, #card-other
+   *   and #card-count in it
    * @param {import("../../lib/words.js").Words} options.words
    * @param {(action: string) => void} options.onAction
    */
   constructor({ element, words, onAction }) {
-    const part = (/** @type {string} */ id) =>
-      /** @type {HTMLElement} */ (element.querySelector(`#card-${id}`));
-    this.element = element;
+    const part = (/** @type {string} */ id) => element(`card-${id}`);
+    this.element = element("card");
+    this.find = element;
     this.words = words;
     this.title = part("title");
     this.warning = part("warning");
@@ -40,6 +41,9 @@ export class CardPanel {
 
   /** @param {import("./card.js").Card | null} card */
   show(card) {
+    if (!card && this.element.contains(document.activeElement)) {
+      backToDriving(this.find); // also of a card that goes by itself
+    }
     this.element.hidden = card === null;
     if (card === null) {
       this.shown = "";
