@@ -300,6 +300,7 @@ def test_every_relation_to_a_person_is_one_that_these_tests_know():
         "Study.published_by",
         "Rehearsal.ended_by",
         "StudyKey.made_by",
+        "ResearcherInvitation.invited_by",
         "LogEntry.user",
     }
     assert relations() == own | of_staff
