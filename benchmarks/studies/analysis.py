@@ -18,11 +18,11 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.table import Figure, keep
-from experiments.analysis.dataset.columns import Columns
-from experiments.analysis.dataset.folder import read, write
-from experiments.analysis.dataset.records import Dataset
-from experiments.analysis.dataset.states import NO_NETWORK, NO_STATES
 from experiments.analysis.report import analyse
+from experiments.dataset.columns import Columns
+from experiments.dataset.folder import read, write
+from experiments.dataset.records import Dataset
+from experiments.dataset.states import NO_NETWORK, NO_STATES
 from tests.support.analysis.study_dataset import drive, link, made_up
 
 SEED = 20170

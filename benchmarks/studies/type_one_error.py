@@ -20,8 +20,6 @@ import msgspec
 import numpy as np
 import scipy
 
-from experiments.analysis.dataset.counting import counting
-from experiments.analysis.dataset.records import Dataset, Floats, ParticipantRecord, SessionRecord
 from experiments.analysis.metrics.definitions import METRICS
 from experiments.analysis.metrics.milestones import Milestones
 from experiments.analysis.metrics.sessions import Measured
@@ -42,6 +40,9 @@ from experiments.analysis.statistics.regression import (
     fit_family,
 )
 from experiments.analysis.tables.declared import declared
+from experiments.dataset.columns import Floats
+from experiments.dataset.counting import counting
+from experiments.dataset.records import Dataset, ParticipantRecord, SessionRecord
 from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped
 from surveys.likert import half_width

@@ -19,9 +19,6 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from experiments.analysis.dataset.counting import counting
-from experiments.analysis.dataset.levels import Kind
-from experiments.analysis.dataset.records import COUNTING, EVERY, Dataset, SessionRecord
 from experiments.analysis.documents.latex import as_latex, latex, runs_as_latex
 from experiments.analysis.documents.runs import Run
 from experiments.analysis.documents.sentences import Decisions, Sentence, sentences_of
@@ -70,6 +67,9 @@ from experiments.analysis.tables.summaries import (
     verdicts_table,
 )
 from experiments.analysis.tables.table import SessionSets, Table, as_csv
+from experiments.dataset.counting import counting
+from experiments.dataset.levels import Kind
+from experiments.dataset.records import COUNTING, EVERY, Dataset, SessionRecord
 from experiments.definition.plan import StudyPlan
 from experiments.definition.schema import StudyDefinition
 

@@ -2,7 +2,7 @@
 
 A plan is frozen with the study's version. Its hypotheses name the declared analyses
 (experiments/definition/analyses.py) that test them: such tests are *confirmatory*, every other one
-is *exploratory*. Its rules of exclusion are applied by experiments/analysis/dataset/exclusions.py,
+is *exploratory*. Its rules of exclusion are applied by experiments/dataset/exclusions.py,
 its expected effects are simulated by experiments/analysis/power/.
 
 All texts are the researchers' own, in one language: participants never see them.

@@ -7,8 +7,8 @@ what an acquaintance may know of them with at least k − 1 others in the datase
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
-from experiments.analysis.dataset.records import Dataset
-from experiments.dataset.people import asks_for_sharing
+from experiments.dataset.records import Dataset
+from experiments.extraction.people import asks_for_sharing
 
 FEW = 5  # in a smaller group, a participant may be recognized
 ABOUT = """

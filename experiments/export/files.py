@@ -9,18 +9,18 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from hashlib import sha256
 
-from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.metrics.sessions import measure
 from experiments.analysis.tables.participant_kinds import counted
 from experiments.analysis.tables.software import PROGRAM, versions
-from experiments.dataset.build import ANALYSED, dataset_of, release_of
-from experiments.dataset.events import events_of
-from experiments.dataset.people import people_of
-from experiments.dataset.selection import Selection
-from experiments.dataset.sessions import drives_of
+from experiments.dataset.records import Dataset
 from experiments.export.anonymity import anonymity
 from experiments.export.format import ExportSource, File
 from experiments.export.formats import chosen
+from experiments.extraction.build import ANALYSED, dataset_of, release_of
+from experiments.extraction.events import events_of
+from experiments.extraction.people import people_of
+from experiments.extraction.selection import Selection
+from experiments.extraction.sessions import drives_of
 from experiments.models import Study
 
 SUMS = "SHA256SUMS"

@@ -9,11 +9,11 @@ from typing import ClassVar
 from django.utils.functional import Promise
 
 from experiments.access import Role
-from experiments.analysis.dataset.columns import Column
-from experiments.analysis.dataset.records import Dataset, SessionRecord
 from experiments.analysis.metrics.sessions import Measured
-from experiments.dataset.forms import Release
-from experiments.dataset.selection import Selection
+from experiments.dataset.columns import Column
+from experiments.dataset.records import Dataset, SessionRecord
+from experiments.extraction.forms import Release
+from experiments.extraction.selection import Selection
 from experiments.models import Drive
 
 File = tuple[str, Iterable[bytes]]  # where in the export, and its content in parts

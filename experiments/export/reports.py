@@ -11,8 +11,8 @@ from pathlib import Path
 import msgspec
 from django.conf import settings
 
-from experiments.analysis.dataset.columns import Columns
-from experiments.analysis.dataset.records import Dataset
+from experiments.dataset.columns import Columns
+from experiments.dataset.records import Dataset
 from experiments.models import Study
 
 INTERVAL_S, LIMIT_S = 1.0, 3600.0

@@ -14,11 +14,11 @@ import msgspec
 from django.db.models import Q
 
 from experiments.coding import store
-from experiments.dataset.allow_list import coded, released
-from experiments.dataset.build import release_of
-from experiments.dataset.events import page_offset, robot_offset
-from experiments.dataset.forms import Origin, Release, kept
-from experiments.dataset.selection import Selection
+from experiments.extraction.allow_list import coded, released
+from experiments.extraction.build import release_of
+from experiments.extraction.events import page_offset, robot_offset
+from experiments.extraction.forms import Origin, Release, kept
+from experiments.extraction.selection import Selection
 from experiments.markers.marker import Marker, TimedMarker
 from experiments.models import Coding, CodingSchemeVersion, Drive, StepVisit, Study, TaskEvent
 from sessions.models import SessionEvent

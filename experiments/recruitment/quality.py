@@ -5,9 +5,9 @@ from collections.abc import Iterable, Iterator
 
 from experiments.analysis.quality.flag import Flag
 from experiments.analysis.quality.flags import flags_of
-from experiments.dataset.build import dataset_of
-from experiments.dataset.sessions import drives_of
 from experiments.definition.recruitment.quality_flags import Grade
+from experiments.extraction.build import dataset_of
+from experiments.extraction.sessions import drives_of
 from experiments.models import Participant, ParticipantKind, Study
 
 

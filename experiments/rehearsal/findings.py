@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from experiments.analysis.dataset.counting import counting
-from experiments.analysis.dataset.records import COUNTING, Dataset
 from experiments.analysis.figures.drawing import as_svg
 from experiments.analysis.report import reports
 from experiments.analysis.tables.table import as_csv
-from experiments.dataset.build import dataset_of
+from experiments.dataset.counting import counting
+from experiments.dataset.records import COUNTING, Dataset
 from experiments.definition.schema import StudyDefinition
+from experiments.extraction.build import dataset_of
 from experiments.models import Drive, ParticipantKind, Study
 from experiments.rehearsal.replay_check import discrepancies
 from experiments.rehearsal.report import DriveRecord, Findings

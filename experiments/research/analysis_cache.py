@@ -24,12 +24,12 @@ from django.conf import settings
 from django.db import connection
 from django.db.models import Count, Max
 
-from experiments.analysis.dataset.levels import Kind
-from experiments.analysis.dataset.records import COUNTING, EVERY
 from experiments.analysis.metrics.definitions import VERSION
 from experiments.analysis.page import LAYOUT, PAGE
-from experiments.dataset.robots import plans_of, robots_of
+from experiments.dataset.levels import Kind
+from experiments.dataset.records import COUNTING, EVERY
 from experiments.export.reports import ReportProgress, home
+from experiments.extraction.robots import plans_of, robots_of
 from experiments.models import Drive, Participant, StepVisit, Study
 from sessions.models import StateChunk
 from surveys.models import Questionnaire, Response

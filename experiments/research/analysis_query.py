@@ -9,8 +9,8 @@ from urllib.parse import urlencode
 from django.http import Http404, HttpRequest
 from django.urls import reverse
 
-from experiments.analysis.dataset.levels import Kind
-from experiments.analysis.dataset.records import COUNTING, EVERY
+from experiments.dataset.levels import Kind
+from experiments.dataset.records import COUNTING, EVERY
 from experiments.models import ParticipantKind, Study
 
 

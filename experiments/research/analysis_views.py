@@ -23,7 +23,7 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
 
 from experiments.access import for_role, may
-from experiments.dataset.pseudonyms import Pseudonyms
+from experiments.extraction.pseudonyms import Pseudonyms
 from experiments.models import Drive, ParticipantKind, Study
 from experiments.research import analysis_cache
 from experiments.research.analysis_cache import Computing, NotComputedError, Stored

@@ -32,8 +32,8 @@ from experiments.coding.eaf import to_eaf
 from experiments.coding.reading import import_coding
 from experiments.coding.scheme import BadCodingError, scheme_in
 from experiments.coding.study_agreement import agreement_of
-from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.definition.coding import CodingScheme
+from experiments.extraction.pseudonyms import Pseudonyms
 from experiments.models import Coding, CodingSchemeVersion, Drive, Participant, Study
 from experiments.research import live
 from experiments.research.coding_tables import shown

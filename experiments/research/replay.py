@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments.analysis.dataset.states import StoredPart, StoredState
-from experiments.dataset.events import page_offset, robot_offset
+from experiments.dataset.states import StoredPart, StoredState
+from experiments.extraction.events import page_offset, robot_offset
 from experiments.models import Drive, TaskEvent
 from experiments.research.event_text import in_words
 from experiments.stored_states import StateReader

@@ -18,11 +18,11 @@ from django.views.decorators.http import require_POST, require_safe
 from accounts import audit
 from experiments import publishing
 from experiments.access import may
-from experiments.analysis.dataset.records import FreezeRecord
 from experiments.analysis.plan.preregistration import preregistration
 from experiments.builder.study_page import StudyPages
-from experiments.dataset.answers import questionnaires_of
-from experiments.dataset.freeze import freeze_of
+from experiments.dataset.records import FreezeRecord
+from experiments.extraction.answers import questionnaires_of
+from experiments.extraction.freeze import freeze_of
 from experiments.models import Study
 from experiments.research.analysis_cache import command, environment
 from experiments.research.study_access import study_for

@@ -27,10 +27,10 @@ from experiments.bots.diary import Diary
 from experiments.bots.endings import ABOUT_PHOTO, Ending
 from experiments.bots.pace import Pace, own_pace
 from experiments.bots.persona import effect
-from experiments.dataset.selection import Selection
 from experiments.definition.schema import Condition, StudyDefinition
 from experiments.export.archive import unpacked
 from experiments.export.files import export_files
+from experiments.extraction.selection import Selection
 from experiments.models import Drive, ParticipantKind, Study
 from experiments.participation import links
 from experiments.publishing import obstacles_here

@@ -17,9 +17,9 @@ from matplotlib import rc_context, rcParamsDefault
 from matplotlib.colors import LinearSegmentedColormap, to_hex
 from matplotlib.figure import Figure
 
-from experiments.analysis.dataset.records import ParticipantRecord
 from experiments.analysis.tables.participant_kinds import of_whom, title_of
 from experiments.analysis.tables.table import Table
+from experiments.dataset.records import ParticipantRecord
 
 WIDTH = 7.0  # inches: a page's two columns
 # Colours that those who cannot tell red from green tell apart (after ColorBrewer's RdBu, Brewer et

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon, Rectangle
 
-from experiments.analysis.dataset.records import Floats
 from experiments.analysis.figures.drawing import FAINT, FLOOR, INK, WALL
+from experiments.dataset.columns import Floats
 from experiments.definition.schema import StudyCheckpoint
 from robots.api.floorplan import ChargingDock, Door, FloorPlan, Mirror
 from robots.world.solids import bar

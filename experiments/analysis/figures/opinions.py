@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from experiments.analysis.dataset.records import Dataset, ResponseRecord
 from experiments.analysis.figures.drawing import (
     FAINT,
     HATCH,
@@ -37,6 +36,7 @@ from experiments.analysis.tables.paper_tables import (
 )
 from experiments.analysis.tables.response_selection import note
 from experiments.analysis.tables.table import Table, TableCell, count, number, words
+from experiments.dataset.records import Dataset, ResponseRecord
 from surveys.likert import LikertRow
 
 BAR = 0.72

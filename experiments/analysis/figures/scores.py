@@ -12,7 +12,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.figures.drawing import (
     FAINT,
     INK,
@@ -29,6 +28,7 @@ from experiments.analysis.tables.scored_responses import (
 )
 from experiments.analysis.tables.scores import HEAD, label_of_scale, scores_table
 from experiments.analysis.tables.table import Table, TableCell
+from experiments.dataset.records import Dataset
 from surveys.scoring import ScoredScale
 
 ROW, AROUND = 0.3, 0.62  # inches: of a condition, and of a panel beside its rows

@@ -13,7 +13,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.analysis.dataset.records import Dataset, Floats
 from experiments.analysis.figures.drawing import (
     DASHES,
     INK,
@@ -34,6 +33,8 @@ from experiments.analysis.figures.floor import (
 )
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.tables.table import Table, amount, count, number, words
+from experiments.dataset.columns import Floats
+from experiments.dataset.records import Dataset
 from experiments.definition.feasibility import dock_of
 from experiments.definition.schema import Course
 

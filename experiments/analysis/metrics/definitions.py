@@ -12,8 +12,8 @@ the whole task (`OF_COMPLETED`) are those of completed ones.
 from collections.abc import Mapping
 from typing import Literal
 
-from experiments.analysis.dataset.columns import Column, amount_of, flag, share
-from experiments.analysis.dataset.levels import METHODS, WAYS
+from experiments.dataset.columns import Column, amount_of, flag, share
+from experiments.dataset.levels import METHODS, WAYS
 
 VERSION = 4
 CLOCK = "by the server's clock"

@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 import scipy
 
-from experiments.analysis.dataset.records import Floats
+from experiments.dataset.columns import Floats
 from robots.api.floorplan import FloorPlan, Wall
 from robots.world.cell_graph import KNIGHT, CellGraph
 from robots.world.render_plan import rasterise

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from experiments.analysis.dataset.records import Columns, Floats
 from experiments.analysis.metrics.path import DrivenPath, driven_path, turned
+from experiments.dataset.columns import Columns, Floats
 from sessions.recording.sequence_tracker import MAX_GAP
 
 STANDING, GOING = 0.02, 0.05  # m/s

@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from experiments.analysis.dataset.records import Floats
+from experiments.dataset.columns import Floats
 
 DEAD_BAND = 0.01  # m: a position that trembles by less is never a way
 BAND = 3.0  # times the noise: after smoothing, no tremble is as wide

@@ -10,20 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.analysis.dataset.levels import METHODS, WAYS
-from experiments.analysis.dataset.records import (
-    COMPLETED,
-    Columns,
-    Dataset,
-    EventRecord,
-    Floats,
-    SessionRecord,
-)
-from experiments.analysis.dataset.states import SERIES
 from experiments.analysis.metrics.definitions import DRIVING, METRICS, SEGMENT_METRICS
 from experiments.analysis.metrics.geodesic import nearer
 from experiments.analysis.metrics.milestones import Milestones, docking_attempts, milestones
 from experiments.analysis.metrics.motion import Trajectory, drive
+from experiments.dataset.columns import Columns, Floats
+from experiments.dataset.levels import METHODS, WAYS
+from experiments.dataset.records import COMPLETED, Dataset, EventRecord, SessionRecord
+from experiments.dataset.states import SERIES
 from experiments.definition.schema import Course
 
 Values = dict[str, float]

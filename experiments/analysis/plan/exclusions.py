@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator, Sequence
 
-from experiments.analysis.dataset.records import PlanExclusion
 from experiments.analysis.tables.declared import PLANNED
 from experiments.analysis.tables.table import NOTHING, Table, TableCell, number, probability, words
+from experiments.dataset.records import PlanExclusion
 
 LISTED = (
     "Rules of the plan exclude a participant with all sessions; a platform fault or a researcher's"

@@ -8,9 +8,9 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import msgspec
 
-from experiments.analysis.dataset.records import FreezeRecord
 from experiments.analysis.metrics.definitions import METRICS, VERSION
 from experiments.analysis.tables import response_selection
+from experiments.dataset.records import FreezeRecord
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.factors import conditions_together
 from experiments.definition.plan import (

@@ -7,14 +7,6 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from experiments.analysis.dataset.exclusions import BY_HAND, OF_PLATFORM, excluded_participants
-from experiments.analysis.dataset.levels import ASSISTANCE, REPLACED, UNCOUNTED
-from experiments.analysis.dataset.records import (
-    COMPLETED,
-    Dataset,
-    ParticipantRecord,
-    RobotRecord,
-)
 from experiments.analysis.metrics.definitions import VERSION
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.plan.preregistration import before_data
@@ -22,6 +14,14 @@ from experiments.analysis.statistics.descriptive import spread
 from experiments.analysis.tables.participant_kinds import counted
 from experiments.analysis.tables.people import NOT_REPORTED, table_2
 from experiments.analysis.tables.table import NOTHING, Table, amount, spoken, words
+from experiments.dataset.exclusions import BY_HAND, OF_PLATFORM, excluded_participants
+from experiments.dataset.levels import ASSISTANCE, REPLACED, UNCOUNTED
+from experiments.dataset.records import (
+    COMPLETED,
+    Dataset,
+    ParticipantRecord,
+    RobotRecord,
+)
 from experiments.definition.plan import hypotheses_of
 
 NAME = "reporting-sheet"

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from experiments.analysis.dataset.records import Floats
 from experiments.analysis.power.assumptions import DIFFERENCE, LEVELS, Assumption
+from experiments.dataset.columns import Floats
 from experiments.definition.analyses import FAMILIES, DeclaredAnalysis
 from experiments.definition.plan import deciding_hypotheses
 from experiments.definition.schema import StudyDefinition

@@ -7,12 +7,12 @@ from typing import cast
 import numpy as np
 import scipy
 
-from experiments.analysis.dataset.records import Floats
 from experiments.analysis.power.assumptions import DIFFERENCE
 from experiments.analysis.power.draws import Draws, Found, named_test
 from experiments.analysis.statistics.mixed_models import RobustTests, grouped, p_of
 from experiments.analysis.statistics.models import CannotFitError, Design, design_of
 from experiments.analysis.statistics.regression import DriveOutcome, Family, fit_family
+from experiments.dataset.columns import Floats
 from experiments.definition.analyses import FAMILIES, DeclaredAnalysis
 from experiments.definition.schema import StudyDefinition
 

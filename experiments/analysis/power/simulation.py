@@ -15,7 +15,6 @@ from typing import cast
 
 import numpy as np
 
-from experiments.analysis.dataset.records import Floats
 from experiments.analysis.power.assumptions import assumed
 from experiments.analysis.power.draws import (
     Draws,
@@ -30,6 +29,7 @@ from experiments.analysis.power.simulated_models import modelled
 from experiments.analysis.statistics.comparisons import holm_rows
 from experiments.analysis.statistics.conditions import Compared, p_values
 from experiments.analysis.statistics.regression import DriveOutcome, Family, compare_drives
+from experiments.dataset.columns import Floats
 from experiments.definition.analyses import FAMILIES, DeclaredAnalysis
 from experiments.definition.factors import conditions_together
 from experiments.definition.schema import StudyDefinition

@@ -11,8 +11,8 @@ import math
 from collections.abc import Iterator, Sequence
 from statistics import median
 
-from experiments.analysis.dataset.records import Dataset, PageRecord, ResponseRecord
 from experiments.analysis.quality.flag import Flag
+from experiments.dataset.records import Dataset, PageRecord, ResponseRecord
 from experiments.definition.recruitment.quality_flags import Grade
 from experiments.definition.recruitment.recruiting import names_answer
 from surveys.definition import Definition

@@ -10,8 +10,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from experiments.analysis.dataset.records import Columns, Dataset, Floats, SessionRecord
 from experiments.analysis.quality.flag import Flag
+from experiments.dataset.columns import Columns, Floats
+from experiments.dataset.records import Dataset, SessionRecord
 from experiments.definition.recruitment.quality_flags import Grade, QualityFlag
 
 SAW_SECONDS = 10.0  # of video, before standing still is a decision

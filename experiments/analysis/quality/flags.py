@@ -4,10 +4,10 @@ rules of a plan may exclude by.
 
 from collections.abc import Iterable, Iterator
 
-from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.quality.answers import answer_flags
 from experiments.analysis.quality.driving import driving_flags
 from experiments.analysis.quality.flag import Flag
+from experiments.dataset.records import Dataset
 from experiments.definition.recruitment.quality_flags import Grade
 
 CROWD = 3  # participants on one network

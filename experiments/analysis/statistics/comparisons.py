@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from experiments.analysis.dataset.records import Floats
+from experiments.dataset.columns import Floats
 
 LEVEL = 0.95
 LOWER, UPPER = (1.0 - LEVEL) / 2.0, (1.0 + LEVEL) / 2.0

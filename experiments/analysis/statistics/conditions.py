@@ -9,7 +9,6 @@ from typing import Literal
 import numpy as np
 import scipy
 
-from experiments.analysis.dataset.records import Floats
 from experiments.analysis.statistics.comparisons import (
     Test,
     between,
@@ -34,6 +33,7 @@ from experiments.analysis.statistics.rank_tests import (
     signed_rank_p,
     signed_ranks,
 )
+from experiments.dataset.columns import Floats
 
 Compared = Literal["means", "ranks", "proportions"]
 NO_TEST = "–"

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from experiments.analysis.dataset.records import Floats
 from experiments.analysis.statistics.comparisons import LOWER, UPPER, IntervalEstimate, is_constant
+from experiments.dataset.columns import Floats
 
 LEAST_UNIQUENESS = 0.005  # share of an item's variance that the factor never explains
 DECIMALS = 6  # to which the fit of the factor model is sure

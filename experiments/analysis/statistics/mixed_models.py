@@ -25,7 +25,6 @@ from typing import Any
 import numpy as np
 import scipy
 
-from experiments.analysis.dataset.records import Floats
 from experiments.analysis.statistics.comparisons import UPPER, IntervalEstimate
 from experiments.analysis.statistics.models import (
     CannotFitError,
@@ -35,6 +34,7 @@ from experiments.analysis.statistics.models import (
     TermTest,
     check_data,
 )
+from experiments.dataset.columns import Floats
 
 GRID = np.arange(-14.0, 15.0)  # logarithms of ratios
 TIGHT = 1e-9  # of the logarithm of the ratio

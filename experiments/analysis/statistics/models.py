@@ -15,8 +15,8 @@ from typing import Literal
 
 import numpy as np
 
-from experiments.analysis.dataset.records import Floats
 from experiments.analysis.statistics.comparisons import UNKNOWN, IntervalEstimate
+from experiments.dataset.columns import Floats
 
 Coding = Literal["treatment", "sum"]
 Levels = Mapping[str, Sequence[str]]  # of each factor, in order; a covariate has none

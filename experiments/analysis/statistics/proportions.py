@@ -17,7 +17,6 @@ from functools import cache
 import numpy as np
 import scipy
 
-from experiments.analysis.dataset.records import Floats
 from experiments.analysis.statistics.comparisons import (
     EQUAL_DIFFERENCES,
     LOWER,
@@ -27,6 +26,7 @@ from experiments.analysis.statistics.comparisons import (
     Test,
     Z,
 )
+from experiments.dataset.columns import Floats
 
 CHI_SQUARE, BOSCHLOO, MCNEMAR, COCHRAN = "N−1 χ²", "Boschloo", "McNemar mid-p", "Cochran Q"
 LEAST_EXPECTED = 1.0  # successes or failures in a group, for χ² (Campbell, 2007)

@@ -25,7 +25,6 @@ from collections.abc import Sequence
 import numpy as np
 import scipy
 
-from experiments.analysis.dataset.records import Floats
 from experiments.analysis.statistics.comparisons import (
     EQUAL_DIFFERENCES,
     NO_VARIANCE,
@@ -36,6 +35,7 @@ from experiments.analysis.statistics.comparisons import (
     by_fisher,
     tied,
 )
+from experiments.dataset.columns import Floats
 
 SIGNED, RANK_SUM, KRUSKAL = "Wilcoxon signed rank", "Mann-Whitney U", "Kruskal-Wallis H"
 FRIEDMAN = "Friedman χ²"

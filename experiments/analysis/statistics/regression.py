@@ -26,7 +26,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from experiments.analysis.dataset.records import Floats
 from experiments.analysis.statistics.comparisons import (
     NO_VARIANCE,
     ROUNDING,
@@ -45,6 +44,7 @@ from experiments.analysis.statistics.models import (
     check_data,
     design_of,
 )
+from experiments.dataset.columns import Floats
 
 Family = Literal["proportions", "counts", "times"]
 RATIO = {"proportions": "odds ratio", "counts": "rate ratio", "times": "hazard ratio"}

@@ -4,10 +4,10 @@ really done to those who drove.
 
 from collections.abc import Sequence
 
-from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.statistics.descriptive import spread
 from experiments.analysis.tables.table import Table, TableCell, count, number, words
+from experiments.dataset.records import Dataset
 from experiments.definition.schema import Condition
 from robots.api.network_words import spell
 

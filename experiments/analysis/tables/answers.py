@@ -9,12 +9,12 @@ study's rule, one a participant and condition unless all count.
 import math
 from collections.abc import Mapping, Sequence
 
-from experiments.analysis.dataset.records import Dataset, ResponseRecord
 from experiments.analysis.statistics.conditions import compare
 from experiments.analysis.tables.comparisons import ComparedSide, comparison_table
 from experiments.analysis.tables.paper_tables import behind, label_of, lines_of
 from experiments.analysis.tables.response_selection import RULES
 from experiments.analysis.tables.table import Table
+from experiments.dataset.records import Dataset, ResponseRecord
 
 
 def compare_answers(dataset: Dataset) -> Table:

@@ -15,7 +15,6 @@ from typing import cast
 
 import numpy as np
 
-from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.metrics.definitions import (
     CENSORED,
     KINDS,
@@ -65,6 +64,7 @@ from experiments.analysis.tables.paper_tables import behind_statements
 from experiments.analysis.tables.response_selection import RULES, counted
 from experiments.analysis.tables.scored_responses import coded, mean_scores
 from experiments.analysis.tables.table import Table, TableCell, count, number, probability, words
+from experiments.dataset.records import Dataset
 from experiments.definition.analyses import AGE, FAMILIES, DeclaredAnalysis
 from experiments.definition.factors import conditions_together
 from experiments.definition.plan import (

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Literal
 
-from experiments.analysis.dataset.records import COMPLETED
 from experiments.analysis.metrics.definitions import KINDS, OF_COMPLETED, PER_MINUTE
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.statistics.comparisons import Test
@@ -19,6 +18,7 @@ from experiments.analysis.statistics.regression import (
     median_time,
 )
 from experiments.analysis.tables.comparisons import ComparedSide
+from experiments.dataset.records import COMPLETED
 
 MetricTest = Literal["means"] | Family
 CENSORED_AT_END = (

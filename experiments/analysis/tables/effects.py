@@ -13,9 +13,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from experiments.analysis.dataset.counting import visits_of
-from experiments.analysis.dataset.levels import WAYS
-from experiments.analysis.dataset.records import COMPLETED, Dataset
 from experiments.analysis.metrics.definitions import label_of
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.statistics.comparisons import correlation, holm
@@ -36,6 +33,9 @@ from experiments.analysis.tables.drive_outcomes import (
     values_by_participant,
 )
 from experiments.analysis.tables.table import Table, TableCell, count, number, words
+from experiments.dataset.counting import visits_of
+from experiments.dataset.levels import WAYS
+from experiments.dataset.records import COMPLETED, Dataset
 
 OUTCOMES = (
     "completed",

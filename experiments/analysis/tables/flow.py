@@ -11,14 +11,6 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 
-from experiments.analysis.dataset.levels import EXCLUDED, EXCLUDED_BY_PLAN, REPLACED, UNCOUNTED
-from experiments.analysis.dataset.records import (
-    COMPLETED,
-    Dataset,
-    ParticipantRecord,
-    PlanExclusion,
-    SessionRecord,
-)
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.statistics.descriptive import spread
 from experiments.analysis.tables.table import (
@@ -29,6 +21,14 @@ from experiments.analysis.tables.table import (
     number,
     spoken,
     words,
+)
+from experiments.dataset.levels import EXCLUDED, EXCLUDED_BY_PLAN, REPLACED, UNCOUNTED
+from experiments.dataset.records import (
+    COMPLETED,
+    Dataset,
+    ParticipantRecord,
+    PlanExclusion,
+    SessionRecord,
 )
 
 FLOW = ("arrived", "assigned", "exposed", "drove", "ended", "counted", "answered")

@@ -4,11 +4,11 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 
-from experiments.analysis.dataset.records import Dataset, ResponseRecord
 from experiments.analysis.statistics.descriptive import ROUNDED, shares, spread
 from experiments.analysis.tables.response_selection import counted, note
 from experiments.analysis.tables.scored_responses import coded
 from experiments.analysis.tables.table import Table, TableCell, amount, count, number, words
+from experiments.dataset.records import Dataset, ResponseRecord
 from sessions.devices import OTHER
 from surveys.answers import Missing
 from surveys.definition import Definition

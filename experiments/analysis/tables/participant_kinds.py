@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import get_args
 
-from experiments.analysis.dataset.levels import Kind
-from experiments.analysis.dataset.records import ParticipantRecord
 from experiments.analysis.tables.table import Table, amount
+from experiments.dataset.levels import Kind
+from experiments.dataset.records import ParticipantRecord
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
 TITLES: dict[Kind, str] = {

@@ -5,12 +5,12 @@ of participants.
 import math
 from collections.abc import Collection, Iterator, Sequence
 
-from experiments.analysis.dataset.counting import visits_of
-from experiments.analysis.dataset.levels import WITHHELD
-from experiments.analysis.dataset.records import Dataset, ParticipantRecord, ResponseRecord
 from experiments.analysis.statistics.descriptive import ROUNDED, shares, spread
 from experiments.analysis.tables.response_selection import counted, note
 from experiments.analysis.tables.table import Table, TableCell, amount, count, number, words
+from experiments.dataset.counting import visits_of
+from experiments.dataset.levels import WITHHELD
+from experiments.dataset.records import Dataset, ParticipantRecord, ResponseRecord
 from surveys.answers import Missing
 from surveys.item import Question
 

@@ -4,8 +4,8 @@ the table.
 
 from collections.abc import Sequence
 
-from experiments.analysis.dataset.records import Dataset, ResponseRecord
 from experiments.analysis.tables.table import amount
+from experiments.dataset.records import Dataset, ResponseRecord
 
 RULES = {
     "first": "Of several responses of one participant the first counts.",

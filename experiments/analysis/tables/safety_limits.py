@@ -6,10 +6,10 @@ for.
 import math
 from collections.abc import Iterator, Sequence
 
-from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.statistics.descriptive import spread
 from experiments.analysis.tables.table import Table, TableCell, count, number, words
+from experiments.dataset.records import Dataset
 from experiments.definition.schema import Condition
 
 SHARES = {"% refused": "share_refused", "% too old": "share_too_old", "% slowed": "share_slowed"}

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from experiments.analysis.dataset.records import Dataset, Floats, ResponseRecord
 from experiments.analysis.statistics.comparisons import UNKNOWN, IntervalEstimate
 from experiments.analysis.statistics.internal_consistency import (
     UndefinedCoefficientError,
@@ -22,6 +21,8 @@ from experiments.analysis.tables.scored_responses import (
 )
 from experiments.analysis.tables.scores import about_items, label_of_scale
 from experiments.analysis.tables.table import Table, TableCell, count, words
+from experiments.dataset.columns import Floats
+from experiments.dataset.records import Dataset, ResponseRecord
 from surveys.scoring import ScoredScale
 
 HEAD = (

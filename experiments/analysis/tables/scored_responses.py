@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from experiments.analysis.dataset.records import Dataset, ResponseRecord
 from experiments.analysis.tables.response_selection import counted
+from experiments.dataset.records import Dataset, ResponseRecord
 from surveys.answers import Missing
 from surveys.definition import Definition
 from surveys.scoring import ScoredScale, parts_of, scales_of

@@ -6,7 +6,6 @@ between conditions only where it was made of the same items in all of them.
 
 from collections.abc import Iterator, Sequence
 
-from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.statistics.comparisons import Test
 from experiments.analysis.statistics.conditions import NO_TEST, compare
 from experiments.analysis.statistics.descriptive import spread
@@ -21,6 +20,7 @@ from experiments.analysis.tables.scored_responses import (
     scored_questionnaires,
 )
 from experiments.analysis.tables.table import Table, TableCell, count, number, words
+from experiments.dataset.records import Dataset
 from surveys.definition import Definition
 from surveys.likert import half_width
 from surveys.scoring import WHOLE, ScoredScale

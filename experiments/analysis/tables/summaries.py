@@ -5,12 +5,12 @@ spreads of each segment.
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
-from experiments.analysis.dataset.columns import Column
 from experiments.analysis.metrics.definitions import METRICS, SEGMENT_METRICS, VERSION
 from experiments.analysis.metrics.sessions import CheckpointSegment, Measured, Values
 from experiments.analysis.statistics.descriptive import spread
 from experiments.analysis.tables.reliability import QualityVerdict
 from experiments.analysis.tables.table import Table, TableCell, amount, count, number, words
+from experiments.dataset.columns import Column
 
 OF_SEGMENTS = ("seconds", "path", "efficiency", "stops", "near_seconds", "collisions")
 SPREAD = ("n", "Mean", "SD", "p5", "Median", "p95", "IQR")

@@ -2,8 +2,8 @@
 add one). Files stand in an export in the order of these names.
 """
 
-from experiments.dataset.selection import Selection
 from experiments.export.format import ExportFormat
+from experiments.extraction.selection import Selection
 from surveys.registry import family
 
 

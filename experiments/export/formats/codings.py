@@ -10,19 +10,19 @@ from typing import Any
 
 import msgspec
 
-from experiments.analysis.dataset.columns import Column
-from experiments.analysis.dataset.files import table
-from experiments.analysis.dataset.records import Dataset
 from experiments.coding import store
 from experiments.coding.agreement import ReliabilityEstimate
 from experiments.coding.boris import to_boris
 from experiments.coding.eaf import to_eaf
 from experiments.coding.scheme import CodedEvent
 from experiments.coding.study_agreement import StudyAgreement, agreement_of
-from experiments.dataset.allow_list import coded
-from experiments.dataset.forms import Origin, kept
+from experiments.dataset.columns import Column
+from experiments.dataset.files import table
+from experiments.dataset.records import Dataset
 from experiments.definition.coding import CodingScheme
 from experiments.export.format import ExportFormat, File, encoded
+from experiments.extraction.allow_list import coded
+from experiments.extraction.forms import Origin, kept
 from experiments.models import Coding, CodingSchemeVersion, Drive
 
 NO_DATE = "1970-01-01T00:00:00"  # ELAN and BORIS want one, and a dataset has none

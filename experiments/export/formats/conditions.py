@@ -6,16 +6,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from statistics import fmean
 from typing import Any
 
-from experiments.analysis.dataset.columns import Column, amount_of, flag, share
-from experiments.analysis.dataset.files import table
-from experiments.analysis.dataset.levels import KINDS, OUTCOMES, UNCOUNTED
-from experiments.analysis.dataset.records import (
+from experiments.analysis.metrics.definitions import METRICS
+from experiments.analysis.metrics.sessions import Measured
+from experiments.dataset.columns import Column, amount_of, flag, share
+from experiments.dataset.files import table
+from experiments.dataset.levels import KINDS, OUTCOMES, UNCOUNTED
+from experiments.dataset.records import (
     Dataset,
     ParticipantRecord,
     SessionRecord,
 )
-from experiments.analysis.metrics.definitions import METRICS
-from experiments.analysis.metrics.sessions import Measured
 from experiments.export.format import ExportFormat, ExportSource, File, encoded
 from experiments.models import Drive
 from surveys.documents import spoken

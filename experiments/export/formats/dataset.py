@@ -1,20 +1,20 @@
-"""The dataset itself (experiments/analysis/dataset/folder.py) and the metrics of every session: as
+"""The dataset itself (experiments/dataset/folder.py) and the metrics of every session: as
 CSV, and as JSON what is no table.
 """
 
 from collections.abc import Iterator
 from typing import Any
 
-from experiments.analysis.dataset.columns import Column
-from experiments.analysis.dataset.files import numbers, table, tables
-from experiments.analysis.dataset.records import SessionRecord
 from experiments.analysis.metrics.definitions import METRICS, VERSION
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.tables.reliability import PROBLEMS, judge
-from experiments.dataset.allow_list import event_columns
-from experiments.dataset.events import events_of
+from experiments.dataset.columns import Column
+from experiments.dataset.files import numbers, table, tables
+from experiments.dataset.records import SessionRecord
 from experiments.definition.schema import Quality
 from experiments.export.format import ExportFormat, ExportSource, File, encoded
+from experiments.extraction.allow_list import event_columns
+from experiments.extraction.events import events_of
 from experiments.models import Drive
 
 METRIC_TABLE = (

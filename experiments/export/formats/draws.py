@@ -6,9 +6,9 @@ import json
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from experiments.analysis.dataset import levels
-from experiments.analysis.dataset.columns import Column, amount_of, share
-from experiments.analysis.dataset.files import table
+from experiments.dataset import levels
+from experiments.dataset.columns import Column, amount_of, share
+from experiments.dataset.files import table
 from experiments.export.format import ExportFormat, File, encoded
 from experiments.models import Draw, Study
 

@@ -3,11 +3,11 @@
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from experiments.analysis.dataset.columns import Column
-from experiments.analysis.dataset.files import table
-from experiments.analysis.dataset.records import SessionRecord
-from experiments.dataset.selection import Selection
+from experiments.dataset.columns import Column
+from experiments.dataset.files import table
+from experiments.dataset.records import SessionRecord
 from experiments.export.format import ExportFormat, File, encoded
+from experiments.extraction.selection import Selection
 from experiments.models import Drive
 
 IDENTITIES = (

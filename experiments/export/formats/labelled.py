@@ -15,10 +15,10 @@ from typing import Any
 
 from django.utils.translation import gettext_lazy as _
 
-from experiments.analysis.dataset.columns import Column
-from experiments.analysis.dataset.files import as_cell, data_tables
-from experiments.analysis.dataset.levels import MISSING
-from experiments.analysis.dataset.names import keyword_values
+from experiments.dataset.columns import Column
+from experiments.dataset.files import as_cell, data_tables
+from experiments.dataset.levels import MISSING
+from experiments.dataset.names import keyword_values
 from experiments.export.format import ExportFormat, ExportSource, File
 from experiments.export.formats.conditions import condition_columns, condition_rows
 from experiments.export.formats.dataset import METRIC_TABLE, metric_rows

@@ -23,10 +23,11 @@ from django.utils.translation import gettext_lazy as _
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
-from experiments.analysis.dataset.records import Columns, Dataset, EventRecord, SessionRecord
-from experiments.dataset.events import events_of
-from experiments.dataset.sessions import granted
+from experiments.dataset.columns import Columns
+from experiments.dataset.records import Dataset, EventRecord, SessionRecord
 from experiments.export.format import ExportFormat, File
+from experiments.extraction.events import events_of
+from experiments.extraction.sessions import granted
 from experiments.models import Drive
 
 FRAME = "map"

@@ -2,13 +2,13 @@
 
 from collections.abc import Iterator
 
-from experiments.analysis.dataset.columns import Column
-from experiments.analysis.dataset.files import table
-from experiments.analysis.dataset.records import SessionRecord
 from experiments.analysis.quality.answers import answer_flags
 from experiments.analysis.quality.driving import driving_flags
 from experiments.analysis.quality.flag import Flag
 from experiments.analysis.quality.flags import network_flags
+from experiments.dataset.columns import Column
+from experiments.dataset.files import table
+from experiments.dataset.records import SessionRecord
 from experiments.export.format import ExportFormat, ExportSource, File, encoded
 from experiments.models import Drive
 

@@ -5,10 +5,10 @@ texts as they were typed. It needs no package.
 import json
 from collections.abc import Iterable, Iterator, Sequence
 
-from experiments.analysis.dataset.code_book import layouts
-from experiments.analysis.dataset.columns import Column, declared
-from experiments.analysis.dataset.names import questionnaire_paths, table_path
-from experiments.analysis.dataset.records import TABLES
+from experiments.dataset.code_book import layouts
+from experiments.dataset.columns import Column, declared
+from experiments.dataset.names import questionnaire_paths, table_path
+from experiments.dataset.records import TABLES
 from experiments.export.format import ExportFormat, File
 
 NUMBERS = frozenset({"states", "network"})  # tables with a file a session

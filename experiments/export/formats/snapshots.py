@@ -5,10 +5,10 @@ from collections.abc import Iterator
 import structlog
 from django.utils.translation import gettext_lazy as _
 
-from experiments.analysis.dataset.records import SessionRecord
-from experiments.dataset.selection import Selection
+from experiments.dataset.records import SessionRecord
 from experiments.export.format import ExportFormat, File
 from experiments.export.jpeg import JpegError, without_metadata
+from experiments.extraction.selection import Selection
 from experiments.models import Drive
 from sessions.models import Snapshot
 

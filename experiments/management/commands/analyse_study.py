@@ -9,13 +9,13 @@ from typing import Any
 
 from django.core.management import BaseCommand, CommandError
 
-from experiments.analysis.dataset.folder import DatasetError, read
-from experiments.analysis.dataset.levels import Kind
-from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.page import write_page
 from experiments.analysis.report import analyse
-from experiments.dataset.build import dataset_of
+from experiments.dataset.folder import DatasetError, read
+from experiments.dataset.levels import Kind
+from experiments.dataset.records import Dataset
 from experiments.export.reports import ProgressLines
+from experiments.extraction.build import dataset_of
 from experiments.management.study_lookup import study_named
 
 KINDS = ("participant", "pilot", "bot")

@@ -15,12 +15,12 @@ from urllib.parse import urlsplit
 from django.core.management import BaseCommand, CommandError
 
 from accounts import audit
-from experiments.dataset.selection import Selection
 from experiments.definition.publication import from_stored
 from experiments.deposit.repository import DepositDraft, DepositError, Record, Repository
 from experiments.deposit.upload import REPOSITORIES, draft_of, upload_all
 from experiments.export.archive import zipped
 from experiments.export.files import SUMS, export_files
+from experiments.extraction.selection import Selection
 from experiments.management.study_lookup import study_named
 from experiments.models import Study
 

@@ -10,11 +10,11 @@ from typing import Any
 from django.core.management import BaseCommand, CommandError
 
 from accounts import audit
-from experiments.dataset.selection import Selection
 from experiments.definition.publication import from_stored
 from experiments.export.archive import unpacked, zipped
 from experiments.export.files import export_files
 from experiments.export.formats import ON_REQUEST
+from experiments.extraction.selection import Selection
 from experiments.management.study_lookup import study_named
 from experiments.models import Study
 

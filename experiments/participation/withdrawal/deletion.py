@@ -20,8 +20,8 @@ from django.db.models import QuerySet
 from django.utils import timezone
 
 from accounts import audit
-from experiments.dataset.stages import EXPOSED, stages_of
 from experiments.export import reports
+from experiments.extraction.stages import EXPOSED, stages_of
 from experiments.models import Contact, Draw, Drive, Participant, PersonalLink, not_drawn
 from experiments.participation import progress, questions
 from sessions.leases import store

@@ -9,11 +9,11 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from experiments.analysis.dataset.folder import read
 from experiments.analysis.report import reports
-from experiments.dataset.build import dataset_of
-from experiments.dataset.selection import Selection
+from experiments.dataset.folder import read
 from experiments.export.files import export_files
+from experiments.extraction.build import dataset_of
+from experiments.extraction.selection import Selection
 from tests.support.analysis.study_dataset import made_up
 from tests.support.studies.study_rows import put
 

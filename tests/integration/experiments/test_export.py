@@ -22,17 +22,17 @@ from django.db import connection
 from django.utils import timezone
 from mcap.reader import make_reader
 
-from experiments.analysis.dataset.counting import counting
-from experiments.analysis.dataset.folder import read, write
-from experiments.analysis.dataset.records import Dataset
-from experiments.analysis.dataset.states import STATES
-from experiments.dataset.pseudonyms import Pseudonyms
-from experiments.dataset.selection import Selection
+from experiments.dataset.counting import counting
+from experiments.dataset.folder import read, write
+from experiments.dataset.records import Dataset
+from experiments.dataset.states import STATES
 from experiments.definition.schema import as_stored
 from experiments.definition.shipped import shipped
 from experiments.export.archive import unpacked, zipped
 from experiments.export.files import SUMS, export_files, read_me
 from experiments.export.formats import FORMATS, ON_REQUEST, UnknownFormatError
+from experiments.extraction.pseudonyms import Pseudonyms
+from experiments.extraction.selection import Selection
 from experiments.models import ConsentReceipt, Draw, Drive, Participant, Study
 from experiments.participation.withdrawal.deletion import withdraw
 from sessions.models import SessionEvent, Snapshot, StateChunk

@@ -15,12 +15,12 @@ import numpy as np
 import pyreadstat
 import pytest
 
-from experiments.analysis.dataset.counting import counting
-from experiments.analysis.dataset.folder import read
 from experiments.analysis.metrics.sessions import measure_all
-from experiments.dataset.selection import Selection
+from experiments.dataset.counting import counting
+from experiments.dataset.folder import read
 from experiments.export.archive import unpacked
 from experiments.export.files import export_files
+from experiments.extraction.selection import Selection
 from experiments.models import Participant
 from tests.support.analysis.study_dataset import made_up
 from tests.support.studies.study_rows import put

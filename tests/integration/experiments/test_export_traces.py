@@ -16,12 +16,12 @@ import pytest
 
 from accounts.models import User
 from experiments.coding import store
-from experiments.dataset.allow_list import EVENTS
-from experiments.dataset.pseudonyms import Pseudonyms
-from experiments.dataset.selection import Selection
 from experiments.export.archive import unpacked, zipped
 from experiments.export.files import export_files
 from experiments.export.formats import ON_REQUEST
+from experiments.extraction.allow_list import EVENTS
+from experiments.extraction.pseudonyms import Pseudonyms
+from experiments.extraction.selection import Selection
 from experiments.models import Coding, CodingEdit, Drive, Participant, TaskEvent
 from robots.api import messages as m
 from robots.api.codec import encode

@@ -5,10 +5,10 @@ import shutil
 import numpy as np
 import pytest
 
-from experiments.analysis.dataset.folder import write
-from experiments.dataset.selection import Selection
+from experiments.dataset.folder import write
 from experiments.export.archive import unpacked
 from experiments.export.files import export_files
+from experiments.extraction.selection import Selection
 from tests.support.analysis import psychds_rules, psychds_validator
 from tests.support.analysis.study_dataset import made_up
 from tests.support.studies.study_rows import put

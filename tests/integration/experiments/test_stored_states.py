@@ -5,7 +5,7 @@ from django.db import connection
 from django.test.utils import CaptureQueriesContext
 
 from experiments import stored_states
-from experiments.analysis.dataset.states import StoredState
+from experiments.dataset.states import StoredState
 from experiments.stored_states import StateReader, clock_offsets, newest_chunk
 from sessions.models import StateChunk
 from tests.support.people import person

@@ -17,7 +17,7 @@ from django.test import AsyncClient, Client
 from django.utils import timezone
 
 from accounts.models import User
-from experiments.dataset.states import states_of
+from experiments.extraction.states import states_of
 from experiments.research.replay import recorded
 from robots.api import codec, messages
 from robots.cards import Traffic, card

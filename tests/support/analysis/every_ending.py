@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from experiments.analysis.dataset.records import (
+from experiments.dataset.records import (
     Dataset,
     PageRecord,
     ParticipantRecord,

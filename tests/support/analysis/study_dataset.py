@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 
 import surveys
-from experiments.analysis.dataset.columns import Columns, columns_of
-from experiments.analysis.dataset.records import (
+from experiments.dataset.columns import Columns, columns_of
+from experiments.dataset.records import (
     Dataset,
     EventRecord,
     PageRecord,
@@ -19,7 +19,7 @@ from experiments.analysis.dataset.records import (
     RobotRecord,
     SessionRecord,
 )
-from experiments.analysis.dataset.states import NETWORK, NO_NETWORK, NO_STATES, SERIES, STATES
+from experiments.dataset.states import NETWORK, NO_NETWORK, NO_STATES, SERIES, STATES
 from experiments.definition.schema import Course, StudyDefinition
 from experiments.definition.shipped import shipped
 from robots.world.sites import load_plan

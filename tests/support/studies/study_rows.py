@@ -11,9 +11,9 @@ import msgspec
 import numpy as np
 
 from accounts.models import User
-from experiments.analysis.dataset.columns import Columns
-from experiments.analysis.dataset.levels import METHODS, MODES, WAYS
-from experiments.analysis.dataset.records import Dataset, SessionRecord
+from experiments.dataset.columns import Columns
+from experiments.dataset.levels import METHODS, MODES, WAYS
+from experiments.dataset.records import Dataset, SessionRecord
 from experiments.definition.schema import digest
 from experiments.models import Drive, Participant, StepResponse, StepVisit, Study, TaskEvent
 from robots.api import floorplan

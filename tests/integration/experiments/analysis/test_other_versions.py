@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.analysis.dataset.folder import write
+from experiments.dataset.folder import write
 from tests.support.analysis.study_dataset import made_up
 from tests.support.paths import ROOT
 

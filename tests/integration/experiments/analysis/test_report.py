@@ -12,13 +12,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.analysis.dataset.folder import write
-from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.figures.drawing import as_svg
 from experiments.analysis.figures.floor import thinned
 from experiments.analysis.figures.trajectories import figure_6
 from experiments.analysis.metrics.sessions import measure_all
 from experiments.analysis.report import analyse, reports
+from experiments.dataset.folder import write
+from experiments.dataset.records import Dataset
 from experiments.definition.shipped import shipped
 from tests.support.analysis.study_dataset import made_up
 from tests.support.paths import ROOT
@@ -27,7 +27,7 @@ STUDY = shipped()["exploration"]
 ELSEWHERE = """
 import sys
 from pathlib import Path
-from experiments.analysis.dataset.folder import read
+from experiments.dataset.folder import read
 from experiments.analysis.report import analyse
 analyse(read(Path(sys.argv[1])), Path(sys.argv[2]))
 """

@@ -11,7 +11,7 @@ from django.core.management import CommandError, call_command
 from django.utils import timezone
 
 from experiments.coding import store
-from experiments.dataset.pseudonyms import Pseudonyms
+from experiments.extraction.pseudonyms import Pseudonyms
 from experiments.management.commands import stream_markers
 from experiments.markers.incoming import record
 from experiments.markers.marker import ForeignMarker

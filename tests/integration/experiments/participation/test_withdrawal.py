@@ -18,11 +18,11 @@ from django.urls import reverse
 from django.utils import timezone
 
 from accounts.models import AuditEntry, User
-from experiments.dataset.selection import Selection
 from experiments.export import reports
 from experiments.export.archive import unpacked
 from experiments.export.files import export_files
 from experiments.export.formats import ON_REQUEST
+from experiments.extraction.selection import Selection
 from experiments.models import Drive, Participant, Study, StudyMember, TaskEvent
 from experiments.participation import links
 from experiments.participation.grants import StudyTerms

@@ -14,8 +14,8 @@ from django.urls import reverse
 
 from experiments.analysis.page import write_page
 from experiments.analysis.report import analyse
-from experiments.dataset.build import dataset_of
-from experiments.dataset.pseudonyms import Pseudonyms
+from experiments.extraction.build import dataset_of
+from experiments.extraction.pseudonyms import Pseudonyms
 from experiments.models import Drive, Participant, StudyMember
 from experiments.research import analysis_cache
 from experiments.research.analysis_topics import TOPICS, topic_of

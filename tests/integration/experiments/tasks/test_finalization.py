@@ -10,7 +10,7 @@ import pytest
 from django.db import connection
 from django.utils import timezone
 
-from experiments.dataset.build import dataset_of
+from experiments.extraction.build import dataset_of
 from experiments.models import Drive, Participant, TaskEvent
 from experiments.participation.layout import track_of
 from experiments.rehearsal.replay_check import discrepancies

@@ -12,9 +12,9 @@ from django.urls import reverse
 from django.utils import timezone
 
 from experiments import publishing
-from experiments.dataset.build import release_of
-from experiments.dataset.events import events_of
-from experiments.dataset.selection import Selection
+from experiments.extraction.build import release_of
+from experiments.extraction.events import events_of
+from experiments.extraction.selection import Selection
 from experiments.models import Drive, Participant, StudyMember
 from experiments.participation.own_data.gathering import gather
 from experiments.research import live

@@ -13,8 +13,8 @@ from django.utils import timezone
 from accounts import audit
 from accounts.models import AuditEntry, User
 from accounts.passwordless import create_guest
-from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.export import reports
+from experiments.extraction.pseudonyms import Pseudonyms
 from experiments.models import (
     Appointment,
     ConsentReceipt,

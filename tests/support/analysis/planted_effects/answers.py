@@ -8,10 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from experiments.analysis.dataset.columns import Columns
-from experiments.analysis.dataset.files import table
-from experiments.analysis.dataset.folder import put, write
-from experiments.analysis.dataset.records import (
+from experiments.analysis.metrics.sessions import measure_all
+from experiments.bots.answers import Answering
+from experiments.bots.page import FormChoice, FormField
+from experiments.bots.persona import Persona
+from experiments.dataset.columns import Columns
+from experiments.dataset.files import table
+from experiments.dataset.folder import put, write
+from experiments.dataset.records import (
     Dataset,
     EventRecord,
     PageRecord,
@@ -19,11 +23,7 @@ from experiments.analysis.dataset.records import (
     ResponseRecord,
     SessionRecord,
 )
-from experiments.analysis.dataset.states import NO_NETWORK, NO_STATES
-from experiments.analysis.metrics.sessions import measure_all
-from experiments.bots.answers import Answering
-from experiments.bots.page import FormChoice, FormField
-from experiments.bots.persona import Persona
+from experiments.dataset.states import NO_NETWORK, NO_STATES
 from experiments.definition.schema import Condition, StudyDefinition
 from experiments.export.formats.dataset import METRIC_TABLE, metric_row
 from experiments.participation.assignment import cells

@@ -5,9 +5,9 @@ import pandas as pd
 import pyreadstat
 import pytest
 
-from experiments.analysis.dataset.columns import Column, amount_of, flag
-from experiments.analysis.dataset.files import data_tables
-from experiments.analysis.dataset.levels import MISSING
+from experiments.dataset.columns import Column, amount_of, flag
+from experiments.dataset.files import data_tables
+from experiments.dataset.levels import MISSING
 from experiments.export.formats.labelled import labelled, variable_names, written
 from tests.support.analysis.study_dataset import made_up
 

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from experiments.analysis.dataset.columns import columns_of
-from experiments.analysis.dataset.states import STATES
 from experiments.analysis.metrics.motion import Trajectory, drive
+from experiments.dataset.columns import columns_of
+from experiments.dataset.states import STATES
 
 
 def track(seconds=None, **given):

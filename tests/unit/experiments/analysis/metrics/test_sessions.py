@@ -7,18 +7,18 @@ import numpy as np
 import pandas
 import pytest
 
-from experiments.analysis.dataset.columns import columns_of
-from experiments.analysis.dataset.levels import METHODS
-from experiments.analysis.dataset.records import (
-    Dataset,
-    EventRecord,
-    SessionRecord,
-)
-from experiments.analysis.dataset.states import NO_NETWORK, NO_STATES, STATES
 from experiments.analysis.metrics.definitions import METRICS, SEGMENT_METRICS
 from experiments.analysis.metrics.milestones import docking_attempts, milestones
 from experiments.analysis.metrics.motion import Trajectory
 from experiments.analysis.metrics.sessions import measure, measure_all
+from experiments.dataset.columns import columns_of
+from experiments.dataset.levels import METHODS
+from experiments.dataset.records import (
+    Dataset,
+    EventRecord,
+    SessionRecord,
+)
+from experiments.dataset.states import NO_NETWORK, NO_STATES, STATES
 from experiments.definition.shipped import shipped
 from tests.support.analysis.study_dataset import made_up
 

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from experiments.analysis.dataset.counting import counting
-from experiments.analysis.dataset.exclusions import excluded_participants
-from experiments.analysis.dataset.records import (
+from experiments.dataset.counting import counting
+from experiments.dataset.exclusions import excluded_participants
+from experiments.dataset.records import (
     Dataset,
     PageRecord,
     ParticipantRecord,

@@ -6,9 +6,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from experiments.analysis.dataset.records import FreezeRecord, RobotRecord
 from experiments.analysis.plan.preregistration import NO_PLAN, UNANSWERED, preregistration
 from experiments.analysis.plan.reporting_sheet import UNKNOWN, as_markdown, reporting_sheet
+from experiments.dataset.records import FreezeRecord, RobotRecord
 from experiments.definition.shipped import shipped
 from tests.support.analysis.planned import PLAN, hypothesis, plan_with, planned_study
 from tests.support.analysis.planned_data import planned_data

@@ -3,15 +3,15 @@ import dataclasses
 import msgspec
 import pytest
 
-from experiments.analysis.dataset.records import (
+from experiments.analysis.quality.answers import answer_flags, speeding, straight_lining
+from experiments.analysis.quality.flags import flags_of, network_flags
+from experiments.dataset.records import (
     Dataset,
     PageRecord,
     ParticipantRecord,
     ResponseRecord,
     SessionRecord,
 )
-from experiments.analysis.quality.answers import answer_flags, speeding, straight_lining
-from experiments.analysis.quality.flags import flags_of, network_flags
 from experiments.definition.recruitment.quality_flags import Grade
 from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped

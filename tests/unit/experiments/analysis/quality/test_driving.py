@@ -1,14 +1,15 @@
 import numpy as np
 import pytest
 
-from experiments.analysis.dataset.records import SessionRecord, columns_of
-from experiments.analysis.dataset.states import NETWORK, STATES
 from experiments.analysis.quality.driving import (
     frozen_video,
     input_lengths,
     never_moved,
     regular_input,
 )
+from experiments.dataset.columns import columns_of
+from experiments.dataset.records import SessionRecord
+from experiments.dataset.states import NETWORK, STATES
 from experiments.definition.recruitment.quality_flags import Grade
 
 RATE = 5.0  # states in a second

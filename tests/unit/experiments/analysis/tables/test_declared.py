@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from experiments.analysis.dataset.records import (
-    Dataset,
-    ParticipantRecord,
-    ResponseRecord,
-    SessionRecord,
-)
 from experiments.analysis.documents.latex import as_latex
 from experiments.analysis.metrics.definitions import METRICS
 from experiments.analysis.metrics.milestones import Milestones
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.tables.declared import declared
+from experiments.dataset.records import (
+    Dataset,
+    ParticipantRecord,
+    ResponseRecord,
+    SessionRecord,
+)
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped

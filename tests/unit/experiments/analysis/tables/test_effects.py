@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from experiments.analysis.dataset.records import Dataset, SessionRecord
 from experiments.analysis.metrics.definitions import METRICS
 from experiments.analysis.metrics.milestones import Milestones
 from experiments.analysis.metrics.sessions import Measured, measure_all
@@ -23,6 +22,7 @@ from experiments.analysis.tables.effects import (
     learnt,
     outcomes_by_condition,
 )
+from experiments.dataset.records import Dataset, SessionRecord
 from experiments.definition.shipped import shipped
 from tests.support.analysis.study_dataset import made_up
 

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.analysis.dataset.counting import counting
-from experiments.analysis.dataset.records import Dataset, PageRecord, ParticipantRecord
 from experiments.analysis.metrics.sessions import measure_all
 from experiments.analysis.report import reports
 from experiments.analysis.tables.flow import FLOW, STILL_THERE, fault_sides, flow, funnel, orders
+from experiments.dataset.counting import counting
+from experiments.dataset.records import Dataset, PageRecord, ParticipantRecord
 from experiments.definition.shipped import shipped
 from tests.support.analysis.every_ending import drive, every_ending
 from tests.support.analysis.planned import plan_with

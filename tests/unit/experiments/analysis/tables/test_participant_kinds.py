@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.analysis.dataset.records import ParticipantRecord
 from experiments.analysis.documents.latex import as_latex
 from experiments.analysis.figures.drawing import drawn_of_whom
 from experiments.analysis.figures.opinions import figure_8b
@@ -13,6 +12,7 @@ from experiments.analysis.plan.reporting_sheet import as_markdown
 from experiments.analysis.report import reports, write
 from experiments.analysis.tables.paper_tables import table_1
 from experiments.analysis.tables.participant_kinds import counted, note_of, of_whom, title_of
+from experiments.dataset.records import ParticipantRecord
 from tests.support.analysis.study_dataset import made_up
 
 SAID = "Simulated participants (bots)"

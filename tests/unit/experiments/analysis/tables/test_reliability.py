@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.analysis.dataset.records import SessionRecord
 from experiments.analysis.metrics.milestones import Milestones
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.tables.reliability import judge
+from experiments.dataset.records import SessionRecord
 from experiments.definition.schema import Quality
 
 RULES = Quality()

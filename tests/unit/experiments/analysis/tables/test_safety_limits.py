@@ -6,11 +6,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from experiments.analysis.dataset.columns import columns_of
-from experiments.analysis.dataset.records import Dataset, SessionRecord
-from experiments.analysis.dataset.states import STATES
 from experiments.analysis.metrics.sessions import measure
 from experiments.analysis.tables.safety_limits import safety_limits
+from experiments.dataset.columns import columns_of
+from experiments.dataset.records import Dataset, SessionRecord
+from experiments.dataset.states import STATES
 from experiments.definition.schema import Impairment, Network
 from experiments.definition.shipped import shipped
 

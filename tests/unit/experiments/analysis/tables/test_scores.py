@@ -9,12 +9,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from experiments.analysis.dataset.records import (
-    Dataset,
-    ResponseRecord,
-    RobotRecord,
-    SessionRecord,
-)
 from experiments.analysis.documents.latex import as_latex
 from experiments.analysis.figures.drawing import as_svg
 from experiments.analysis.metrics.sessions import measure_all
@@ -24,6 +18,12 @@ from experiments.analysis.tables.declared import Data
 from experiments.analysis.tables.paper_tables import table_4, table_5
 from experiments.analysis.tables.scale_reliability import reliability_table
 from experiments.analysis.tables.scores import score_tables
+from experiments.dataset.records import (
+    Dataset,
+    ResponseRecord,
+    RobotRecord,
+    SessionRecord,
+)
 from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped
 from experiments.research.analysis_topics import topic_of

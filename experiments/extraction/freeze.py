@@ -1,6 +1,6 @@
 """When the definition of a study was frozen, and whether its data came later."""
 
-from experiments.analysis.dataset.records import FreezeRecord
+from experiments.dataset.records import FreezeRecord
 from experiments.models import Participant, ParticipantKind, Study
 from experiments.versions import software_version
 

@@ -15,17 +15,17 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from experiments.analysis.dataset import code_book
-from experiments.analysis.dataset.columns import Column, Columns, Floats
-from experiments.analysis.dataset.names import (
+from experiments.dataset import code_book
+from experiments.dataset.columns import Column, Columns, Floats
+from experiments.dataset.names import (
     DatasetError,
     numbers_path,
     plan_path,
     questionnaire_paths,
     table_path,
 )
-from experiments.analysis.dataset.records import TABLES, Dataset, EventRecord
-from experiments.analysis.dataset.wide import wide_rows
+from experiments.dataset.records import TABLES, Dataset, EventRecord
+from experiments.dataset.wide import wide_rows
 from experiments.definition.schema import to_json as study_json
 from robots.api import floorplan
 from robots.files.csv_text import csv_text

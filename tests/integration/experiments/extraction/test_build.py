@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.analysis.dataset.columns import matrix_of
 from experiments.analysis.report import reports
-from experiments.dataset.build import dataset_of
+from experiments.dataset.columns import matrix_of
+from experiments.extraction.build import dataset_of
 from tests.support.analysis.study_dataset import made_up
 from tests.support.studies.study_rows import put
 

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import msgspec
 from django.db.models import QuerySet
 
-from experiments.analysis.dataset.levels import VERSIONED
-from experiments.analysis.dataset.records import SessionRecord
-from experiments.dataset.allow_list import BROWSERS, OS, device, end_reason
-from experiments.dataset.forms import NEAR, Release
-from experiments.dataset.people import people_of
-from experiments.dataset.selection import Selection
-from experiments.dataset.states import STORED
+from experiments.dataset.levels import VERSIONED
+from experiments.dataset.records import SessionRecord
 from experiments.definition.schema import Condition, StudyDefinition
+from experiments.extraction.allow_list import BROWSERS, OS, device, end_reason
+from experiments.extraction.forms import NEAR, Release
+from experiments.extraction.people import people_of
+from experiments.extraction.selection import Selection
+from experiments.extraction.states import STORED
 from experiments.models import Drive, Participant, Study
 from robots.api.messages import LabReport
 from robots.api.network_words import spell

@@ -8,17 +8,17 @@ import shutil
 import numpy as np
 import pytest
 
-from experiments.analysis.dataset.columns import columns_of, matrix_of
-from experiments.analysis.dataset.files import numbers
-from experiments.analysis.dataset.folder import DatasetError, put, read, write
-from experiments.analysis.dataset.records import (
+from experiments.dataset.columns import columns_of, matrix_of
+from experiments.dataset.files import numbers
+from experiments.dataset.folder import DatasetError, put, read, write
+from experiments.dataset.records import (
     Dataset,
     EventRecord,
     ParticipantRecord,
     ResponseRecord,
     SessionRecord,
 )
-from experiments.analysis.dataset.states import STATES
+from experiments.dataset.states import STATES
 from experiments.definition.shipped import shipped
 from tests.support.analysis.study_dataset import made_up
 from tests.support.studies.questionnaires import defined, item

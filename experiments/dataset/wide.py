@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from experiments.analysis.dataset.records import Dataset
+from experiments.dataset.records import Dataset
 from surveys.definition import Definition
 from surveys.scoring import WideTable
 

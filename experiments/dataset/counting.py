@@ -12,8 +12,8 @@ A participant who was assigned again counts in one cell: that of the first drive
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from experiments.analysis.dataset.exclusions import excluded_participants, exclusions
-from experiments.analysis.dataset.levels import (
+from experiments.dataset.exclusions import excluded_participants, exclusions
+from experiments.dataset.levels import (
     DRAWN_ANEW,
     EXCLUDED,
     EXCLUDED_BY_PLAN,
@@ -27,7 +27,7 @@ from experiments.analysis.dataset.levels import (
     WITHDRAWN,
     Kind,
 )
-from experiments.analysis.dataset.records import Dataset, ResponseRecord, SessionRecord
+from experiments.dataset.records import Dataset, ResponseRecord, SessionRecord
 from experiments.definition.factors import conditions_together
 from experiments.definition.schema import StudyDefinition
 

@@ -9,8 +9,8 @@ its page, from its first display to its end, by the server's clock.
 import statistics
 from collections.abc import Iterator, Sequence
 
-from experiments.analysis.dataset.levels import PLATFORM, WITHHELD
-from experiments.analysis.dataset.records import (
+from experiments.dataset.levels import PLATFORM, WITHHELD
+from experiments.dataset.records import (
     Dataset,
     PageRecord,
     PlanExclusion,

@@ -10,8 +10,9 @@ from typing import get_args
 import msgspec
 import pytest
 
-from experiments.dataset import allow_list
-from experiments.dataset.allow_list import (
+from experiments.definition.coding import Code, CodingScheme, Modifier
+from experiments.extraction import allow_list
+from experiments.extraction.allow_list import (
     CODING_EDIT,
     EVENTS,
     KEPT_BACK,
@@ -19,10 +20,9 @@ from experiments.dataset.allow_list import (
     coded,
     released,
 )
-from experiments.dataset.forms import Origin, Release, kept
-from experiments.dataset.pseudonyms import Pseudonyms
-from experiments.dataset.selection import Selection
-from experiments.definition.coding import Code, CodingScheme, Modifier
+from experiments.extraction.forms import Origin, Release, kept
+from experiments.extraction.pseudonyms import Pseudonyms
+from experiments.extraction.selection import Selection
 from experiments.models import CodingEdit
 from experiments.tasks.progress import EventType, ProgressEvent
 from robots.api import messages
@@ -35,8 +35,8 @@ from tests.support.paths import ROOT
 from tests.support.studies.traces import Known, traces
 
 DECIDE = (
-    "decide in experiments/dataset/allow_list.py what of it may leave in a pseudonymous dataset: "
-    "`withheld` (or KEPT_BACK for a whole kind) keeps it back"
+    "decide in experiments/extraction/allow_list.py what of it may leave in a pseudonymous "
+    "dataset: `withheld` (or KEPT_BACK for a whole kind) keeps it back"
 )
 GRANTED = 1_777_885_200.25
 RELEASE = Release(Pseudonyms("5e" * 32), Selection(), frozenset({"hall"}), frozenset({"hello"}))

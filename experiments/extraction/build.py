@@ -9,21 +9,21 @@ export, as they are written.
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 
-from experiments.analysis.dataset.columns import Columns
-from experiments.analysis.dataset.counting import with_reasons
-from experiments.analysis.dataset.records import Dataset
-from experiments.analysis.dataset.states import NO_NETWORK, NO_STATES
-from experiments.dataset.answers import questionnaires_of, responses_of
-from experiments.dataset.events import events_of, page_offset
-from experiments.dataset.forms import Release
-from experiments.dataset.freeze import freeze_of
-from experiments.dataset.people import Round, pages_of, participants_of
-from experiments.dataset.pseudonyms import Pseudonyms
-from experiments.dataset.robots import plans_of, robots_of
-from experiments.dataset.selection import Selection
-from experiments.dataset.sessions import drives_of, granted, sessions_of
-from experiments.dataset.states import network_of, states_of
+from experiments.dataset.columns import Columns
+from experiments.dataset.counting import with_reasons
+from experiments.dataset.records import Dataset
+from experiments.dataset.states import NO_NETWORK, NO_STATES
 from experiments.definition.publication import from_stored
+from experiments.extraction.answers import questionnaires_of, responses_of
+from experiments.extraction.events import events_of, page_offset
+from experiments.extraction.forms import Release
+from experiments.extraction.freeze import freeze_of
+from experiments.extraction.people import Round, pages_of, participants_of
+from experiments.extraction.pseudonyms import Pseudonyms
+from experiments.extraction.robots import plans_of, robots_of
+from experiments.extraction.selection import Selection
+from experiments.extraction.sessions import drives_of, granted, sessions_of
+from experiments.extraction.states import network_of, states_of
 from experiments.models import Drive, Study
 
 ANALYSED = Selection(sources=("task",))  # tables and figures ask for no other events

@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import pytest
 
-from experiments.analysis.dataset.counting import counting, visits_of, with_reasons
-from experiments.analysis.dataset.folder import read, write
-from experiments.analysis.dataset.levels import UNCOUNTED
-from experiments.analysis.dataset.records import ResponseRecord
 from experiments.analysis.metrics.definitions import METRICS
 from experiments.analysis.metrics.sessions import measure_all
 from experiments.analysis.report import reports
 from experiments.analysis.tables.effects import compare_conditions, learning
 from experiments.analysis.tables.paper_tables import table_1, table_5
 from experiments.analysis.tables.people import participants_table
+from experiments.dataset.counting import counting, visits_of, with_reasons
+from experiments.dataset.folder import read, write
+from experiments.dataset.levels import UNCOUNTED
+from experiments.dataset.records import ResponseRecord
 from experiments.definition.shipped import shipped
 from tests.support.analysis.every_ending import drive, every_ending
 from tests.support.analysis.planned import plan_with

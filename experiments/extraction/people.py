@@ -6,11 +6,11 @@ from collections.abc import Iterable, Mapping
 
 from django.db.models import Q, QuerySet
 
-from experiments.analysis.dataset.levels import AGE_BANDS, AGE_LIMITS, TURNED_AWAY, WITHDREW
-from experiments.analysis.dataset.records import PageRecord, ParticipantRecord
-from experiments.dataset.selection import Selection
-from experiments.dataset.stages import stages_of
+from experiments.dataset.levels import AGE_BANDS, AGE_LIMITS, TURNED_AWAY, WITHDREW
+from experiments.dataset.records import PageRecord, ParticipantRecord
 from experiments.definition.schema import StudyDefinition
+from experiments.extraction.selection import Selection
+from experiments.extraction.stages import stages_of
 from experiments.models import SCREENED_OUT, ConsentReceipt, Draw, Drive, StepVisit, Study
 from experiments.models import Participant as Row
 

@@ -4,11 +4,11 @@ order.
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from experiments.analysis.dataset.levels import WITHHELD
-from experiments.analysis.dataset.records import ResponseRecord
-from experiments.dataset.people import Round, people_of
-from experiments.dataset.pseudonyms import Pseudonyms
-from experiments.dataset.selection import Selection
+from experiments.dataset.levels import WITHHELD
+from experiments.dataset.records import ResponseRecord
+from experiments.extraction.people import Round, people_of
+from experiments.extraction.pseudonyms import Pseudonyms
+from experiments.extraction.selection import Selection
 from experiments.models import Participant, Study
 from surveys import questionnaires
 from surveys.answers import AnswerValue

@@ -6,11 +6,11 @@ from typing import get_args
 
 import pytest
 
-from experiments.analysis.dataset.code_book import description
-from experiments.analysis.dataset.levels import END_REASONS, WITHHELD, Kind, explained
-from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.metrics.definitions import METRICS
 from experiments.analysis.metrics.milestones import ENDED, STARTED
+from experiments.dataset.code_book import description
+from experiments.dataset.levels import END_REASONS, WITHHELD, Kind, explained
+from experiments.dataset.records import Dataset
 from experiments.definition.conditions import ASPECTS
 from experiments.definition.design import ControlWay
 from experiments.definition.schema import Outcome

@@ -5,7 +5,7 @@ from typing import Any
 
 import msgspec
 
-from experiments.analysis.dataset.records import RobotRecord
+from experiments.dataset.records import RobotRecord
 from experiments.definition.schema import StudyDefinition
 from robots.api import floorplan
 from robots.api.floorplan import FloorPlan

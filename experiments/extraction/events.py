@@ -7,10 +7,10 @@ from collections.abc import Iterable, Iterator
 
 from django.db.models import F, Min
 
-from experiments.analysis.dataset.records import EventRecord
-from experiments.dataset.allow_list import released
-from experiments.dataset.forms import NEAR, Origin, Release
-from experiments.dataset.sessions import granted
+from experiments.dataset.records import EventRecord
+from experiments.extraction.allow_list import released
+from experiments.extraction.forms import NEAR, Origin, Release
+from experiments.extraction.sessions import granted
 from experiments.models import Drive, TaskEvent
 from experiments.stored_states import clock_offsets
 from sessions.models import NetworkSample, SessionEvent

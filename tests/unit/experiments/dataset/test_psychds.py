@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.analysis.dataset.code_book import description
-from experiments.analysis.dataset.folder import read, write
-from experiments.analysis.dataset.names import keyword_values, questionnaire_paths
-from experiments.analysis.dataset.records import Dataset
+from experiments.dataset.code_book import description
+from experiments.dataset.folder import read, write
+from experiments.dataset.names import keyword_values, questionnaire_paths
+from experiments.dataset.records import Dataset
 from experiments.definition.publication import Author, PublicationDetails
 from experiments.definition.shipped import shipped
 from tests.support.analysis import psychds_rules

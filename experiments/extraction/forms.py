@@ -1,6 +1,6 @@
 """In which form a value leaves in a dataset: as a number, a known word, a pseudonym, a time
-relative to the grant, or not at all. Which field has which form, experiments/dataset/allow_list.py
-says.
+relative to the grant, or not at all. experiments/extraction/allow_list.py lists which field has
+which form.
 
 A form takes a value as it is stored and returns what leaves, or `NOTHING`. A value that is not what
 its form expects does not leave: who sent it may be a robot, or a page, that somebody changed.
@@ -14,8 +14,8 @@ from typing import Any, Final
 
 from django.conf import settings
 
-from experiments.dataset.pseudonyms import Pseudonyms
-from experiments.dataset.selection import Selection
+from experiments.extraction.pseudonyms import Pseudonyms
+from experiments.extraction.selection import Selection
 
 NOTHING: Final = object()
 NEAR = 86_400.0  # s: clocks that differ by more have not been set

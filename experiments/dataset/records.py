@@ -13,10 +13,10 @@ from typing import Annotated, Any
 
 import msgspec
 
-from experiments.analysis.dataset import columns, levels
-from experiments.analysis.dataset.columns import NO_YES, REQUIRED, column, described
-from experiments.analysis.dataset.levels import PLATFORM, Kind
-from experiments.analysis.dataset.states import NO_NETWORK, NO_STATES
+from experiments.dataset import levels
+from experiments.dataset.columns import NO_YES, REQUIRED, Columns, column, described
+from experiments.dataset.levels import PLATFORM, Kind
+from experiments.dataset.states import NO_NETWORK, NO_STATES
 from experiments.definition.publication import PublicationDetails
 from experiments.definition.schema import Course, StudyDefinition
 from robots.api.floorplan import FloorPlan
@@ -24,9 +24,6 @@ from surveys.definition import Definition
 from surveys.documents import spoken
 
 NAN = float("nan")
-Floats = columns.Floats
-Columns = columns.Columns
-columns_of = columns.columns_of
 COMPLETED = "completed"
 # The drives that count, and a sensitivity analysis: those and the excluded ones. Both are the names
 # of folders in a report.

@@ -25,10 +25,10 @@ from typing import Any, get_type_hints
 import msgspec
 import numpy as np
 
-from experiments.analysis.dataset.columns import Column, Columns, columns_of, declared
-from experiments.analysis.dataset.files import File, contents
-from experiments.analysis.dataset.names import DatasetError, numbers_path, table_path
-from experiments.analysis.dataset.records import (
+from experiments.dataset.columns import Column, Columns, columns_of, declared
+from experiments.dataset.files import File, contents
+from experiments.dataset.names import DatasetError, numbers_path, table_path
+from experiments.dataset.records import (
     TABLES,
     AnswerRecord,
     Dataset,
@@ -36,7 +36,7 @@ from experiments.analysis.dataset.records import (
     ResponseRecord,
     RobotRecord,
 )
-from experiments.analysis.dataset.states import NETWORK, STATES
+from experiments.dataset.states import NETWORK, STATES
 from experiments.definition.publication import PublicationDetails, from_json_ld
 from experiments.definition.schema import StudyDefinition
 from robots.api import floorplan

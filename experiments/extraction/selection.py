@@ -1,10 +1,10 @@
 """What goes into a dataset: pseudonymous unless somebody who may decides otherwise. What a
-pseudonymous one has of each event, experiments/dataset/allow_list.py says.
+pseudonymous one has of each event, experiments/extraction/allow_list.py says.
 """
 
 from dataclasses import dataclass
 
-from experiments.analysis.dataset import levels
+from experiments.dataset import levels
 
 SOURCES = tuple(levels.SOURCES)
 

@@ -11,11 +11,11 @@ from dataclasses import replace
 from itertools import chain
 from typing import Any
 
-from experiments.analysis.dataset.columns import TIMES, Column, declared
-from experiments.analysis.dataset.levels import MISSING, Levels
-from experiments.analysis.dataset.records import TABLES, AnswerRecord, Dataset
-from experiments.analysis.dataset.states import NETWORK, STATES
-from experiments.analysis.dataset.wide import wide_head
+from experiments.dataset.columns import TIMES, Column, declared
+from experiments.dataset.levels import MISSING, Levels
+from experiments.dataset.records import TABLES, AnswerRecord, Dataset
+from experiments.dataset.states import NETWORK, STATES
+from experiments.dataset.wide import wide_head
 from experiments.definition.publication import json_ld
 from surveys.definition import Definition
 from surveys.documents import spoken

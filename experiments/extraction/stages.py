@@ -12,7 +12,7 @@ EXPOSED = Q(exposed_at__isnull=False) | Q(session__first_motion_at__isnull=False
 
 
 def stages_of(study: Study, rows: Iterable[Participant]) -> dict[Any, str]:
-    """Return the last stage that each participant reached (experiments.analysis.dataset.levels
+    """Return the last stage that each participant reached (experiments.dataset.levels
     STAGES), by key; of those who withdrew what they had reached then.
 
     `ended` needs a drive of the task that ended with an outcome, `answered` also a finished

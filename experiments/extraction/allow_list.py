@@ -1,10 +1,11 @@
 """What may leave in a pseudonymous dataset: of each kind of event and message each field, and in
-which form (experiments/dataset/forms.py).
+which form (experiments/extraction/forms.py).
 
 What is not listed here does not leave. Whoever adds a kind of message, of event, or a field to one,
-decides here: `withheld` keeps it back, and tests/unit/experiments/dataset/test_allow_list.py fails
-until there is an entry. Ids leave as pseudonyms or not at all, times relative to the grant; hashes,
-names, addresses and the counters of a robot's run never leave.
+decides here: `withheld` keeps it back, and
+tests/unit/experiments/extraction/test_allow_list.py fails until there is an entry. Ids leave as
+pseudonyms or not at all, times relative to the grant; hashes, names, addresses and the counters of
+a robot's run never leave.
 
 An identified dataset has events as they are stored.
 """
@@ -14,10 +15,10 @@ from typing import Any, get_args
 
 import msgspec
 
-from experiments.analysis.dataset.columns import Column, declared
-from experiments.analysis.dataset.levels import END_REASONS
-from experiments.analysis.dataset.records import EventRecord
-from experiments.analysis.dataset.states import (
+from experiments.dataset.columns import Column, declared
+from experiments.dataset.levels import END_REASONS
+from experiments.dataset.records import EventRecord
+from experiments.dataset.states import (
     StoredBattery,
     StoredCommand,
     StoredPose,
@@ -25,7 +26,10 @@ from experiments.analysis.dataset.states import (
     StoredState,
     StoredVelocity,
 )
-from experiments.dataset.forms import (
+from experiments.definition.coding import CodingScheme
+from experiments.definition.cues import CueKey
+from experiments.definition.schema import Outcome
+from experiments.extraction.forms import (
     Form,
     Origin,
     PrivateForm,
@@ -46,9 +50,6 @@ from experiments.dataset.forms import (
     withheld,
     words,
 )
-from experiments.definition.coding import CodingScheme
-from experiments.definition.cues import CueKey
-from experiments.definition.schema import Outcome
 from robots.api import messages as m
 from robots.readiness_text import WORDS as READINESS
 from sessions import protocol as p
