@@ -17,7 +17,10 @@ export const newSlice = () => ({
    * the visit, the last stop of the robot when it began, and whether it is decided if the robot
    * leaves its station for its driver; null before the first
    */
-  arrival: /** @type {{session: string, stopId: string | null, isOver: boolean} | null} */ (null),
+  arrival:
+    /** @type {{session: string, stopId: string | null, isOver: boolean, since: number} | null} */ (
+      null
+    ),
   /** a point being chosen on the map */
   aim: /** @type {PendingAim | null} */ (null),
   /** whether this person has used a point of the map before */

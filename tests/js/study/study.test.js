@@ -109,7 +109,7 @@ const state = (more = {}, visit = {}) => ({
   told: told(),
   now: 100,
   playing: true,
-  arrival: { session: "s", stopId: null, isOver: true },
+  arrival: { session: "s", stopId: null, isOver: true, since: 0 },
   robot: robot(),
   factsheet: { capabilities: ["velocity", "goto", "dock", "undock", "relocalize", "assist"] },
   visit: {
