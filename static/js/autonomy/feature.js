@@ -255,7 +255,7 @@ const newListeners = ({ store }) => ({
       store.update({ assistAsked: null });
     }
   },
-  /** Steering dismisses a failure unless the page drives to a point; at the dock it hints. */
+  /** Steering hides a failure, unless the page drives to a point; at the dock it shows a hint. */
   steered: (/** @type {{linear: number, angular: number}} */ { linear, angular }) => {
     const { task, pushedAt, said, maneuver } = store.get();
     if ((linear !== 0 || angular !== 0) && said?.word.startsWith("point.") && maneuver === null) {
