@@ -135,6 +135,45 @@ def test_a_recruit_who_leaves_the_robot_unmoved_reads_so_and_returns(robot, arri
 
 
 @pytest.mark.nightly
+@pytest.mark.parametrize("size", ["phone", "desktop"])
+def test_a_recruit_whose_time_ran_out_returns_with_the_code_for_that(robot, arrive, size):
+    study = p.published(p.of("exploration"), entry="code")
+    page = arrive(size, "5f0c")
+    page.get_by_role("button", name="Take part").click()
+    agree(page)
+    skip_questions(page)
+    read_on(page)
+    participant = p.assign(Participant.objects.get(), "giraff_open")
+    p.drive_of(robot, participant, outcome="timed_out", moved=True)
+    page.goto(f"{FRONT}step/")
+    skip_questions(page)
+    expect(page.get_by_text("Your driving time ran out")).to_be_visible()
+    check(page, "timed-out")
+    page.get_by_role("link", name="Return to Prolific").click()
+    code = completion.code(study, "timed_out")
+    expect(page.get_by_text(f"complete?cc={code}")).to_be_visible()
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("size", ["phone", "desktop"])
+def test_an_answer_screens_a_recruit_out_who_returns_and_stays_out(robot, arrive, size):
+    rule = {"questionnaire": "ict", "item": "videogames", "at_least": 4}
+    definition = p.of("exploration", screening=[rule], turned_away_code=True)
+    study = p.published(definition, entry="code")
+    page = arrive(size, "5f0c")
+    page.get_by_role("button", name="Take part").click()
+    agree(page)
+    skip_questions(page)
+    check(page, "screened-out")
+    page.get_by_role("link", name="Return to Prolific").click()
+    code = completion.code(study, "screened_out")
+    expect(page.get_by_text(f"complete?cc={code}")).to_be_visible()
+    again = arrive(size, "5f0c")
+    expect(again.get_by_role("button", name="Take part")).to_have_count(0)
+    check(again, "screened-out-again")
+
+
+@pytest.mark.nightly
 def test_a_minor_names_a_guardian_and_a_phone_without_a_computer_is_turned_away(robot, arrive):
     p.published(p.of("exploration", devices=["computer"], turned_away_code=True), entry="code")
     page = arrive("desktop", "minor")
