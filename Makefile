@@ -39,7 +39,7 @@ setup-psychds:
 test-packages:
 	@sh deploy/test_packages.sh
 
-# ESLint and Prettier, for the pages' scripts; npm is one of the tests' packages.
+# ESLint, TypeScript's checker and Prettier, for the pages' scripts; npm is one of the tests' packages.
 node_modules/installed: package-lock.json
 	@command -v npm >/dev/null || { echo "npm is missing: install it with 'sudo apt install npm'." >&2; exit 1; }
 	npm ci --ignore-scripts --no-audit --no-fund --loglevel=error

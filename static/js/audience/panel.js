@@ -174,7 +174,7 @@ const createForm = ({ element, words, connection }) => {
   const field = /** @type {HTMLInputElement} */ (element("ask-field"));
   let asked = ""; // on its way to the server
   let note = "audience.hint";
-  element("ask-form").addEventListener("submit", (event) => {
+  element("ask-form").addEventListener("submit", (/** @type {Event} */ event) => {
     event.preventDefault();
     const text = field.value.trim();
     if (text) {

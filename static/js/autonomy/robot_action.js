@@ -58,7 +58,9 @@ export const wishOf = ({ type, title, fields }) => ({ type, title, ...fields });
 
 /**
  * The action as it is sent.
- * @param {RobotAction} action @param {{session: string, epoch: number}} binding @param {number} now
+ * @param {RobotAction} action
+ * @param {{session?: string, epoch?: number}} binding
+ * @param {number} now
  */
 export const messageOf = ({ id, type, fields }, binding, now) => ({
   type,

@@ -1,10 +1,10 @@
 /**
- * What the features of the drive page bring: handlers for messages, actions for buttons, keys, a
- * render function and listeners for what happens on the page. page.js registers them; nothing else
- * knows which there are. One that comes later than the first hears of what it missed.
+ * What the features of the drive page provide: handlers for messages, actions for buttons, keys, a
+ * render function and listeners to events of the page. Only page.js knows which features exist. A
+ * feature that is loaded later gets the messages and events from before.
  */
 
-/** What comes again by itself before anybody misses it. */
+/** Repeated soon, so not kept for later features. */
 const PASSING = new Set([
   "tick",
   "poll",

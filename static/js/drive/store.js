@@ -1,6 +1,6 @@
 /**
- * A small store: changes are merged, and subscribers hear of them once a frame. Each
- * feature brings a slice of it.
+ * A small store: changes are merged, and subscribers are called once a frame. Each feature has a
+ * slice of it.
  * @template {object} State
  * @param {State} initial
  * @param {(callback: () => void) => unknown} [frame]

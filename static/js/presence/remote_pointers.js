@@ -30,7 +30,12 @@ const POLL_MS = 100; // between two looks at whether a pointer is to go
 export class RemotePointers {
   /** @param {Options} options */
   constructor({ video, layer, own, hovers, say, onLift = () => undefined }) {
-    Object.assign(this, { video, layer, own, hovers, say, onLift });
+    this.video = video;
+    this.layer = layer;
+    this.own = own;
+    this.hovers = hovers;
+    this.say = say;
+    this.onLift = onLift;
     const side = (/** @type {Side} */ name) => ({
       pointer: new RemotePointer(),
       element: /** @type {HTMLElement} */ (layer.querySelector(`.remote-pointer--${name}`)),

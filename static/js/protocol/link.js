@@ -132,7 +132,7 @@ export class Link {
   /** The robot was heard on the data channel. @param {number} now */
   heard(now) {
     if (this.peer) {
-      this.peer.heardAt = now;
+      /** @type {import("./peer.js").Peer} */ (this.peer).heardAt = now;
     }
   }
 

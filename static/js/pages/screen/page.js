@@ -104,13 +104,13 @@ const socket = new Socket({
 const link = new Link({
   makePeer: (role) =>
     new Peer({
-      role,
+      role: /** @type {any} */ (role),
       gives: true,
       onSignal: (message) => socket.send(encodePacket("signal", message)),
       onPacket: (packet) => receive(packet, true),
     }),
   onDropping: () => undefined,
-  onOpening: (peer) => {
+  onOpening: (/** @type {any} */ peer) => {
     video.srcObject = new MediaStream([peer.video.track]);
     audio.srcObject = new MediaStream([peer.audio.track]);
     void hear();
@@ -118,7 +118,7 @@ const link = new Link({
   onLive: () => {
     attempt = 0;
     if (link.peer) {
-      void mediaSender.to(link.peer);
+      void mediaSender.to(/** @type {Peer} */ (link.peer));
     }
     show();
   },

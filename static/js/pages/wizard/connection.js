@@ -107,12 +107,12 @@ const newLink = ({ viewport, shown, socket, clockSync, told, receive }) => {
   const link = new Link({
     makePeer: (role) =>
       new Peer({
-        role,
+        role: /** @type {any} */ (role),
         onSignal: (message) => socket.send(encodePacket("signal", message)),
         onPacket: (packet) => receive(packet, "datachannel"),
       }),
     onDropping: () => viewport.freeze(),
-    onOpening: (peer) => {
+    onOpening: (/** @type {any} */ peer) => {
       shown.reset();
       clockSync.reset("datachannel");
       viewport.attach(peer.video, peer.audio);

@@ -97,7 +97,7 @@ const serverAlert = (state) => {
 
 /** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
 const diskAlert = ({ visit, faults }) => {
-  const fault = roleOf(visit) && faults.find(({ then }) => then === "goes_on");
+  const fault = roleOf(visit) && faults.find((/** @type {any} */ { then }) => then === "goes_on");
   return fault ? { word: `fault.${fault.part}`, tone: "busy" } : null;
 };
 

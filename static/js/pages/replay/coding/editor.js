@@ -26,6 +26,7 @@ export const make = (tag, name, text = "") => {
  * @param {() => string} page.newId
  * @param {(edits: Edit[]) => void} page.change
  * @param {(t: number) => void} page.seek
+ * @param {(text: string) => void} page.say
  * @returns {HTMLElement}
  */
 export const createEditor = (event, code, words, page) => {

@@ -116,6 +116,7 @@ const created = (code, begin, newId) => ({
  */
 export const moved = (event, side, at, duration, newId) => {
   const t = rounded(Math.min(Math.max(at, 0), duration));
-  const { begin, end } = { ...event, [side]: t };
+  const begin = side === "begin" ? t : event.begin;
+  const end = side === "end" ? t : event.end;
   return end === null || end > begin ? edited(event, { begin, end }, newId) : null;
 };

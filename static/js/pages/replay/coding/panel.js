@@ -38,7 +38,11 @@ export class CodingPanel {
    * @param {{now: () => number, seek: (t: number) => void, duration: number}} player
    */
   constructor(element, config, words, player) {
-    Object.assign(this, { element, config, words, player });
+    this.element = element;
+    this.config = config;
+    this.words = words;
+    this.player = player;
+    this.drawn = "";
     /** @type {Code[]} */
     this.codes = config.codes;
     /** @type {CodedEvent[]} what the server has */
