@@ -40,6 +40,8 @@ const newSlice = () => ({
   network: /** @type {any} */ (null),
 });
 
+/** @typedef {ReturnType<typeof newSlice>} Slice */
+
 /** @param {import("./registry.js").Page} page */
 const setUp = (page) => {
   const { store } = page;

@@ -53,4 +53,16 @@ export const SLICES = [
 export const newState = () =>
   /** @type {State} */ (Object.assign({}, ...SLICES.map((newSlice) => newSlice())));
 
-/** @typedef {any} State */
+/**
+ * @typedef {import("./connection.js").Slice
+ *   & import("./session.js").Slice
+ *   & import("../view/video/feature.js").Slice
+ *   & import("../input/feature.js").Slice
+ *   & import("../waiting/feature.js").Slice
+ *   & import("../view/map/state.js").Slice
+ *   & import("../view/overlay/state.js").Slice
+ *   & import("../autonomy/state.js").Slice
+ *   & import("../study/state.js").Slice
+ *   & import("../presence/state.js").Slice
+ *   & import("../view/display/state.js").Slice} State
+ */

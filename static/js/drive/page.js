@@ -41,10 +41,11 @@ const given = {
 if (parent === window) {
   delete element("drive-page").dataset.framed; // a page of its own has ways out of its own
 }
-const store = createStore({ ...newState(), ...given });
+const store = createStore(
+  /** @type {import("./features.js").State} */ ({ ...newState(), ...given }),
+);
 
-/** @type {import("./registry.js").Page} */
-const page = {
+const page = /** @type {import("./registry.js").Page} */ ({
   config,
   words,
   element,
@@ -67,12 +68,12 @@ const page = {
   },
   /** Opens the page's connection. */
   begin: () => begin(),
-};
+});
 
 /** @param {import("./registry.js").Feature} feature */
 const setUp = (feature) => {
   const parts = feature.setUp(page);
-  page[feature.name] = parts.api;
+  Object.assign(page, { [feature.name]: parts.api });
   page.keys.addCommands(parts.keys ?? {});
   registry.add(parts);
 };

@@ -37,8 +37,25 @@ const PASSING = new Set([
  * @property {(state: any) => void} [render] state into the page's elements, once a frame
  * @property {Record<string, (...values: any[]) => void>} [on] by the name of what happens
  *
- * @typedef {any} Page what every feature is given: store, config, words, element, keys, act, emit,
- *   and the `api` of each feature
+ * @typedef {object} Page what every feature gets, with the `api` of the other features
+ * @property {any} config from the template
+ * @property {import("../lib/words.js").Words} words
+ * @property {(id: string) => HTMLElement} element
+ * @property {import("./store.js").Store} store
+ * @property {import("../input/key_dispatcher.js").KeyDispatcher} keys
+ * @property {(own: Record<string, string[]>) => void} useKeys
+ * @property {Registry["handle"]} handle
+ * @property {Registry["emit"]} emit
+ * @property {(action: string) => void} act
+ * @property {() => void} begin
+ * @property {any} connection
+ * @property {any} session
+ * @property {any} video
+ * @property {any} driving
+ * @property {any} waiting
+ * @property {any} map
+ * @property {any} autonomy
+ * @property {any} presence
  */
 
 export class Registry {

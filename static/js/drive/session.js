@@ -62,6 +62,8 @@ const newSlice = () => ({
   now: 0,
 });
 
+/** @typedef {ReturnType<typeof newSlice>} Slice */
+
 /** @param {import("./registry.js").Page} page */
 const setUp = (page) => {
   const { store, config, element, keys } = page;

@@ -37,7 +37,4 @@ export const createStore = (initial, frame = (callback) => requestAnimationFrame
   };
 };
 
-/**
- * @typedef {{get: () => any, update: (changes: object) => void, flush: () => void,
- *   subscribe: (subscriber: (state: any) => void) => void}} Store
- */
+/** @typedef {ReturnType<typeof createStore<import("./features.js").State>>} Store */

@@ -79,7 +79,7 @@ export const createOwnKeys = ({ element, words, keys: { keymap }, config, useKey
 
 /**
  * What stands on the button of a command.
- * @param {string[]} own its keys
+ * @param {readonly string[]} own its keys
  * @param {import("../lib/words.js").Words} words
  */
 const signsOf = (own, words) =>

@@ -1,15 +1,14 @@
 /**
- * The visit: what this page is to the robot, from the first connection to the last word. Pure:
- * `reduce` takes a visit and something that happened and returns the next visit and what is to be
- * done about it; drive/session.js does it.
+ * The visit: the page's relation to the robot. Pure: `reduce` takes a visit and an event, and
+ * returns the next visit and the effects, which drive/session.js carries out.
  *
  *   connecting → lobby → taking → driving → ended
  *                      ↘ queued → turn ↗
  *                      ↘ watching            refused, closed: with the reason
  *
- * A lost WebSocket changes no phase: the drive goes on over the data channel, and what was wanted
- * is asked for again. A lost media link changes no phase either: the robot stops by itself, and a
- * new link is opened until one lives.
+ * A lost WebSocket changes no phase: the drive continues over the data channel, and `wanted` is
+ * requested again. A lost media link changes no phase either: the robot stops by itself, and the
+ * page opens links until one connects.
  */
 
 import { isPassing } from "./denials.js";
@@ -23,48 +22,40 @@ import { areCredentialsOld } from "./relay_credentials.js";
  * @property {Phase} phase
  * @property {"connecting" | "open" | "lost"} socket
  * @property {"none" | "connecting" | "live" | "lost"} link the media link to the robot
- * @property {"nothing" | "drive" | "watch"} wanted what is asked for again when the WebSocket is
- *   back
+ * @property {"nothing" | "drive" | "watch"} wanted requested again with a new WebSocket
  * @property {boolean} online whether the robot is connected, as far as the server knows
- * @property {boolean} serverBlind the server knows nothing about robots at the moment
+ * @property {boolean} serverBlind the server has no state of any robot
  * @property {boolean} mayDrive
  * @property {boolean} mayObserve
  * @property {boolean} liveElsewhere the visitor drives this robot on another page
- * @property {number | null} liveSince since when, Unix time; without `liveElsewhere` that page is
- *   gone
+ * @property {number | null} liveSince Unix time; without `liveElsewhere` that page is closed
  * @property {string | null} session the visit's id at the server
  * @property {string | null} peer this page's id while it drives; secret
  * @property {number} epoch of the lease
  * @property {boolean} returning the visitor drove before: on another page, or before a reload
- * @property {boolean} takeover this very tab left the session a moment ago, so it may take it back
- *   without asking
+ * @property {boolean} takeover this tab has just left the session, and may take it back
  * @property {boolean} fresh start again without a session when the remembered one is over
  * @property {RTCIceServer[]} iceServers
- * @property {number} iceAt when they came, Unix time; relays take their credentials for six hours
- * @property {boolean} sfu whether the page watches through the server's SFU, and not the robot
- *   itself
+ * @property {number} iceAt when they arrived, Unix time; they are valid for six hours
+ * @property {boolean} sfu whether the page watches through the server's SFU
  * @property {boolean} sfuLost the SFU does not work at the moment
  * @property {{linear: number | null, angular: number | null, frameAge: number | null}} limits of
  *   the lease
- * @property {any} terms what somebody has fixed for the visit: sessions/protocol.py GrantedTerms;
- *   null for nothing
+ * @property {any} terms of the visit: sessions/protocol.py GrantedTerms; or null
  * @property {number} attempt how many links in a row have failed
  * @property {number} place in the queue, 1 is next
  * @property {number} minutes estimated until the turn
- * @property {string} pause why a robot that nobody drives is not ready: `returning`, `charging`,
- *   `paused` or `start` (of a study), a colon, and its reason
- * @property {number | null} pressedAt Unix time at which the visitor pressed what asks for the
- *   robot
+ * @property {string} pause why a free robot is not ready: `returning`, `charging`, `paused` or
+ *   `start` (of a study), a colon, and its reason
+ * @property {number | null} pressedAt Unix time at which the visitor requested the robot
  * @property {number | null} startBy Unix time until which an offered turn can be accepted
- * @property {number | null} askedUntil Unix time until which the visitor must give a sign of being
- *   there; null while nobody asks
- * @property {number | null} signingUntil Unix time until which a sign that was asked for is given
- *   again; null once the server has it
+ * @property {number | null} askedUntil Unix time until which the visitor must show activity
+ * @property {number | null} signingUntil Unix time until which the page repeats a sign of activity;
+ *   null once the server has it
  * @property {number | null} turnEnds Unix time at which the turn ends, once the server has warned
- * @property {{session: string, peer?: string} | null} unsaid a visit that was left and whose end
- *   the server has not confirmed
- * @property {boolean} observesAgain whether video was denied while the visitor waits, and is asked
- *   for again
+ * @property {{session: string, peer?: string} | null} unsaid a visit that was left without the
+ *   server's confirmation
+ * @property {boolean} observesAgain whether to request the denied video again during the wait
  * @property {string} reason why it was refused, ended or closed, in one of the server's words
  */
 
@@ -110,8 +101,8 @@ export const newVisit = () => ({
 });
 
 /**
- * s after a press on "drive" in which a turn that comes needs no other: whoever leaves a robot has
- * it for a moment longer than they see.
+ * s after a press on "drive" in which an offered turn needs no other press: the visitor before has
+ * the robot for a moment longer than the page shows.
  */
 const STILL_PRESSED = 5;
 

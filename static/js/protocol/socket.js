@@ -1,6 +1,6 @@
 /**
- * The page's WebSocket: connects for ever, with back-off and jitter, at once when the browser says
- * that the network is back. It knows packets, not their meaning.
+ * The page's WebSocket: reconnects for ever, with back-off and jitter, and at once when the browser
+ * reports a network.
  */
 
 import { backoff } from "../lib/backoff.js";
@@ -68,8 +68,7 @@ export class Socket {
 
   /**
    * @param {string} packet
-   * @param {{droppable?: boolean}} [options] droppable packets are too old to be of use when they
-   *   would have to wait
+   * @param {{droppable?: boolean}} [options] droppable packets do not wait: they would be too old
    * @returns {boolean} whether it was handed to the network
    */
   send(packet, { droppable = false } = {}) {

@@ -4,3 +4,5 @@ export const newSlice = () => ({
   /** the profile that the visitor chose, null as long as it is not: profiles.js */
   profile: /** @type {string | null} */ (null),
 });
+
+/** @typedef {ReturnType<typeof newSlice>} Slice */

@@ -264,7 +264,7 @@ const ended = (reason, { guest, practising }, goesHome) => {
  */
 const elsewhere = ({ visit: { liveSince }, elsewhere: where }) => ({
   word: where ? `elsewhere.${where}` : "elsewhere",
-  detail: liveSince && { word: "elsewhere.since", values: { time: timeOfDay(liveSince) } },
+  detail: liveSince ? { word: "elsewhere.since", values: { time: timeOfDay(liveSince) } } : null,
   main: TAKE_OVER,
   other: HOME,
 });
@@ -278,13 +278,14 @@ const timeOfDay = (stamp) =>
   });
 
 /** @param {import("../../drive/features.js").State} state @returns {Card} */
-const lobby = ({ visit, room, robot, ...state }) => {
+const lobby = (state) => {
+  const { visit, room, robot } = state;
   const watch = { action: "watch", word: "do.watch" };
   if (visit.socket !== "open") {
     return { word: "connecting", busy: true };
   }
   if (visit.liveElsewhere && visit.mayDrive) {
-    return elsewhere({ visit, ...state });
+    return elsewhere(state);
   }
   if (visit.liveSince !== null && visit.mayDrive && visit.online) {
     return { word: "lobby.own", main: { action: "drive", word: "do.go_on" }, other: HOME };
@@ -312,7 +313,7 @@ const lobby = ({ visit, room, robot, ...state }) => {
     };
   }
   const [standstill, why] = [standstillOf(robot), betweenVisits(room.pause)];
-  const leaves = setsOut({ visit, robot, ...state });
+  const leaves = setsOut(state);
   const word =
     standstill ||
     (why === "paused" && robot?.docked ? "unfit" : why) ||

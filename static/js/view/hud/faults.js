@@ -26,8 +26,8 @@ export const shownFaults = (faults, now) =>
   }));
 
 /**
- * Which part it is, and what that means for this page. Without a way to the server what it last
- * said may be over, and is not said.
+ * The failed part, and the consequence for this page. Without a connection to the server its last
+ * report may be outdated, and is not shown.
  * @param {{visit: {phase: string, link: string, socket: string}, faults: ShownFault[],
  *   serverSilent: boolean, now: number}} state
  * @returns {{word: string, tone: "danger" | "busy", values: {seconds: number}} | null}
@@ -39,16 +39,14 @@ export const faultAlert = ({ visit, faults, serverSilent, now }) => {
   if (!fault || visit.socket === "lost" || serverSilent) {
     return null;
   }
-  // What goes through the broker stops with it; what goes straight to the robot lives as long as
-  // the lease.
+  // Commands through the broker stop with it; those on the data channel end with the lease.
   const left =
     fault.at === null || (fault.part === "broker" && visit.link !== "live")
       ? 0
       : Math.ceil(fault.at - now);
   const hasStopped = fault.part === "robot" || (fault.then === "stops" && left <= 0);
   const driven = hasStopped ? "stopped" : fault.then;
-  // A driver reads what becomes of the drive, who waits what becomes of the place in the queue, and
-  // who watches what the robot does.
+  // A driver reads about the drive, a waiting visitor about the queue, a viewer about the robot.
   const then =
     visit.phase === "driving"
       ? driven
