@@ -12,6 +12,7 @@ The difference of two proportions is its own effect size.
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -22,10 +23,12 @@ from experiments.analysis.statistics.comparisons import (
     LOWER,
     NO_VARIANCE,
     TOO_FEW,
+    UNKNOWN,
     IntervalEstimate,
     Test,
     Z,
 )
+from experiments.analysis.statistics.rank_tests import several_ranked
 from experiments.dataset.columns import Floats
 
 CHI_SQUARE, BOSCHLOO, MCNEMAR, COCHRAN = "N−1 χ²", "Boschloo", "McNemar mid-p", "Cochran Q"
@@ -33,14 +36,12 @@ LEAST_EXPECTED = 1.0  # successes or failures in a group, for χ² (Campbell, 20
 
 
 def two_proportions(first: Floats, second: Floats) -> Test:
-    """Compare two groups of participants, zeros and ones."""
+    """Compare two groups of two or more participants each, zeros and ones."""
     from statsmodels.stats.proportion import (  # noqa: PLC0415 - not on robots
         confint_proportions_2indep,
     )
 
     n, m = len(first), len(second)
-    if min(n, m) < 2:
-        return Test(CHI_SQUARE, n + m, remark=TOO_FEW)
     a, b = int(first.sum()), int(second.sum())
     low, high = confint_proportions_2indep(a, n, b, m, method="newcomb", alpha=2.0 * LOWER)
     difference = IntervalEstimate(a / n - b / m, float(low), float(high))
@@ -72,16 +73,9 @@ def paired_proportions(first: Floats, second: Floats) -> Test:
 
 
 def several_proportions(groups: Sequence[Floats]) -> Test:
-    """Compare three or more groups of participants, zeros and ones."""
-    n = sum(len(group) for group in groups)
-    if min(len(group) for group in groups) < 2:
-        return Test(CHI_SQUARE, n, remark=TOO_FEW)
-    values = np.concatenate(groups)
-    if (values == values[0]).all():
-        return Test(CHI_SQUARE, n, remark=NO_VARIANCE)
-    found = scipy.stats.kruskal(*groups)
-    df = len(groups) - 1.0
-    return Test(CHI_SQUARE, n, float(found.statistic), (df,), float(found.pvalue))
+    """Compare three or more groups of participants: the test of ranks of zeros and ones."""
+    test = several_ranked(groups)
+    return replace(test, name=CHI_SQUARE, effect_name="", effect=UNKNOWN)
 
 
 def two_proportions_p(first: Floats, second: Floats) -> Floats:
