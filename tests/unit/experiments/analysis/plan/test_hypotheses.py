@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.analysis.plan.exclusions import exclusion_effects
 from experiments.analysis.plan.hypotheses import (
     NO_PLAN,
     NOT_PLANNED,
     SENSITIVITY,
     decisions_of,
+    exclusion_effects,
     hypotheses_table,
     marked_table,
 )
