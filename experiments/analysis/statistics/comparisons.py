@@ -1,18 +1,11 @@
-"""Tests that compare means, each with everything that is printed of it; a participant, never a
-session, is the unit. docs/explanation/statistics.md has the sources, and how often each is wrong.
+"""Tests of means and of relations, each with its effect size; a participant, never a session, is
+the unit. docs/explanation/statistics.md has the sources, and how often each is wrong.
 
-- Two conditions: Welch's t test between participants, the paired t test within them. The effect is
-  d, the difference over the root of the mean of both variances, with the interval of Bonett (2008),
-  which lets variances differ as Welch's test does; or d_z, whose interval inverts the noncentral t
-  distribution (Steiger and Fouladi, 1997).
-- More than two: Welch's analysis of variance between participants; within them the analysis of
-  variance for repeated measures with the correction of Greenhouse and Geisser (1959). The effect is
-  η²p, without an interval: those that there are assume equal variances.
-- A relation: Spearman's rank correlation with the interval of Bonett and Wright (2000).
-- Several tests of one question: Holm (1979), each member of the family once.
-
-All intervals are of 95 %. A sample without variance is said in words: a difference of its size in
-rounding would otherwise be divided by, and give a t of 1e16.
+The effect of two conditions is d, the difference over the root of the mean of both variances, with
+an interval that lets variances differ as Welch's test does (Bonett, 2008), or d_z within
+participants. That of more conditions is η²p, without an interval: the known ones assume equal
+variances. All intervals are of 95 %. A sample without variance has a remark and no test: a division
+by what rounding leaves of it would give a t of 1e16.
 """
 
 import math
@@ -48,29 +41,17 @@ UNKNOWN = IntervalEstimate()
 
 @dataclass(frozen=True)
 class Test:
-    """A test of one hypothesis.
+    """A test of one hypothesis."""
 
-    Attributes:
-        name: "–" where there is no test.
-        n: participants tested; pairs, for a paired test.
-        statistic: NaN without a test; `remark` then gives the reason.
-        df: degrees of freedom, none to two.
-        p: two-sided.
-        difference: of two means, locations or proportions, first less second.
-        effect_name: the name of the effect size.
-        effect: the effect size.
-        remark: what was left out of the test and why, parts divided by "; ".
-    """
-
-    name: str
-    n: int
-    statistic: float = math.nan
-    df: tuple[float, ...] = ()
-    p: float = math.nan
-    difference: IntervalEstimate = UNKNOWN
+    name: str  # "–" without a test
+    n: int  # participants tested; pairs, for a paired test
+    statistic: float = math.nan  # NaN without a test; `remark` then gives the reason
+    df: tuple[float, ...] = ()  # none to two
+    p: float = math.nan  # two-sided
+    difference: IntervalEstimate = UNKNOWN  # of means, locations or shares, first less second
     effect_name: str = ""
     effect: IntervalEstimate = UNKNOWN
-    remark: str = ""
+    remark: str = ""  # what was left out of the test and why, parts divided by "; "
 
     @property
     def is_known(self) -> bool:
@@ -134,10 +115,8 @@ def standardized(t: float, n: int) -> IntervalEstimate:
     """Return d_z with its interval: t = d_z·√n has a noncentral t distribution, and the bounds are
     the noncentralities that put it at 2.5 and 97.5 %.
     """
-    low, high = (
-        float(scipy.special.nctdtrinc(n - 1, tail, t)) / math.sqrt(n) for tail in (UPPER, LOWER)
-    )
-    return IntervalEstimate(float(t) / math.sqrt(n), low, high)
+    bounds = [float(scipy.special.nctdtrinc(n - 1, tail, t)) for tail in (UPPER, LOWER)]
+    return IntervalEstimate(*(one / math.sqrt(n) for one in (float(t), *bounds)))
 
 
 def _standardized(first: Floats, second: Floats) -> IntervalEstimate:

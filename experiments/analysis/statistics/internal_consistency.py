@@ -1,10 +1,6 @@
-"""How well the items of a scale agree: Cronbach's alpha, McDonald's omega, and items that point the
-other way.
-
-- alpha (Cronbach, 1951) with the interval of Feldt (1965), by the F distribution.
-- omega (McDonald, 1999): (Σλ)² / ((Σλ)² + Σψ) of a model with one factor, fitted by maximum
-  likelihood to the covariances. Its interval is Wald's on the logit scale, from the expected
-  information (Kelley and Pornprasertmanit, 2016, "MLL").
+"""How well the items of a scale agree: alpha (Cronbach, 1951; interval: Feldt, 1965), and omega
+(McDonald, 1999), (Σλ)² / ((Σλ)² + Σψ) of a model with one factor, whose interval is Wald's on
+the logit scale, from the expected information (Kelley and Pornprasertmanit, 2016, "MLL").
 
 Items are (n, k): a row a participant who answered all of them, a column an item, reverse-coded ones
 counted from the other end.
@@ -35,17 +31,11 @@ class UndefinedCoefficientError(ValueError):
 
 @dataclass(frozen=True)
 class OneFactor:
-    """A model with one factor: covariances are λλ' + diag(ψ).
+    """A model with one factor: covariances are λλ' + diag(ψ)."""
 
-    Attributes:
-        loadings: λ, (k,), in units of the items.
-        uniquenesses: ψ, (k,), variances.
-        at_bound: the items whose ψ is at its lower bound, by their places (a Heywood case).
-    """
-
-    loadings: Floats
-    uniquenesses: Floats
-    at_bound: tuple[int, ...]
+    loadings: Floats  # λ, (k,), in units of the items
+    uniquenesses: Floats  # ψ, (k,), variances
+    at_bound: tuple[int, ...]  # places of items whose ψ is at its lower bound (a Heywood case)
 
 
 def cronbach(items: Floats) -> IntervalEstimate:

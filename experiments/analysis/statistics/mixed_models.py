@@ -3,18 +3,13 @@ for any covariance of a participant's values.
 
 With one variance between participants, the restricted likelihood depends on one number alone: the
 ratio λ of that variance to the residual one (Laird and Ware, 1982). So the fit is a search along a
-line, with least squares at each ratio, also at 0 (participants who do not differ).
-tests/unit/experiments/analysis/statistics/ compares the fits with those of lme4. If each
+line, with least squares at each ratio, also at 0 (participants who do not differ). If each
 participant was measured once, this is a linear model.
 
 Such a model assumes that all conditions have the same variance and all pairs of them the same
-covariance (compound symmetry). The tests do not: covariances of the coefficients are estimated from
-the residuals of each participant, corrected for bias ("CR2": Bell and McCaffrey, 2002; Pustejovsky
-and Tipton, 2018), t has the degrees of freedom of Satterthwaite, and the test of a term is that of
-Hotelling's T² with estimated degrees of freedom ("HTZ": Tipton and Pustejovsky, 2015). In a
-balanced study within participants these are the paired t test of each participant's means, and the
-test of the multivariate analysis of variance, whose covariance is unstructured; so no sphericity is
-assumed. R's clubSandwich computes the same, and the tests compare with it.
+covariance. The tests do not: covariances of the coefficients are estimated from the residuals of
+each participant, corrected for bias (CR2), and degrees of freedom are estimated (Satterthwaite,
+HTZ), as R's clubSandwich does. docs/explanation/statistics.md has the sources.
 """
 
 import math

@@ -1,13 +1,9 @@
 """Tests of proportions: each participant succeeded (1) or failed (0) in a condition.
 
-- Two groups: Pearson's χ² with N - 1 in place of N (Campbell, 2007), which is the rank-sum test of
-  zeros and ones; Boschloo's exact test (1970) where an expected count is below 1. The interval of
-  the difference is Newcombe's hybrid score (1998). Several groups: the same χ².
-- Pairs: McNemar's test with the mid-p value (Fagerland, Lydersen and Laake, 2013); the exact p
-  value rejects a true null in 1 to 3 % of studies of this size. The interval of the difference is
-  that of Bonett and Price (2012). Several conditions: Cochran's Q (1950).
-
-The difference of two proportions is its own effect size.
+Pearson's χ² with N - 1 in place of N (Campbell, 2007) is the rank-sum test of zeros and ones; where
+an expected count is below 1, Boschloo's exact test is used. The difference of two proportions is
+its own effect size; its interval is Newcombe's hybrid score, and of pairs that of Bonett and Price.
+docs/explanation/statistics.md has the sources.
 """
 
 import math

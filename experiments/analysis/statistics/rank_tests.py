@@ -2,21 +2,12 @@
 asks whether distributions are the same; where spreads differ, it may reject though the middles are
 equal.
 
-- Pairs: Wilcoxon's signed ranks (1945); pairs without a difference are ranked, and their ranks
-  dropped (Pratt, 1959), so that p value, difference and interval are of the same pairs. The
-  difference is the median of the Walsh averages (Hodges and Lehmann, 1963), the effect the
-  matched-pairs rank-biserial correlation r (Kerby, 2014).
-- Two groups: Mann and Whitney (1947), with the median of all differences and the rank-biserial r.
-- Several groups: Kruskal and Wallis (1952), with ε² = H / (n - 1) (Tomczak and Tomczak, 2014);
-  several conditions of the same participants: Friedman (1937), with Kendall's W. Neither has an
-  interval: that of a number which cannot be below 0, from resampled participants, would leave 0 out
-  where there is no effect.
-
-p values are exact up to 50 pairs, or 8 participants in a group, without ties, and up to 13 pairs
-with them; otherwise normal approximations corrected for ties. The intervals of a difference are
-order statistics of the averages or differences. The interval of r between groups is that of
-Fisher's z, with a standard error from the placements of the values (DeLong, 1988); r of pairs has
-none.
+Pairs without a difference are ranked, and their ranks dropped (Pratt, 1959), so that p value,
+difference and interval are of the same pairs. A difference is the median of the Walsh averages or
+of all differences (Hodges and Lehmann, 1963), its interval their order statistics. p values are
+exact up to 50 pairs, or 8 participants in a group, without ties, and up to 13 pairs with them;
+otherwise normal approximations corrected for ties. docs/explanation/statistics.md has the sources,
+also of the effects r (Kerby, 2014) and ε² = H / (n - 1) (Tomczak and Tomczak, 2014).
 """
 
 import math

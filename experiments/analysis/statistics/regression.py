@@ -1,20 +1,18 @@
 """Models of proportions, counts and times; the drives of one participant are a cluster.
 
 - Proportions: logistic regression; counts: Poisson regression of the rate per minute. Both by
-  generalized estimating equations (Liang and Zeger, 1986), working as if drives were independent,
-  with covariances from the residuals of each participant, which overdispersion and zeros do not
-  bias, and the correction of Mancl and DeRouen (2001) for few participants. Fitted by statsmodels.
-- Times: Cox's regression (1972), in which a drive that ended before the time came is censored, with
-  the covariance of Lin and Wei (1989) by participants. Times of different participants in two or
-  more groups are compared by the log-rank test (Mantel, 1966).
+  generalized estimating equations, working as if drives were independent; covariances from the
+  residuals of each participant are not biased by overdispersion and zeros.
+- Times: Cox's regression, in which a drive that ended before the time came is censored; times of
+  different participants in two or more groups are compared by the log-rank test.
 
-Tests are robust score tests (Boos, 1992; Guo et al., 2005): the residuals of the model without an
-effect, times its columns, are summed for each participant, and their mean is tested by Hotelling's
-T². They need no estimate of the effect, so that there is a test where it separates the outcomes
-completely. Coefficients have Wald's t with as many degrees of freedom as there are participants
-less coefficients. Coefficients are log odds ratios, log rate ratios, and logarithms of how many
-times longer (a hazard ratio, the second over the first); all are positive where the first side is
-greater.
+Tests are robust score tests: the residuals of the model without an effect, times its columns, are
+summed for each participant, and their mean is tested by Hotelling's T². They need no estimate of
+the effect, so that there is a test where it separates the outcomes completely. Coefficients have
+Wald's t, with participants less coefficients as its degrees of freedom; they are log odds ratios,
+log rate ratios, and logarithms of how many times longer (a hazard ratio, the second over the
+first), all positive where the first side is greater. docs/explanation/statistics.md has the
+sources.
 """
 
 import math
@@ -147,37 +145,26 @@ def _coefficients(
 ) -> tuple[Coefficient, ...]:
     people, names, columns = int(groups.max()) + 1, design.names, design.columns
     with _separation():
-        if family == "times":  # Cox's regression has no intercept
+        if family == "times":  # of how many times longer they are; without an intercept
+            from statsmodels.duration.hazard_regression import PHReg  # noqa: PLC0415 - not on robots
+
             names, columns = names[1:], columns[:, 1:]
-            estimates, covariance = _cox(values, weights, columns, groups)
-            covariance = covariance * people / (people - 1.0)
+            found = PHReg(values, columns, status=weights).fit(groups=groups, disp=0)
+            estimates = -np.asarray(found.params)
+            covariance = np.asarray(found.cov_params()) * people / (people - 1.0)
         else:
-            estimates, covariance = _estimating_equations(family, values, weights, columns, groups)
+            import statsmodels.api as sm  # noqa: PLC0415 - not on robots
+
+            model = sm.GEE(values, columns, groups=groups, **_of_family(family, weights))
+            found = model.fit(cov_type="bias_reduced", maxiter=100, ctol=1e-9)
+            if found is None or not found.converged:
+                raise CannotFitError(SEPARATED)
+            estimates, covariance = np.asarray(found.params), np.asarray(found.cov_params())
     if not np.isfinite(covariance).all() or np.abs(estimates).max() > LARGEST:
         raise CannotFitError(SEPARATED)
-    found = zip(names, estimates.tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True)
+    each = zip(names, estimates.tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True)
     df = float(people - len(design.names))
-    return tuple(coefficient(name, value, error, df) for name, value, error in found)
-
-
-def _estimating_equations(
-    family: Family, values: Floats, minutes: Floats, columns: Floats, groups: Any
-) -> tuple[Floats, Floats]:
-    import statsmodels.api as sm  # noqa: PLC0415 - not on robots
-
-    model = sm.GEE(values, columns, groups=groups, **_of_family(family, minutes))
-    found = model.fit(cov_type="bias_reduced", maxiter=100, ctol=1e-9)
-    if found is None or not found.converged:
-        raise CannotFitError(SEPARATED)
-    return np.asarray(found.params), np.asarray(found.cov_params())
-
-
-def _cox(times: Floats, came: Floats, columns: Floats, groups: Any) -> tuple[Floats, Floats]:
-    """Return estimates and covariance of the logarithm of how many times longer times are."""
-    from statsmodels.duration.hazard_regression import PHReg  # noqa: PLC0415 - not on robots
-
-    found = PHReg(times, columns, status=came).fit(groups=groups, disp=0)
-    return -np.asarray(found.params), np.asarray(found.cov_params())
+    return tuple(coefficient(name, value, error, df) for name, value, error in each)
 
 
 # --- score tests ----------------------------------------------------------------------------------
