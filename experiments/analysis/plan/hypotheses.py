@@ -197,7 +197,7 @@ def exclusion_effects(planned: Sequence[Table], every: Sequence[Table], alpha: f
     return Table("exclusions-effect", title, EFFECTS_HEAD, tuple(rows), (level, note))
 
 
-# --- what is exploratory --------------------------------------------------------------------------
+# --- notes of tables and figures ------------------------------------------------------------------
 
 
 def marked_table(table: Table, *, is_sensitivity: bool) -> Table:

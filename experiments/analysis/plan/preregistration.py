@@ -14,12 +14,7 @@ from experiments.analysis.tables import response_selection
 from experiments.dataset.records import FreezeRecord
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.factors import conditions_together
-from experiments.definition.plan import (
-    Hypothesis,
-    StudyPlan,
-    hypotheses_of,
-    measures_of,
-)
+from experiments.definition.plan import Hypothesis, StudyPlan, hypotheses_of, measures_of
 from experiments.definition.schema import Condition, Course, Impairment, StudyDefinition
 from robots.api.network_words import RANGES, spell
 from surveys.definition import Definition
@@ -79,12 +74,8 @@ Answers = tuple[tuple[str, Iterable[str]], ...]  # questions, with paragraphs or
 def preregistration(
     study: StudyDefinition, freeze: FreezeRecord | None, questionnaires: Sequence[Definition] = ()
 ) -> str:
-    """Return the text of a preregistration of a study.
-
-    Args:
-        study: its definition.
-        freeze: when it was frozen, if that is known.
-        questionnaires: those that it asks, as far as they are known.
+    """Return the text of a preregistration of a study, from its definition, the record of when it
+    was frozen, and those of its questionnaires that are known.
     """
     asked = {one.slug: one for one in sorted(questionnaires, key=lambda one: one.version)}
     text = _Text(study, study.plan or StudyPlan(), freeze, asked)
@@ -413,7 +404,7 @@ class _Text:
         return f"- `{one.key}` ({self.say(one.title)}): {test}. {' '.join(about)}"
 
 
-# --- what no text of the study says ---------------------------------------------------------------
+# --- parts without texts of the study -------------------------------------------------------------
 
 
 def _course(course: Course) -> str:

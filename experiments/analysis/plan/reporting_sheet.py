@@ -134,9 +134,9 @@ def _sexes(dataset: Dataset) -> str:
 
 
 def _robots(dataset: Dataset, measured: Sequence[Measured]) -> Iterator[Line]:
-    driven = {one.robot for one in dataset.sessions}
+    in_use = {one.robot for one in dataset.sessions}
     for robot in dataset.robots:
-        if driven and robot.name not in driven:
+        if in_use and robot.name not in in_use:
             continue
         section = f"Robot {robot.title}"
         yield section, "make", UNKNOWN

@@ -1,7 +1,7 @@
-"""Values of made-up studies, from what is assumed of a measure: means by condition, standard
+"""Values of simulated studies, drawn from assumptions about a measure: means by condition, standard
 deviations, and the correlation of a participant's values in two conditions; or shares, rates or
-median times. Assumptions come from the study's plan or from the defaults below, which every result
-states. Bots are no source: how much they differ says nothing about people.
+median times. They come from the study's plan or from the defaults below, which every result states.
+Differences between bots are no source: they do not predict those between people.
 
 A participant's values in several conditions correlate equally: each is √r of a part that is the
 participant's own, and √(1-r) of one that is not. Values are normal; proportions, counts and times
@@ -24,8 +24,8 @@ from experiments.definition.schema import StudyDefinition
 
 MINUTES = 15.0  # of a task, in a study without one
 DIFFERENCE, SD, CORRELATION = 0.5, 1.0, 0.5
-# What is assumed of the first condition: a share, events a minute, and the median of times as a
-# share of the time limit of the task.
+# Of the first condition: a share, events a minute, and the median of times as a share of the time
+# limit of the task.
 LEVELS = {"proportions": 0.5, "counts": 1.0, "times": 0.5}
 REASONS = (
     (
@@ -44,9 +44,9 @@ Orders = Mapping[tuple[str, ...], Sequence[tuple[str, ...]]]  # those of a kind 
 
 @dataclass(frozen=True)
 class Assumption:
-    """What is assumed of a measure. Without `means` (or `levels`, of proportions, counts and times)
-    each test is simulated with the default difference on its own; conditions that `sds` lacks have
-    that of the first one it has, or 1.
+    """Assumptions about a measure. Without `means` (or `levels`, of proportions, counts and times)
+    each test is simulated with the default difference on its own; a condition without an SD has
+    the first one of `sds`, or 1.
     """
 
     source: str = "default"
@@ -92,37 +92,24 @@ class SimulatedTest:
     is_null: bool = False
 
 
+def correlated(rng: np.random.Generator, shape: tuple[int, int, int], correlation: float) -> Floats:
+    """Return standard normal values, (studies, participants, conditions); those of a participant
+    correlate.
+    """
+    own = np.sqrt(correlation) * rng.standard_normal((*shape[:2], 1))
+    return np.asarray(own + np.sqrt(1.0 - correlation) * rng.standard_normal(shape))
+
+
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """The noise of one measure, and what is assumed of it. `kinds` are the conditions of each kind
-    of participant, `noise` has their standard normal values, (studies, participants, conditions)
-    each, of which those of a participant correlate.
+    """The noise of one measure, and the assumptions about it. `noise` has standard normal values of
+    every kind of participant, (studies, participants, conditions), by its conditions.
     """
 
     study: StudyDefinition
-    kinds: Sequence[tuple[str, ...]]
     assumption: Assumption
-    noise: Sequence[Floats]
     orders: Orders
-
-    @classmethod
-    def of(
-        cls,
-        rng: np.random.Generator,
-        study: StudyDefinition,
-        assumption: Assumption,
-        studies: int,
-        sizes: Mapping[tuple[str, ...], int],
-        orders: Orders,
-    ) -> "Draws":
-        """Return draws for so many studies, with so many participants of each kind."""
-        own, other = np.sqrt([assumption.correlation, 1.0 - assumption.correlation])
-        noise = [
-            own * rng.standard_normal((studies, size, 1))
-            + other * rng.standard_normal((studies, size, len(kind)))
-            for kind, size in sizes.items()
-        ]
-        return cls(study, list(sizes), assumption, noise, orders)
+    noise: Mapping[tuple[str, ...], Floats]
 
     @property
     def limit(self) -> float:
@@ -147,12 +134,11 @@ class Draws:
         return np.array([1.0 if test in FAMILIES else self.assumption.sd(it) for it in conditions])
 
     def samples(self, test: str, raised: Sequence[str] = ()) -> list[Floats]:
-        """Return values of every kind of participant. Where nothing is assumed, those of `raised`
-        conditions lie above the others; those of a proportion, a count or a time are normal, for
-        `outcome`.
+        """Return values of every kind of participant; of proportions, counts and times, the normal
+        ones that `outcome` takes. Without assumptions, `raised` conditions lie above the others.
         """
         found = []
-        for kind, noise in zip(self.kinds, self.noise, strict=True):
+        for kind, noise in self.noise.items():
             is_raised = [key in raised and not self.is_assumed(test) for key in kind]
             means = [0.0 if test in FAMILIES else self.assumption.mean(key) for key in kind]
             found.append((noise + DIFFERENCE * np.array(is_raised)) * self.sds(test, kind) + means)

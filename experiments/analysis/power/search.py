@@ -13,7 +13,7 @@ from experiments.definition.schema import StudyDefinition
 
 STUDIES = 2000  # that are simulated for each number of participants
 MOST = 2000  # participants up to whom a number is looked for
-LEAST = 4  # participants of a kind, below whom nothing is tried
+LEAST = 4  # participants of a kind in the smallest study that is tried
 HEAD = (
     *("Participants", "Analysis", "Measure", "Test", "Hypothesis", "Power"),
     *("Power: from", "Power: to"),

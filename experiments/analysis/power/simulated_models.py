@@ -1,4 +1,4 @@
-"""The declared models of made-up studies: mixed models all at once, models of drives one by one."""
+"""The declared models of simulated studies: mixed models all at once, those of drives singly."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -58,7 +58,7 @@ class _ModelData:
         rng = np.random.default_rng(len(analysis.covariates))
         written = {one.key: one for one in draws.study.conditions}
         wanted = set(analysis.conditions or written)
-        for kind, (keys, noise) in enumerate(zip(draws.kinds, draws.noise, strict=True)):
+        for kind, (keys, noise) in enumerate(draws.noise.items()):
             orders = draws.orders.get(keys, (keys,))
             for person in range(noise.shape[1]):
                 order = orders[person % len(orders)]
@@ -85,7 +85,7 @@ class _ModelData:
         return [str(row["condition"]) for row in self.rows]
 
     def is_null(self) -> list[bool]:
-        """Tell of each effect whether what is assumed has nothing of it."""
+        """Tell of each effect whether it is 0 under the assumptions."""
         test, effects = self.analysis.test, self.analysis.effects
         if self.design is None:
             return [True] * len(effects)

@@ -1,11 +1,10 @@
-"""Power by simulation: studies are made up from assumptions, and analysed by the statistics that
-will analyse the real one, in the families in which the report corrects them; power is the share of
-them in which a test is significant. Tests of which nothing is assumed are in the families, too.
+"""Power by simulation: studies are drawn from assumptions (draws.py) and analysed by the statistics
+that will analyse the real one, in the families in which the report corrects them; power is the
+share of them in which a test is significant. Families include tests without an assumption.
 
-draws.py says how values are made up. Answers are simulated as if they were continuous, measures as
-if they were independent of each other, and covariates as if they explained nothing. All studies of
-one call are analysed together, as arrays (studies, participants, conditions), but for models by
-statsmodels.
+Answers are simulated as if they were continuous, measures as if they were independent of each
+other, and covariates as if they explained nothing. All studies of one call are analysed together,
+as arrays (studies, participants, conditions), except models by statsmodels.
 """
 
 from collections.abc import Sequence
@@ -15,7 +14,14 @@ from typing import cast
 
 import numpy as np
 
-from experiments.analysis.power.draws import Draws, Found, Orders, SimulatedTest, assumed
+from experiments.analysis.power.draws import (
+    Draws,
+    Found,
+    Orders,
+    SimulatedTest,
+    assumed,
+    correlated,
+)
 from experiments.analysis.power.simulated_models import modelled
 from experiments.analysis.statistics.comparisons import holm_rows
 from experiments.analysis.statistics.conditions import Compared, p_values
@@ -50,31 +56,29 @@ def simulate(
     *,
     orders: Orders | None = None,
 ) -> SimulatedStudies:
-    """Return simulated studies.
-
-    Args:
-        study: the definition.
-        participants: in all, spread evenly over the kinds of participants (those who have the same
-            conditions).
-        studies: how many are made up.
-        seed: of their chance; the same one makes the same studies.
-        orders: the orders of conditions of each kind of participant, for models with `period` or
-            `order`; else all have that of the definition.
+    """Return simulated studies; the same seed gives the same ones. Participants are spread evenly
+    over the kinds of participants (those who have the same conditions). `orders` has the orders of
+    conditions of each kind, for models with `period` or `order`; by default, the definition's.
     """
     kinds = conditions_together(study)
     each, more = divmod(participants, len(kinds))
     sizes = {kind: each + (n < more) for n, kind in enumerate(kinds)}
     chunk = max(1, AT_ONCE // (participants * max(map(len, kinds))))
     tests: list[SimulatedTest] = []
-    found: list[Floats] = []  # p values of each test with what is assumed of it
+    found: list[Floats] = []  # p values of each test, as assumed
     alone: list[Floats] = []  # and with nothing to find, while another one has its default effect
     measures = dict.fromkeys(one for it in study.analyses for one in it.measures)
     for number, measure in enumerate(measures):
         rng = np.random.default_rng([seed, participants, number])
         about = assumed(study, measure)
-        chunks = [min(chunk, studies - start) for start in range(0, studies, chunk)]
-        draws = (Draws.of(rng, study, about, size, sizes, orders or {}) for size in chunks)
-        parts = [list(_of_measure(one, measure)) for one in draws]  # one after another
+        parts = []
+        for start in range(0, studies, chunk):
+            size = min(chunk, studies - start)
+            noise = {
+                kind: correlated(rng, (size, people, len(kind)), about.correlation)
+                for kind, people in sizes.items()
+            }
+            parts.append(list(_of_measure(Draws(study, about, orders or {}, noise), measure)))
         for same in zip(*parts, strict=True):
             tests.append(same[0][0])
             found.append(np.concatenate([own for _, own, _ in same]))
@@ -145,8 +149,8 @@ def _pairs(
 def _with_and_without(
     draws: Draws, test: str, sides: Sequence[Sequence[str]], raised: Sequence[str]
 ) -> tuple[Floats, Floats]:
-    """Return the p values of a test, (studies,), with what is assumed and with nothing to find; the
-    same where anything is assumed.
+    """Return the p values of a test, (studies,), as assumed and with nothing to find; they are the
+    same where the study assumes anything.
     """
     found = _tested(draws, test, sides, draws.samples(test, raised))
     if draws.is_assumed(test):
@@ -162,7 +166,7 @@ def _tested(
     """
     own = [
         [[at for at, key in enumerate(kind) if key in side] for side in sides]
-        for kind in draws.kinds
+        for kind in draws.noise
     ]
     is_paired = any(all(places) for places in own)
     is_single = all(len(places) <= 1 for kind in own for places in kind)
@@ -171,7 +175,7 @@ def _tested(
     if test == "proportions":
         samples = [
             np.stack([draws.outcome(test, key, x[..., at])[0] for at, key in enumerate(kind)], -1)
-            for kind, x in zip(draws.kinds, samples, strict=True)
+            for kind, x in zip(draws.noise, samples, strict=True)
         ]
     groups = [
         np.concatenate(
@@ -193,7 +197,7 @@ def _by_drives(
     """Return the p values of sides of drives, (studies,), a study at a time; 1 without a test."""
     drawn = [
         (str(side), key, f"{kind}-{person:06d}", x[:, person, at])
-        for kind, (keys, x) in enumerate(zip(draws.kinds, samples, strict=True))
+        for kind, (keys, x) in enumerate(zip(draws.noise, samples, strict=True))
         for at, key in enumerate(keys)
         for side, of_side in enumerate(sides)
         if key in of_side

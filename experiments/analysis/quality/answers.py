@@ -40,8 +40,8 @@ def answer_flags(dataset: Dataset) -> Iterator[Flag]:
 
 
 def speeding(seconds: float, items: int, others: Sequence[float]) -> Grade | None:
-    """Return how serious a time for so many answers to a questionnaire is, from its first display
-    to its end; None when it is long enough. `others` are the times of all participants.
+    """Grade the time for so many answers to a questionnaire, from its first display to its end;
+    None if it is long enough. `others` are the times of all participants.
     """
     if not math.isfinite(seconds) or not items:
         return None
@@ -75,9 +75,8 @@ def _speeding(dataset: Dataset) -> Iterator[Flag]:
 def straight_lining(
     values: Sequence[float], *, has_reversed: bool, middle: float | None = None
 ) -> Grade | None:
-    """Return how serious it is that answers on one scale are all the same; None when they are not,
-    or too few. Equal answers to items that mean opposites contradict each other, except in the
-    `middle`.
+    """Grade equal answers to all items of a scale; None if they differ or are too few. Equal
+    answers to items that mean opposites contradict each other, except in the `middle`.
     """
     if len(values) < LEAST_ITEMS or len(set(values)) > 1:
         return None

@@ -92,13 +92,7 @@ class FittedModel:
 def design_of(
     levels: Levels, terms: Sequence[str], rows: Sequence[Row], coding: Coding = "sum"
 ) -> Design:
-    """Return the columns of a model.
-
-    Args:
-        levels: the levels of each factor, in order.
-        terms: factors and covariates, or several with colons between.
-        rows: what each observation has of them.
-        coding: of the levels.
+    """Return the columns of a model; terms are factors, covariates, or several with colons between.
 
     Raises:
         CannotFitError: a factor has only one level.
