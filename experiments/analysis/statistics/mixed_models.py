@@ -15,6 +15,7 @@ HTZ), as R's clubSandwich does. docs/explanation/statistics.md has the sources.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -97,27 +98,10 @@ def reml(outcome: Floats, columns: Floats, groups: Any, people: int) -> RemlFit:
     np.add.at(means, groups, data)
     means = (means / counts[:, None])[groups]
 
-    def at(ratio: float) -> tuple[float, RemlFit]:
-        """Return -2 log restricted likelihood (but for a constant) and the fit at a ratio: least
-        squares after 1 - 1/√(1 + nλ) of a participant's mean is subtracted from each of its n
-        values, which makes them independent.
-        """
-        inflation = 1.0 + counts * ratio
-        reduced = data - (1.0 - 1.0 / np.sqrt(inflation))[groups, None] * means
-        x, y = reduced[:, :-1], reduced[:, -1]
-        xx = x.T @ x
-        estimates = np.linalg.solve(xx, x.T @ y)
-        freedom = len(y) - len(xx)
-        residual = float(((y - x @ estimates) ** 2).sum()) / freedom
-        if residual <= ROUNDING * float(y @ y) / len(y):
-            raise CannotFitError("no variance: the effects explain everything")
-        deviance = float(np.log(inflation).sum() + np.linalg.slogdet(xx)[1])
-        deviance += freedom * math.log(residual)
-        return deviance, RemlFit(ratio, estimates, np.linalg.inv(xx) * residual, residual)
-
-    best, fit_ = at(0.0)
+    at = partial(_least_squares, data, means, groups, counts)
+    deviance, without = at(0.0)
     if len(outcome) == people:
-        return fit_
+        return without
     place = int(np.argmin([at(math.exp(power))[0] for power in GRID]))
     found = scipy.optimize.minimize_scalar(
         lambda power: at(math.exp(power))[0],
@@ -125,7 +109,28 @@ def reml(outcome: Floats, columns: Floats, groups: Any, people: int) -> RemlFit:
         method="bounded",
         options={"xatol": TIGHT},
     )
-    return at(math.exp(float(found.x)))[1] if found.fun < best else fit_
+    return at(math.exp(float(found.x)))[1] if found.fun < deviance else without
+
+
+def _least_squares(
+    data: Floats, means: Floats, groups: Any, counts: Any, ratio: float
+) -> tuple[float, RemlFit]:
+    """Return -2 log restricted likelihood (but for a constant) and the fit at a ratio: least
+    squares after 1 - 1/√(1 + nλ) of a participant's mean is subtracted from each of its n values,
+    which makes them independent. `data` and `means` are columns and outcome, (n, k + 1).
+    """
+    inflation = 1.0 + counts * ratio
+    reduced = data - (1.0 - 1.0 / np.sqrt(inflation))[groups, None] * means
+    x, y = reduced[:, :-1], reduced[:, -1]
+    xx = x.T @ x
+    estimates = np.linalg.solve(xx, x.T @ y)
+    freedom = len(y) - len(xx)
+    residual = float(((y - x @ estimates) ** 2).sum()) / freedom
+    if residual <= ROUNDING * float(y @ y) / len(y):
+        raise CannotFitError("no variance: the effects explain everything")
+    deviance = float(np.log(inflation).sum() + np.linalg.slogdet(xx)[1])
+    deviance += freedom * math.log(residual)
+    return deviance, RemlFit(ratio, estimates, np.linalg.inv(xx) * residual, residual)
 
 
 # --- the tests ------------------------------------------------------------------------------------
