@@ -26,7 +26,6 @@ from experiments.dataset.states import NO_NETWORK, NO_STATES
 from tests.support.analysis.study_dataset import drive, link, made_up
 
 SEED = 20170
-STATES_A_SESSION = 1200
 ANALYSIS_SECONDS, MEGABYTES = 30.0, 300.0
 
 

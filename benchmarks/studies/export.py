@@ -18,7 +18,7 @@ from pathlib import Path
 from benchmarks.studies.analysis import SEED, large
 from benchmarks.table import Figure, keep
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 EXPORT_SECONDS, MEGABYTES = 60.0, 300.0
 
 

@@ -29,11 +29,12 @@ from experiments.analysis.figures.scores import score_figures
 from experiments.analysis.figures.trajectories import figure_6, figure_7
 from experiments.analysis.metrics.definitions import VERSION
 from experiments.analysis.metrics.sessions import Measured, measure_all
-from experiments.analysis.plan.exclusions import exclusion_effects, exclusions_table
 from experiments.analysis.plan.hypotheses import (
     SENSITIVITY,
     by_row,
     decisions_of,
+    exclusion_effects,
+    exclusions_table,
     hypotheses_table,
     marked_figure,
     marked_table,

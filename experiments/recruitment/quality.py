@@ -3,9 +3,8 @@
 from collections import Counter
 from collections.abc import Iterable, Iterator
 
-from experiments.analysis.quality.flag import Flag
 from experiments.analysis.quality.flags import flags_of
-from experiments.definition.recruitment.quality_flags import Grade
+from experiments.definition.recruitment.quality_flags import Flag, Grade
 from experiments.extraction.build import dataset_of
 from experiments.extraction.sessions import drives_of
 from experiments.models import Participant, ParticipantKind, Study

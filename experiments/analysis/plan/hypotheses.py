@@ -1,16 +1,18 @@
-"""What the plan of a study says of its report: the hypotheses with the tests that decide on them,
-and which tables and figures are exploratory.
+"""A study's plan in its report: the hypotheses with the tests that decide on them, the exclusions
+with their effect on significance, and which tables and figures are exploratory.
 """
 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
+from experiments.analysis.documents.sentences import RowKey
 from experiments.analysis.figures.drawing import Drawing
 from experiments.analysis.statistics.comparisons import holm
 from experiments.analysis.statistics.regression import RATIO
 from experiments.analysis.tables.declared import PLANNED, name_of
-from experiments.analysis.tables.table import Table, TableCell, number, probability, words
+from experiments.analysis.tables.table import NOTHING, Table, TableCell, number, probability, words
+from experiments.dataset.records import PlanExclusion
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.plan import Hypothesis, StudyPlan, measures_of
 from experiments.definition.schema import StudyDefinition
@@ -33,19 +35,27 @@ HEAD = (
     *("Hypothesis", "Expected", "Measure", "Test", "p", "p (family)", "Difference"),
     *("As expected", "Significant"),
 )
+Cells = dict[str, TableCell]  # of a row, by their heads
+LISTED = (
+    "Rules of the plan exclude a participant with all sessions; a platform fault or a researcher's"
+    " decision excludes one session. Sessions that the platform ended count in no result."
+)
+EFFECTS_HEAD = (
+    *("Analysis", "Measure", "Test", "p (Holm)", "p (Holm), all", "Difference", "Difference, all"),
+    "Significance",
+)
 EXPECTED = {"different": "a difference", "greater": "first greater", "less": "first less"}
-Row = tuple[TableCell, ...]
 
 
 @dataclass(frozen=True)
 class DecidingTest:
-    """A row of a declared table that decides on a hypothesis; `difference` is that of the first
-    side, or level, less the second, and NaN or None where the test has no direction.
+    """A row of a declared table that decides on a hypothesis. `corrected` is p in the family of the
+    hypothesis (without one, of the analysis); `difference` is that of the first side, or level,
+    less the second, and NaN or None where the test has no direction.
     """
 
     hypothesis: Hypothesis
-    table: str
-    analysis: str
+    analysis: DeclaredAnalysis
     measure: str
     label: str
     p: float
@@ -53,26 +63,22 @@ class DecidingTest:
     difference: float | None
 
 
-@dataclass(frozen=True)
-class CorrectedTest:
-    """A test that decides on a hypothesis, with p as corrected in the family."""
-
-    test: DecidingTest
-    p: float
-
-
-def decisions_of(study: StudyDefinition, tables: Sequence[Table]) -> list[CorrectedTest]:
+def decisions_of(study: StudyDefinition, tables: Sequence[Table]) -> list[DecidingTest]:
     """Return the tests that decide on the hypotheses of a study's plan, from the tables of its
     declared analyses.
     """
     if study.plan is None:
         return []
-    tests = list(_tests(study, study.plan, {table.name: table for table in tables}))
-    corrected = family_corrected(study.plan, tests)
-    return [CorrectedTest(test, p) for test, p in zip(tests, corrected, strict=True)]
+    tests = [test for one in study.plan.hypotheses for test in _deciding(study, one, tables)]
+    for family in study.plan.families:
+        places = [n for n, one in enumerate(tests) if one.hypothesis.key in family.hypotheses]
+        members = [(tests[n].analysis.key, tests[n].measure, tests[n].label) for n in places]
+        for n, p in zip(places, holm([tests[n].p for n in places], members), strict=True):
+            tests[n] = replace(tests[n], corrected=p)
+    return tests
 
 
-def hypotheses_table(study: StudyDefinition, decisions: Sequence[CorrectedTest]) -> Table:
+def hypotheses_table(study: StudyDefinition, decisions: Sequence[DecidingTest]) -> Table:
     """Return each hypothesis with the tests that decide on it."""
     plan = study.plan
     title = "Hypotheses of the plan."
@@ -85,31 +91,23 @@ def hypotheses_table(study: StudyDefinition, decisions: Sequence[CorrectedTest])
     return Table("hypotheses", title, HEAD, rows, (*texts, SELECTED, PRECISION, alpha))
 
 
-def by_row(
-    decisions: Sequence[CorrectedTest],
-) -> dict[tuple[str, str, str], list[tuple[str, float]]]:
-    """Return the hypotheses on which each row of a declared table decides, with p in the family; a
-    row is named by its table, measure, and contrast or effect.
-    """
-    found: dict[tuple[str, str, str], list[tuple[str, float]]] = {}
+def by_row(decisions: Sequence[DecidingTest]) -> dict[RowKey, list[tuple[str, float]]]:
+    """Return the hypotheses on which each row of a declared table decides, with p in the family."""
+    found: dict[RowKey, list[tuple[str, float]]] = {}
     for one in decisions:
-        key = (one.test.table, one.test.measure, one.test.label)
-        found.setdefault(key, []).append((one.test.hypothesis.key, one.p))
+        key = (name_of(one.analysis), one.measure, one.label)
+        found.setdefault(key, []).append((one.hypothesis.key, one.corrected))
     return found
 
 
-def _row(plan: StudyPlan, decision: CorrectedTest) -> Row:
-    one, p = decision.test, decision.p
+def _row(plan: StudyPlan, one: DecidingTest) -> tuple[TableCell, ...]:
+    p, about = one.corrected, one.hypothesis
+    significant = "unknown" if math.isnan(p) else "yes" if p < plan.alpha else "no"
     return (
-        words(one.hypothesis.key),
-        words(EXPECTED[one.hypothesis.direction]),
-        words(one.measure),
-        words(f"{one.analysis}: {one.label}"),
-        probability(one.p),
-        probability(p),
+        *map(words, (about.key, EXPECTED[about.direction], one.measure)),
+        *(words(f"{one.analysis.key}: {one.label}"), probability(one.p), probability(p)),
         number(one.difference, 3),
-        words(_as_expected(one.hypothesis, one.difference)),
-        words("unknown" if math.isnan(p) else "yes" if p < plan.alpha else "no"),
+        *map(words, (_as_expected(about, one.difference), significant)),
     )
 
 
@@ -122,47 +120,36 @@ def _as_expected(hypothesis: Hypothesis, difference: float | None) -> str:
     return "yes" if signed > 0.0 else "no"
 
 
-def family_corrected(plan: StudyPlan, tests: Sequence[DecidingTest]) -> list[float]:
-    """Return the p values of tests, corrected within their family; those of a hypothesis without
-    one keep the correction of their analysis.
-    """
-    corrected = [one.corrected for one in tests]
-    for family in plan.families:
-        places = [n for n, one in enumerate(tests) if one.hypothesis.key in family.hypotheses]
-        members = [(tests[n].analysis, tests[n].measure, tests[n].label) for n in places]
-        for n, p in zip(places, holm([tests[n].p for n in places], members), strict=True):
-            corrected[n] = p
-    return corrected
+def _tests(tables: Sequence[Table]) -> Iterator[tuple[RowKey, Cells]]:
+    """Yield the rows of tables of declared analyses: their names, and their cells by head."""
+    for table in tables:
+        if "p (Holm)" in table.head:
+            for row in table.rows:
+                cells = dict(zip(table.head, row, strict=True))
+                label = cells.get("Contrast", cells.get("Effect", words(NOTHING))).text
+                yield (table.name, cells["Measure"].text, label), cells
 
 
-def _tests(
-    study: StudyDefinition, plan: StudyPlan, tables: dict[str, Table]
+def _deciding(
+    study: StudyDefinition, hypothesis: Hypothesis, tables: Sequence[Table]
 ) -> Iterator[DecidingTest]:
-    known = {one.key: one for one in study.analyses}
-    for hypothesis in plan.hypotheses:
-        analysis = known.get(hypothesis.analysis)
-        table = tables.get(name_of(analysis)) if analysis is not None else None
-        if analysis is None or table is None:
-            continue
-        for row in table.rows:
-            cells = dict(zip(table.head, row, strict=True))
-            if hypothesis.key in cells[PLANNED].text.split(", "):
-                yield _test(hypothesis, analysis, cells)
+    analysis = next((one for one in study.analyses if one.key == hypothesis.analysis), None)
+    if analysis is None:
+        return
+    own = [table for table in tables if table.name == name_of(analysis)]
+    for (_, measure, label), cells in _tests(own):
+        if hypothesis.key in cells[PLANNED].text.split(", "):
+            p, corrected = (_value(cells, name) for name in ("p", "p (Holm)"))
+            difference = _difference(cells)
+            yield DecidingTest(hypothesis, analysis, measure, label, p, corrected, difference)
 
 
-def _test(
-    hypothesis: Hypothesis,
-    analysis: DeclaredAnalysis,
-    cells: dict[str, TableCell],
-) -> DecidingTest:
-    measure = cells["Measure"].text
-    label = cells.get("Contrast", cells.get("Effect", words(""))).text
-    p, corrected = (_value(cells[name]) for name in ("p", "p (Holm)"))
-    difference, table = _difference(cells), name_of(analysis)
-    return DecidingTest(hypothesis, table, analysis.key, measure, label, p, corrected, difference)
+def _value(cells: Cells, head: str) -> float:
+    value = cells[head].value if head in cells else None
+    return math.nan if value is None else value
 
 
-def _difference(cells: dict[str, TableCell]) -> float | None:
+def _difference(cells: Cells) -> float | None:
     """Return by how much the first side is greater; of a rate or hazard ratio, its logarithm."""
     if cells["Difference"].value is not None:
         return cells["Difference"].value
@@ -171,29 +158,51 @@ def _difference(cells: dict[str, TableCell]) -> float | None:
     return math.log(size) if size else None
 
 
-def _value(cell: TableCell) -> float:
-    return float("nan") if cell.value is None else cell.value
+# --- exclusions -----------------------------------------------------------------------------------
 
 
-# --- what is exploratory --------------------------------------------------------------------------
+def exclusions_table(found: Sequence[PlanExclusion]) -> Table:
+    """Return a row for each exclusion."""
+    rows = tuple(
+        (
+            words(one.participant, (one.session,) if one.session else ()),
+            *map(words, (one.session, one.rule, one.value, "yes" if one.is_planned else "no")),
+        )
+        for one in found
+    )
+    head = ("Participant", "Session", "Rule", "Value", PLANNED)
+    return Table("exclusions", "Exclusions.", head, rows, (LISTED,))
 
 
-def status_of(study: StudyDefinition, measures: Sequence[str]) -> str:
-    """Return which hypotheses are about some measures, or that results on them are exploratory."""
-    hypotheses = study.plan.hypotheses if study.plan is not None else ()
-    analyses = {one.key: one for one in study.analyses}
-    keys = [
-        one.key
-        for one in hypotheses
-        if one.analysis in analyses
-        and set(measures).intersection(measures_of(one, analyses[one.analysis]))
-    ]
-    return f"Shows measures of: {', '.join(keys)}." if keys else NOT_PLANNED
+def exclusion_effects(planned: Sequence[Table], every: Sequence[Table], alpha: float) -> Table:
+    """Return the declared tests of the drives that count (their tables are `planned`) beside those
+    with the excluded drives (`every`).
+    """
+    others = dict(_tests(every))
+    rows, changed = [], []
+    for key, cells in _tests(planned):
+        both = (cells, others.get(key, {}))
+        ps = [_value(one, "p (Holm)") for one in both]
+        differences = [number(_value(one, "Difference"), 3) for one in both]
+        is_changed = (ps[0] < alpha) != (ps[1] < alpha)
+        names = (key[0].removeprefix("analysis-"), *key[1:])
+        changed += [", ".join(names)] if is_changed else []
+        verdict = words("changes" if is_changed else "same")
+        rows.append((*map(words, names), *map(probability, ps), *differences, verdict))
+    title = "Sensitivity analysis: declared tests with the excluded drives (all)."
+    level = f"Significant: p (Holm) below {alpha:g}."
+    note = f"The exclusions change the significance of: {'; '.join(changed)}."
+    if not changed:
+        note = "The exclusions change the significance of no declared test."
+    return Table("exclusions-effect", title, EFFECTS_HEAD, tuple(rows), (level, note))
+
+
+# --- notes of tables and figures ------------------------------------------------------------------
 
 
 def marked_table(table: Table, *, is_sensitivity: bool) -> Table:
-    """Return a table that says what it is: part of a sensitivity analysis; or exploratory, where it
-    has tests that no hypothesis names. Those that have hypotheses say so row by row.
+    """Return a table with the note that it is part of a sensitivity analysis, or exploratory, where
+    it has tests that no hypothesis names. Tables with hypotheses have them in each row.
     """
     if is_sensitivity:
         return replace(table, notes=(SENSITIVITY, *table.notes))
@@ -203,21 +212,25 @@ def marked_table(table: Table, *, is_sensitivity: bool) -> Table:
 
 
 def marked_figure(study: StudyDefinition, figure: Drawing, *, is_sensitivity: bool) -> Drawing:
-    """Return a figure that says that it is part of a sensitivity analysis; or, of answers, to which
-    hypotheses it belongs, or that it is exploratory.
+    """Return a figure with the note that it is part of a sensitivity analysis; or, of answers, to
+    which hypotheses it belongs, or that it is exploratory.
     """
-    questionnaire = _questionnaire_of(study, figure.name)
-    notes = figure.numbers.notes
+    notes, scores = figure.numbers.notes, "figure-scores-"
+    questionnaire = study.analysis.statements if figure.name.startswith("figure-8") else ""
+    if figure.name.startswith(scores):
+        questionnaire = figure.name.removeprefix(scores)
     if is_sensitivity:
         notes = (SENSITIVITY, *notes)
     elif questionnaire:
-        declared = {measure for one in study.analyses for measure in one.measures}
-        shown = [one for one in declared if one.partition(".")[0] == questionnaire and "." in one]
-        notes = (*notes, status_of(study, shown))
+        keys = ", ".join(_about(study, questionnaire))
+        notes = (*notes, f"Shows measures of: {keys}." if keys else NOT_PLANNED)
     return replace(figure, numbers=replace(figure.numbers, notes=notes))
 
 
-def _questionnaire_of(study: StudyDefinition, name: str) -> str:
-    if name.startswith("figure-scores-"):
-        return name.removeprefix("figure-scores-")
-    return study.analysis.statements if name.startswith("figure-8") else ""
+def _about(study: StudyDefinition, questionnaire: str) -> Iterator[str]:
+    """Yield the hypotheses about measures of a questionnaire."""
+    analyses = {one.key: one for one in study.analyses}
+    for one in study.plan.hypotheses if study.plan is not None else ():
+        measures = measures_of(one, analyses[one.analysis]) if one.analysis in analyses else ()
+        if any(measure.startswith(f"{questionnaire}.") for measure in measures):
+            yield one.key

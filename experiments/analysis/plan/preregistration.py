@@ -4,7 +4,8 @@ definition, or marked as unanswered. An appendix has every number and choice of 
 its defaults.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import msgspec
 
@@ -13,15 +14,8 @@ from experiments.analysis.tables import response_selection
 from experiments.dataset.records import FreezeRecord
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.factors import conditions_together
-from experiments.definition.plan import (
-    AttentionCheck,
-    Hypothesis,
-    Speeder,
-    StudyPlan,
-    hypotheses_of,
-    measures_of,
-)
-from experiments.definition.schema import Allocation, Condition, Course, Impairment, StudyDefinition
+from experiments.definition.plan import Hypothesis, StudyPlan, hypotheses_of, measures_of
+from experiments.definition.schema import Condition, Course, Impairment, StudyDefinition
 from robots.api.network_words import RANGES, spell
 from surveys.definition import Definition
 from surveys.documents import spoken
@@ -70,33 +64,26 @@ WITHOUT_SETTINGS = frozenset(
     | {"compensation", "languages", "steps", "factors", "analyses", "plan", "coding", "recruiting"}
 )
 DRIVES = {
-    "first": "Of several such drives of a participant in a condition, the first counts.",
-    "last": "Of several such drives of a participant in a condition, the last counts.",
-    "all": "Of several such drives of a participant in a condition, all count, and their values are"
-    " averaged first.",
+    "first": "the first counts",
+    "last": "the last counts",
+    "all": "all count, and their values are averaged first",
 }
-Answer = tuple[str, Iterable[str]]  # a question, and the paragraphs or lines that answer it
+Answers = tuple[tuple[str, Iterable[str]], ...]  # questions, with paragraphs or lines of each
 
 
 def preregistration(
-    study: StudyDefinition,
-    freeze: FreezeRecord | None,
-    questionnaires: Sequence[Definition] = (),
+    study: StudyDefinition, freeze: FreezeRecord | None, questionnaires: Sequence[Definition] = ()
 ) -> str:
-    """Return the text of a preregistration of a study.
-
-    Args:
-        study: its definition.
-        freeze: when it was frozen, if that is known.
-        questionnaires: those that it asks, as far as they are known.
+    """Return the text of a preregistration of a study, from its definition, the record of when it
+    was frozen, and those of its questionnaires that are known.
     """
-    lines = [f"# Preregistration: {_say(study, study.title) or study.slug}", ""]
+    asked = {one.slug: one for one in sorted(questionnaires, key=lambda one: one.version)}
+    text = _Text(study, study.plan or StudyPlan(), freeze, asked)
+    lines = [f"# Preregistration: {text.say(study.title) or study.slug}", ""]
     lines += [*_freeze_lines(study, freeze), ""]
     if study.plan is None:
         lines += [NO_PLAN, ""]
-    plan = study.plan or StudyPlan()
-    asked = {one.slug: one for one in sorted(questionnaires, key=lambda one: one.version)}
-    for section, answers in _sections(study, plan, freeze, asked):
+    for section, answers in text.sections():
         lines += [f"## {section}", ""]
         for question, given in answers:
             known = [line for line in given if line.strip()]
@@ -108,13 +95,12 @@ def _freeze_lines(study: StudyDefinition, freeze: FreezeRecord | None) -> Iterat
     yield f"Study `{study.slug}`, version {study.version}."
     if freeze is None:
         yield "When the definition was frozen is unknown."
-        return
-    if not freeze.frozen_at:
+    elif not freeze.frozen_at:
         yield "This is a draft: the definition is not frozen and may still change."
         yield f"SHA-256 of the draft: `{freeze.sha256}`."
-        return
-    yield f"Frozen on {freeze.frozen_at} (SHA-256 of the definition: `{freeze.sha256}`)."
-    yield f"Before data: {before_data(freeze)}."
+    else:
+        yield f"Frozen on {freeze.frozen_at} (SHA-256 of the definition: `{freeze.sha256}`)."
+        yield f"Before data: {before_data(freeze)}."
 
 
 def before_data(freeze: FreezeRecord | None) -> str:
@@ -123,107 +109,302 @@ def before_data(freeze: FreezeRecord | None) -> str:
         return "no, it is a draft"
     if freeze is None or freeze.before_data is None:
         return "unknown"
-    told = (
-        "yes, no participant of this version had joined"
-        if freeze.before_data
-        else "no, a participant of this version had already joined"
-    )
+    joined = "no, a participant of this version had already joined"
+    if freeze.before_data:
+        joined = "yes, no participant of this version had joined"
     if not freeze.earlier:
-        return told
-    return f"{told}; but {freeze.earlier} had joined earlier versions, whose data were known"
+        return joined
+    return f"{joined}; but {freeze.earlier} had joined earlier versions, whose data were known"
 
 
-def _sections(
-    study: StudyDefinition,
-    plan: StudyPlan,
-    freeze: FreezeRecord | None,
-    asked: dict[str, Definition],
-) -> Iterator[tuple[str, tuple[Answer, ...]]]:
-    yield "Study information", _information(study, plan)
-    yield "Design plan", _design(study, plan)
-    yield "Sampling plan", _sampling(study, plan, freeze)
-    yield "Variables", _variables(study, asked)
-    yield "Analysis plan", _analysis(study, plan)
-    yield "Other", (("Other", [plan.notes, study.source]),)
+@dataclass(frozen=True)
+class _Text:
+    """The answers from a study's definition, its plan, and its questionnaires by name."""
 
+    study: StudyDefinition
+    plan: StudyPlan
+    freeze: FreezeRecord | None
+    asked: Mapping[str, Definition]
 
-def _information(study: StudyDefinition, plan: StudyPlan) -> tuple[Answer, ...]:
-    return (
-        ("Title", [_say(study, study.title)]),
-        ("Description", [_say(study, study.intro)]),
-        ("Research question", [plan.question]),
-        ("Hypotheses", [_hypothesis(study, one) for one in plan.hypotheses]),
-    )
+    def say(self, text: dict[str, str]) -> str:
+        return spoken(text, self.study.languages[0] if self.study.languages else "en")
 
+    def sections(self) -> Iterator[tuple[str, Answers]]:
+        yield "Study information", self._information()
+        yield "Design plan", self._design()
+        yield "Sampling plan", self._sampling()
+        yield "Variables", self._variables()
+        yield "Analysis plan", self._analysis()
+        yield "Other", (("Other", [self.plan.notes, self.study.source]),)
 
-def _hypothesis(study: StudyDefinition, one: Hypothesis) -> str:
-    analysis = next((it for it in study.analyses if it.key == one.analysis), None)
-    if analysis is None:
-        return f"- **{one.key}**: {one.text}"
-    parts = [
-        f"analysis `{analysis.key}`",
-        ", ".join(f"`{it}`" for it in measures_of(one, analysis)),
-    ]
-    if one.contrast is not None and one.contrast <= len(analysis.contrasts):
-        parts.append(f"contrast “{_say(study, analysis.contrasts[one.contrast - 1].title)}”")
-    if one.effect:
-        parts.append(f"effect `{one.effect}`")
-    expected = f"Expected: {_direction(study, one, analysis)}."
-    return f"- **{one.key}**: {one.text} {expected} Tested by: {'; '.join(parts)}."
-
-
-def _direction(study: StudyDefinition, one: Hypothesis, analysis: DeclaredAnalysis) -> str:
-    """Return the expected direction in words, with the titles of the sides, or of the levels."""
-    if one.direction == "different":
-        return "a difference, two-sided"
-    first, second = "the first side", "the second"
-    factor = next((it for it in study.factors if it.key == one.effect), None)
-    if factor is not None and len(factor.levels) == 2:
-        first, second = (f"“{_say(study, level.title)}”" for level in factor.levels)
-    elif one.contrast is not None and one.contrast <= len(analysis.contrasts):
-        it = analysis.contrasts[one.contrast - 1]
-        first, second = (", ".join(f"`{key}`" for key in keys) for keys in (it.first, it.second))
-    word = "greater" if one.direction == "greater" else "smaller"
-    return f"{first} is {word} than {second}; tested two-sided"
-
-
-# --- design and sampling --------------------------------------------------------------------------
-
-
-def _design(study: StudyDefinition, plan: StudyPlan) -> tuple[Answer, ...]:
-    kind = "Experiment: participants are assigned to conditions."
-    if len(study.conditions) == 1:
-        kind = "Observational study: every participant has the same condition."
-    return (
-        ("Study type", [kind]),
-        ("Blinding", [plan.blinding]),
-        ("Study design", list(_study_design(study))),
-        ("Randomization", list(_randomization(study))),
-    )
-
-
-def _study_design(study: StudyDefinition) -> Iterator[str]:
-    most = max((len(keys) for keys in conditions_together(study)), default=0)
-    if len(study.conditions) > 1:
-        yield f"A participant does {most} of {len(study.conditions)} conditions."
-    for factor in study.factors:
-        levels = ", ".join(_say(study, level.title) for level in factor.levels)
-        yield f"- Factor `{factor.key}`, {factor.design} participants: {levels}"
-    for condition in study.conditions:
-        yield f"- Condition `{condition.key}`: {described(study, condition)}"
-    for step in study.drives:
-        what = "Practice, which counts in no result" if step.is_practice else "Task"
-        again = ", once for each condition" if step.repeat else ""
-        yield f"- {what}, `{step.key}`: at most {step.minutes:g} minutes{again}."
-    if study.task is not None:
-        yield (
-            "- The time of the task begins with the first video frame that the page shows. It is"
-            " completed when all checkpoints were passed in order and the robot has then rested on"
-            f" its charging contacts for {study.task.docked_seconds:g} s; a robot without contacts"
-            " decides by itself that it is docked."
+    def _information(self) -> Answers:
+        return (
+            ("Title", [self.say(self.study.title)]),
+            ("Description", [self.say(self.study.intro)]),
+            ("Research question", [self.plan.question]),
+            ("Hypotheses", [self._hypothesis(one) for one in self.plan.hypotheses]),
         )
-    yield from (_course(one) for one in study.courses)
-    yield from filter(None, [_start(study)])
+
+    def _hypothesis(self, one: Hypothesis) -> str:
+        analysis = next((it for it in self.study.analyses if it.key == one.analysis), None)
+        if analysis is None:
+            return f"- **{one.key}**: {one.text}"
+        measures = ", ".join(f"`{measure}`" for measure in measures_of(one, analysis))
+        parts = [f"analysis `{analysis.key}`", measures]
+        sides: Sequence[str] = ("the first side", "the second")
+        if one.contrast is not None and one.contrast <= len(analysis.contrasts):
+            contrast = analysis.contrasts[one.contrast - 1]
+            parts.append(f"contrast “{self.say(contrast.title)}”")
+            both = (contrast.first, contrast.second)
+            sides = [", ".join(f"`{key}`" for key in keys) for keys in both]
+        if one.effect:
+            parts.append(f"effect `{one.effect}`")
+        factor = next((it for it in self.study.factors if it.key == one.effect), None)
+        if factor is not None and len(factor.levels) == 2:
+            sides = [f"“{self.say(level.title)}”" for level in factor.levels]
+        expected = "a difference, two-sided"
+        if one.direction != "different":
+            word = "greater" if one.direction == "greater" else "smaller"
+            expected = f"{sides[0]} is {word} than {sides[1]}; tested two-sided"
+        return f"- **{one.key}**: {one.text} Expected: {expected}. Tested by: {'; '.join(parts)}."
+
+    # --- design and sampling ----------------------------------------------------------------------
+
+    def _design(self) -> Answers:
+        kind = "Experiment: participants are assigned to conditions."
+        if len(self.study.conditions) == 1:
+            kind = "Observational study: every participant has the same condition."
+        return (
+            ("Study type", [kind]),
+            ("Blinding", [self.plan.blinding]),
+            ("Study design", list(self._study_design())),
+            ("Randomization", list(self._randomization())),
+        )
+
+    def _study_design(self) -> Iterator[str]:
+        study = self.study
+        most = max((len(keys) for keys in conditions_together(study)), default=0)
+        if len(study.conditions) > 1:
+            yield f"A participant does {most} of {len(study.conditions)} conditions."
+        for factor in study.factors:
+            levels = ", ".join(self.say(level.title) for level in factor.levels)
+            yield f"- Factor `{factor.key}`, {factor.design} participants: {levels}"
+        for condition in study.conditions:
+            yield f"- Condition `{condition.key}`: {'; '.join(self._described(condition))}"
+        for step in study.drives:
+            what = "Practice, which counts in no result" if step.is_practice else "Task"
+            again = ", once for each condition" if step.repeat else ""
+            yield f"- {what}, `{step.key}`: at most {step.minutes:g} minutes{again}."
+        if study.task is not None:
+            yield (
+                "- The time of the task begins with the first video frame that the page shows. It"
+                " is completed when all checkpoints were passed in order and the robot has then"
+                f" rested on its charging contacts for {study.task.docked_seconds:g} s; a robot"
+                " without contacts decides by itself that it is docked."
+            )
+        yield from map(_course, study.courses)
+        yield _start(study)
+
+    def _described(self, one: Condition) -> Iterator[str]:
+        """Yield what a condition is, in words and numbers."""
+        levels = ", ".join(f"{factor} {level}" for factor, level in one.levels.items())
+        yield from filter(
+            None,
+            (
+                self.say(one.title),
+                levels and f"levels: {levels}",
+                f"robot {one.robot} at {one.site}",
+                f"assistance {one.assist}",
+                f"controllers {', '.join(one.controllers) or 'none'}",
+                one.actions and f"actions {', '.join(one.actions)}",
+                one.interface != "standard" and f"page {one.interface}",
+                one.control_way != "any" and f"commands over {one.control_way}",
+                one.doors_closed and f"closed {', '.join(one.doors_closed)}",
+                one.speed.linear is not None and f"at most {one.speed.linear:g} m/s",
+                one.speed.angular is not None and f"at most {one.speed.angular:g} rad/s",
+                _network("network to the robot, one way", one.network.control),
+                _network("network back with the video, one way", one.network.video),
+                one.idle_seconds and f"asked whether they are there after {one.idle_seconds:g} s",
+                one.access == "invitation" and "by invitation",
+            ),
+        )
+        for step in self.study.steps:
+            if pages := ", ".join(map(str, step.own_pages(one.key))):
+                yield f"pages {pages} of the instructions `{step.key}`, for some conditions only"
+
+    def _randomization(self) -> Iterator[str]:
+        study, allocation = self.study, self.study.allocation
+        if len(study.conditions) == 1:
+            yield "None: there is one condition."
+            return
+        when = "On first getting the robot"
+        if study.tells_condition:
+            when = "Before reading instructions that depend on the condition"
+        yield (
+            f"{when}, a participant is assigned to the cell with the fewest places filled or in"
+            f" progress with probability {allocation.best_probability:g}, otherwise to one of the"
+            " others; ties and chance follow from a seed that is kept."
+        )
+        yield self._balance()
+        yield (
+            "A participant keeps the cell: the page shows something of it before any video."
+            if study.reveals_condition
+            else "A participant who was not exposed gives the place back and is drawn anew on"
+            " getting the robot again; every draw is reported, and the participant counts in the"
+            " cell of the drive that counts."
+        )
+        if allocation.design == "within":
+            yield f"Conditions are done {ORDERS[allocation.order]}."
+            yield (
+                f"A participant who was not seen for {allocation.left_after_hours:g} hours before"
+                " the last condition has left: another participant gets the order."
+            )
+        yield self._replacement()
+
+    def _balance(self) -> str:
+        allocation = self.study.allocation
+        factors = [
+            f"{one.item} (from {', '.join(f'{limit:g}' for limit in one.limits)})"
+            if one.limits
+            else one.item
+            for one in allocation.balance
+        ]
+        alike = "all of these factors (strata)"
+        if allocation.balancing == "minimization":
+            alike = "each of these factors, added up (minimization)"
+        places = f"Places count of participants alike in {alike}: {', '.join(factors)}."
+        return places if factors else ""
+
+    def _replacement(self) -> str:
+        refill = self.study.refill
+        if not (refill.outcomes and refill.most):
+            return "Exposed participants are not replaced."
+        named = ", ".join(one.replace("_", " ") for one in refill.outcomes)
+        return (
+            "Exposed participants whose task ended so are replaced, at most"
+            f" {refill.most} times in each cell: {named}. They stay in the flow, and their drives"
+            " count as those of others."
+        )
+
+    def _sampling(self) -> Answers:
+        study, plan, freeze = self.study, self.plan, self.freeze
+        quota = study.allocation.quota
+        size = [f"{plan.participants} complete cases."] if plan.participants is not None else []
+        size += [f"At most {quota} participants in each cell."] if quota is not None else []
+        has_started = freeze is not None and bool(freeze.frozen_at)
+        existing = f"Frozen before data: {before_data(freeze)}." if has_started else ""
+        procedures = [study.recruitment, study.compensation, *self._eligibility()]
+        return (
+            ("Existing data", [existing]),
+            ("Data collection procedures", procedures),
+            ("Sample size", size),
+            ("Sample size rationale", [plan.rationale, *self._expected()]),
+            ("Stopping rule", [plan.stopping]),
+        )
+
+    def _eligibility(self) -> Iterator[str]:
+        """Yield who cannot take part, by age, device and answers."""
+        study = self.study
+        if study.consent is not None:
+            minors = "need a guardian" if study.consent.minors == "guardian" else "cannot take part"
+            yield f"- Participants younger than {study.consent.minimum_age} {minors}."
+        for what, named in (("devices", study.devices), ("browsers", study.browsers)):
+            if named:
+                yield f"- Only with these {what}: {', '.join(named)}."
+        for rule in study.screening:
+            wanted = [f"one of {', '.join(rule.answers)}"] if rule.answers else []
+            wanted += [f"at least {rule.at_least:g}"] if rule.at_least is not None else []
+            wanted += [f"at most {rule.at_most:g}"] if rule.at_most is not None else []
+            where = f"`{rule.questionnaire}.{rule.item}`"
+            yield f"- Only with this answer to {where}: {', '.join(wanted)}."
+        for quota in study.answer_quotas:
+            where = f"`{quota.questionnaire}.{quota.item}`"
+            yield f"- At most {quota.most} who answer {where} with: {', '.join(quota.answers)}."
+
+    def _expected(self) -> Iterator[str]:
+        if self.plan.expected:
+            yield f"Expected effects, to be found with a power of {self.plan.power:g}:"
+        for one in self.plan.expected:
+            more = "" if one.sd is None else f", SD {one.sd:g}"
+            more += "" if one.correlation is None else f", correlation {one.correlation:g}"
+            where = f"`{one.measure}` in `{one.condition}`"
+            yield f"- {where}: {one.difference:+g} against the first condition{more}"
+
+    # --- variables and analysis -------------------------------------------------------------------
+
+    def _variables(self) -> Answers:
+        study = self.study
+        several = study.conditions if len(study.conditions) > 1 else ()
+        manipulated = [f"- `{it.key}`: {self.say(it.title)}" for it in study.factors or several]
+        measures = dict.fromkeys(measure for one in study.analyses for measure in one.measures)
+        slugs = dict.fromkeys(step.questionnaire for step in study.asking)
+        return (
+            ("Manipulated variables", manipulated or ["None: there is one condition."]),
+            ("Measured variables", [self._measure(one) for one in measures]),
+            ("Indices", [line for slug in slugs for line in self._scales(slug)]),
+        )
+
+    def _measure(self, measure: str) -> str:
+        """Return a measure with its definition."""
+        slug, point, item = measure.partition(".")
+        if point:
+            scale = measured_scale(self.asked[slug], item) if slug in self.asked else None
+            return f"- `{measure}`" if scale is None else f"- `{measure}`: {_scale(scale)}"
+        column = next((one for one in METRICS if one.name == measure), None)
+        if column is None:
+            return f"- `{measure}`"
+        unit = f" ({column.unit})" if column.unit else ""
+        return f"- `{measure}`{unit}: {column.meaning}. Definitions of version {VERSION}."
+
+    def _scales(self, slug: str) -> Iterator[str]:
+        """Yield how a questionnaire is scored, and which of its items are reverse-coded."""
+        asked = self.asked.get(slug)
+        if asked is None:
+            yield f"- Scores of the questionnaire `{slug}`"
+            return
+        scales = (*scales_of(asked), *parts_of(asked))
+        name = f"`{slug}`, version {asked.version}"
+        if not scales:
+            yield f"- {name}: answers, no score."
+            return
+        reverse = ", ".join(asked.reversed) or "none"
+        yield f"- {name}. Reverse-coded items, counted from the other end: {reverse}."
+        for one in scales:
+            yield f"- `{slug}.{one.key}` {self.say(one.label)}: {_scale(one)}"
+
+    def _analysis(self) -> Answers:
+        study, plan = self.study, self.plan
+        criteria, exclusions, missing, exploratory = [], [*_counting(study)], [], []
+        if study.plan is not None:
+            criteria = list(_criteria(study, plan))
+            exclusions += _rules(plan)
+            missing = [plan.missing_data, INCOMPLETE[plan.incomplete]]
+            exploratory = list(_exploratory(study))
+        return (
+            ("Statistical models", [self._model(one) for one in study.analyses]),
+            ("Transformations", []),
+            ("Inference criteria", criteria),
+            ("Data exclusion", exclusions),
+            ("Missing data", missing),
+            ("Exploratory analysis", exploratory),
+        )
+
+    def _model(self, one: DeclaredAnalysis) -> str:
+        test = MODELS[one.test] if one.is_model else TESTS[one.test]
+        contrasts = "; ".join(self.say(it.title) for it in one.contrasts)
+        parts = {
+            "Measures": ", ".join(f"`{measure}`" for measure in one.measures),
+            "Contrasts": contrasts,
+            "Conditions": ", ".join(one.conditions),
+            "Each pair of conditions is compared as well": one.post_hoc,
+            "Effects": ", ".join(one.effects),
+            "Covariates": ", ".join(one.covariates),
+        }
+        about = [f"{k}." if v is True else f"{k}: {v}." for k, v in parts.items() if v]
+        return f"- `{one.key}` ({self.say(one.title)}): {test}. {' '.join(about)}"
+
+
+# --- parts without texts of the study -------------------------------------------------------------
 
 
 def _course(course: Course) -> str:
@@ -244,8 +425,7 @@ def _course(course: Course) -> str:
 
 
 def _start(study: StudyDefinition) -> str:
-    start = study.start
-    rules = []
+    start, rules = study.start, []
     if start.charge > 0.0:
         rules.append(f"its battery has at least {100.0 * start.charge:g} % of its charge")
     if start.docked:
@@ -257,36 +437,6 @@ def _start(study: StudyDefinition) -> str:
     return f"- A drive begins only when this holds of the robot: {wanted}." if wanted else ""
 
 
-def described(study: StudyDefinition, condition: Condition) -> str:
-    """Return what a condition is, in words and numbers."""
-    levels = ", ".join(f"{factor} {level}" for factor, level in condition.levels.items())
-    parts = [
-        _say(study, condition.title),
-        levels and f"levels: {levels}",
-        f"robot {condition.robot} at {condition.site}",
-        f"assistance {condition.assist}",
-        f"controllers {', '.join(condition.controllers) or 'none'}",
-        condition.actions and f"actions {', '.join(condition.actions)}",
-        condition.interface != "standard" and f"page {condition.interface}",
-        condition.control_way != "any" and f"commands over {condition.control_way}",
-        condition.doors_closed and f"closed {', '.join(condition.doors_closed)}",
-        condition.speed.linear is not None and f"at most {condition.speed.linear:g} m/s",
-        condition.speed.angular is not None and f"at most {condition.speed.angular:g} rad/s",
-        _network("network to the robot, one way", condition.network.control),
-        _network("network back with the video, one way", condition.network.video),
-        condition.idle_seconds
-        and f"asked whether they are there after {condition.idle_seconds:g} s",
-        condition.access == "invitation" and "by invitation",
-    ]
-    parts.extend(
-        f"pages {', '.join(map(str, pages))} of the instructions `{step.key}`, for some conditions"
-        " only"
-        for step in study.steps
-        if (pages := step.own_pages(condition.key))
-    )
-    return "; ".join(part for part in parts if part)
-
-
 def _network(what: str, impairment: Impairment | None) -> str:
     units = {"milliseconds": "ms", "percent": "%"}
     words = []
@@ -296,175 +446,9 @@ def _network(what: str, impairment: Impairment | None) -> str:
     return f"{what}: {', '.join(words)}" if words else ""
 
 
-def _randomization(study: StudyDefinition) -> Iterator[str]:
-    allocation, refill = study.allocation, study.refill
-    if len(study.conditions) == 1:
-        yield "None: there is one condition."
-        return
-    when = (
-        "Before reading instructions that depend on the condition"
-        if study.tells_condition
-        else "On first getting the robot"
-    )
-    yield (
-        f"{when}, a participant is assigned to the cell with the fewest places filled or in"
-        f" progress with probability {allocation.best_probability:g}, otherwise to one of the"
-        " others; ties and chance follow from a seed that is kept."
-    )
-    if allocation.balance:
-        yield _balance(allocation)
-    if study.reveals_condition:
-        yield "A participant keeps the cell: the page shows something of it before any video."
-    else:
-        yield (
-            "A participant who was not exposed gives the place back and is drawn anew on getting"
-            " the robot again; every draw is reported, and the participant counts in the cell of"
-            " the drive that counts."
-        )
-    if allocation.design == "within":
-        yield f"Conditions are done {ORDERS[allocation.order]}."
-        yield (
-            "A participant who was not seen for"
-            f" {allocation.left_after_hours:g} hours before the last condition has left: another"
-            " participant gets the order."
-        )
-    yield _replacement(refill.outcomes, refill.most)
-
-
-def _balance(allocation: Allocation) -> str:
-    factors = [
-        f"{one.item} (from {', '.join(f'{limit:g}' for limit in one.limits)})"
-        if one.limits
-        else one.item
-        for one in allocation.balance
-    ]
-    alike = (
-        "each of these factors, added up (minimization)"
-        if allocation.balancing == "minimization"
-        else "all of these factors (strata)"
-    )
-    return f"Places count of participants alike in {alike}: {', '.join(factors)}."
-
-
-def _replacement(outcomes: Sequence[str], most: int) -> str:
-    if not (outcomes and most):
-        return "Exposed participants are not replaced."
-    named = ", ".join(one.replace("_", " ") for one in outcomes)
-    return (
-        f"Exposed participants whose task ended so are replaced, at most {most} times in each cell:"
-        f" {named}. They stay in the flow, and their drives count as those of others."
-    )
-
-
-def _sampling(
-    study: StudyDefinition, plan: StudyPlan, freeze: FreezeRecord | None
-) -> tuple[Answer, ...]:
-    quota = study.allocation.quota
-    size = [f"{plan.participants} complete cases."] if plan.participants is not None else []
-    size += [f"At most {quota} participants in each cell."] if quota is not None else []
-    has_started = freeze is not None and bool(freeze.frozen_at)
-    existing = f"Frozen before data: {before_data(freeze)}." if has_started else ""
-    return (
-        ("Existing data", [existing]),
-        (
-            "Data collection procedures",
-            [study.recruitment, study.compensation, *_eligibility(study)],
-        ),
-        ("Sample size", size),
-        ("Sample size rationale", [plan.rationale, *_expected(plan)]),
-        ("Stopping rule", [plan.stopping]),
-    )
-
-
-def _eligibility(study: StudyDefinition) -> Iterator[str]:
-    """Yield who cannot take part, by age, device and answers."""
-    if study.consent is not None:
-        minors = "need a guardian" if study.consent.minors == "guardian" else "cannot take part"
-        yield f"- Participants younger than {study.consent.minimum_age} {minors}."
-    for what, named in (("devices", study.devices), ("browsers", study.browsers)):
-        if named:
-            yield f"- Only with these {what}: {', '.join(named)}."
-    for rule in study.screening:
-        wanted = [f"one of {', '.join(rule.answers)}"] if rule.answers else []
-        wanted += [f"at least {rule.at_least:g}"] if rule.at_least is not None else []
-        wanted += [f"at most {rule.at_most:g}"] if rule.at_most is not None else []
-        where = f"`{rule.questionnaire}.{rule.item}`"
-        yield f"- Only with this answer to {where}: {', '.join(wanted)}."
-    for quota in study.answer_quotas:
-        where = f"`{quota.questionnaire}.{quota.item}`"
-        yield f"- At most {quota.most} who answer {where} with: {', '.join(quota.answers)}."
-
-
-def _expected(plan: StudyPlan) -> Iterator[str]:
-    if plan.expected:
-        yield f"Expected effects, to be found with a power of {plan.power:g}:"
-    for one in plan.expected:
-        more = "" if one.sd is None else f", SD {one.sd:g}"
-        more += "" if one.correlation is None else f", correlation {one.correlation:g}"
-        where = f"`{one.measure}` in `{one.condition}`"
-        yield f"- {where}: {one.difference:+g} against the first condition{more}"
-
-
-# --- variables and analysis -----------------------------------------------------------------------
-
-
-def _variables(study: StudyDefinition, asked: dict[str, Definition]) -> tuple[Answer, ...]:
-    manipulated = [f"- `{one.key}`: {_say(study, one.title)}" for one in study.factors]
-    if not manipulated and len(study.conditions) > 1:
-        manipulated = [f"- `{one.key}`: {_say(study, one.title)}" for one in study.conditions]
-    measures = dict.fromkeys(measure for one in study.analyses for measure in one.measures)
-    slugs = dict.fromkeys(step.questionnaire for step in study.asking)
-    return (
-        ("Manipulated variables", manipulated or ["None: there is one condition."]),
-        ("Measured variables", [_measure(one, asked) for one in measures]),
-        ("Indices", [line for slug in slugs for line in _scales(study, slug, asked.get(slug))]),
-    )
-
-
-def _measure(measure: str, asked: dict[str, Definition]) -> str:
-    """Return a measure with its definition."""
-    slug, point, item = measure.partition(".")
-    if not point:
-        column = next((one for one in METRICS if one.name == measure), None)
-        if column is None:
-            return f"- `{measure}`"
-        unit = f" ({column.unit})" if column.unit else ""
-        return f"- `{measure}`{unit}: {column.meaning}. Definitions of version {VERSION}."
-    scale = measured_scale(asked[slug], item) if slug in asked else None
-    return f"- `{measure}`" if scale is None else f"- `{measure}`: {_scale(scale)}"
-
-
 def _scale(scale: ScoredScale) -> str:
     low, high = scale.bounds
     return f"{scale.formula}; from {low:g} to {high:g}."
-
-
-def _scales(study: StudyDefinition, slug: str, asked: Definition | None) -> Iterator[str]:
-    """Yield how a questionnaire is scored, and which of its items are reverse-coded."""
-    if asked is None:
-        yield f"- Scores of the questionnaire `{slug}`"
-        return
-    scales = (*scales_of(asked), *parts_of(asked))
-    name = f"`{slug}`, version {asked.version}"
-    if not scales:
-        yield f"- {name}: answers, no score."
-        return
-    reverse = ", ".join(asked.reversed) or "none"
-    yield f"- {name}. Reverse-coded items, counted from the other end: {reverse}."
-    for one in scales:
-        yield f"- `{slug}.{one.key}` {_say(study, one.label)}: {_scale(one)}"
-
-
-def _analysis(study: StudyDefinition, plan: StudyPlan) -> tuple[Answer, ...]:
-    is_answered = study.plan is not None
-    return (
-        ("Statistical models", [_model(study, one) for one in study.analyses]),
-        ("Transformations", []),
-        ("Inference criteria", list(_criteria(study, plan)) if is_answered else []),
-        ("Data exclusion", [*_counting(study), *(_rules(plan) if is_answered else ())]),
-        ("Missing data", [plan.missing_data, *([INCOMPLETE[plan.incomplete]] * is_answered)]),
-        ("Exploratory analysis", list(_exploratory(study)) if is_answered else []),
-    )
 
 
 def _counting(study: StudyDefinition) -> Iterator[str]:
@@ -472,7 +456,8 @@ def _counting(study: StudyDefinition) -> Iterator[str]:
     yield (
         "- Exposed is a participant to whom the page showed a video frame of the task. A drive"
         " counts when it is one of the task, has ended, and the participant moved the robot in it."
-        f" {DRIVES[study.analysis.drives]}"
+        " Of several such drives of a participant in a condition,"
+        f" {DRIVES[study.analysis.drives]}."
     )
     yield (
         "- Practice, drives of pilots and bots, drives that a fault of the platform ended, and"
@@ -499,19 +484,6 @@ def _counting(study: StudyDefinition) -> Iterator[str]:
     )
 
 
-def _model(study: StudyDefinition, one: DeclaredAnalysis) -> str:
-    contrasts = "; ".join(_say(study, it.title) for it in one.contrasts)
-    test = MODELS[one.test] if one.is_model else TESTS[one.test]
-    told = f"- `{one.key}` ({_say(study, one.title)}): {test}. Measures: "
-    told += ", ".join(f"`{measure}`" for measure in one.measures) + "."
-    told += f" Contrasts: {contrasts}." if contrasts else ""
-    told += f" Conditions: {', '.join(one.conditions)}." if one.conditions else ""
-    told += " Each pair of conditions is compared as well." if one.post_hoc else ""
-    told += f" Effects: {', '.join(one.effects)}." if one.effects else ""
-    told += f" Covariates: {', '.join(one.covariates)}." if one.covariates else ""
-    return told
-
-
 def _criteria(study: StudyDefinition, plan: StudyPlan) -> Iterator[str]:
     yield f"p values are two-sided; a corrected p below {plan.alpha:g} is significant."
     if study.analyses:
@@ -524,37 +496,28 @@ def _criteria(study: StudyDefinition, plan: StudyPlan) -> Iterator[str]:
 def _rules(plan: StudyPlan) -> Iterator[str]:
     """Yield the rules of the plan, which are applied before any result is computed."""
     for check in plan.attention_checks:
-        yield f"- {rule_in_words(check)}"
+        where = f"`{check.questionnaire}.{check.item}`"
+        yield (
+            f"- Attention check: participants whose answer to {where} is not “{check.answer}” are"
+            " excluded."
+        )
     for speeder in plan.speeders:
-        yield f"- {rule_in_words(speeder)}"
+        limits = [] if speeder.seconds is None else [f"{speeder.seconds:g} s"]
+        if speeder.median_share is not None:
+            limits.append(f"{speeder.median_share:g} of the median time")
+        yield (
+            f"- Speeders: participants who answer `{speeder.questionnaire}` in less than"
+            f" {' or '.join(limits)} are excluded."
+        )
     yield f"- {INCOMPLETE[plan.incomplete]}"
     yield "A sensitivity analysis reports all declared tests with the excluded drives as well."
 
 
-def rule_in_words(rule: AttentionCheck | Speeder) -> str:
-    """Return a rule of exclusion as a sentence."""
-    if isinstance(rule, AttentionCheck):
-        return (
-            f"Attention check: participants whose answer to `{rule.questionnaire}.{rule.item}` is"
-            f" not “{rule.answer}” are excluded."
-        )
-    limits = [] if rule.seconds is None else [f"{rule.seconds:g} s"]
-    if rule.median_share is not None:
-        limits.append(f"{rule.median_share:g} of the median time")
-    return (
-        f"Speeders: participants who answer `{rule.questionnaire}` in less than"
-        f" {' or '.join(limits)} are excluded."
-    )
-
-
 def _exploratory(study: StudyDefinition) -> Iterator[str]:
-    others = [one.key for one in study.analyses if not hypotheses_of(study.plan, one)]
+    others = [f"`{one.key}`" for one in study.analyses if not hypotheses_of(study.plan, one)]
     yield "Every test that no hypothesis names is exploratory, and is marked so in the report."
     if others:
-        yield f"Declared without a hypothesis: {', '.join(f'`{key}`' for key in others)}."
-
-
-# --- every number and choice ----------------------------------------------------------------------
+        yield f"Declared without a hypothesis: {', '.join(others)}."
 
 
 def _settings(study: StudyDefinition) -> Iterator[str]:
@@ -582,7 +545,3 @@ def _fields(value: object, name: str) -> Iterator[str]:
         yield f"- {name}: {', '.join(f'{key} {one}' for key, one in value.items()) or 'none'}"
     else:
         yield f"- {name}: {'none' if value is None else ' '.join(str(value).split())}"
-
-
-def _say(study: StudyDefinition, text: dict[str, str]) -> str:
-    return spoken(text, study.languages[0] if study.languages else "en")

@@ -1,6 +1,6 @@
-"""A sheet with what a report on a study of human-robot interaction has to say of who took part,
-with which robot, how autonomous it was, what failed, and what departed from the plan. It fills
-itself from the data; what these do not tell is said to be unknown.
+"""A sheet with what a report on a study of human-robot interaction has to state: participants,
+robots, their autonomy, failures, and deviations from the plan. It is filled from the data; what
+they do not have is unknown.
 """
 
 import math
@@ -16,19 +16,13 @@ from experiments.analysis.tables.people import NOT_REPORTED, table_2
 from experiments.analysis.tables.table import NOTHING, Table, amount, spoken, words
 from experiments.dataset.exclusions import BY_HAND, OF_PLATFORM, excluded_participants
 from experiments.dataset.levels import ASSISTANCE, REPLACED, UNCOUNTED
-from experiments.dataset.records import (
-    COMPLETED,
-    Dataset,
-    ParticipantRecord,
-    RobotRecord,
-)
+from experiments.dataset.records import COMPLETED, Dataset, ParticipantRecord
 from experiments.definition.plan import hypotheses_of
 
 NAME = "reporting-sheet"
 UNKNOWN = "unknown"
 SEX = ("sex", "gender")  # items of the registration that ask for it
-# Of a session: (median, 95th percentile), and what it is.
-LATENCIES = {
+LATENCIES = {  # metrics of a session: median and 95th percentile
     "Age of commands at the wheels": ("command_age_median", "command_age_p95"),
     "Age of video on the page": ("frame_age", "frame_age_p95"),
 }
@@ -52,8 +46,8 @@ Line = tuple[str, str, str]  # section, item, value
 def reporting_sheet(
     dataset: Dataset, measured: Sequence[Measured], everybody: Sequence[ParticipantRecord]
 ) -> Table:
-    """Return the sheet of a dataset of what counts (dataset/counting.py), its sessions measured;
-    `everybody` are the participants, pilots and bots of the whole one.
+    """Return the sheet of a dataset of what counts (dataset/counting.py), with its measured
+    sessions; `everybody` has the participants, pilots and bots of the whole dataset.
     """
     lines = (
         ("Participants", "in the dataset", counted(everybody, "participant")),
@@ -62,7 +56,6 @@ def reporting_sheet(
         *_robots(dataset, measured),
         *_autonomy(dataset),
         *_failures(dataset),
-        *_uncounted(dataset),
         *_exclusions(dataset),
         *_deviations(dataset),
         *_versions(dataset),
@@ -85,20 +78,20 @@ def as_markdown(table: Table) -> str:
     return "\n".join((*lines, "", *table.notes, ""))
 
 
-# --- who took part --------------------------------------------------------------------------------
+# --- participants ---------------------------------------------------------------------------------
 
 
 def _participants(dataset: Dataset) -> Iterator[Line]:
     people, study = dataset.participants, dataset.study
-    here = [one for one in people if not one.withdrawn]
+    staying = [one for one in people if not one.withdrawn]
     drivers = {one.participant for one in (*dataset.sessions, *dataset.others) if one.drove}
     items = {
         "joined": len(people),
         "drawn anew, before they were exposed": sum(one.draws > 1 for one in people),
         "replaced by others": sum(one.place == REPLACED for one in people),
-        "withdrew": len(people) - len(here),
+        "withdrew": len(people) - len(staying),
         "drove a robot": len(drivers),
-        "finished": sum(one.finished for one in here),
+        "finished": sum(one.finished for one in staying),
         "with a drive that counts": _drivers(dataset),
         "drives that count": len(dataset.sessions),
         "age": _ages([one.age for one in dataset.included]),
@@ -120,8 +113,8 @@ def _ages(ages: Sequence[float]) -> str:
     if about.mean is None:
         return UNKNOWN
     sd = NOTHING if about.sd is None else f"{about.sd:.1f}"
-    silent = f"; {len(ages) - len(known)} {NOT_REPORTED}" if len(known) < len(ages) else ""
-    return f"M = {about.mean:.1f}, SD = {sd}, {min(known):.0f} to {max(known):.0f}{silent}"
+    missing = f"; {len(ages) - len(known)} {NOT_REPORTED}" if len(known) < len(ages) else ""
+    return f"M = {about.mean:.1f}, SD = {sd}, {min(known):.0f} to {max(known):.0f}{missing}"
 
 
 def _sexes(dataset: Dataset) -> str:
@@ -130,34 +123,31 @@ def _sexes(dataset: Dataset) -> str:
     asked = [one for one in definition.questions() if one.key in SEX] if definition else []
     if not asked:
         return f"{UNKNOWN}: not asked"
-    wanted, own, is_here = dataset.say(asked[0].text), [], False
-    for head, label, n, _share in table_2(dataset).rows:
-        is_here = head.text == wanted if head.text else is_here
-        own += [f"{label.text}: {n.text}"] if is_here and n.value else []
-    return ", ".join(own) or UNKNOWN
+    question, counts, is_own = dataset.say(asked[0].text), [], False
+    for head, label, n, _share in table_2(dataset).rows:  # the head of a question is in its first
+        is_own = head.text == question if head.text else is_own
+        counts += [f"{label.text}: {n.text}"] if is_own and n.value else []
+    return ", ".join(counts) or UNKNOWN
 
 
 # --- the robot ------------------------------------------------------------------------------------
 
 
 def _robots(dataset: Dataset, measured: Sequence[Measured]) -> Iterator[Line]:
-    driven = {one.robot for one in dataset.sessions}
+    in_use = {one.robot for one in dataset.sessions}
     for robot in dataset.robots:
-        if not driven or robot.name in driven:
-            own = [one for one in measured if one.session.robot == robot.name]
-            yield from _robot(robot, own)
+        if in_use and robot.name not in in_use:
+            continue
+        section = f"Robot {robot.title}"
+        yield section, "make", UNKNOWN
+        for item, fact in ROBOT_FACTS.items():
+            value = robot.facts.get(fact, NOTHING)
+            yield section, item, UNKNOWN if value == NOTHING else value
+        own = [one for one in measured if one.session.robot == robot.name]
+        for item, names in LATENCIES.items():
+            yield section, item, _latency(own, names)
     if not dataset.robots:
         yield "Robot", "model", UNKNOWN
-
-
-def _robot(robot: RobotRecord, measured: Sequence[Measured]) -> Iterator[Line]:
-    section = f"Robot {robot.title}"
-    yield section, "make", UNKNOWN
-    for item, fact in ROBOT_FACTS.items():
-        value = robot.facts.get(fact, NOTHING)
-        yield section, item, UNKNOWN if value == NOTHING else value
-    for item, names in LATENCIES.items():
-        yield section, item, _latency(measured, names)
 
 
 def _latency(measured: Sequence[Measured], names: tuple[str, str]) -> str:
@@ -166,8 +156,7 @@ def _latency(measured: Sequence[Measured], names: tuple[str, str]) -> str:
         return f"{UNKNOWN}: not measured"
     known = sum(not math.isnan(one.values[names[0]]) for one in measured)
     high = "" if p95 is None else f", 95th percentile {1000.0 * p95:.0f} ms"
-    drives = amount(known, "drive")
-    return f"median {1000.0 * median:.0f} ms{high} (medians over {drives})"
+    return f"median {1000.0 * median:.0f} ms{high} (medians over {amount(known, 'drive')})"
 
 
 def _autonomy(dataset: Dataset) -> Iterator[Line]:
@@ -177,7 +166,7 @@ def _autonomy(dataset: Dataset) -> Iterator[Line]:
         yield "Autonomy by condition", dataset.say(one.title) or one.key, value
 
 
-# --- what went wrong ------------------------------------------------------------------------------
+# --- failures and deviations ----------------------------------------------------------------------
 
 
 def _failures(dataset: Dataset) -> Iterator[Line]:
@@ -188,13 +177,8 @@ def _failures(dataset: Dataset) -> Iterator[Line]:
     for (outcome, side), n in sorted(ended.items()):
         by = "" if outcome == COMPLETED or not side else f", side: {side}"
         yield section, f"{spoken(outcome)}{by}", amount(n, "drive")
-    running = sum(not one.outcome for one in sessions)
-    if running:
+    if running := sum(not one.outcome for one in sessions):
         yield section, "without an outcome", amount(running, "drive")
-
-
-def _uncounted(dataset: Dataset) -> Iterator[Line]:
-    """Yield how many drives of the task do not count, by reason."""
     for code, n in sorted(Counter(one.counts_why for one in dataset.others).items()):
         yield "Drives that do not count", UNCOUNTED[code], amount(n, "drive")
 
@@ -203,17 +187,14 @@ def _exclusions(dataset: Dataset) -> Iterator[Line]:
     section, found = "Exclusions", dataset.exclusions
     if not found:
         yield section, "excluded", "nobody"
-    people = excluded_participants(found)
-    if people:
+    if people := excluded_participants(found):
         yield section, "excluded by the plan's rules", amount(len(people), "participant")
     for rule, n in sorted(Counter(one.rule for one in found).items()):
-        noun = "drive" if rule in {OF_PLATFORM, BY_HAND} else "case"
-        yield section, rule, amount(n, noun)
+        yield section, rule, amount(n, "drive" if rule in {OF_PLATFORM, BY_HAND} else "case")
 
 
 def _deviations(dataset: Dataset) -> Iterator[Line]:
-    section, freeze = "Deviations from the plan", dataset.freeze
-    plan = dataset.study.plan
+    section, freeze, plan = "Deviations from the plan", dataset.freeze, dataset.study.plan
     if plan is None:
         yield section, "plan", "none was declared: every analysis is exploratory"
     else:
@@ -228,19 +209,22 @@ def _deviations(dataset: Dataset) -> Iterator[Line]:
     yield section, "exclusions by hand, outside of the rules", str(by_hand)
     mismatched = sum(bool(one.mismatch) for one in dataset.sessions)
     yield section, "drives whose condition was not applied as assigned", str(mismatched)
-    told = freeze.deviations.strip() if freeze is not None else ""
-    yield section, "stated by the researchers", told or f"{UNKNOWN}: they have stated nothing"
+    stated = freeze.deviations.strip() if freeze is not None else ""
+    yield section, "stated by the researchers", stated or f"{UNKNOWN}: they have stated nothing"
 
 
 def _versions(dataset: Dataset) -> Iterator[Line]:
-    section, freeze, study = "Versions", dataset.freeze, dataset.study
-    yield section, "study", f"{study.slug} {study.version}"
-    yield section, "SHA-256 of the definition", UNKNOWN if freeze is None else freeze.sha256
-    draft = UNKNOWN if freeze is None else "no: a draft, which may still change"
-    frozen = freeze.frozen_at if freeze is not None else ""
-    yield section, "definition frozen", frozen or draft
-    asked = (f"{one.slug} {one.version}" for one in dataset.questionnaires)
-    yield section, "questionnaires", ", ".join(asked) or UNKNOWN
-    software = freeze.software if freeze is not None else ""
-    yield section, "software of the server", software or UNKNOWN
-    yield section, "definitions of the metrics", str(VERSION)
+    study, checksum, frozen, software = dataset.study, UNKNOWN, UNKNOWN, UNKNOWN
+    if dataset.freeze is not None:
+        checksum, software = dataset.freeze.sha256, dataset.freeze.software or UNKNOWN
+        frozen = dataset.freeze.frozen_at or "no: a draft, which may still change"
+    asked = ", ".join(f"{one.slug} {one.version}" for one in dataset.questionnaires)
+    items = {
+        "study": f"{study.slug} {study.version}",
+        "SHA-256 of the definition": checksum,
+        "definition frozen": frozen,
+        "questionnaires": asked or UNKNOWN,
+        "software of the server": software,
+        "definitions of the metrics": str(VERSION),
+    }
+    yield from (("Versions", item, value) for item, value in items.items())

@@ -1,4 +1,7 @@
-"""Values of made-up studies, and what a test of them is called.
+"""Values of simulated studies, drawn from assumptions about a measure: means by condition, standard
+deviations, and the correlation of a participant's values in two conditions; or shares, rates or
+median times. They come from the study's plan or from the defaults below, which every result states.
+Differences between bots are no source: they do not predict those between people.
 
 A participant's values in several conditions correlate equally: each is √r of a part that is the
 participant's own, and √(1-r) of one that is not. Values are normal; proportions, counts and times
@@ -7,20 +10,72 @@ at the probabilities of normal values that correlate so.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import scipy
 
-from experiments.analysis.power.assumptions import DIFFERENCE, LEVELS, Assumption
+from experiments.analysis.statistics.regression import DriveOutcome
 from experiments.dataset.columns import Floats
 from experiments.definition.analyses import FAMILIES, DeclaredAnalysis
 from experiments.definition.plan import deciding_hypotheses
 from experiments.definition.schema import StudyDefinition
 
 MINUTES = 15.0  # of a task, in a study without one
+DIFFERENCE, SD, CORRELATION = 0.5, 1.0, 0.5
+# Of the first condition: a share, events a minute, and the median of times as a share of the time
+# limit of the task.
+LEVELS = {"proportions": 0.5, "counts": 1.0, "times": 0.5}
+REASONS = (
+    (
+        "Difference, if the plan expects none: 0.5 SD, which Cohen (1988) calls medium, in one test"
+        " at a time, while no other test finds anything but by chance. That is a convention and"
+        " says nothing about your effect."
+    ),
+    "SD, if none is given: 1, so that differences are in units of the SD.",
+    (
+        "Correlation within participants, if none is given: 0.5. Then d_z of a paired test is the d"
+        " between conditions; a greater one gives more power."
+    ),
+)
 Orders = Mapping[tuple[str, ...], Sequence[tuple[str, ...]]]  # those of a kind of participant
-Samples = Sequence[Floats]  # of each kind of participant: (studies, participants, conditions)
+
+
+@dataclass(frozen=True)
+class Assumption:
+    """Assumptions about a measure. Without `means` (or `levels`, of proportions, counts and times)
+    each test is simulated with the default difference on its own; a condition without an SD has
+    the first one of `sds`, or 1.
+    """
+
+    source: str = "default"
+    means: Mapping[str, float] = field(default_factory=dict)
+    levels: Mapping[str, float] = field(default_factory=dict)
+    sds: Mapping[str, float] = field(default_factory=dict)
+    correlation: float = CORRELATION
+
+    def mean(self, condition: str) -> float:
+        return self.means.get(condition, 0.0)
+
+    def sd(self, condition: str) -> float:
+        return self.sds.get(condition, next(iter(self.sds.values()), SD))
+
+
+def assumed(study: StudyDefinition, measure: str) -> Assumption:
+    """Return what the plan expects of a measure, else the defaults."""
+    expected = study.plan.expected if study.plan is not None else ()
+    own = [one for one in expected if one.measure == measure]
+    if not own:
+        return Assumption()
+    correlations = (one.correlation for one in own if one.correlation is not None)
+    return Assumption(
+        "plan",
+        {one.condition: one.difference for one in own},
+        {one.condition: one.level for one in own if one.level is not None},
+        {one.condition: one.sd for one in own if one.sd is not None},
+        next(correlations, CORRELATION),
+    )
 
 
 @dataclass(frozen=True)
@@ -37,30 +92,24 @@ class SimulatedTest:
     is_null: bool = False
 
 
-def correlated(
-    rng: np.random.Generator,
-    studies: int,
-    kinds: Sequence[Sequence[str]],
-    sizes: Sequence[int],
-    correlation: float,
-) -> list[Floats]:
-    """Return standard normal values, of which those of a participant correlate."""
-    return [
-        np.sqrt(correlation) * rng.standard_normal((studies, size, 1))
-        + np.sqrt(1.0 - correlation) * rng.standard_normal((studies, size, len(kind)))
-        for kind, size in zip(kinds, sizes, strict=True)
-    ]
+def correlated(rng: np.random.Generator, shape: tuple[int, int, int], correlation: float) -> Floats:
+    """Return standard normal values, (studies, participants, conditions); those of a participant
+    correlate.
+    """
+    own = np.sqrt(correlation) * rng.standard_normal((*shape[:2], 1))
+    return np.asarray(own + np.sqrt(1.0 - correlation) * rng.standard_normal(shape))
 
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """The noise of one measure, and what is assumed of it."""
+    """The noise of one measure, and the assumptions about it. `noise` has standard normal values of
+    every kind of participant, (studies, participants, conditions), by its conditions.
+    """
 
     study: StudyDefinition
-    kinds: Sequence[tuple[str, ...]]
     assumption: Assumption
-    noise: Samples
     orders: Orders
+    noise: Mapping[tuple[str, ...], Floats]
 
     @property
     def limit(self) -> float:
@@ -80,17 +129,19 @@ class Draws:
         base = about.levels.get(self.study.conditions[0].key, default)
         return about.levels.get(condition, base + about.means.get(condition, 0.0))
 
+    def sds(self, test: str, conditions: Sequence[str]) -> Floats:
+        """Return the standard deviations of conditions; 1 of the normal values of `outcome`."""
+        return np.array([1.0 if test in FAMILIES else self.assumption.sd(it) for it in conditions])
+
     def samples(self, test: str, raised: Sequence[str] = ()) -> list[Floats]:
-        """Return values of every kind of participant. Where nothing is assumed, those of `raised`
-        conditions lie above the others; of a proportion, a count or a time they are normal, and
-        `outcome` makes of them what they stand for.
+        """Return values of every kind of participant; of proportions, counts and times, the normal
+        ones that `outcome` takes. Without assumptions, `raised` conditions lie above the others.
         """
-        about, found = self.assumption, []
-        for kind, noise in zip(self.kinds, self.noise, strict=True):
-            shift = np.array([DIFFERENCE * (key in raised) for key in kind])
-            sds = np.array([1.0 if test in FAMILIES else about.sd(key) for key in kind])
-            means = np.array([0.0 if test in FAMILIES else about.mean(key) for key in kind])
-            found.append((noise + (0.0 if self.is_assumed(test) else shift)) * sds + means)
+        found = []
+        for kind, noise in self.noise.items():
+            is_raised = [key in raised and not self.is_assumed(test) for key in kind]
+            means = [0.0 if test in FAMILIES else self.assumption.mean(key) for key in kind]
+            found.append((noise + DIFFERENCE * np.array(is_raised)) * self.sds(test, kind) + means)
         return found
 
     def outcome(self, family: str, condition: str, normal: Floats) -> tuple[Floats, Floats]:
@@ -103,31 +154,32 @@ class Draws:
             return (normal > -ends).astype(np.float64), np.ones_like(normal)
         probability = scipy.special.ndtr(normal)
         if family == "counts":
-            minutes = self.limit / 120.0
-            return scipy.stats.poisson.ppf(probability, level * minutes), np.full_like(
-                normal, minutes
-            )
+            minutes = np.full_like(normal, self.limit / 120.0)
+            return scipy.stats.poisson.ppf(probability, level * minutes), minutes
         times = -np.log1p(-np.minimum(probability, 1.0 - 1e-12)) * level / np.log(2.0)
         return np.minimum(times, self.limit), (times <= self.limit).astype(np.float64)
+
+    def drives(
+        self, family: str, who: Sequence[str], conditions: Sequence[str], normal: Floats
+    ) -> Iterator[list[DriveOutcome]]:
+        """Yield the drives of each study, from their participants, conditions, and normal values
+        (studies, drives).
+        """
+        drawn = [self.outcome(family, key, normal[:, at]) for at, key in enumerate(conditions)]
+        values, weights = (np.stack(part, axis=1).tolist() for part in zip(*drawn, strict=True))
+        for of_study in zip(values, weights, strict=True):
+            yield [DriveOutcome(*one) for one in zip(who, *of_study, strict=True)]
+
+    def test(
+        self, analysis: DeclaredAnalysis, measure: str, label: str, *, is_null: bool, **which: Any
+    ) -> SimulatedTest:
+        """Return a test of an analysis; `which` is its contrast or effect."""
+        found = deciding_hypotheses(self.study.plan, analysis, measure, **which)
+        # a test of all conditions at once is corrected with its like, as in the table
+        family = analysis.key if which else f"{analysis.key} at once"
+        hypotheses = tuple(one.key for one in found)
+        return SimulatedTest(analysis.key, measure, label, hypotheses, family, is_null)
 
 
 # tests with their p values, (studies,), as assumed and with nothing to find
 Found = Iterator[tuple[SimulatedTest, Floats, Floats]]
-
-
-def named_test(
-    draws: Draws,
-    analysis: DeclaredAnalysis,
-    measure: str,
-    label: str,
-    *,
-    is_null: bool,
-    contrast: int | None = None,
-    effect: str = "",
-) -> SimulatedTest:
-    plan = draws.study.plan
-    found = deciding_hypotheses(plan, analysis, measure, contrast=contrast, effect=effect)
-    # a test of all conditions at once is corrected with its like, as in the table
-    at_once = " at once" if contrast is None and not effect else ""
-    keys, family = tuple(one.key for one in found), f"{analysis.key}{at_once}"
-    return SimulatedTest(analysis.key, measure, label, keys, family, is_null)

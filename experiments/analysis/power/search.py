@@ -1,10 +1,9 @@
 """The power of a study by numbers of participants, and the least number that is enough."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from experiments.analysis.power.assumptions import REASONS, Assumption, assumed
-from experiments.analysis.power.draws import Orders, SimulatedTest
+from experiments.analysis.power.draws import REASONS, Assumption, Orders, assumed
 from experiments.analysis.power.simulation import SimulatedStudies, simulate
 from experiments.analysis.statistics.descriptive import wilson
 from experiments.analysis.tables.table import Table, TableCell, count, number, words
@@ -14,7 +13,7 @@ from experiments.definition.schema import StudyDefinition
 
 STUDIES = 2000  # that are simulated for each number of participants
 MOST = 2000  # participants up to whom a number is looked for
-LEAST = 4  # participants of a kind, below whom nothing is tried
+LEAST = 4  # participants of a kind in the smallest study that is tried
 HEAD = (
     *("Participants", "Analysis", "Measure", "Test", "Hypothesis", "Power"),
     *("Power: from", "Power: to"),
@@ -36,9 +35,7 @@ METHOD = (
 
 @dataclass(frozen=True)
 class PowerOptions:
-    """How a study is simulated: the seed of chance, the number of studies, and the orders of
-    conditions.
-    """
+    """The seed of chance, the number of simulated studies, and the orders of conditions."""
 
     seed: int = 1
     studies: int = STUDIES
@@ -48,8 +45,8 @@ class PowerOptions:
 @dataclass(frozen=True)
 class PowerReport:
     """The power for some numbers of participants, and the least number that is enough for every
-    test that decides on a hypothesis (None: more than can be tried; `is_searched` tells whether
-    there was anything to look for).
+    test that decides on a hypothesis (None: more than can be tried, or, without `is_searched`,
+    nothing to look for).
     """
 
     simulations: tuple[SimulatedStudies, ...]
@@ -62,49 +59,36 @@ def power_report(
     study: StudyDefinition, participants: Sequence[int], options: PowerOptions
 ) -> PowerReport:
     """Return the power of a study for numbers of participants, and the least number for the power
-    that its plan wants.
+    that its plan wants: of the tests that have something to find and decide on hypotheses, or of
+    all that have, where none decides.
     """
 
     def at(people: int) -> SimulatedStudies:
         return simulate(study, people, options.studies, options.seed, orders=options.orders)
 
+    def least_power(people: int) -> float:
+        found = at(people).power(plan.alpha)
+        return min(found[n][0] / found[n][1] for n in deciding)
+
     plan = study.plan or StudyPlan()
     kinds = len(conditions_together(study))
-    measures = dict.fromkeys(one for it in study.analyses for one in it.measures)
-    simulated = tuple(at(max(one, 2 * kinds)) for one in dict.fromkeys(participants))
-    first = simulated[0] if simulated else at(LEAST * kinds)
-    deciding = _deciding(first.tests)
-    needed = (
-        least_participants(
-            lambda people: _least_power(at(people), deciding, plan), kinds, plan.power
-        )
-        if deciding
-        else None
-    )
-    if needed is not None and all(one.participants != needed for one in simulated):
-        simulated = (*simulated, at(needed))
-    about = {one: assumed(study, one) for one in measures}
-    return PowerReport(simulated, needed, bool(deciding), about)
-
-
-def _deciding(tests: Sequence[SimulatedTest]) -> list[int]:
-    """Return the places of the tests that have something to find and decide on hypotheses; all
-    that have, where none decides.
-    """
+    simulated = [at(max(one, 2 * kinds)) for one in dict.fromkeys(participants)]
+    tests = (simulated[0] if simulated else at(LEAST * kinds)).tests
     known = [n for n, one in enumerate(tests) if not one.is_null]
-    return [n for n in known if tests[n].hypotheses] or known
-
-
-def _least_power(found: SimulatedStudies, places: Sequence[int], plan: StudyPlan) -> float:
-    power = found.power(plan.alpha)
-    return min(power[n][0] / power[n][1] for n in places)
+    deciding = [n for n in known if tests[n].hypotheses] or known
+    needed = least_participants(least_power, kinds, plan.power) if deciding else None
+    if needed is not None and all(one.participants != needed for one in simulated):
+        simulated.append(at(needed))
+    measures = dict.fromkeys(one for it in study.analyses for one in it.measures)
+    about = {one: assumed(study, one) for one in measures}
+    return PowerReport(tuple(simulated), needed, bool(deciding), about)
 
 
 def least_participants(
     power: Callable[[int], float], kinds: int, target: float, most: int = MOST
 ) -> int | None:
-    """Return the least number of participants, a multiple of the kinds of participants, whose power
-    is at least `target`; None where not even `most` have it. Power is taken to grow with them.
+    """Return the least multiple of the kinds of participants whose power is at least `target`, or
+    None if not even `most` have it; power is taken to grow with participants.
     """
     low, high = LEAST - 1, LEAST
     while power(high * kinds) < target:
@@ -119,7 +103,7 @@ def least_participants(
     return high * kinds
 
 
-# --- in words -------------------------------------------------------------------------------------
+# --- the table ------------------------------------------------------------------------------------
 
 
 def power_table(study: StudyDefinition, found: PowerReport, studies: int) -> Table:
@@ -128,30 +112,20 @@ def power_table(study: StudyDefinition, found: PowerReport, studies: int) -> Tab
     rows = [row for one in found.simulations for row in _rows(one, plan.alpha)]
     null = sum(one.is_null for one in found.simulations[0].tests) if found.simulations else 0
     method = [text.format(alpha=plan.alpha, studies=studies, null=null) for text in METHOD]
-    notes = (needed_in_words(found, plan), *_assumed_in_words(study, found), *method, *REASONS)
+    notes = (_needed(found, plan), *_assumptions(study, found), *method, *REASONS)
     return Table("power", "Power by simulation.", HEAD, tuple(rows), notes)
 
 
-def _rows(found: SimulatedStudies, alpha: float) -> list[tuple[TableCell, ...]]:
-    rows = []
+def _rows(found: SimulatedStudies, alpha: float) -> Iterator[tuple[TableCell, ...]]:
     for one, (hits, studies) in zip(found.tests, found.power(alpha), strict=True):
-        if one.is_null:
-            continue
-        low, high = wilson(hits, studies) or (None, None)
-        names = (one.analysis, one.measure, one.label, ", ".join(one.hypotheses))
-        share = hits / studies
-        rows.append(
-            (
-                count(found.participants),
-                *(words(name) for name in names),
-                *(number(share, 3), number(low, 3), number(high, 3)),
-            )
-        )
-    return rows
+        if not one.is_null:
+            names = (one.analysis, one.measure, one.label, ", ".join(one.hypotheses))
+            shares = (hits / studies, *(wilson(hits, studies) or (None, None)))
+            cells = (*map(words, names), *(number(share, 3) for share in shares))
+            yield count(found.participants), *cells
 
 
-def needed_in_words(found: PowerReport, plan: StudyPlan) -> str:
-    """Return how many participants are enough, as a sentence."""
+def _needed(found: PowerReport, plan: StudyPlan) -> str:
     if not found.is_searched:
         return "No difference is expected by any declared test, so no number is enough."
     which = "every test of a hypothesis" if plan.hypotheses else "every declared test"
@@ -160,13 +134,13 @@ def needed_in_words(found: PowerReport, plan: StudyPlan) -> str:
     return f"{found.needed} participants give {which} a power of at least {plan.power:g}."
 
 
-def _assumed_in_words(study: StudyDefinition, found: PowerReport) -> list[str]:
-    """A sentence for all measures of which the same is assumed."""
+def _assumptions(study: StudyDefinition, found: PowerReport) -> list[str]:
+    """Return a sentence for all measures of which the same is assumed."""
     measures: dict[str, list[str]] = {}
     for measure, one in found.assumptions.items():
-        said = f"({one.source}): {_means(study, one)}; correlation {one.correlation:.2f}."
-        measures.setdefault(said, []).append(measure)
-    return [f"{', '.join(names)} {said}" for said, names in measures.items()]
+        text = f"({one.source}): {_means(study, one)}; correlation {one.correlation:.2f}."
+        measures.setdefault(text, []).append(measure)
+    return [f"{', '.join(names)} {text}" for text, names in measures.items()]
 
 
 def _means(study: StudyDefinition, one: Assumption) -> str:

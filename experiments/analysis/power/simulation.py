@@ -1,11 +1,10 @@
-"""Power by simulation: studies are made up from assumptions, and analysed by the statistics that
-will analyse the real one, in the families in which the report corrects them; power is the share of
-them in which a test is significant. Tests of which nothing is assumed are in the families, too.
+"""Power by simulation: studies are drawn from assumptions (draws.py) and analysed by the statistics
+that will analyse the real one, in the families in which the report corrects them; power is the
+share of them in which a test is significant. Families include tests without an assumption.
 
-draws.py says how values are made up. Answers are simulated as if they were continuous, measures as
-if they were independent of each other, and covariates as if they explained nothing. All studies of
-one call are analysed together, as arrays (studies, participants, conditions), but for models by
-statsmodels.
+Answers are simulated as if they were continuous, measures as if they were independent of each
+other, and covariates as if they explained nothing. All studies of one call are analysed together,
+as arrays (studies, participants, conditions), except models by statsmodels.
 """
 
 from collections.abc import Sequence
@@ -15,15 +14,13 @@ from typing import cast
 
 import numpy as np
 
-from experiments.analysis.power.assumptions import assumed
 from experiments.analysis.power.draws import (
     Draws,
     Found,
     Orders,
-    Samples,
     SimulatedTest,
+    assumed,
     correlated,
-    named_test,
 )
 from experiments.analysis.power.simulated_models import modelled
 from experiments.analysis.statistics.comparisons import holm_rows
@@ -59,40 +56,33 @@ def simulate(
     *,
     orders: Orders | None = None,
 ) -> SimulatedStudies:
-    """Return simulated studies.
-
-    Args:
-        study: the definition.
-        participants: in all, spread evenly over the kinds of participants (those who have the same
-            conditions).
-        studies: how many are made up.
-        seed: of their chance; the same one makes the same studies.
-        orders: the orders of conditions of each kind of participant, for models with `period` or
-            `order`; else all have that of the definition.
+    """Return simulated studies; the same seed gives the same ones. Participants are spread evenly
+    over the kinds of participants (those who have the same conditions). `orders` has the orders of
+    conditions of each kind, for models with `period` or `order`; by default, the definition's.
     """
     kinds = conditions_together(study)
-    sizes = [
-        participants // len(kinds) + (n < participants % len(kinds)) for n in range(len(kinds))
-    ]
-    measures = dict.fromkeys(one for it in study.analyses for one in it.measures)
+    each, more = divmod(participants, len(kinds))
+    sizes = {kind: each + (n < more) for n, kind in enumerate(kinds)}
     chunk = max(1, AT_ONCE // (participants * max(map(len, kinds))))
     tests: list[SimulatedTest] = []
-    found: list[Floats] = []  # p values of each test with what is assumed of it
+    found: list[Floats] = []  # p values of each test, as assumed
     alone: list[Floats] = []  # and with nothing to find, while another one has its default effect
+    measures = dict.fromkeys(one for it in study.analyses for one in it.measures)
     for number, measure in enumerate(measures):
-        assumption = assumed(study, measure)
         rng = np.random.default_rng([seed, participants, number])
+        about = assumed(study, measure)
         parts = []
         for start in range(0, studies, chunk):
-            noise = correlated(
-                rng, min(chunk, studies - start), kinds, sizes, assumption.correlation
-            )
-            draws = Draws(study, kinds, assumption, noise, orders or {})
-            parts.append(list(_of_measure(draws, measure)))
-        tests += [test for test, _, _ in parts[0]]
-        for at in range(len(parts[0])):
-            found.append(np.concatenate([part[at][1] for part in parts]))
-            alone.append(np.concatenate([part[at][2] for part in parts]))
+            size = min(chunk, studies - start)
+            noise = {
+                kind: correlated(rng, (size, people, len(kind)), about.correlation)
+                for kind, people in sizes.items()
+            }
+            parts.append(list(_of_measure(Draws(study, about, orders or {}, noise), measure)))
+        for same in zip(*parts, strict=True):
+            tests.append(same[0][0])
+            found.append(np.concatenate([own for _, own, _ in same]))
+            alone.append(np.concatenate([without for _, _, without in same]))
     if not tests:
         return SimulatedStudies(participants, (), np.empty((studies, 0)))
     p = _corrected(study, tests, np.stack(found, axis=1), np.stack(alone, axis=1))
@@ -107,16 +97,13 @@ def _corrected(
     its family, in which nothing else is found where each test has its default effect.
     """
     corrected = np.empty_like(found)
-    families = study.plan.families if study.plan is not None else ()
+    families = [set(it.hypotheses) for it in study.plan.families] if study.plan is not None else []
     for number, one in enumerate(tests):
-        planned = [
-            set(it.hypotheses) for it in families if set(it.hypotheses) & set(one.hypotheses)
-        ]
+        planned = next((it for it in families if it.intersection(one.hypotheses)), None)
         own = [
             n
             for n, other in enumerate(tests)
-            if (planned and planned[0] & set(other.hypotheses))
-            or (not planned and other.family == one.family)
+            if (planned.intersection(other.hypotheses) if planned else other.family == one.family)
         ]
         values = alone[:, own]
         values[:, own.index(number)] = found[:, number]
@@ -137,15 +124,15 @@ def _of_measure(draws: Draws, measure: str) -> Found:
 def _compared(draws: Draws, analysis: DeclaredAnalysis, measure: str) -> Found:
     study, test = draws.study, analysis.test
     keys = analysis.conditions or tuple(one.key for one in study.conditions)
+    is_assumed = draws.is_assumed(test)
     if not analysis.contrasts:
-        sides = [(key,) for key in keys]
-        is_null = draws.is_assumed(test) and len({draws.location(test, key) for key in keys}) == 1
-        named = named_test(draws, analysis, measure, "all", is_null=is_null)
-        yield named, *_with_and_without(draws, test, sides, keys[-1:])
+        is_null = is_assumed and len({draws.location(test, key) for key in keys}) == 1
+        named = draws.test(analysis, measure, "all", is_null=is_null)
+        yield named, *_with_and_without(draws, test, [(key,) for key in keys], keys[-1:])
     for number, (label, first, second) in enumerate(_pairs(study, analysis, keys), start=1):
         a, b = (np.mean([draws.location(test, key) for key in side]) for side in (first, second))
-        is_null = draws.is_assumed(test) and bool(a == b)
-        named = named_test(draws, analysis, measure, label, is_null=is_null, contrast=number)
+        is_null = is_assumed and bool(a == b)
+        named = draws.test(analysis, measure, label, is_null=is_null, contrast=number)
         yield named, *_with_and_without(draws, test, [first, second], first)
 
 
@@ -155,39 +142,40 @@ def _pairs(
     if analysis.contrasts:
         language = study.languages[0]
         return [(spoken(it.title, language), it.first, it.second) for it in analysis.contrasts]
-    if not analysis.post_hoc:
-        return []
-    return [(f"{a} − {b}", (a,), (b,)) for a, b in combinations(keys, 2)]
+    pairs = combinations(keys, 2) if analysis.post_hoc else ()
+    return [(f"{a} − {b}", (a,), (b,)) for a, b in pairs]
 
 
 def _with_and_without(
     draws: Draws, test: str, sides: Sequence[Sequence[str]], raised: Sequence[str]
 ) -> tuple[Floats, Floats]:
-    """Return the p values of a test, (studies,), with what is assumed and with nothing to find; the
-    same where anything is assumed.
+    """Return the p values of a test, (studies,), as assumed and with nothing to find; they are the
+    same where the study assumes anything.
     """
-    found = tested(draws, test, sides, draws.samples(test, raised))
+    found = _tested(draws, test, sides, draws.samples(test, raised))
     if draws.is_assumed(test):
         return found, found
-    return found, tested(draws, test, sides, draws.samples(test))
+    return found, _tested(draws, test, sides, draws.samples(test))
 
 
-def tested(draws: Draws, test: str, sides: Sequence[Sequence[str]], samples: Samples) -> Floats:
+def _tested(
+    draws: Draws, test: str, sides: Sequence[Sequence[str]], samples: Sequence[Floats]
+) -> Floats:
     """Return the p values of a comparison of sides, (studies,): paired where a participant has
     conditions of all of them.
     """
     own = [
         [[at for at, key in enumerate(kind) if key in side] for side in sides]
-        for kind in draws.kinds
+        for kind in draws.noise
     ]
     is_paired = any(all(places) for places in own)
     is_single = all(len(places) <= 1 for kind in own for places in kind)
     if test in FAMILIES and not (test == "proportions" and is_single):
-        return _by_drives(draws, test, sides, samples)
+        return _by_drives(draws, cast("Family", test), sides, samples)
     if test == "proportions":
         samples = [
             np.stack([draws.outcome(test, key, x[..., at])[0] for at, key in enumerate(kind)], -1)
-            for kind, x in zip(draws.kinds, samples, strict=True)
+            for kind, x in zip(draws.noise, samples, strict=True)
         ]
     groups = [
         np.concatenate(
@@ -204,23 +192,23 @@ def tested(draws: Draws, test: str, sides: Sequence[Sequence[str]], samples: Sam
 
 
 def _by_drives(
-    draws: Draws, family: str, sides: Sequence[Sequence[str]], samples: Samples
+    draws: Draws, family: Family, sides: Sequence[Sequence[str]], samples: Sequence[Floats]
 ) -> Floats:
     """Return the p values of sides of drives, (studies,), a study at a time; 1 without a test."""
     drawn = [
-        (side, who, *draws.outcome(family, key, x[..., at]))
-        for kind, (keys, x) in enumerate(zip(draws.kinds, samples, strict=True))
+        (str(side), key, f"{kind}-{person:06d}", x[:, person, at])
+        for kind, (keys, x) in enumerate(zip(draws.noise, samples, strict=True))
         for at, key in enumerate(keys)
         for side, of_side in enumerate(sides)
         if key in of_side
-        for who in [[f"{kind}-{person:06d}" for person in range(x.shape[1])]]
+        for person in range(x.shape[1])
     ]
-    found = np.ones(len(samples[0]))
-    for study in range(len(found)):
+    labels, conditions, who, normal = zip(*drawn, strict=True)
+    found = []
+    for drives in draws.drives(family, who, conditions, np.stack(normal, axis=1)):
         own: dict[str, list[DriveOutcome]] = {str(side): [] for side in range(len(sides))}
-        for side, who, values, weights in drawn:
-            given = zip(who, values[study].tolist(), weights[study].tolist(), strict=True)
-            own[str(side)] += [DriveOutcome(*one) for one in given]
-        test = compare_drives(cast("Family", family), own, with_ratio=False)
-        found[study] = test.p if test.is_known else 1.0
-    return found
+        for label, one in zip(labels, drives, strict=True):
+            own[label].append(one)
+        test = compare_drives(family, own, with_ratio=False)
+        found.append(test.p if test.is_known else 1.0)
+    return np.array(found)

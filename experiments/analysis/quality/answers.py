@@ -11,9 +11,8 @@ import math
 from collections.abc import Iterator, Sequence
 from statistics import median
 
-from experiments.analysis.quality.flag import Flag
-from experiments.dataset.records import Dataset, PageRecord, ResponseRecord
-from experiments.definition.recruitment.quality_flags import Grade
+from experiments.dataset.records import Dataset, ResponseRecord
+from experiments.definition.recruitment.quality_flags import Flag, Grade
 from experiments.definition.recruitment.recruiting import names_answer
 from surveys.definition import Definition
 
@@ -26,17 +25,6 @@ LEAST_ITEMS = 5  # on one scale, before equal answers say anything
 def answer_flags(dataset: Dataset) -> Iterator[Flag]:
     """Yield the flags of all finished responses of a dataset."""
     yield from _speeding(dataset)
-    yield from _attention(dataset)
-    for response in dataset.responses:
-        definition = dataset.questionnaire(response.questionnaire)
-        if response.finished and definition is not None:
-            yield from _straight_lining(response, definition)
-
-
-# --- attention checks -----------------------------------------------------------------------------
-
-
-def _attention(dataset: Dataset) -> Iterator[Flag]:
     plan = dataset.study.plan
     for check in plan.attention_checks if plan is not None else ():
         for response in dataset.responses:
@@ -45,18 +33,15 @@ def _attention(dataset: Dataset) -> Iterator[Flag]:
             if is_asked and value is not None and not names_answer([check.answer], value):
                 name = f"{check.questionnaire}.{check.item}"
                 yield Flag(response.participant, "attention_check", Grade.SERIOUS, name)
-
-
-# --- speeding -------------------------------------------------------------------------------------
+    for response in dataset.responses:
+        definition = dataset.questionnaire(response.questionnaire)
+        if response.finished and definition is not None:
+            yield from _straight_lining(response, definition)
 
 
 def speeding(seconds: float, items: int, others: Sequence[float]) -> Grade | None:
-    """Return how serious a time for a questionnaire is; None when it is long enough.
-
-    Args:
-        seconds: from first display to the end.
-        items: how many were answered.
-        others: times of all participants, for the median.
+    """Grade the time for so many answers to a questionnaire, from its first display to its end;
+    None if it is long enough. `others` are the times of all participants.
     """
     if not math.isfinite(seconds) or not items:
         return None
@@ -83,24 +68,15 @@ def _speeding(dataset: Dataset) -> Iterator[Flag]:
         items = answered.get((page.participant, name, page.session), 0)
         grade = speeding(page.seconds, items, times[name])
         if grade is not None:
-            yield _too_fast(page, name, items, grade)
-
-
-def _too_fast(page: PageRecord, name: str, items: int, grade: Grade) -> Flag:
-    value = f"{name}: {items} answers in {page.seconds:.1f} s"
-    return Flag(page.participant, "speeding", grade, value, page.session)
-
-
-# --- straight-lining ------------------------------------------------------------------------------
+            value = f"{name}: {items} answers in {page.seconds:.1f} s"
+            yield Flag(page.participant, "speeding", grade, value, page.session)
 
 
 def straight_lining(
     values: Sequence[float], *, has_reversed: bool, middle: float | None = None
 ) -> Grade | None:
-    """Return how serious it is that answers on one scale are all the same; None when they are not,
-    or too few.
-
-    Equal answers to items that mean opposites contradict each other, except in the `middle`.
+    """Grade equal answers to all items of a scale; None if they differ or are too few. Equal
+    answers to items that mean opposites contradict each other, except in the `middle`.
     """
     if len(values) < LEAST_ITEMS or len(set(values)) > 1:
         return None

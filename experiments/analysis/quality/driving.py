@@ -10,10 +10,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from experiments.analysis.quality.flag import Flag
 from experiments.dataset.columns import Columns, Floats
 from experiments.dataset.records import Dataset, SessionRecord
-from experiments.definition.recruitment.quality_flags import Grade, QualityFlag
+from experiments.definition.recruitment.quality_flags import Flag, Grade, QualityFlag
 
 SAW_SECONDS = 10.0  # of video, before standing still is a decision
 NOT_THE_VISITORS = frozenset({"network", "platform", "robot", "operator"})
@@ -40,8 +39,8 @@ def driving_flags(dataset: Dataset, session: SessionRecord) -> Iterator[Flag]:
 
 
 def never_moved(session: SessionRecord) -> tuple[Grade, str] | None:
-    """Return that the driver saw the video and never moved the robot, unless the
-    network, the platform, the robot or an operator ended the drive.
+    """Flag a driver who saw the video and never moved the robot, unless the network, the platform,
+    the robot or an operator ended the drive.
     """
     seen = session.ended - session.first_frame
     has_moved = math.isfinite(session.first_motion)
@@ -51,7 +50,7 @@ def never_moved(session: SessionRecord) -> tuple[Grade, str] | None:
 
 
 def regular_input(states: Columns) -> tuple[Grade, str] | None:
-    """Return that the requested motion changed in steps of the same length, as a program's does."""
+    """Flag requested motion that changed in steps of the same length, as a program's does."""
     lengths = input_lengths(states["stamp"], states["asked_linear"], states["asked_angular"])
     if len(lengths) < LEAST_INPUTS:
         return None
@@ -65,35 +64,23 @@ def regular_input(states: Columns) -> tuple[Grade, str] | None:
 
 def input_lengths(stamps: Floats, linear: Floats, angular: Floats) -> Floats:
     """Return for how many seconds each input lasted: a time in which the requested motion kept its
-    direction (forward, back, left, right, or a combination).
-
-    Times without a request, and the first and the last input, which the record may cut, are left
-    out.
+    direction (forward, back, left, right, or a combination). Times without a request, and the first
+    and the last input, which the record may cut, are left out.
 
     Args:
         stamps: (n,), seconds.
         linear: (n,), requested speeds in m/s; NaN where nothing was requested.
         angular: (n,), requested turn rates in rad/s; NaN likewise.
     """
-    if len(stamps) == 0:
-        return np.empty(0)
-    directions = 3 * _sign(linear) + _sign(angular)
-    edges = np.flatnonzero(np.diff(directions)) + 1
-    starts, ends = np.concatenate(([0], edges)), np.concatenate((edges, [len(stamps) - 1]))
-    moving = directions[starts] != 0
-    lengths = stamps[ends] - stamps[starts]
-    inner = np.ones(len(starts), dtype=bool)
-    inner[[0, -1]] = False
-    return np.asarray(lengths[moving & inner])
-
-
-def _sign(values: Floats) -> Floats:
-    known = np.nan_to_num(values)
-    return np.asarray(np.sign(known) * (np.abs(known) > STILL))
+    known = np.nan_to_num([linear, angular])
+    directions = np.array([3.0, 1.0]) @ (np.sign(known) * (np.abs(known) > STILL))
+    edges = np.flatnonzero(np.diff(directions)) + 1  # starts of all but the first input
+    lengths = np.diff(stamps[edges])
+    return np.asarray(lengths[directions[edges[:-1]] != 0.0])
 
 
 def frozen_video(network: Columns, session: SessionRecord) -> tuple[Grade, str] | None:
-    """Return that the page showed no new frame in too many seconds of the drive."""
+    """Flag a drive in which the page showed no new frame in too many seconds."""
     stamps = network["stamp"]
     during = (stamps >= session.first_frame) & ~(stamps > session.ended)
     rates = network["fps"][during]

@@ -1,25 +1,18 @@
-"""All quality flags of a dataset, graded: what researchers look at, what exports list, and what the
-rules of a plan may exclude by.
-"""
+"""All quality flags of a dataset, for researchers, exports, and the rules of a plan."""
 
 from collections.abc import Iterable, Iterator
 
 from experiments.analysis.quality.answers import answer_flags
 from experiments.analysis.quality.driving import driving_flags
-from experiments.analysis.quality.flag import Flag
 from experiments.dataset.records import Dataset
-from experiments.definition.recruitment.quality_flags import Grade
+from experiments.definition.recruitment.quality_flags import Flag, Grade
 
 CROWD = 3  # participants on one network
 
 
 def flags_of(dataset: Dataset, participants: Iterable[str] | None = None) -> tuple[Flag, ...]:
-    """Return the flags of a dataset, by participant, the most serious first; reads the states of
-    every session.
-
-    Args:
-        dataset: of a whole study, because some flags compare participants.
-        participants: codes; the record of only their sessions is read. None means all.
+    """Return the flags of a whole study's dataset (some compare participants), by participant, the
+    most serious first. With `participants`, codes, only the states of their sessions are read.
     """
     wanted = None if participants is None else set(participants)
     found = [*answer_flags(dataset), *network_flags(dataset)]
@@ -31,9 +24,7 @@ def flags_of(dataset: Dataset, participants: Iterable[str] | None = None) -> tup
 
 
 def network_flags(dataset: Dataset) -> Iterator[Flag]:
-    """Yield that participants of the study shared a network, which people of one home or university
-    also do.
-    """
+    """Flag participants on one network, which people of one home or university also share."""
     people: dict[str, set[str]] = {}
     for session in dataset.sessions:
         if session.network and session.kind == "participant":

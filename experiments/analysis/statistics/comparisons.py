@@ -1,18 +1,11 @@
-"""Tests that compare means, each with everything that is printed of it; a participant, never a
-session, is the unit. docs/explanation/statistics.md has the sources, and how often each is wrong.
+"""Tests of means and of relations, each with its effect size; a participant, never a session, is
+the unit. docs/explanation/statistics.md has the sources, and how often each is wrong.
 
-- Two conditions: Welch's t test between participants, the paired t test within them. The effect is
-  d, the difference over the root of the mean of both variances, with the interval of Bonett (2008),
-  which lets variances differ as Welch's test does; or d_z, whose interval inverts the noncentral t
-  distribution (Steiger and Fouladi, 1997).
-- More than two: Welch's analysis of variance between participants; within them the analysis of
-  variance for repeated measures with the correction of Greenhouse and Geisser (1959). The effect is
-  η²p, without an interval: those that there are assume equal variances.
-- A relation: Spearman's rank correlation with the interval of Bonett and Wright (2000).
-- Several tests of one question: Holm (1979), each member of the family once.
-
-All intervals are of 95 %. A sample without variance is said in words: a difference of its size in
-rounding would otherwise be divided by, and give a t of 1e16.
+The effect of two conditions is d, the difference over the root of the mean of both variances, with
+an interval that lets variances differ as Welch's test does (Bonett, 2008), or d_z within
+participants. That of more conditions is η²p, without an interval: the known ones assume equal
+variances. All intervals are of 95 %. A sample without variance has a remark and no test: a division
+by what rounding leaves of it would give a t of 1e16.
 """
 
 import math
@@ -48,40 +41,26 @@ UNKNOWN = IntervalEstimate()
 
 @dataclass(frozen=True)
 class Test:
-    """A test of one hypothesis.
+    """A test of one hypothesis."""
 
-    Attributes:
-        name: what it is called; "–" where there was none.
-        n: participants that were tested; pairs, for a paired test.
-        statistic: its value; NaN where there was no test, and then `remark` says why.
-        df: degrees of freedom, none to two.
-        p: two-sided.
-        difference: of two means, locations or proportions, first less second.
-        effect_name: what the size of the effect is called.
-        effect: the size.
-        remark: what was left out of the test and why, parts divided by "; ".
-    """
-
-    name: str
-    n: int
-    statistic: float = math.nan
-    df: tuple[float, ...] = ()
-    p: float = math.nan
-    difference: IntervalEstimate = UNKNOWN
+    name: str  # "–" without a test
+    n: int  # participants tested; pairs, for a paired test
+    statistic: float = math.nan  # NaN without a test; `remark` then gives the reason
+    df: tuple[float, ...] = ()  # none to two
+    p: float = math.nan  # two-sided
+    difference: IntervalEstimate = UNKNOWN  # of means, locations or shares, first less second
     effect_name: str = ""
     effect: IntervalEstimate = UNKNOWN
-    remark: str = ""
+    remark: str = ""  # what was left out of the test and why, parts divided by "; "
 
     @property
     def is_known(self) -> bool:
-        """Tell whether there was anything to test."""
+        """Tell whether the test has a p value."""
         return math.isfinite(self.p)
 
 
 def is_constant(values: Floats, scale: float = 0.0) -> bool:
-    """Tell whether values differ by no more than rounding, of themselves or of numbers as large as
-    `scale`.
-    """
+    """Tell whether values differ by rounding alone: theirs, or that of numbers of size `scale`."""
     largest = max(scale, float(np.abs(values).max(initial=0.0)))
     return bool(np.ptp(values) <= ROUNDING * largest) if len(values) else True
 
@@ -99,17 +78,14 @@ def tied(values: Floats) -> Floats:
 
 
 def between(first: Floats, second: Floats) -> Test:
-    """Compare two groups of participants; the effect is d."""
-    n, m = len(first), len(second)
-    if min(n, m) < 2:
-        return Test("Welch t", n + m, remark=TOO_FEW)
+    """Compare two groups of two or more participants each; the effect is d."""
+    n = len(first) + len(second)
     difference = float(first.mean() - second.mean())
     scale = float(np.abs(np.concatenate((first, second))).max())
     if is_constant(first, scale) and is_constant(second, scale):
-        return Test("Welch t", n + m, difference=IntervalEstimate(difference), remark=NO_VARIANCE)
+        return Test("Welch t", n, difference=IntervalEstimate(difference), remark=NO_VARIANCE)
     found = scipy.stats.ttest_ind(first, second, equal_var=False)
-    effect = _standardized(first, second)
-    return Test("Welch t", n + m, *_of_t(found, difference), "d", effect)
+    return Test("Welch t", n, *_of_t(found, difference), "d", _standardized(first, second))
 
 
 def within(first: Floats, second: Floats) -> Test:
@@ -129,7 +105,7 @@ def within(first: Floats, second: Floats) -> Test:
 def _of_t(
     found: "scipy.stats._stats_py.TtestResult", difference: float
 ) -> tuple[float, tuple[float, ...], float, IntervalEstimate]:
-    """Return what `Test` has of a t test: statistic, df, p and the difference."""
+    """Return the statistic, df, p and difference of a t test."""
     bounds = found.confidence_interval(LEVEL)
     estimate = IntervalEstimate(difference, float(bounds.low), float(bounds.high))
     return float(found.statistic), (float(found.df),), float(found.pvalue), estimate
@@ -139,10 +115,8 @@ def standardized(t: float, n: int) -> IntervalEstimate:
     """Return d_z with its interval: t = d_z·√n has a noncentral t distribution, and the bounds are
     the noncentralities that put it at 2.5 and 97.5 %.
     """
-    low, high = (
-        float(scipy.special.nctdtrinc(n - 1, tail, t)) / math.sqrt(n) for tail in (UPPER, LOWER)
-    )
-    return IntervalEstimate(float(t) / math.sqrt(n), low, high)
+    bounds = [float(scipy.special.nctdtrinc(n - 1, tail, t)) for tail in (UPPER, LOWER)]
+    return IntervalEstimate(*(one / math.sqrt(n) for one in (float(t), *bounds)))
 
 
 def _standardized(first: Floats, second: Floats) -> IntervalEstimate:
@@ -165,25 +139,12 @@ def several_between(groups: Sequence[Floats]) -> Test:
     """
     from statsmodels.stats.oneway import anova_oneway  # noqa: PLC0415 - not on robots
 
-    total = sum(len(group) for group in groups)
-    if min(len(group) for group in groups) < 2:
-        return Test("Welch F", total, remark=TOO_FEW)
-    if any(is_constant(group) for group in groups):
-        return Test("Welch F", total, remark=NO_VARIANCE)
     found = anova_oneway(groups, use_var="unequal")
     values = np.concatenate(groups)
-    inside = math.fsum(float(((group - group.mean()) ** 2).sum()) for group in groups)
-    effect = IntervalEstimate(1.0 - inside / float(((values - values.mean()) ** 2).sum()))
-    df = (float(found.df_num), float(found.df_denom))
-    return Test(
-        "Welch F",
-        total,
-        float(found.statistic),
-        df,
-        float(found.pvalue),
-        effect_name="η²p",
-        effect=effect,
-    )
+    within_groups = math.fsum(len(group) * float(group.var()) for group in groups)
+    effect = IntervalEstimate(1.0 - within_groups / (len(values) * float(values.var())))
+    f, p, *df = map(float, (found.statistic, found.pvalue, found.df_num, found.df_denom))
+    return Test("Welch F", len(values), f, tuple(df), p, effect_name="η²p", effect=effect)
 
 
 def several_within(table: Floats) -> Test:
@@ -195,22 +156,14 @@ def several_within(table: Floats) -> Test:
     spreads = table - table[:, :1]
     if all(is_constant(one, float(np.abs(table).max())) for one in spreads.T):
         return Test(name, n, remark=EQUAL_DIFFERENCES)
-    f, df, p = (float(one) for one in repeated_measures(table))
-    return Test(
-        name,
-        n,
-        f,
-        (df, df * (n - 1.0)),
-        p,
-        effect_name="η²p",
-        effect=IntervalEstimate(f / (f + n - 1.0)),
-    )
+    f, df, p = map(float, repeated_measures(table))
+    effect = IntervalEstimate(f / (f + n - 1.0))
+    return Test(name, n, f, (df, df * (n - 1.0)), p, effect_name="η²p", effect=effect)
 
 
 def repeated_measures(table: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return F of the analysis of variance for repeated measures, (…, n, k), the degrees of freedom
-    of its numerator after the correction of Greenhouse and Geisser, and its p value. Those of the
-    denominator are n - 1 times as many.
+    """Return F of the analysis of variance for repeated measures, (…, n, k), its numerator's
+    degrees of freedom (Greenhouse and Geisser; the denominator has n - 1 times as many), and p.
 
     With S, the covariance of k - 1 orthonormal contrasts, ε is (tr S)² / ((k - 1) tr S²) (Box,
     1954).
@@ -230,23 +183,17 @@ def repeated_measures(table: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def correlation(first: Floats, second: Floats) -> Test:
-    """Return Spearman's rank correlation of pairs; pairs with a NaN do not count, fewer than four
-    or one equal value give none.
-    """
+    """Return Spearman's rank correlation of pairs; pairs with a NaN do not count."""
     given = np.isfinite(first) & np.isfinite(second)
     x, y = tied(first[given]), tied(second[given])
-    n = len(x)
+    n, name = len(x), "Spearman ρ"
     if n < 4:
-        return Test("Spearman ρ", n, remark="fewer than four participants")
+        return Test(name, n, remark="fewer than four participants")
     if (x == x[0]).all() or (y == y[0]).all():
-        return Test("Spearman ρ", n, remark=NO_VARIANCE)
-    found = scipy.stats.spearmanr(x, y)
-    rho = float(found.statistic)
-    error = math.sqrt((1.0 + rho * rho / 2.0) / (n - 3))
-    effect = by_fisher(rho, error)
-    return Test(
-        "Spearman ρ", n, rho, (n - 2.0,), float(found.pvalue), effect_name="ρ", effect=effect
-    )
+        return Test(name, n, remark=NO_VARIANCE)
+    rho, p = map(float, scipy.stats.spearmanr(x, y))
+    effect = by_fisher(rho, math.sqrt((1.0 + rho * rho / 2.0) / (n - 3)))
+    return Test(name, n, rho, (n - 2.0,), p, effect_name="ρ", effect=effect)
 
 
 def by_fisher(size: float, error: float) -> IntervalEstimate:
@@ -260,12 +207,8 @@ def by_fisher(size: float, error: float) -> IntervalEstimate:
 
 
 def holm(values: Sequence[float], members: Sequence[Hashable] | None = None) -> tuple[float, ...]:
-    """Return p values that were corrected for being several; NaN stays, and does not count.
-
-    Args:
-        values: the p values.
-        members: what each tested. Those with equal ones are one member of the family: the same test
-            under two names is corrected for once, and keeps one p value.
+    """Return p values corrected by Holm's method; NaN stays, and does not count. Tests with equal
+    `members` are one: the same test under two names is corrected for once, and has one p value.
     """
     named = range(len(values)) if members is None else members
     distinct = {member: p for member, p in zip(named, values, strict=True) if math.isfinite(p)}

@@ -1,10 +1,10 @@
-"""Conditions compared as they are: some with too few participants, some without variance, of the
-same participants or of different ones, by means, by ranks or as proportions.
+"""Conditions of the same or of different participants, compared by means, by ranks or as
+proportions; some may have too few participants, or no variance.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import scipy
@@ -38,25 +38,26 @@ from experiments.dataset.columns import Floats
 Compared = Literal["means", "ranks", "proportions"]
 NO_TEST = "–"
 ONE_CONDITION = "fewer than two conditions to compare"
-PAIRS: Mapping[Compared, Callable[[Floats, Floats], Test]] = {
-    "means": within,
-    "ranks": signed_ranks,
-    "proportions": paired_proportions,
-}
-TWO_GROUPS: Mapping[Compared, Callable[[Floats, Floats], Test]] = {
-    "means": between,
-    "ranks": rank_sums,
-    "proportions": two_proportions,
-}
-SEVERAL_WITHIN: Mapping[Compared, Callable[[Floats], Test]] = {
-    "means": several_within,
-    "ranks": several_ranked_within,
-    "proportions": lambda table: several_ranked_within(table, COCHRAN),
-}
-SEVERAL_GROUPS: Mapping[Compared, Callable[[Sequence[Floats]], Test]] = {
-    "means": several_between,
-    "ranks": several_ranked,
-    "proportions": several_proportions,
+
+
+class _Tests(NamedTuple):
+    """The tests of two and of more conditions, of the same participants and of different ones."""
+
+    pairs: Callable[[Floats, Floats], Test]
+    several_within: Callable[[Floats], Test]
+    two_groups: Callable[[Floats, Floats], Test]
+    several_groups: Callable[[Sequence[Floats]], Test]
+
+
+TESTS: Mapping[Compared, _Tests] = {
+    "means": _Tests(within, several_within, between, several_between),
+    "ranks": _Tests(signed_ranks, several_ranked_within, rank_sums, several_ranked),
+    "proportions": _Tests(
+        paired_proportions,
+        lambda table: several_ranked_within(table, COCHRAN),
+        two_proportions,
+        several_proportions,
+    ),
 }
 
 
@@ -65,30 +66,33 @@ def compare(
 ) -> Test:
     """Return the test of a difference between conditions, each with a value a participant.
 
-    A condition with fewer than two participants, or between participants one whose mean has no
-    variance, takes itself out; the others are compared, and the remark says which and why.
+    A condition is left out if it has fewer than two participants or, between participants, if its
+    values have no variance around their mean; the remark names it and the reason.
     """
     needs_variance = by == "means" and not is_paired
     reasons = {key: _unfit(group, needs_variance) for key, group in groups.items()}
     kept = [group for key, group in groups.items() if not reasons[key]]
-    told = [f"{key}: {reason}" for key, reason in reasons.items() if reason]
+    remarks = [f"{key}: {reason}" for key, reason in reasons.items() if reason]
+    tests = TESTS[by]
     if len(kept) < 2:
         test = Test(NO_TEST, 0, remark=ONE_CONDITION)
     elif is_paired:
         table = complete(kept)
-        test = PAIRS[by](*table.T) if len(kept) == 2 else SEVERAL_WITHIN[by](table)
+        test = tests.pairs(*table.T) if len(kept) == 2 else tests.several_within(table)
     else:
-        arrays: list[Floats] = [np.array(list(one.values()), dtype=np.float64) for one in kept]
-        test = TWO_GROUPS[by](*arrays) if len(kept) == 2 else SEVERAL_GROUPS[by](arrays)
-    return replace(test, remark="; ".join((*told, *filter(None, (test.remark,)))))
+        arrays = [_values(group) for group in kept]
+        test = tests.two_groups(*arrays) if len(kept) == 2 else tests.several_groups(arrays)
+    return replace(test, remark="; ".join((*remarks, *filter(None, (test.remark,)))))
+
+
+def _values(group: Mapping[str, float]) -> Floats:
+    return np.array(list(group.values()), dtype=np.float64)
 
 
 def _unfit(group: Mapping[str, float], needs_variance: bool) -> str:
     if len(group) < 2:
         return f"left out, n = {len(group)}"
-    if needs_variance and is_constant(np.array(list(group.values()), dtype=np.float64)):
-        return "left out, no variance"
-    return ""
+    return "left out, no variance" if needs_variance and is_constant(_values(group)) else ""
 
 
 def complete(groups: Sequence[Mapping[str, float]]) -> Floats:
@@ -96,13 +100,13 @@ def complete(groups: Sequence[Mapping[str, float]]) -> Floats:
     their codes.
     """
     shared = sorted(set.intersection(*(set(group) for group in groups)))
-    rows = [[group[who] for group in groups] for who in shared]
+    rows = [[group[code] for group in groups] for code in shared]
     return np.array(rows, dtype=np.float64).reshape(len(shared), len(groups))
 
 
 def p_values(samples: Sequence[Floats], *, is_paired: bool, by: Compared) -> Floats:
     """Return the p values of `compare` for many studies at once: of conditions, (…, n) each, whose
-    participants are the same ones if `is_paired`.
+    participants are the same ones if `is_paired`. Without variance, p is 1.
     """
     found: Floats
     if by == "proportions" and len(samples) == 2:
@@ -120,4 +124,4 @@ def p_values(samples: Sequence[Floats], *, is_paired: bool, by: Compared) -> Flo
         found = scipy.stats.mannwhitneyu(*samples, use_continuity=False, axis=-1).pvalue
     else:
         found = scipy.stats.kruskal(*samples, axis=-1).pvalue
-    return np.where(np.isfinite(found), found, 1.0)  # without any variance, nothing is rejected
+    return np.where(np.isfinite(found), found, 1.0)

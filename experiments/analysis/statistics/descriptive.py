@@ -16,9 +16,7 @@ ROUNDED = "Percentages are rounded one by one and may not sum to 100."
 
 @dataclass(frozen=True)
 class Spread:
-    """A sample in a few numbers; all but `n` are None when it is empty, `sd` below two values.
-    `iqr` is the interquartile range, third quartile less first.
-    """
+    """A sample in a few numbers; all but `n` are None if it is empty, `sd` below two values."""
 
     n: int
     mean: float | None = None
@@ -30,7 +28,7 @@ class Spread:
 
 
 def spread(values: Sequence[float] | Floats) -> Spread:
-    """Return a sample in a few numbers; NaN does not count."""
+    """Describe the values of a sample that are not NaN."""
     given = np.asarray(values, dtype=np.float64)
     given = given[np.isfinite(given)]
     if not given.size:
@@ -41,10 +39,8 @@ def spread(values: Sequence[float] | Floats) -> Spread:
 
 
 def shares(counts: Sequence[int]) -> tuple[float, ...] | None:
-    """Return counts as percentages with all digits; None when nothing was counted.
-
-    Each is printed rounded by itself, so that equal counts print equally; what is printed may not
-    sum to 100 (`ROUNDED` says so below a table).
+    """Return counts as percentages with all digits, or None if all are 0. Tables round each by
+    itself, so that equal counts look equal, and may not sum to 100 (their note is `ROUNDED`).
     """
     total = sum(counts)
     return tuple(100.0 * count / total for count in counts) if total else None

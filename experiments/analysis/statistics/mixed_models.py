@@ -2,24 +2,20 @@
 for any covariance of a participant's values.
 
 With one variance between participants, the restricted likelihood depends on one number alone: the
-ratio λ of that variance to the residual one. Everything else follows from it by generalized least
-squares (Laird and Ware, 1982), so the fit is a search along a line, and a ratio of 0 (participants
-who do not differ) is tried like any other. tests/unit/experiments/analysis/statistics/ compares the
-fits with those of lme4. Of participants who were measured once each, this is a linear model.
+ratio λ of that variance to the residual one (Laird and Ware, 1982). So the fit is a search along a
+line, with least squares at each ratio, also at 0 (participants who do not differ). If each
+participant was measured once, this is a linear model.
 
 Such a model assumes that all conditions have the same variance and all pairs of them the same
-covariance (compound symmetry). The tests do not: covariances of the coefficients are estimated from
-the residuals of each participant, corrected for bias ("CR2": Bell and McCaffrey, 2002; Pustejovsky
-and Tipton, 2018), t has the degrees of freedom of Satterthwaite, and the test of a term is that of
-Hotelling's T² with estimated degrees of freedom ("HTZ": Tipton and Pustejovsky, 2015). In a
-balanced study within participants these are the paired t test of each participant's means, and the
-test of the multivariate analysis of variance, whose covariance is unstructured; so no sphericity is
-assumed. R's clubSandwich computes the same, and the tests compare with it.
+covariance. The tests do not: covariances of the coefficients are estimated from the residuals of
+each participant, corrected for bias (CR2), and degrees of freedom are estimated (Satterthwaite,
+HTZ), as R's clubSandwich does. docs/explanation/statistics.md has the sources.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -39,7 +35,7 @@ from experiments.dataset.columns import Floats
 GRID = np.arange(-14.0, 15.0)  # logarithms of ratios
 TIGHT = 1e-9  # of the logarithm of the ratio
 ROUNDING = 1e-14
-LEAST_DF = 1e-3  # of a denominator; less is none, but for rounding
+LEAST_DF = 1e-3  # of a denominator; less is rounding of 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +51,7 @@ class RemlFit:
 
 
 def fit(outcome: Floats, design: Design, terms: Sequence[str], who: Sequence[str]) -> FittedModel:
-    """Fit a model to observations of participants.
+    """Fit a model to observations of participants; `who` has the participant of each.
 
     Raises:
         CannotFitError: there are too few data, no variance, or columns that depend on each other.
@@ -64,30 +60,23 @@ def fit(outcome: Floats, design: Design, terms: Sequence[str], who: Sequence[str
     check_data(outcome, design.columns, people)
     found = reml(outcome, design.columns, groups, people)
     robust = RobustTests(design.columns, groups, found.ratio)
-    between, within = found.ratio * found.residual, found.residual
-    spreads = (
-        ("SD participants", math.sqrt(between)),
-        ("SD residual", math.sqrt(within)),
-        ("ICC", between / (between + within)),
-    )
     coefficients = [robust.coefficient(outcome, at, one) for at, one in enumerate(design.names)]
     tests = []
     for number, name in enumerate(terms, start=1):
         places = design.places(number)
         first = coefficients[places[0]]
-        one = (first.t**2, (1.0, first.df))
-        f, df = one if len(places) == 1 else robust.wald(outcome, places)
+        single = (first.t**2, (1.0, first.df))
+        f, df = single if len(places) == 1 else robust.wald(outcome, places)
         difference = design.difference(number, first.estimate)
         tests.append(TermTest(name, float(f), df, float(p_of(np.array(f), df)), difference))
-    remark = "participants do not differ (variance 0)" if len(outcome) > people else ""
-    return FittedModel(
-        people,
-        len(outcome),
-        tuple(coefficients),
-        tuple(tests),
-        spreads if len(outcome) > people else (("SD residual", math.sqrt(within)),),
-        remark if found.ratio == 0.0 else "",
-    )
+    spreads, remark = [("SD residual", math.sqrt(found.residual))], ""
+    if len(outcome) > people:
+        sd = math.sqrt(found.ratio * found.residual)
+        share = found.ratio / (1.0 + found.ratio)
+        spreads = [("SD participants", sd), *spreads, ("ICC", share)]
+        remark = "" if found.ratio else "participants do not differ (variance 0)"
+    n = len(outcome)
+    return FittedModel(people, n, tuple(coefficients), tuple(tests), tuple(spreads), remark)
 
 
 def grouped(who: Sequence[str]) -> tuple[Any, int]:
@@ -101,83 +90,56 @@ def grouped(who: Sequence[str]) -> tuple[Any, int]:
 
 def reml(outcome: Floats, columns: Floats, groups: Any, people: int) -> RemlFit:
     """Return the fit of the least deviance: the best ratio of a grid, refined between its
-    neighbours; 0 where none is better than that, or nobody was measured twice.
+    neighbours; 0 where no other is better, or where each participant was measured once.
     """
-    sums = _Sums.of(outcome, columns, groups, people)
+    data = np.column_stack((columns, outcome))
+    counts = np.bincount(groups, minlength=people)
+    means = np.zeros((people, data.shape[1]))
+    np.add.at(means, groups, data)
+    means = (means / counts[:, None])[groups]
 
-    def deviance(power: float) -> float:
-        return _profile(sums, math.exp(power))[0]
-
-    ratio = 0.0
-    if len(outcome) > people:
-        place = int(np.argmin([deviance(power) for power in GRID]))
-        found = scipy.optimize.minimize_scalar(
-            deviance,
-            bounds=(GRID[max(place - 1, 0)], GRID[min(place + 1, len(GRID) - 1)]),
-            method="bounded",
-            options={"xatol": TIGHT},
-        )
-        ratio = math.exp(float(found.x)) if found.fun < _profile(sums, 0.0)[0] else 0.0
-    return _profile(sums, ratio)[1]
+    at = partial(_least_squares, data, means, groups, counts)
+    deviance, without = at(0.0)
+    if len(outcome) == people:
+        return without
+    place = int(np.argmin([at(math.exp(power))[0] for power in GRID]))
+    found = scipy.optimize.minimize_scalar(
+        lambda power: at(math.exp(power))[0],
+        bounds=(GRID[max(place - 1, 0)], GRID[min(place + 1, len(GRID) - 1)]),
+        method="bounded",
+        options={"xatol": TIGHT},
+    )
+    return at(math.exp(float(found.x)))[1] if found.fun < deviance else without
 
 
-@dataclass(frozen=True, eq=False)
-class _Sums:
-    """What every ratio is tried on, so that the observations are read once: XᵀX (k, k), Xᵀy (k,)
-    and yᵀy of all of them; of each participant the sums of X (people, k) and of y (people,), and
-    the number of observations (people,).
+def _least_squares(
+    data: Floats, means: Floats, groups: Any, counts: Any, ratio: float
+) -> tuple[float, RemlFit]:
+    """Return -2 log restricted likelihood (but for a constant) and the fit at a ratio: least
+    squares after 1 - 1/√(1 + nλ) of a participant's mean is subtracted from each of its n values,
+    which makes them independent. `data` and `means` are columns and outcome, (n, k + 1).
     """
-
-    xx: Floats
-    xy: Floats
-    yy: float
-    columns: Floats
-    outcomes: Floats
-    counts: Floats
-
-    @classmethod
-    def of(cls, outcome: Floats, columns: Floats, groups: Any, people: int) -> "_Sums":
-        """Return the sums of observations `outcome` (n,) and `columns` (n, k) of `groups` (n,)."""
-        of_participants = np.zeros((people, columns.shape[1]))
-        np.add.at(of_participants, groups, columns)
-        return cls(
-            columns.T @ columns,
-            columns.T @ outcome,
-            float(outcome @ outcome),
-            of_participants,
-            np.asarray(np.bincount(groups, outcome, people), dtype=np.float64),
-            np.bincount(groups, minlength=people).astype(np.float64),
-        )
-
-
-def _profile(sums: _Sums, ratio: float) -> tuple[float, RemlFit]:
-    """Return -2 log restricted likelihood (but for a constant) and the fit at a ratio: generalized
-    least squares with V = σ²(I + λJ) for each participant, whose inverse is
-    (I - λ / (1 + nλ) J) / σ² and whose determinant is (1 + nλ) σ²ⁿ.
-    """
-    weights = ratio / (1.0 + sums.counts * ratio)
-    weighted = sums.columns.T * weights  # (k, people)
-    xx: Floats = sums.xx - weighted @ sums.columns
-    xy: Floats = sums.xy - weighted @ sums.outcomes
-    yy = sums.yy - float(weights @ np.square(sums.outcomes))
-    n, size = int(sums.counts.sum()), len(xy)
-    estimates = np.asarray(np.linalg.solve(xx, xy), dtype=np.float64)
-    residual = max(yy - float(estimates @ xy), 0.0) / (n - size)
-    if residual <= ROUNDING * yy / n:
+    inflation = 1.0 + counts * ratio
+    reduced = data - (1.0 - 1.0 / np.sqrt(inflation))[groups, None] * means
+    x, y = reduced[:, :-1], reduced[:, -1]
+    xx = x.T @ x
+    estimates = np.linalg.solve(xx, x.T @ y)
+    freedom = len(y) - len(xx)
+    residual = float(((y - x @ estimates) ** 2).sum()) / freedom
+    if residual <= ROUNDING * float(y @ y) / len(y):
         raise CannotFitError("no variance: the effects explain everything")
-    spread = float(np.log1p(sums.counts * ratio).sum())
-    deviance = spread + float(np.linalg.slogdet(xx)[1]) + (n - size) * math.log(residual)
-    covariance = np.asarray(np.linalg.inv(xx), dtype=np.float64) * residual
-    return deviance, RemlFit(ratio, estimates, covariance, residual)
+    deviance = float(np.log(inflation).sum() + np.linalg.slogdet(xx)[1])
+    deviance += freedom * math.log(residual)
+    return deviance, RemlFit(ratio, estimates, np.linalg.inv(xx) * residual, residual)
 
 
 # --- the tests ------------------------------------------------------------------------------------
 
 
 class RobustTests:
-    """Tests of coefficients by the residuals of each participant. All but those depends on the
-    design and the ratio of variances alone, so that many outcomes of one design are tested at once:
-    `outcomes` are (…, n).
+    """Tests of coefficients by the residuals of each participant. All but the residuals depends on
+    the design and the ratio of variances alone, so that many outcomes of one design are tested at
+    once: `outcomes` are (…, n).
 
     In the notation of Pustejovsky and Tipton (2018): Φ = I + λJ is the working covariance of a
     participant's values, W its inverse, M = (ΣXᵀWX)⁻¹, and G = XᵀWA weights a participant's
@@ -187,22 +149,20 @@ class RobustTests:
     def __init__(self, columns: Floats, groups: Any, ratio: float) -> None:
         self._columns = columns
         self._rows = [np.flatnonzero(groups == one) for one in range(int(groups.max()) + 1)]
-        parts = [columns[rows] for rows in self._rows]
-        covariances = [np.eye(len(rows)) + ratio for rows in self._rows]
-        weighted = [np.linalg.solve(own, x) for own, x in zip(covariances, parts, strict=True)]
-        self._bread = np.linalg.inv(sum(x.T @ w for x, w in zip(parts, weighted, strict=True)))
-        self._weights = np.empty((columns.shape[1], len(columns)))  # estimates = weights · outcome
+        self._covariances = [np.eye(len(rows)) + ratio for rows in self._rows]
+        weighted = np.empty_like(columns)  # W X
+        for rows, own in zip(self._rows, self._covariances, strict=True):
+            weighted[rows] = np.linalg.solve(own, columns[rows])
+        self._bread = np.asarray(np.linalg.inv(columns.T @ weighted), dtype=np.float64)  # M
+        self._weights = self._bread @ weighted.T  # estimates = weights · outcome
         self._adjusted = []  # M G of each participant, (k, own observations)
-        self._covariances = covariances
-        for rows, x, w, own in zip(self._rows, parts, weighted, covariances, strict=True):
-            self._weights[:, rows] = self._bread @ w.T
-            root = np.linalg.cholesky(own).T  # Φ = rootᵀ·root
+        for rows, own in zip(self._rows, self._covariances, strict=True):
+            x, root = columns[rows], np.linalg.cholesky(own).T  # Φ = rootᵀ·root
             inner = root @ (own - x @ self._bread @ x.T) @ root.T
             adjust = root.T @ _inverse_root(inner, float((own**2).sum())) @ root
-            self._adjusted.append(self._bread @ w.T @ adjust)
+            self._adjusted.append(self._weights[:, rows] @ adjust)
 
     def estimates(self, outcomes: Floats) -> Floats:
-        """Return the coefficients, (…, k)."""
         return np.asarray(outcomes @ self._weights.T)
 
     def wald(self, outcomes: Floats, places: Sequence[int]) -> tuple[Floats, tuple[float, float]]:
@@ -262,7 +222,7 @@ class RobustTests:
 
 
 def coefficient(name: str, value: float, error: float, df: float) -> Coefficient:
-    """Return a coefficient with what t makes of its standard error."""
+    """Return a coefficient with its interval and test by t."""
     slack = float(scipy.special.stdtrit(df, UPPER)) * error
     t = value / error
     p = float(2.0 * scipy.special.stdtr(df, -abs(t)))
@@ -275,8 +235,8 @@ def p_of(f: Floats, df: tuple[float, float]) -> Floats:
 
 
 def _inverse_root(matrix: Floats, scale: float = 0.0) -> Floats:
-    """Return the inverse of the symmetric root of a matrix, without directions whose variance is
-    rounding beside the largest one, or beside `scale`.
+    """Return the inverse of the symmetric root of a matrix; directions whose variance is rounding
+    beside the largest one, or beside `scale`, are dropped.
     """
     values, vectors = np.linalg.eigh(matrix)
     least = 1e-10 * max(scale, float(values[-1]))

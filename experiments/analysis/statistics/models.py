@@ -1,5 +1,4 @@
-"""What models of several effects have in common: the columns that they are fitted with, and what is
-printed of them.
+"""Models of several effects: the columns of their design, and their results.
 
 A term is a factor, a number (a covariate), or an interaction. The levels of a factor are coded as
 sums (effects around the grand mean; the last level is minus the sum of the others) or by treatment
@@ -43,8 +42,8 @@ class Design:
         return [at for at, own in enumerate(self.terms) if own == term]
 
     def difference(self, term: int, half: IntervalEstimate) -> IntervalEstimate:
-        """Return by how much the first level of a factor with two is above the second, which is
-        twice its coefficient in sum coding; unknown of other terms.
+        """Return the first level of a factor less the second, which is twice its coefficient in sum
+        coding; unknown for other terms and factors with more levels.
         """
         (place, *others) = self.places(term)
         name = self.names[place]
@@ -55,7 +54,7 @@ class Design:
 
 @dataclass(frozen=True)
 class Coefficient:
-    """A coefficient of the model: its estimate with interval, standard error, t, df and p."""
+    """A coefficient of the model; `error` is its standard error."""
 
     name: str
     estimate: IntervalEstimate
@@ -67,8 +66,8 @@ class Coefficient:
 
 @dataclass(frozen=True)
 class TermTest:
-    """Wald's F test that all coefficients of a term are 0; of a factor with two levels, by how much
-    the first is above the second.
+    """An F test that all coefficients of a term are 0, and the difference of a factor's two levels,
+    first less second.
     """
 
     name: str
@@ -80,7 +79,7 @@ class TermTest:
 
 @dataclass(frozen=True)
 class FittedModel:
-    """A fitted model; `spreads` are further numbers, by name, and `remark` says what is special."""
+    """A fitted model; `spreads` are SDs and an ICC, `remark` what to note about the fit."""
 
     participants: int
     observations: int
@@ -93,13 +92,7 @@ class FittedModel:
 def design_of(
     levels: Levels, terms: Sequence[str], rows: Sequence[Row], coding: Coding = "sum"
 ) -> Design:
-    """Return the columns of a model.
-
-    Args:
-        levels: the levels of each factor, in order.
-        terms: factors and covariates, or several with colons between.
-        rows: what each observation has of them.
-        coding: of the levels.
+    """Return the columns of a model; terms are factors, covariates, or several with colons between.
 
     Raises:
         CannotFitError: a factor has only one level.
@@ -123,13 +116,10 @@ def _coded(
     if not levels:  # a covariate, around its mean
         numbers = np.array(given, dtype=np.float64)
         return [(name, numbers - numbers.mean())]
-    found = []
-    for level in levels[1:] if coding == "treatment" else levels[:-1]:
-        column = np.array([float(one == level) for one in given])
-        if coding == "sum":
-            column -= np.array([float(one == levels[-1]) for one in given])
-        found.append((f"{name} {level}", column))
-    return found
+    columns = {level: np.array([float(one == level) for one in given]) for level in levels}
+    if coding == "treatment":
+        return [(f"{name} {level}", columns[level]) for level in levels[1:]]
+    return [(f"{name} {level}", columns[level] - columns[levels[-1]]) for level in levels[:-1]]
 
 
 def check_data(outcome: Floats, columns: Floats, people: int) -> None:

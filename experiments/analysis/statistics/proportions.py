@@ -1,17 +1,14 @@
 """Tests of proportions: each participant succeeded (1) or failed (0) in a condition.
 
-- Two groups: Pearson's χ² with N - 1 in place of N (Campbell, 2007), which is the rank-sum test of
-  zeros and ones; Boschloo's exact test (1970) where an expected count is below 1. The interval of
-  the difference is Newcombe's hybrid score (1998). Several groups: the same χ².
-- Pairs: McNemar's test with the mid-p value (Fagerland, Lydersen and Laake, 2013); the exact p
-  value rejects a true null in 1 to 3 % of studies of this size. The interval of the difference is
-  that of Bonett and Price (2012). Several conditions: Cochran's Q (1950).
-
-The difference of two proportions is its own effect size.
+Pearson's χ² with N - 1 in place of N (Campbell, 2007) is the rank-sum test of zeros and ones; where
+an expected count is below 1, Boschloo's exact test is used. The difference of two proportions is
+its own effect size; its interval is Newcombe's hybrid score, and of pairs that of Bonett and Price.
+docs/explanation/statistics.md has the sources.
 """
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -22,10 +19,12 @@ from experiments.analysis.statistics.comparisons import (
     LOWER,
     NO_VARIANCE,
     TOO_FEW,
+    UNKNOWN,
     IntervalEstimate,
     Test,
     Z,
 )
+from experiments.analysis.statistics.rank_tests import several_ranked
 from experiments.dataset.columns import Floats
 
 CHI_SQUARE, BOSCHLOO, MCNEMAR, COCHRAN = "N−1 χ²", "Boschloo", "McNemar mid-p", "Cochran Q"
@@ -33,14 +32,12 @@ LEAST_EXPECTED = 1.0  # successes or failures in a group, for χ² (Campbell, 20
 
 
 def two_proportions(first: Floats, second: Floats) -> Test:
-    """Compare two groups of participants, zeros and ones."""
+    """Compare two groups of two or more participants each, zeros and ones."""
     from statsmodels.stats.proportion import (  # noqa: PLC0415 - not on robots
         confint_proportions_2indep,
     )
 
     n, m = len(first), len(second)
-    if min(n, m) < 2:
-        return Test(CHI_SQUARE, n + m, remark=TOO_FEW)
     a, b = int(first.sum()), int(second.sum())
     low, high = confint_proportions_2indep(a, n, b, m, method="newcomb", alpha=2.0 * LOWER)
     difference = IntervalEstimate(a / n - b / m, float(low), float(high))
@@ -72,16 +69,9 @@ def paired_proportions(first: Floats, second: Floats) -> Test:
 
 
 def several_proportions(groups: Sequence[Floats]) -> Test:
-    """Compare three or more groups of participants, zeros and ones."""
-    n = sum(len(group) for group in groups)
-    if min(len(group) for group in groups) < 2:
-        return Test(CHI_SQUARE, n, remark=TOO_FEW)
-    values = np.concatenate(groups)
-    if (values == values[0]).all():
-        return Test(CHI_SQUARE, n, remark=NO_VARIANCE)
-    found = scipy.stats.kruskal(*groups)
-    df = len(groups) - 1.0
-    return Test(CHI_SQUARE, n, float(found.statistic), (df,), float(found.pvalue))
+    """Compare three or more groups of participants: the test of ranks of zeros and ones."""
+    test = several_ranked(groups)
+    return replace(test, name=CHI_SQUARE, effect_name="", effect=UNKNOWN)
 
 
 def two_proportions_p(first: Floats, second: Floats) -> Floats:

@@ -2,21 +2,12 @@
 asks whether distributions are the same; where spreads differ, it may reject though the middles are
 equal.
 
-- Pairs: Wilcoxon's signed ranks (1945); pairs without a difference are ranked, and their ranks
-  dropped (Pratt, 1959), so that p value, difference and interval are of the same pairs. The
-  difference is the median of the Walsh averages (Hodges and Lehmann, 1963), the effect the
-  matched-pairs rank-biserial correlation r (Kerby, 2014).
-- Two groups: Mann and Whitney (1947), with the median of all differences and the rank-biserial r.
-- Several groups: Kruskal and Wallis (1952), with ε² = H / (n - 1) (Tomczak and Tomczak, 2014);
-  several conditions of the same participants: Friedman (1937), with Kendall's W. Neither has an
-  interval: that of a number which cannot be below 0, from resampled participants, would leave 0 out
-  where there is no effect.
-
-p values are exact up to 50 pairs, or 8 participants in a group, without ties, and up to 13 pairs
-with them; otherwise normal approximations corrected for ties. The intervals of a difference are
-order statistics of the averages or differences. The interval of r between groups is that of
-Fisher's z, with a standard error from the placements of the values (DeLong, 1988); r of pairs has
-none.
+Pairs without a difference are ranked, and their ranks dropped (Pratt, 1959), so that p value,
+difference and interval are of the same pairs. A difference is the median of the Walsh averages or
+of all differences (Hodges and Lehmann, 1963), its interval their order statistics. p values are
+exact up to 50 pairs, or 8 participants in a group, without ties, and up to 13 pairs with them;
+otherwise normal approximations corrected for ties. docs/explanation/statistics.md has the sources,
+also of the effects r (Kerby, 2014) and ε² = H / (n - 1) (Tomczak and Tomczak, 2014).
 """
 
 import math
@@ -58,62 +49,37 @@ def signed_ranks(first: Floats, second: Floats) -> Test:
     positive = float(ranks[differences > 0.0].sum())
     walsh = (differences[:, None] + differences[None, :])[np.triu_indices(n)] / 2.0
     slack = Z * math.sqrt(n * (n + 1.0) * (2.0 * n + 1.0) / 24.0)
+    location = _median(walsh, n * (n + 1.0) / 4.0 - slack)
+    effect = IntervalEstimate(2.0 * positive / float(ranks.sum()) - 1.0)
     zeros = int((differences == 0.0).sum())
-    return Test(
-        SIGNED,
-        n,
-        positive,
-        (),
-        float(signed_rank_p(differences)),
-        _median(walsh, n * (n + 1.0) / 4.0 - slack),
-        "r",
-        IntervalEstimate(2.0 * positive / float(ranks.sum()) - 1.0),
-        f"pairs without a difference: {zeros}" if zeros else "",
-    )
+    remark = f"pairs without a difference: {zeros}" if zeros else ""
+    p = float(signed_rank_p(differences))
+    return Test(SIGNED, n, positive, (), p, location, "r", effect, remark)
 
 
 def rank_sums(first: Floats, second: Floats) -> Test:
-    """Compare two groups of participants; the statistic is the U of the first."""
+    """Compare two groups of two or more participants each; the statistic is U of the first."""
     n, m = len(first), len(second)
-    if min(n, m) < 2:
-        return Test(RANK_SUM, n + m, remark=TOO_FEW)
-    x, y = np.split(tied(np.concatenate((first, second))), [n])
-    if (np.concatenate((x, y)) == x[0]).all():
+    values = tied(np.concatenate((first, second)))
+    if (values == values[0]).all():
         return Test(RANK_SUM, n + m, difference=IntervalEstimate(0.0), remark=NO_VARIANCE)
-    found = scipy.stats.mannwhitneyu(x, y, use_continuity=False)
+    x, y = np.split(values, [n])
+    u, p = map(float, scipy.stats.mannwhitneyu(x, y, use_continuity=False))
     slack = Z * math.sqrt(n * m * (n + m + 1.0) / 12.0)
-    return Test(
-        RANK_SUM,
-        n + m,
-        float(found.statistic),
-        (),
-        float(found.pvalue),
-        _median((x[:, None] - y[None, :]).ravel(), n * m / 2.0 - slack),
-        "r",
-        _biserial(x, y),
-    )
+    location = _median((x[:, None] - y[None, :]).ravel(), n * m / 2.0 - slack)
+    return Test(RANK_SUM, n + m, u, (), p, location, "r", _biserial(x, y))
 
 
 def several_ranked(groups: Sequence[Floats]) -> Test:
     """Compare three or more groups of participants; the effect is ε²."""
-    sizes = [len(group) for group in groups]
-    n = sum(sizes)
-    if min(sizes) < 2:
-        return Test(KRUSKAL, n, remark=TOO_FEW)
     values = tied(np.concatenate(groups))
+    n, df = len(values), len(groups) - 1.0
     if (values == values[0]).all():
         return Test(KRUSKAL, n, remark=NO_VARIANCE)
-    found = scipy.stats.kruskal(*np.split(values, np.cumsum(sizes)[:-1]))
-    effect = IntervalEstimate(float(found.statistic) / (n - 1.0))
-    return Test(
-        KRUSKAL,
-        n,
-        float(found.statistic),
-        (len(groups) - 1.0,),
-        float(found.pvalue),
-        effect_name="ε²",
-        effect=effect,
-    )
+    ends = np.cumsum([len(group) for group in groups])
+    h, p = map(float, scipy.stats.kruskal(*np.split(values, ends[:-1])))
+    effect = IntervalEstimate(h / (n - 1.0))
+    return Test(KRUSKAL, n, h, (df,), p, effect_name="ε²", effect=effect)
 
 
 def several_ranked_within(table: Floats, name: str = FRIEDMAN) -> Test:
@@ -126,17 +92,9 @@ def several_ranked_within(table: Floats, name: str = FRIEDMAN) -> Test:
     values = tied(table)
     if (values == values[:, :1]).all():
         return Test(name, n, remark=NO_VARIANCE)
-    found = scipy.stats.friedmanchisquare(*values.T)
-    effect = IntervalEstimate(float(found.statistic) / (n * (k - 1)))
-    return Test(
-        name,
-        n,
-        float(found.statistic),
-        (k - 1.0,),
-        float(found.pvalue),
-        effect_name="W (Kendall)",
-        effect=effect,
-    )
+    chi2, p = map(float, scipy.stats.friedmanchisquare(*values.T))
+    effect = IntervalEstimate(chi2 / (n * (k - 1)))
+    return Test(name, n, chi2, (k - 1.0,), p, effect_name="W (Kendall)", effect=effect)
 
 
 def signed_rank_p(differences: Floats) -> Floats:
@@ -146,18 +104,15 @@ def signed_rank_p(differences: Floats) -> Floats:
 
 
 def _median(values: Floats, below: float) -> IntervalEstimate:
-    """Return the median of averages or differences, and the order statistics with so many below."""
+    """Return the median, and the order statistics that have `below` values outside of them."""
     ordered = np.sort(values)
     place = max(0, math.floor(below))
-    return IntervalEstimate(
-        float(np.median(ordered)), float(ordered[place]), float(ordered[len(ordered) - 1 - place])
-    )
+    low, high = float(ordered[place]), float(ordered[len(ordered) - 1 - place])
+    return IntervalEstimate(float(np.median(ordered)), low, high)
 
 
 def _biserial(first: Floats, second: Floats) -> IntervalEstimate:
-    """Return r, how much more often a value of the first group is the greater one than a value of
-    the second, with its interval.
-    """
+    """Return r with its interval: how much more often the first group has the greater value."""
     signs = np.sign(first[:, None] - second[None, :])
     size = float(signs.mean())
     rows, columns = signs.mean(axis=1), signs.mean(axis=0)

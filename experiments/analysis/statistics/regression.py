@@ -1,20 +1,18 @@
-"""Models of proportions, counts and times, whose drives of one participant are a cluster.
+"""Models of proportions, counts and times; the drives of one participant are a cluster.
 
 - Proportions: logistic regression; counts: Poisson regression of the rate per minute. Both by
-  generalized estimating equations (Liang and Zeger, 1986), working as if drives were independent,
-  with covariances from the residuals of each participant, which overdispersion and zeros do not
-  bias, and the correction of Mancl and DeRouen (2001) for few participants. Fitted by statsmodels.
-- Times: Cox's regression (1972), in which a drive that ended before the time came is censored, with
-  the covariance of Lin and Wei (1989) by participants. Times of different participants in two or
-  more groups are compared by the log-rank test (Mantel, 1966).
+  generalized estimating equations, working as if drives were independent; covariances from the
+  residuals of each participant are not biased by overdispersion and zeros.
+- Times: Cox's regression, in which a drive that ended before the time came is censored; times of
+  different participants in two or more groups are compared by the log-rank test.
 
-Tests are robust score tests (Boos, 1992; Guo et al., 2005): the residuals of the model without an
-effect, times its columns, are summed for each participant, and their mean is tested by Hotelling's
-T². They need no estimate of the effect, so that there is a test where it separates the outcomes
-completely. Coefficients have Wald's t with as many degrees of freedom as there are participants
-less coefficients. Coefficients are log odds ratios, log rate ratios, and logarithms of how many
-times longer (a hazard ratio, the second over the first); all are positive where the first side is
-greater.
+Tests are robust score tests: the residuals of the model without an effect, times its columns, are
+summed for each participant, and their mean is tested by Hotelling's T². They need no estimate of
+the effect, so that there is a test where it separates the outcomes completely. Coefficients have
+Wald's t, with participants less coefficients as its degrees of freedom; they are log odds ratios,
+log rate ratios, and logarithms of how many times longer (a hazard ratio, the second over the
+first), all positive where the first side is greater. docs/explanation/statistics.md has the
+sources.
 """
 
 import math
@@ -29,7 +27,7 @@ import numpy as np
 from experiments.analysis.statistics.comparisons import (
     NO_VARIANCE,
     ROUNDING,
-    TOO_FEW,
+    UNKNOWN,
     IntervalEstimate,
     Test,
 )
@@ -56,15 +54,14 @@ SCORE = {
 }
 SEPARATED = "no estimate: the effects separate the outcomes completely"
 NEVER = "the time came in no drive"
-FIELDS = ("value", "weight")
 LARGEST = 12.0  # of a coefficient: beyond it, the data separate and have no estimate
 
 
 @dataclass(frozen=True)
 class DriveOutcome:
-    """What came of a drive of somebody: 0 or 1 of a proportion, a number of events, or seconds.
-    `weight` is the minutes in which the events were counted; of a time 1 when it came, 0 when the
-    drive ended before.
+    """The outcome of a participant's drive: 0 or 1 of a proportion, a number of events, or seconds.
+    `weight` is, of a count, the minutes in which the events were counted; of a time, 1 if it came
+    and 0 if the drive ended before.
     """
 
     who: str
@@ -75,6 +72,10 @@ class DriveOutcome:
 Sides = Mapping[str, Sequence[DriveOutcome]]
 
 
+def _arrays(outcomes: Sequence[DriveOutcome]) -> tuple[Floats, Floats]:
+    return np.array([one.value for one in outcomes]), np.array([one.weight for one in outcomes])
+
+
 def fit_family(
     family: Family,
     outcomes: Sequence[DriveOutcome],
@@ -83,15 +84,15 @@ def fit_family(
     *,
     with_coefficients: bool = True,
 ) -> FittedModel:
-    """Fit a model to the drives of participants. There are tests, but no coefficients, where the
-    effects separate the outcomes completely (in a level, all drives succeeded), and none
-    `with_coefficients` false, for simulations.
+    """Fit a model to the drives of participants. Where the effects separate the outcomes completely
+    (in a level, all drives succeeded), there are tests but no coefficients. Simulations need tests
+    only, and leave out the coefficients.
 
     Raises:
         CannotFitError: there are too few data, no variance, or columns that depend on each other.
     """
     groups, people = grouped([one.who for one in outcomes])
-    values, weights = (np.array([getattr(one, name) for one in outcomes]) for name in FIELDS)
+    values, weights = _arrays(outcomes)
     known = values / weights if family == "counts" else values if weights.any() else weights
     check_data(known, design.columns, people)
     if people <= len(design.names):
@@ -103,32 +104,70 @@ def fit_family(
             coefficients = _coefficients(family, values, weights, design, groups)
         except CannotFitError as error:
             remark = str(error)
-    by_name = {one.name: one.estimate for one in coefficients}
+    estimates = {one.name: one.estimate for one in coefficients}
     tests = []
     for number, name in enumerate(terms, start=1):
         places = design.places(number)
         f, df = _hotelling(_scores(family, values, weights, design.columns, places), groups, people)
-        half = by_name.get(design.names[places[0]], IntervalEstimate())
+        half = estimates.get(design.names[places[0]], UNKNOWN)
         difference = design.difference(number, half)
         tests.append(TermTest(name, f, df, float(p_of(np.array(f), df)), difference))
     return FittedModel(people, len(outcomes), coefficients, tuple(tests), remark=remark)
 
 
+@contextmanager
+def _separation() -> Iterator[None]:
+    """Replace warnings and errors of a fit by the reason: where all drives of a level have the same
+    outcome, estimates run to infinity.
+    """
+    try:
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise CannotFitError(SEPARATED) from error
+
+
+def _of_family(family: Family, minutes: Floats) -> dict[str, Any]:
+    """Return what statsmodels takes of a family: its distribution, and the time of its counts."""
+    import statsmodels.api as sm  # noqa: PLC0415 - not on robots
+
+    if family == "counts":
+        return {"family": sm.families.Poisson(), "exposure": minutes}
+    return {"family": sm.families.Binomial()}
+
+
+# --- coefficients ---------------------------------------------------------------------------------
+
+
 def _coefficients(
     family: Family, values: Floats, weights: Floats, design: Design, groups: Any
 ) -> tuple[Coefficient, ...]:
-    fitted = _cox if family == "times" else _estimating_equations
-    estimates, covariance = fitted(family, values, weights, design.columns, groups)
+    people, names, columns = int(groups.max()) + 1, design.names, design.columns
+    with _separation():
+        if family == "times":  # of how many times longer they are; without an intercept
+            from statsmodels.duration.hazard_regression import PHReg  # noqa: PLC0415 - not on robots
+
+            names, columns = names[1:], columns[:, 1:]
+            found = PHReg(values, columns, status=weights).fit(groups=groups, disp=0)
+            estimates = -np.asarray(found.params)
+            covariance = np.asarray(found.cov_params()) * people / (people - 1.0)
+        else:
+            import statsmodels.api as sm  # noqa: PLC0415 - not on robots
+
+            model = sm.GEE(values, columns, groups=groups, **_of_family(family, weights))
+            found = model.fit(cov_type="bias_reduced", maxiter=100, ctol=1e-9)
+            if found is None or not found.converged:
+                raise CannotFitError(SEPARATED)
+            estimates, covariance = np.asarray(found.params), np.asarray(found.cov_params())
     if not np.isfinite(covariance).all() or np.abs(estimates).max() > LARGEST:
         raise CannotFitError(SEPARATED)
-    df = float(groups.max() + 1 - len(design.names))
-    return tuple(
-        coefficient(name, float(value), float(error), df)
-        for name, value, error in zip(
-            design.names, estimates, np.sqrt(np.diag(covariance)), strict=True
-        )
-        if error > 0.0  # Cox's regression has no intercept
-    )
+    each = zip(names, estimates.tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True)
+    df = float(people - len(design.names))
+    return tuple(coefficient(name, value, error, df) for name, value, error in each)
+
+
+# --- score tests ----------------------------------------------------------------------------------
 
 
 def _scores(
@@ -143,33 +182,29 @@ def _scores(
             return _scores_of_times(values, weights, columns[:, 1:], [at - 1 for at in places])
         import statsmodels.api as sm  # noqa: PLC0415 - not on robots
 
-        of_family = sm.families.Poisson() if family == "counts" else sm.families.Binomial()
-        exposure = weights if family == "counts" else None
         rest, own = columns[:, others], columns[:, list(places)]
-        mean = sm.GLM(values, rest, family=of_family, exposure=exposure).fit().fittedvalues
+        mean = sm.GLM(values, rest, **_of_family(family, weights)).fit().fittedvalues
         information = mean if family == "counts" else mean * (1.0 - mean)
         weighted = rest.T * information
         explained = rest @ np.linalg.solve(weighted @ rest, weighted @ own)
         return np.asarray((own - explained) * (values - mean)[:, None])
 
 
-def _scores_of_times(times: Floats, came: Floats, columns: Floats, places: Sequence[int]) -> Floats:
+def _scores_of_times(times: Floats, came: Floats, columns: Floats, own: Sequence[int]) -> Floats:
     from statsmodels.duration.hazard_regression import PHReg  # noqa: PLC0415 - not on robots
 
-    others = [at for at in range(columns.shape[1]) if at not in places]
+    others = [at for at in range(columns.shape[1]) if at not in own]
     at_null = np.zeros(columns.shape[1])
     if others:
         at_null[others] = PHReg(times, columns[:, others], status=came).fit(disp=0).params
     model = PHReg(times, columns, status=came)
-    own = list(places)
-    # a drive that ended before anybody's time came was never at risk: NaN
+    # NaN: a drive that ended before the first time came was never at risk
     scores = np.nan_to_num(np.asarray(model.score_residuals(at_null)))
     if not others:
         return np.asarray(scores[:, own])
     information = model.hessian(at_null)
-    explained = np.linalg.solve(
-        information[np.ix_(others, others)], information[np.ix_(others, own)]
-    )
+    within, across = np.ix_(others, others), np.ix_(others, own)
+    explained = np.linalg.solve(information[within], information[across])
     return np.asarray(scores[:, own] - scores[:, others] @ explained)
 
 
@@ -192,54 +227,6 @@ def _hotelling(scores: Floats, groups: Any, people: int) -> tuple[float, tuple[f
     return f, (float(size), float(people - size))
 
 
-def _estimating_equations(
-    family: Family, values: Floats, minutes: Floats, columns: Floats, groups: Any
-) -> tuple[Floats, Floats]:
-    import statsmodels.api as sm  # noqa: PLC0415 - not on robots
-
-    model = sm.GEE(
-        values,
-        columns,
-        groups=groups,
-        family=sm.families.Poisson() if family == "counts" else sm.families.Binomial(),
-        exposure=minutes if family == "counts" else None,
-    )
-    with _separation():
-        found = model.fit(cov_type="bias_reduced", maxiter=100, ctol=1e-9)
-    if found is None or not found.converged:
-        raise CannotFitError(SEPARATED)
-    return np.asarray(found.params), np.asarray(found.cov_params())
-
-
-@contextmanager
-def _separation() -> Iterator[None]:
-    """Say in place of warnings and errors of a fit what is wrong with the data: estimates run to
-    infinity where all drives of a level have the same outcome.
-    """
-    try:
-        with np.errstate(all="ignore"), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            yield
-    except (np.linalg.LinAlgError, ValueError) as error:
-        raise CannotFitError(SEPARATED) from error
-
-
-def _cox(
-    _family: Family, times: Floats, came: Floats, columns: Floats, groups: Any
-) -> tuple[Floats, Floats]:
-    """Return estimates and covariance of the logarithm of how much longer times are, an unused
-    intercept first.
-    """
-    from statsmodels.duration.hazard_regression import PHReg  # noqa: PLC0415 - not on robots
-
-    people, k = int(groups.max()) + 1, columns.shape[1]
-    with _separation():
-        found = PHReg(times, columns[:, 1:], status=came).fit(groups=groups, disp=0)
-    covariance = np.zeros((k, k))
-    covariance[1:, 1:] = np.asarray(found.cov_params()) * people / (people - 1.0)
-    return np.concatenate(([0.0], -np.asarray(found.params))), covariance
-
-
 # --- comparisons ----------------------------------------------------------------------------------
 
 
@@ -248,90 +235,77 @@ def compare_drives(family: Family, sides: Sides, *, with_ratio: bool = True) -> 
     participant on each side, by conditions.compare; of times of different participants by the
     log-rank test; otherwise by the score test of a model of the sides.
 
-    A side with drives of fewer than two participants takes itself out, and the remark says so. The
-    ratio of two sides takes most of the time; simulations leave it out.
+    A side with drives of fewer than two participants is left out, which the remark says. The ratio
+    of two sides takes most of the time; simulations leave it out.
     """
-    few = {key: len({one.who for one in side}) for key, side in sides.items()}
-    told = "; ".join(f"{key}: left out, n = {n}" for key, n in few.items() if n < 2)
-    kept = {key: side for key, side in sides.items() if few[key] >= 2}
+    codes = {key: {one.who for one in side} for key, side in sides.items()}
+    kept = {key: side for key, side in sides.items() if len(codes[key]) >= 2}
+    remarks = [f"{key}: left out, n = {len(codes[key])}" for key in sides if key not in kept]
+    people = [codes[key] for key in kept]
+    is_single = all(len(codes[key]) == len(side) for key, side in kept.items())
+    is_apart = is_single and len(set().union(*people)) == sum(map(len, people))
     if len(kept) < 2:
-        return Test(NO_TEST, 0, remark="; ".join(filter(None, (told, ONE_CONDITION))))
-    people = [one.who for side in kept.values() for one in side]
-    is_single = all(few[key] == len(side) for key, side in kept.items())
-    is_apart = is_single and len(set(people)) == len(people)
-    whole = set.intersection(*({one.who for one in side} for side in kept.values()))
-    if family == "proportions" and is_single and (is_apart or whole):
+        test = Test(NO_TEST, 0, remark=ONE_CONDITION)
+    elif family == "proportions" and is_single and (is_apart or set.intersection(*people)):
         values = {key: {one.who: one.value for one in side} for key, side in kept.items()}
         test = compare(values, is_paired=not is_apart, by="proportions")
     elif family == "times" and is_apart:
         test = _log_rank(kept, with_ratio=with_ratio)
     else:
         test = _score_test(family, kept, with_ratio=with_ratio)
-    remark = "; ".join(filter(None, (told, test.remark)))
-    return replace(test, remark=remark)
+    return replace(test, remark="; ".join(filter(None, (*remarks, test.remark))))
 
 
 def _score_test(family: Family, sides: Sides, *, with_ratio: bool) -> Test:
+    """Return the score test of a model of sides, with the ratio of two if it has an estimate."""
     outcomes = [one for side in sides.values() for one in side]
-    n = len({one.who for one in outcomes})
+    name, n = SCORE[family], len({one.who for one in outcomes})
     if family == "times" and not any(one.weight for one in outcomes):
-        return Test(SCORE[family], n, remark=NEVER)
+        return Test(name, n, remark=NEVER)
     rows = [{"side": key} for key, side in sides.items() for _ in side]
     design = design_of({"side": list(sides)}, ["side"], rows)
     is_sized = with_ratio and len(sides) == 2
     try:
         found = fit_family(family, outcomes, design, ["side"], with_coefficients=is_sized)
     except CannotFitError as error:
-        return Test(SCORE[family], n, remark=str(error))
+        return Test(name, n, remark=str(error))
     (term,) = found.terms
-    return _with_ratio(Test(SCORE[family], n, term.f, term.df, term.p), family, term)
-
-
-def _with_ratio(test: Test, family: Family, term: TermTest) -> Test:
-    """Return a test of two sides with the ratio between them, if it has an estimate."""
-    size = term.difference
+    test, size = Test(name, n, term.f, term.df, term.p), term.difference
     if not math.isfinite(size.value):
         return test
-    ratio = IntervalEstimate(*(math.exp(one) for one in (size.value, size.low, size.high)))
+    ratio = IntervalEstimate(*map(math.exp, (size.value, size.low, size.high)))
     return replace(test, effect_name=RATIO[family], effect=ratio)
 
 
 def _log_rank(sides: Sides, *, with_ratio: bool) -> Test:
     from statsmodels.duration.survfunc import survdiff  # noqa: PLC0415 - not on robots
 
-    outcomes = [one for side in sides.values() for one in side]
-    n = len(outcomes)
-    values, weights = (np.array([getattr(one, name) for one in outcomes]) for name in FIELDS)
-    labels = np.concatenate([np.full(len(side), at) for at, side in enumerate(sides.values())])
+    values, weights = _arrays([one for side in sides.values() for one in side])
+    labels = [key for key, side in sides.items() for _ in side]
     if not weights.any():
-        return Test(LOG_RANK, n, remark=NEVER)
-    if n < 3:
-        return Test(LOG_RANK, n, remark=TOO_FEW)
+        return Test(LOG_RANK, len(values), remark=NEVER)
     try:
-        chi2, p = survdiff(values, weights, labels)
+        chi2, p = map(float, survdiff(values, weights, labels))
     except np.linalg.LinAlgError:
-        return Test(LOG_RANK, n, remark=NO_VARIANCE)
-    test = Test(LOG_RANK, n, float(chi2), (len(sides) - 1.0,), float(p))
+        return Test(LOG_RANK, len(values), remark=NO_VARIANCE)
+    test = Test(LOG_RANK, len(values), chi2, (len(sides) - 1.0,), p)
     if len(sides) > 2 or not with_ratio:
         return test
-    rows = [{"side": key} for key, side in sides.items() for _ in side]
-    design = design_of({"side": list(sides)}, ["side"], rows)
-    (term,) = fit_family("times", outcomes, design, ["side"]).terms
-    return _with_ratio(test, "times", term)
+    sized = _score_test("times", sides, with_ratio=True)
+    return replace(test, effect_name=sized.effect_name, effect=sized.effect)
 
 
 def median_time(side: Sequence[DriveOutcome]) -> float | None:
-    """Return the median of times by Kaplan and Meier (1958); None where it did not come in half of
-    the drives.
+    """Return the median of times by Kaplan and Meier (1958); None if it came in less than half of
+    the drives. Where exactly half are left for a while, it is the middle of that time, as in R.
     """
     from statsmodels.duration.survfunc import SurvfuncRight  # noqa: PLC0415 - not on robots
 
     if not any(one.weight for one in side):
         return None
-    found = SurvfuncRight([one.value for one in side], [one.weight for one in side])
+    found = SurvfuncRight(*_arrays(side))
     reached = found.surv_times[found.surv_prob <= 0.5 + 1e-9]
     passed = found.surv_times[found.surv_prob < 0.5 - 1e-9]
-    # where exactly half are left for a while, the middle of that time, as in R
-    return (
-        float((reached[0] + (passed if passed.size else reached)[0]) / 2) if reached.size else None
-    )
+    if not reached.size:
+        return None
+    return float((reached[0] + (passed if passed.size else reached)[0]) / 2)

@@ -1,9 +1,10 @@
-"""The names of quality flags: signs that a participant did not take part as meant.
+"""Quality flags: signs that a participant did not take part as meant.
 
 A flag is graded and excludes no participant by itself. A plan can name flags as rules of exclusion;
 experiments/analysis/quality/ finds them.
 """
 
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal, get_args
 
@@ -28,3 +29,16 @@ class Grade(IntEnum):
     NOTE = 1
     DOUBTFUL = 2
     SERIOUS = 3
+
+
+@dataclass(frozen=True)
+class Flag:
+    """A flag of a participant, by code: what was found (`value`, in words and figures), and in
+    which session, if it is about a single one.
+    """
+
+    participant: str
+    name: QualityFlag
+    grade: Grade
+    value: str
+    session: str = ""

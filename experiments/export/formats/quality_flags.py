@@ -4,11 +4,11 @@ from collections.abc import Iterator
 
 from experiments.analysis.quality.answers import answer_flags
 from experiments.analysis.quality.driving import driving_flags
-from experiments.analysis.quality.flag import Flag
 from experiments.analysis.quality.flags import network_flags
 from experiments.dataset.columns import Column
 from experiments.dataset.files import table
 from experiments.dataset.records import SessionRecord
+from experiments.definition.recruitment.quality_flags import Flag
 from experiments.export.format import ExportFormat, ExportSource, File, encoded
 from experiments.models import Drive
 

@@ -33,8 +33,8 @@ def dataset(plan, *, seconds=(30.0, 32.0, 34.0), given=(2, 2, 2), **more):
             for who, time in zip(people, seconds, strict=True)
         ),
         responses=tuple(
-            ResponseRecord(f"r-{who}", "experience", who, {"q1": said}, session=f"s-{who}")
-            for who, said in zip(people, given, strict=True)
+            ResponseRecord(f"r-{who}", "experience", who, {"q1": answer}, session=f"s-{who}")
+            for who, answer in zip(people, given, strict=True)
         ),
         **more,
     )
@@ -67,7 +67,7 @@ def test_an_attention_check_that_was_skipped_is_failed_and_one_not_asked_is_not(
 
 
 @pytest.mark.parametrize(
-    ("rule", "said"),
+    ("rule", "answer"),
     [
         ({"seconds": 10}, "experience: 4.0 s, less than 10 s"),
         (
@@ -80,9 +80,9 @@ def test_an_attention_check_that_was_skipped_is_failed_and_one_not_asked_is_not(
         ),
     ],
 )
-def test_a_speeder_is_faster_than_seconds_or_a_share_of_the_median(rule, said):
+def test_a_speeder_is_faster_than_seconds_or_a_share_of_the_median(rule, answer):
     plan = plan_with(speeders=[{"questionnaire": "experience", **rule}])
-    assert found(dataset(plan, seconds=(4.0, 32.0, 40.0))) == [("P0", "speeder", said)]
+    assert found(dataset(plan, seconds=(4.0, 32.0, 40.0))) == [("P0", "speeder", answer)]
     assert found(dataset(plan, seconds=(30.0, 32.0, 40.0))) == []
 
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.analysis.plan.exclusions import exclusion_effects
 from experiments.analysis.plan.hypotheses import (
     NO_PLAN,
     NOT_PLANNED,
     SENSITIVITY,
     decisions_of,
+    exclusion_effects,
     hypotheses_table,
     marked_table,
 )
@@ -91,9 +91,9 @@ def test_without_a_hypothesis_every_test_is_exploratory(plan):
     tested = [table for table in found.tables if "p" in table.head]
     assert len(tested) > 4
     assert all(NOT_PLANNED in table.notes for table in tested)
-    (said,) = next(table for table in found.tables if table.name == "hypotheses").rows
-    assert said[0].text.endswith("everything here is exploratory.")
-    assert (said[0].text == NO_PLAN) == (plan is None)
+    (cells,) = next(table for table in found.tables if table.name == "hypotheses").rows
+    assert cells[0].text.endswith("everything here is exploratory.")
+    assert (cells[0].text == NO_PLAN) == (plan is None)
 
 
 def test_other_tests_and_figures_of_a_study_with_a_plan_are_exploratory():

@@ -19,7 +19,7 @@ TIMES = {"shut": [100.0, 110.0, 130.0], "all_open": [90.0, 95.0, 99.0]}
 
 
 def answers(text):
-    """What is said below each question."""
+    """The answers, by question."""
     parts = text.split("\n### ")[1:]
     return {
         question: rest.split("\n## ")[0].strip()
@@ -40,19 +40,19 @@ def test_a_preregistration_asks_in_the_order_of_the_osf():
     ]
 
 
-def test_what_is_declared_is_answered_and_what_is_not_is_said_to_be_unanswered():
+def test_declared_answers_are_given_and_the_others_marked_as_unanswered():
     plan = plan_with(
         attention_checks=[{"questionnaire": "experience", "item": "q1", "answer": "2"}],
         speeders=[{"questionnaire": "experience", "seconds": 10}],
     )
-    said = answers(preregistration(planned_study(plan), FROZEN))
-    assert said["Research question"] == "Does a closed door matter?"
-    assert "**h1**: A closed door takes time." in said["Hypotheses"]
-    assert "analysis `driving`; `task_time`" in said["Hypotheses"]
-    assert said["Sample size"] == "20 complete cases."
-    assert "`experience.q1` is not “2”" in said["Data exclusion"]
-    assert "`experience` in less than 10 s" in said["Data exclusion"]
-    assert said["Blinding"] == said["Stopping rule"] == said["Transformations"] == UNANSWERED
+    given = answers(preregistration(planned_study(plan), FROZEN))
+    assert given["Research question"] == "Does a closed door matter?"
+    assert "**h1**: A closed door takes time." in given["Hypotheses"]
+    assert "analysis `driving`; `task_time`" in given["Hypotheses"]
+    assert given["Sample size"] == "20 complete cases."
+    assert "`experience.q1` is not “2”" in given["Data exclusion"]
+    assert "`experience` in less than 10 s" in given["Data exclusion"]
+    assert given["Blinding"] == given["Stopping rule"] == given["Transformations"] == UNANSWERED
 
 
 def text_of(asked=(), **changes):
@@ -67,7 +67,7 @@ def with_condition(**changes):
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "sentence"),
     [
         (
             {"conditions": with_condition(network={"control": {"delay": 0.3, "loss": 0.02}})},
@@ -109,8 +109,8 @@ def with_condition(**changes):
         ({}, "`task_time` (s): from the task's event task_started (the first video frame) to its"),
     ],
 )
-def test_a_preregistration_names_what_can_change_results(changes, said):
-    assert said in text_of(**changes)
+def test_a_preregistration_names_what_can_change_results(changes, sentence):
+    assert sentence in text_of(**changes)
 
 
 def test_a_preregistration_names_scales_with_their_ranges_and_reversed_items():
@@ -143,11 +143,11 @@ def test_a_preregistration_does_not_tell_the_codes_of_completion():
 def test_a_study_of_one_condition_has_no_sentence_about_several():
     study = planned_study(None)
     one = msgspec.structs.replace(study, conditions=study.conditions[:1], analyses=())
-    said = answers(preregistration(one, FROZEN))
-    assert said["Study type"].startswith("Observational study")
-    assert said["Randomization"] == "None: there is one condition."
-    assert said["Manipulated variables"] == "None: there is one condition."
-    assert "assigned" not in said["Study design"]
+    given = answers(preregistration(one, FROZEN))
+    assert given["Study type"].startswith("Observational study")
+    assert given["Randomization"] == "None: there is one condition."
+    assert given["Manipulated variables"] == "None: there is one condition."
+    assert "assigned" not in given["Study design"]
 
 
 def test_a_direction_names_the_levels_of_an_effect():
@@ -161,7 +161,7 @@ def test_a_direction_names_the_levels_of_an_effect():
 
 
 @pytest.mark.parametrize(
-    ("freeze", "said"),
+    ("freeze", "sentence"),
     [
         (FROZEN, "Before data: yes, no participant of this version had joined."),
         (
@@ -178,8 +178,8 @@ def test_a_direction_names_the_levels_of_an_effect():
         (None, "When the definition was frozen is unknown."),
     ],
 )
-def test_it_says_honestly_whether_there_were_data(freeze, said):
-    assert said in preregistration(planned_study(PLAN), freeze)
+def test_it_says_honestly_whether_there_were_data(freeze, sentence):
+    assert sentence in preregistration(planned_study(PLAN), freeze)
 
 
 def test_a_text_and_a_sheet_say_the_same_of_the_freeze():
@@ -219,7 +219,7 @@ def test_a_sheet_counts_who_took_part_and_what_failed():
     assert found["Deviations from the plan", "participants with a drive that counts"] == "6"
 
 
-def test_what_a_sheet_does_not_know_is_unknown():
+def test_missing_facts_of_a_sheet_are_unknown():
     found, _ = sheet(robots=(RobotRecord(name="giraff", title="Giraff", series="giraff"),))
     assert found["Participants", "recruitment"] == UNKNOWN
     assert found["Participants", "sex or gender"] == "unknown: not asked"
@@ -232,8 +232,8 @@ def test_what_a_sheet_does_not_know_is_unknown():
 def test_a_sheet_counts_the_answers_to_the_question_for_sex():
     dataset = made_up(np.random.default_rng(3), 24)
     rows = reporting_sheet(dataset, [], dataset.participants).rows
-    (said,) = (value.text for _, item, value in rows if item.text == "sex or gender")
-    counts = [part.partition(": ") for part in said.split(", ")]
+    (given,) = (value.text for _, item, value in rows if item.text == "sex or gender")
+    counts = [part.partition(": ") for part in given.split(", ")]
     assert [answer for answer, _, _ in counts] == ["Woman", "Man"]
     assert sum(int(n) for _, _, n in counts) == 22, "two did not answer"
 

@@ -1,6 +1,6 @@
-"""What is assumed of a measure comes from the plan or from the defaults."""
+"""Assumptions about a measure come from the plan or from the defaults."""
 
-from experiments.analysis.power.assumptions import assumed
+from experiments.analysis.power.draws import assumed
 from tests.support.analysis.powered import expected, powered_study
 
 

@@ -108,7 +108,7 @@ def test_without_an_expected_difference_there_is_no_number():
     assert "No difference is expected" in power_table(study, found, 50).notes[0]
 
 
-def test_what_nobody_declares_is_half_a_standard_deviation():
+def test_default_difference_is_half_a_standard_deviation():
     assert simulated(powered_study(), 34, 2000) == pytest.approx(power(0.5, 34, "within"), abs=0.03)
 
 
@@ -166,7 +166,7 @@ def test_a_family_of_the_plan_has_its_hypotheses_alone():
 
 
 def of_kind(measure, test, level, other, design="between", **more):
-    """A study with a proportion, count or time, and what is expected of both conditions."""
+    """A study with a proportion, count or time, and the expected values of both conditions."""
     levels = [expected(n, 0.0, level=one) for n, one in enumerate((level, other))]
     whole = msgspec.to_builtins(
         powered_study(design=design, expected=[{**one, "measure": measure} for one in levels])

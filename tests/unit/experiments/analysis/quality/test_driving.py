@@ -42,7 +42,7 @@ def test_a_driver_who_saw_the_video_and_never_moved_is_flagged():
         {"fault_side": "operator"},
     ],
 )
-def test_who_moved_or_had_no_chance_to_is_not_flagged(fields):
+def test_drivers_who_moved_or_could_not_are_not_flagged(fields):
     assert never_moved(session(**fields)) is None
 
 

@@ -18,7 +18,7 @@ from experiments.analysis.statistics.comparisons import (
     standardized,
     within,
 )
-from experiments.analysis.statistics.conditions import compare, p_values
+from experiments.analysis.statistics.conditions import TESTS, compare, p_values
 from experiments.analysis.statistics.proportions import paired_proportions, two_proportions
 
 
@@ -212,29 +212,25 @@ def test_the_same_test_under_two_names_is_one_member_of_the_family():
 # --- small and degenerate samples -----------------------------------------------------------------
 
 
-@pytest.mark.parametrize("size", [0, 1])
-def test_too_few_participants_give_no_p_value_and_no_error(size):
-    few, more = np.ones(size), np.array([1.0, 2.0, 3.0])
-    for found in (
-        between(few, more),
-        within(few, few),
-        several_between([few, more, more]),
-        several_within(np.ones((size, 3))),
-        two_proportions(few, np.ones(4)),
-        paired_proportions(few, few),
-        correlation(few, few),
-    ):
-        assert math.isnan(found.p)
+@pytest.mark.parametrize("conditions", [2, 3])
+@pytest.mark.parametrize("by", TESTS)
+def test_too_few_participants_give_no_p_value_and_no_error(by, conditions):
+    few = {f"c{n}": people(1.0) for n in range(conditions)}
+    for is_paired in (True, False):
+        assert math.isnan(compare(few, is_paired=is_paired, by=by).p)
+    one_in_all = {f"c{n}": {f"P{n}": 0.0, "Q": 1.0} for n in range(conditions)}
+    found = compare(one_in_all, is_paired=True, by=by)
+    assert (found.n, found.remark) == (1, "fewer than two participants")
+    assert math.isnan(correlation(np.ones(1), np.ones(1)).p)
 
 
-def test_participants_who_are_all_alike_give_no_error():
-    same = np.ones(5)
-    assert math.isnan(between(same, same).p)
-    assert math.isnan(within(same, same).p)
-    assert math.isnan(several_between([same, same, same]).p)
-    assert math.isnan(several_within(np.ones((5, 3))).p)
-    assert math.isnan(two_proportions(same, same).p)
-    assert math.isnan(correlation(same, np.arange(5.0)).p)
+@pytest.mark.parametrize("conditions", [2, 3])
+@pytest.mark.parametrize("is_paired", [True, False])
+@pytest.mark.parametrize("by", TESTS)
+def test_participants_who_are_all_alike_give_no_error(by, is_paired, conditions):
+    alike = {f"c{n}": people(*np.ones(5)) for n in range(conditions)}
+    assert math.isnan(compare(alike, is_paired=is_paired, by=by).p)
+    assert math.isnan(correlation(np.ones(5), np.arange(5.0)).p)
 
 
 def test_without_variance_there_are_words_and_no_statistic():
@@ -284,7 +280,7 @@ def test_fewer_than_two_conditions_are_not_compared():
 
 @pytest.mark.parametrize("conditions", [2, 3])
 @pytest.mark.parametrize("is_paired", [True, False])
-@pytest.mark.parametrize("by", ["means", "ranks", "proportions"])
+@pytest.mark.parametrize("by", TESTS)
 def test_many_studies_at_once_have_the_p_values_of_each(by, is_paired, conditions):
     rng = np.random.default_rng(12)
     samples = [rng.standard_normal((4, 20)) for _ in range(conditions)]

@@ -80,13 +80,13 @@ def test_times_of_different_participants_have_rs_log_rank_test_and_median():
         for level in LEVELS["delay"]
     }
     found = compare_drives("times", sides)
-    told = {one["model"]: float(one["estimate"]) for one in rows_of("fits.csv")}
+    expected = {one["model"]: float(one["estimate"]) for one in rows_of("fits.csv")}
     assert found.name == "log-rank χ²"
-    assert found.statistic == pytest.approx(told["log-rank"])
-    assert found.p == pytest.approx(stats.chi2.sf(told["log-rank"], 1))
+    assert found.statistic == pytest.approx(expected["log-rank"])
+    assert found.p == pytest.approx(stats.chi2.sf(expected["log-rank"], 1))
     assert (found.effect_name, found.effect.value < 1.0) == ("hazard ratio", True)
     everybody = [outcome(row, "times") for row in rows]
-    assert median_time(everybody) == pytest.approx(told["median"])
+    assert median_time(everybody) == pytest.approx(expected["median"])
 
 
 def drives(*values, start=0):
