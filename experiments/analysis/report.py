@@ -39,9 +39,8 @@ from experiments.analysis.plan.hypotheses import (
     marked_table,
 )
 from experiments.analysis.plan.reporting_sheet import reporting_sheet
-from experiments.analysis.tables.ages import ages
-from experiments.analysis.tables.answers import compare_answers
 from experiments.analysis.tables.declared import declared
+from experiments.analysis.tables.delays import ages, safety_limits
 from experiments.analysis.tables.effects import (
     against_network,
     by_network,
@@ -51,16 +50,22 @@ from experiments.analysis.tables.effects import (
     outcomes_by_condition,
 )
 from experiments.analysis.tables.flow import fault_sides, flow, funnel, orders
-from experiments.analysis.tables.paper_tables import table_1, table_3, table_4, table_5
+from experiments.analysis.tables.paper_tables import (
+    compare_answers,
+    table_1,
+    table_3,
+    table_4,
+    table_5,
+)
 from experiments.analysis.tables.participant_kinds import note_of, of_whom
 from experiments.analysis.tables.people import participants_table, table_2
-from experiments.analysis.tables.reliability import QualityVerdict, judge
-from experiments.analysis.tables.safety_limits import safety_limits
 from experiments.analysis.tables.scale_reliability import reliability_table
 from experiments.analysis.tables.scores import score_tables
 from experiments.analysis.tables.software import software_table
 from experiments.analysis.tables.summaries import (
+    Problems,
     metrics_table,
+    problems_of,
     segment_spreads,
     segments_table,
     sessions_table,
@@ -91,7 +96,7 @@ class Report:
     figures: tuple[Drawing, ...]
     measured: tuple[Measured, ...]
     others: tuple[Measured, ...]
-    verdicts: dict[str, QualityVerdict]
+    problems: dict[str, Problems]
     titles: dict[str, str]
     alpha: float
     decisions: Decisions = field(default_factory=dict)
@@ -139,10 +144,11 @@ def report(
         also: more tables on exclusions.
     """
     measured, others = (_measured(some, numbers) for some in (dataset.sessions, dataset.others))
-    verdicts = {one.session.id: judge(one, dataset.study.quality) for one in (*measured, *others)}
+    quality = dataset.study.quality
+    problems = {one.session.id: problems_of(one, quality) for one in (*measured, *others)}
     study, tested = dataset.study, declared(dataset, measured)
     decisions = [] if dataset.is_with_excluded else decisions_of(study, tested)
-    tables = [*_tables(dataset, measured, others, verdicts), *tested]
+    tables = [*_tables(dataset, measured, others, problems), *tested]
     if not dataset.is_with_excluded:
         sheet = reporting_sheet(dataset, measured, whole.participants)
         found = hypotheses_table(study, decisions)
@@ -154,7 +160,7 @@ def report(
         figures=tuple(_marked_figures(dataset, measured)),
         measured=tuple(measured),
         others=tuple(others),
-        verdicts=verdicts,
+        problems=problems,
         titles={one.key: dataset.say(one.title) or one.key for one in study.conditions},
         alpha=alpha_of(study),
         decisions=by_row(decisions),
@@ -179,7 +185,7 @@ def _tables(
     dataset: Dataset,
     measured: Sequence[Measured],
     others: Sequence[Measured],
-    verdicts: Mapping[str, QualityVerdict],
+    problems: Mapping[str, Problems],
 ) -> Iterator[Table]:
     conditions = [one.key for one in dataset.study.conditions]
     all_drives = (*measured, *others)
@@ -187,8 +193,8 @@ def _tables(
     yield from (table_5(dataset), *(table_5(dataset, it) for it in conditions if conditions[1:]))
     yield from (participants_table(dataset), flow(dataset), orders(dataset))
     yield from (funnel(dataset, all_drives), metrics_table(measured), segment_spreads(measured))
-    yield from (sessions_table(all_drives, verdicts), segments_table(measured))
-    yield from (verdicts_table(measured, verdicts, others), fault_sides(dataset))
+    yield from (sessions_table(all_drives, problems), segments_table(measured))
+    yield from (verdicts_table(measured, problems, others), fault_sides(dataset))
     yield from (outcomes_by_condition(dataset, measured), compare_conditions(dataset, measured))
     yield from (compare_answers(dataset), *score_tables(dataset), reliability_table(dataset))
     yield from (against_network(measured), by_network(measured), ages(dataset, measured))

@@ -26,11 +26,11 @@ from experiments.analysis.figures.drawing import (
 from experiments.analysis.statistics.descriptive import ROUNDED, shares
 from experiments.analysis.tables.paper_tables import (
     INTERVALS,
+    answering,
     behind,
     counted_in,
     label_of,
     lines_of,
-    said,
     scale_of,
     signed,
 )
@@ -101,10 +101,10 @@ def _mean_and_shares(
         if part > 0.0:
             key = f"value{value}-{line.kind}-{line.key}"
             axes.scatter((value,), (at + BELOW,), s=WHOLE * part / 100.0, **DISC, gid=key)
-            found[key] = said(line, responses, (value,))
+            found[key] = answering(line, responses, (value,))
     key = f"mean-{line.kind}-{line.key}"
     axes.plot((mean,), (at - ABOVE,), **POINT, gid=key)
-    found[key] = behind(line, responses)
+    found[key] = behind(line.statements, responses)
     told = f"{mean:.2f}".replace("-", "−")
     if half is not None:
         axes.errorbar((mean,), (at - ABOVE,), xerr=(half,), **INTERVAL)
@@ -153,13 +153,13 @@ def figure_8b(dataset: Dataset) -> Drawing:
             rows.append(
                 (
                     words(label_of(line)),
-                    count(line.summary.respondents, behind(line, responses)),
+                    count(line.summary.respondents, behind(line.statements, responses)),
                     *printed,
                 )
             )
             for side, values in enumerate(groups):
                 if parts:
-                    found[_half(axes, at, line, parts, side)] = said(line, responses, values)
+                    found[_half(axes, at, line, parts, side)] = answering(line, responses, values)
         if lines:
             axes.set_xlim(0.0, 100.0)
             axes.set_xlabel("% of the answers")
@@ -253,7 +253,7 @@ def _balance(line: LikertRow) -> tuple[float, ...] | None:
 def _numbers(
     line: LikertRow, responses: Sequence[ResponseRecord], scale: Sequence[int]
 ) -> tuple[TableCell, ...]:
-    about = behind(line, responses)
+    about = behind(line.statements, responses)
     parts = shares(line.summary.counts) or (None,) * len(scale)
     return (
         words(label_of(line)),

@@ -24,6 +24,7 @@ from experiments.analysis.figures.drawing import (
 from experiments.analysis.tables.scored_responses import (
     ScoredQuestionnaire,
     ScoreGroup,
+    mean_scores,
     scored_questionnaires,
 )
 from experiments.analysis.tables.scores import HEAD, label_of_scale, scores_table
@@ -142,7 +143,7 @@ def _draw_group(
     if mean is None:
         axes.text(scale.bounds[0], at, "no scores", va="center", fontsize=7, color=INK)
         return {}
-    x, (colour, shape) = sorted(group.scores(scale).values()), look
+    x, (colour, shape) = sorted(mean_scores(group.responses, scale).values()), look
     axes.scatter(x, at + BELOW + _offsets(x), s=8, color=colour, alpha=0.6, linewidths=0, zorder=2)
     if low is not None and high is not None:
         axes.plot((low, high), (at, at), color=INK, linewidth=1.4, zorder=3)
