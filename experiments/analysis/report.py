@@ -57,8 +57,7 @@ from experiments.analysis.tables.paper_tables import (
     table_4,
     table_5,
 )
-from experiments.analysis.tables.participant_kinds import note_of, of_whom
-from experiments.analysis.tables.people import participants_table, table_2
+from experiments.analysis.tables.people import note_of, of_whom, participants_table, table_2
 from experiments.analysis.tables.scale_reliability import reliability_table
 from experiments.analysis.tables.scores import score_tables
 from experiments.analysis.tables.software import software_table

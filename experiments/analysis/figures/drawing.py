@@ -17,7 +17,7 @@ from matplotlib import rc_context, rcParamsDefault
 from matplotlib.colors import LinearSegmentedColormap, to_hex
 from matplotlib.figure import Figure
 
-from experiments.analysis.tables.participant_kinds import of_whom, title_of
+from experiments.analysis.tables.people import of_whom, title_of
 from experiments.analysis.tables.table import Table
 from experiments.dataset.records import ParticipantRecord
 
