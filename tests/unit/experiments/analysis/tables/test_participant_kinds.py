@@ -68,7 +68,7 @@ def test_the_sheet_counts_everybody_and_those_whom_it_is_about(of_bots, made):
 def test_a_table_and_a_figure_of_participants_say_nothing_of_it(made):
     table, drawing = table_1(made), figure_8b(made)
     assert of_whom(table, made.participants) is table
-    assert drawn_of_whom(drawing, made.participants) is drawing
+    assert drawn_of_whom(drawing, made.participants) == drawing
 
 
 @pytest.mark.parametrize(
