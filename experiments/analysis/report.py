@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 from experiments.analysis.documents.latex import as_latex, latex, runs_as_latex
-from experiments.analysis.documents.runs import Run
 from experiments.analysis.documents.sentences import Decisions, Sentence, sentences_of
+from experiments.analysis.documents.typesetting import Run
 from experiments.analysis.documents.word import table_document, text_document
 from experiments.analysis.figures.drawing import Drawing, as_pdf, as_png, as_svg, drawn_of_whom
 from experiments.analysis.figures.opinions import figure_8a, figure_8b
