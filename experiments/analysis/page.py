@@ -119,7 +119,7 @@ def _sessions(found: "Report") -> dict[str, dict[str, Any]]:
             "outcome": one.session.outcome,
             "kind": one.session.kind,
             "excluded": one.session.uncounted_because,
-            "problems": found.verdicts[one.session.id].problems,
+            "problems": list(found.problems[one.session.id].items()),
             "start": one.milestones.start if one.milestones.start == one.milestones.start else 0.0,
             "segments": [segment.start for segment in one.segments],
         }

@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 from experiments.analysis.documents.latex import as_latex, latex, runs_as_latex
-from experiments.analysis.documents.runs import Run
 from experiments.analysis.documents.sentences import Decisions, Sentence, sentences_of
+from experiments.analysis.documents.typesetting import Run
 from experiments.analysis.documents.word import table_document, text_document
 from experiments.analysis.figures.drawing import Drawing, as_pdf, as_png, as_svg, drawn_of_whom
 from experiments.analysis.figures.opinions import figure_8a, figure_8b
@@ -40,9 +40,8 @@ from experiments.analysis.plan.hypotheses import (
     marked_table,
 )
 from experiments.analysis.plan.reporting_sheet import reporting_sheet
-from experiments.analysis.tables.ages import ages
-from experiments.analysis.tables.answers import compare_answers
 from experiments.analysis.tables.declared import declared
+from experiments.analysis.tables.delays import ages, safety_limits
 from experiments.analysis.tables.effects import (
     against_network,
     by_network,
@@ -52,16 +51,21 @@ from experiments.analysis.tables.effects import (
     outcomes_by_condition,
 )
 from experiments.analysis.tables.flow import fault_sides, flow, funnel, orders
-from experiments.analysis.tables.paper_tables import table_1, table_3, table_4, table_5
-from experiments.analysis.tables.participant_kinds import note_of, of_whom
-from experiments.analysis.tables.people import participants_table, table_2
-from experiments.analysis.tables.reliability import QualityVerdict, judge
-from experiments.analysis.tables.safety_limits import safety_limits
+from experiments.analysis.tables.paper_tables import (
+    compare_answers,
+    table_1,
+    table_3,
+    table_4,
+    table_5,
+)
+from experiments.analysis.tables.people import note_of, of_whom, participants_table, table_2
 from experiments.analysis.tables.scale_reliability import reliability_table
 from experiments.analysis.tables.scores import score_tables
 from experiments.analysis.tables.software import software_table
 from experiments.analysis.tables.summaries import (
+    Problems,
     metrics_table,
+    problems_of,
     segment_spreads,
     segments_table,
     sessions_table,
@@ -92,7 +96,7 @@ class Report:
     figures: tuple[Drawing, ...]
     measured: tuple[Measured, ...]
     others: tuple[Measured, ...]
-    verdicts: dict[str, QualityVerdict]
+    problems: dict[str, Problems]
     titles: dict[str, str]
     alpha: float
     decisions: Decisions = field(default_factory=dict)
@@ -140,10 +144,11 @@ def report(
         also: more tables on exclusions.
     """
     measured, others = (_measured(some, numbers) for some in (dataset.sessions, dataset.others))
-    verdicts = {one.session.id: judge(one, dataset.study.quality) for one in (*measured, *others)}
+    quality = dataset.study.quality
+    problems = {one.session.id: problems_of(one, quality) for one in (*measured, *others)}
     study, tested = dataset.study, declared(dataset, measured)
     decisions = [] if dataset.is_with_excluded else decisions_of(study, tested)
-    tables = [*_tables(dataset, measured, others, verdicts), *tested]
+    tables = [*_tables(dataset, measured, others, problems), *tested]
     if not dataset.is_with_excluded:
         sheet = reporting_sheet(dataset, measured, whole.participants)
         found = hypotheses_table(study, decisions)
@@ -155,7 +160,7 @@ def report(
         figures=tuple(_marked_figures(dataset, measured)),
         measured=tuple(measured),
         others=tuple(others),
-        verdicts=verdicts,
+        problems=problems,
         titles={one.key: dataset.say(one.title) or one.key for one in study.conditions},
         alpha=alpha_of(study),
         decisions=by_row(decisions),
@@ -180,7 +185,7 @@ def _tables(
     dataset: Dataset,
     measured: Sequence[Measured],
     others: Sequence[Measured],
-    verdicts: Mapping[str, QualityVerdict],
+    problems: Mapping[str, Problems],
 ) -> Iterator[Table]:
     conditions = [one.key for one in dataset.study.conditions]
     all_drives = (*measured, *others)
@@ -188,8 +193,8 @@ def _tables(
     yield from (table_5(dataset), *(table_5(dataset, it) for it in conditions if conditions[1:]))
     yield from (participants_table(dataset), flow(dataset), orders(dataset))
     yield from (funnel(dataset, all_drives), metrics_table(measured), segment_spreads(measured))
-    yield from (sessions_table(all_drives, verdicts), segments_table(measured))
-    yield from (verdicts_table(measured, verdicts, others), fault_sides(dataset))
+    yield from (sessions_table(all_drives, problems), segments_table(measured))
+    yield from (verdicts_table(measured, problems, others), fault_sides(dataset))
     yield from (outcomes_by_condition(dataset, measured), compare_conditions(dataset, measured))
     yield from (compare_answers(dataset), *score_tables(dataset), reliability_table(dataset))
     yield from (against_network(measured), by_network(measured), ages(dataset, measured))

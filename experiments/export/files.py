@@ -10,7 +10,7 @@ from dataclasses import replace
 from hashlib import sha256
 
 from experiments.analysis.metrics.sessions import measure
-from experiments.analysis.tables.participant_kinds import counted
+from experiments.analysis.tables.people import counted_by_kind
 from experiments.analysis.tables.software import PROGRAM, versions
 from experiments.dataset.records import Dataset
 from experiments.export.anonymity import anonymity
@@ -71,7 +71,7 @@ def read_me(dataset: Dataset) -> str:
     kinds = {one.kind for one in dataset.participants}
     others = "" if "participant" in kinds else "".join(f" --kind {one}" for one in sorted(kinds))
     return READ_ME.format(
-        people=counted(dataset.participants) or "nobody yet",
+        people=counted_by_kind(dataset.participants) or "nobody yet",
         kind=others,
         title=definition.title.get("en") or definition.slug,
         slug=definition.slug,

@@ -3,8 +3,7 @@
 import re
 from collections.abc import Iterable, Sequence
 
-from experiments.analysis.documents.parts import parts_of
-from experiments.analysis.documents.runs import Run, head_runs
+from experiments.analysis.documents.typesetting import Run, head_runs, parts_of
 from experiments.analysis.tables.table import Table
 
 # Two hyphens would become a dash, and two quotation marks one.

@@ -8,8 +8,7 @@ import zipfile
 from collections.abc import Iterable, Sequence
 from xml.sax.saxutils import escape
 
-from experiments.analysis.documents.parts import parts_of
-from experiments.analysis.documents.runs import Run, head_runs
+from experiments.analysis.documents.typesetting import Run, head_runs, parts_of
 from experiments.analysis.tables.table import Table
 
 PAGE = (16838, 11906)  # twentieths of a point: A4, landscape

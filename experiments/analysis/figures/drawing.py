@@ -1,9 +1,8 @@
-"""How every figure looks, and how it becomes a file: the same bytes whenever and wherever the same
-numbers are drawn.
+"""The style of all figures, and their files: the same numbers give the same bytes on any machine.
 
-Byte for byte needs three things: no date and no program in the files, ids in SVG that come from a
-fixed salt, and the font that comes with matplotlib. What is drawn carries the name of what is
-behind it (`gid`), which an SVG keeps as its `id`, so that a page can open it.
+That needs three things: no date and no program in the files, ids in SVG from a fixed salt, and the
+font that comes with matplotlib. A part that has sessions behind it has a `gid`, which an SVG keeps
+as its `id`, so that a page can open these sessions.
 """
 
 import io
@@ -11,24 +10,26 @@ import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from math import ceil
 from typing import Any
 
 from matplotlib import rc_context, rcParamsDefault
+from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, to_hex
 from matplotlib.figure import Figure
 
-from experiments.analysis.tables.participant_kinds import of_whom, title_of
+from experiments.analysis.tables.people import of_whom, title_of
 from experiments.analysis.tables.table import Table
 from experiments.dataset.records import ParticipantRecord
 
 WIDTH = 7.0  # inches: a page's two columns
-# Colours that those who cannot tell red from green tell apart (after ColorBrewer's RdBu, Brewer et
-# al., 2003).
+# Colours for readers who cannot distinguish red and green (after ColorBrewer's RdBu, Brewer et al.,
+# 2003).
 SCALE = {
     5: ("#b2182b", "#ef8a62", "#f0f0f0", "#67a9cf", "#2166ac"),
     7: ("#8c1020", "#d6604d", "#f4a582", "#f0f0f0", "#92c5de", "#4393c3", "#1c5796"),
 }
-# Both ends of a scale are dark in a grey print: what is below the middle is hatched there.
+# Both ends of a scale are dark in a grey print: parts below the middle are hatched.
 HATCH = "////"
 # Six of the eight colours of Okabe and Ito (2008), in the order in which neighbours differ most in
 # lightness, and a marker and a line for each, for prints without colours.
@@ -39,6 +40,8 @@ NEGATIVE, POSITIVE = "#E69F00", "#0072B2"
 SMALL = 7.0  # points
 PRINT_DPI = 600  # what journals ask for of drawings in dots
 INK, WALL, FLOOR, FAINT = "#222222", "#4d4d4d", "#f7f5f0", "#b9b9b9"
+Look = dict[str, Any]  # how something is drawn, by matplotlib's keywords
+Behind = dict[str, tuple[str, ...]]  # the sessions behind each part, by gid
 _FONT = b"font-family: 'DejaVu Sans'"
 _STYLE = {
     "svg.hashsalt": "telepresence",
@@ -72,18 +75,24 @@ _STYLE = {
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure with a name for its files, what it says, the numbers it was drawn from, and the
-    sessions behind each `gid`.
+    """A figure with the table of the numbers that it was drawn from, which has its name and title,
+    and the sessions behind each `gid`.
     """
 
-    name: str
-    title: str
     figure: Figure
     numbers: Table
     behind: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
+    @property
+    def name(self) -> str:
+        return self.numbers.name
 
-# matplotlib's settings are the process's, and pages draw in threads
+    @property
+    def title(self) -> str:
+        return self.numbers.title
+
+
+# matplotlib's settings are global, and pages draw in threads
 _ONE_AT_A_TIME = threading.RLock()
 _PLAIN = {
     key: value
@@ -94,23 +103,20 @@ _PLAIN = {
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Draw and save in the house's style, whatever the machine's own settings are."""
+    """Draw and save in the style of all figures, whatever the machine's own settings are."""
     settings: Any = {**_PLAIN, **_STYLE}
     with _ONE_AT_A_TIME, rc_context(rc=settings):
         yield
 
 
 def drawn_of_whom(drawing: Drawing, people: Sequence[ParticipantRecord]) -> Drawing:
-    """Return a figure that says of whom it is where that is not participants alone, in its title
-    and above what is drawn.
+    """Return a figure that names its kinds of participants, in its title and above the drawing,
+    unless it is of participants alone.
     """
-    title = title_of(people)
-    if not title:
-        return drawing
-    with house_style():
-        drawing.figure.suptitle(title, fontsize=SMALL, fontweight="bold")
-    numbers = of_whom(drawing.numbers, people)
-    return replace(drawing, title=f"{title}: {drawing.title}", numbers=numbers)
+    if title := title_of(people):
+        with house_style():
+            drawing.figure.suptitle(title, fontsize=SMALL, fontweight="bold")
+    return replace(drawing, numbers=of_whom(drawing.numbers, people))
 
 
 def as_svg(drawing: Drawing) -> bytes:
@@ -120,12 +126,8 @@ def as_svg(drawing: Drawing) -> bytes:
 
 
 def as_pdf(drawing: Drawing) -> bytes:
-    """Return a figure as PDF."""
-    return _saved(
-        drawing,
-        "pdf",
-        {"CreationDate": None, "Creator": None, "Producer": None, "Title": drawing.title},
-    )
+    about = {"CreationDate": None, "Creator": None, "Producer": None, "Title": drawing.title}
+    return _saved(drawing, "pdf", about)
 
 
 def as_png(drawing: Drawing, dpi: int = PRINT_DPI) -> bytes:
@@ -133,8 +135,17 @@ def as_png(drawing: Drawing, dpi: int = PRINT_DPI) -> bytes:
     return _saved(drawing, "png", {"Software": None, "Title": drawing.title}, dpi)
 
 
+def panels(count: int, columns: int, height: float) -> tuple[Figure, list[Axes]]:
+    """Return a figure of a height in inches with so many panels in some columns."""
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    axes = figure.subplots(ceil(count / columns), columns, squeeze=False).ravel().tolist()
+    for empty in axes[count:]:
+        empty.set_axis_off()
+    return figure, axes[:count]
+
+
 def colours_of(values: int) -> tuple[str, ...]:
-    """Return the colours of a scale of so many values, from the least to the greatest."""
+    """Return the colours of a scale with a number of values, from the least to the greatest."""
     if values in SCALE:
         return SCALE[values]
     blend = LinearSegmentedColormap.from_list("scale", SCALE[7])

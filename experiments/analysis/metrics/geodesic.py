@@ -37,19 +37,19 @@ class ShortestPaths:
         cells = zip(self._graph.columns.tolist(), self._graph.rows.tolist(), strict=True)
         places = [grid.transform.to_world(column + 0.5, row + 0.5) for column, row in cells]
         self._tree = scipy.spatial.KDTree(np.array(places).reshape(-1, 2))
+        self._lengths: dict[Point, Floats] = {}  # by goal
 
-    def lengths_to(self, goal: Point) -> Floats:
-        """Return the length in metres of the shortest path to a goal from each node, and one NaN
-        behind them; NaN where there is no path.
-        """
-        node = self.nearest(goal)
-        if node < 0:
-            return np.full(self._tree.n + 1, np.nan)
-        lengths = self._graph.from_node(node)[0]
-        return np.append(np.where(np.isfinite(lengths), lengths, np.nan), np.nan)
+    def length(self, start: Point, goal: Point) -> float:
+        """Return the length in metres of the shortest path to a goal; NaN where there is none."""
+        if goal not in self._lengths:
+            node = self.nearest(goal)
+            self._lengths[goal] = self._graph.from_node(node)[0] if node >= 0 else np.empty(0)
+        node, lengths = self.nearest(start), self._lengths[goal]
+        is_known = node >= 0 and lengths.size > 0 and math.isfinite(lengths[node])
+        return float(lengths[node]) if is_known else math.nan
 
     def nearest(self, point: Point) -> int:
-        """Return the node nearest to a point, or -1, the place of the NaN in `lengths_to`."""
+        """Return the node nearest to a point, or -1."""
         distance, node = self._tree.query(point, distance_upper_bound=REACH)
         return int(node) if math.isfinite(distance) else -1
 
@@ -59,11 +59,6 @@ def _paths(plan: FloorPlan, closed: frozenset[str]) -> ShortestPaths:
     return ShortestPaths(plan, closed)
 
 
-@lru_cache(maxsize=1024)
-def _lengths(plan: FloorPlan, closed: frozenset[str], goal: Point) -> Floats:
-    return _paths(plan, closed).lengths_to(goal)
-
-
 def nearer(plan: FloorPlan, closed: frozenset[str], goal: Point, start: Point, end: Point) -> float:
     """Return by how many metres the shortest path to a goal is shorter from `end` than from
     `start`; NaN when there is none.
@@ -71,5 +66,5 @@ def nearer(plan: FloorPlan, closed: frozenset[str], goal: Point, start: Point, e
     By the triangle inequality, no path from start to end is shorter than this. A checkpoint is
     passed at its rim: what is left to its middle need not be driven, and does not count.
     """
-    lengths, paths = _lengths(plan, closed, goal), _paths(plan, closed)
-    return float(lengths[paths.nearest(start)] - lengths[paths.nearest(end)])
+    paths = _paths(plan, closed)
+    return paths.length(start, goal) - paths.length(end, goal)

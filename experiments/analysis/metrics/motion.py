@@ -1,5 +1,5 @@
-"""What a robot did, from its states: how far, how fast, how often it stood, how close it came to
-things. Pure arrays.
+"""How far and how fast a robot drove, how often it stopped, how close it came to things: from its
+states, as arrays.
 
 Durations come from the robot's own clock within one run of its agent, because clocks of two
 machines drift apart.
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from experiments.analysis.metrics.path import DrivenPath, driven_path, turned
+from experiments.analysis.metrics.path import driven_path, turned
 from experiments.dataset.columns import Columns, Floats
 from sessions.recording.sequence_tracker import MAX_GAP
 
@@ -81,83 +81,42 @@ class Trajectory:
         return (len(self) - 1) / seconds if seconds > 0.0 else math.nan
 
 
-@dataclass(frozen=True)
-class DriveMotion:
-    """How a robot was driven while it was seen: metres, seconds, radians, m/s."""
-
-    way: DrivenPath
-    rotation: float
-    moving: float
-    idle: float
-    seconds: float
-    stops: int
-    collisions: int
-    near_collisions: int
-    near_seconds: float
-    least_clearance: float
-
-    @property
-    def path(self) -> float:
-        """Metres that it drove."""
-        return self.way.length
-
-    @property
-    def path_by_odometry(self) -> bool:
-        """Tell whether that is by odometry, or by the position."""
-        return self.way.by_odometry
-
-    @property
-    def path_unseen(self) -> float:
-        """Metres that it drove at least while it was not seen."""
-        return self.way.unseen
-
-    @property
-    def slipped(self) -> float:
-        """Metres that only the wheels turned."""
-        return self.way.slipped
-
-    @property
-    def jumps(self) -> int:
-        """How often it found itself somewhere that it did not drive to."""
-        return self.way.jumps
-
-    @property
-    def speed(self) -> float:
-        """Mean speed over all of the time that was seen."""
-        return self.path / self.seconds if self.seconds > 0.0 else math.nan
-
-    @property
-    def moving_speed(self) -> float:
-        """Mean speed while it moved."""
-        return self.path / self.moving if self.moving > 0.0 else math.nan
-
-
-def drive(track: Trajectory) -> DriveMotion:
-    """Return how a robot was driven along a track."""
-    states = track.states
-    seen = track.lasts > 0.0
-    going = np.abs(states["linear"]) > STANDING
-    turning = np.abs(states["angular"]) > TURNING
+def drive(track: Trajectory) -> dict[str, float]:
+    """Return how a robot was driven along a track while it was seen, by the names of DRIVING in
+    definitions.py: metres, seconds, radians, m/s.
+    """
+    states, seconds = track.states, track.lasts
+    seen = seconds > 0.0
+    is_moving = (np.abs(states["linear"]) > STANDING) | (np.abs(states["angular"]) > TURNING)
     near, near_collisions = _near(states["clearance"], states["docked"] == 1.0)
     clearance = states["clearance"][np.isfinite(states["clearance"])]
-    return DriveMotion(
-        way=driven_path(
-            np.column_stack((states["x"], states["y"])),
-            np.where(states["distance_by_position"] == 1.0, np.nan, states["distance"]),
-            track.at,
-            seen,
-            states["localized"] != 0.0,
-        ),
-        rotation=turned(states["theta"], track.at, seen),
-        moving=float(track.lasts[going | turning].sum()),
-        idle=float(track.lasts[~(going | turning)].sum()),
-        seconds=float(track.lasts.sum()),
-        stops=_stops(np.abs(states["linear"]), track.at, ~seen),
-        collisions=int(np.nansum(states["contacts"])),
-        near_collisions=near_collisions,
-        near_seconds=float(track.lasts[near].sum()),
-        least_clearance=float(clearance.min()) if clearance.size else math.nan,
+    path = driven_path(
+        np.column_stack((states["x"], states["y"])),
+        np.where(states["distance_by_position"] == 1.0, np.nan, states["distance"]),
+        track.at,
+        seen,
+        states["localized"] != 0.0,
     )
+    return {
+        "path": path.length,
+        "path_by_odometry": float(path.by_odometry),
+        "path_unseen": path.unseen,
+        "slipped": path.slipped,
+        "jumps": float(path.jumps),
+        "speed": _ratio(path.length, float(seconds.sum())),
+        "moving_speed": _ratio(path.length, float(seconds[is_moving].sum())),
+        "rotation": turned(states["theta"], track.at, seen),
+        "idle": float(seconds[~is_moving].sum()),
+        "stops": float(_stops(np.abs(states["linear"]), track.at, ~seen)),
+        "collisions": float(np.nansum(states["contacts"])),
+        "near_collisions": float(near_collisions),
+        "near_seconds": float(seconds[near].sum()),
+        "least_clearance": float(clearance.min()) if clearance.size else math.nan,
+    }
+
+
+def _ratio(amount: float, of: float) -> float:
+    return amount / of if of > 0.0 else math.nan
 
 
 def _stops(speed: Floats, at: Floats, gap_follows: Bools) -> int:

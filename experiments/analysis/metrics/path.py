@@ -1,5 +1,5 @@
-"""How far a robot drove while its states were seen: by its odometry where it has one, by its
-position otherwise, from which measuring noise is taken first.
+"""How far a robot drove while its states were seen: by its odometry where it has one, otherwise by
+its position, less the measurement noise.
 
 A position that trembles while the robot stands would add a step at every state. So positions go
 through the smoother of a body whose velocity changes at random (Rauch, Tung and Striebel 1965,
@@ -83,9 +83,12 @@ def driven_path(
         return DrivenPath(length, moved.unseen, 0.0, by_odometry=False, jumps=moved.jumps)
     wheels = np.maximum(np.nan_to_num(turned), 0.0)
     slipped = _slipped(wheels, moved, at, seen, trusted)
+    # A run's odometer only grows: over a gap it knows more than the straight line, over a restart
+    # nothing.
+    unseen = float(np.nansum(np.maximum(np.diff(odometer)[~seen[:-1]], 0.0)))
     return DrivenPath(
         length=float(wheels.sum()) - slipped,
-        unseen=_unseen_by_wheels(odometer, seen, moved.unseen),
+        unseen=max(moved.unseen, unseen),
         slipped=slipped,
         by_odometry=True,
         jumps=moved.jumps,
@@ -166,7 +169,7 @@ def steps_of(values: Floats, band: float) -> Floats:
 
 
 def _is_new(values: Floats) -> Bools:
-    """A position that is told again is no measurement of its own."""
+    """Tell of each position whether it is a new measurement, not the last one reported again."""
     found: Bools = np.ones(len(values), dtype=np.bool_)
     found[1:] = np.diff(values, axis=0).any(axis=1)
     return found
@@ -182,8 +185,8 @@ def _together(known: Counts, seen: Bools) -> Bools:
 def _pieces(
     known: Counts, position: Floats, at: Floats, seen: Bools
 ) -> tuple[list[Counts], float, int]:
-    """Return states that were driven in one go, the metres straight between such pieces, and how
-    often there was a jump instead.
+    """Return pieces of states without a gap or jump, the metres straight over the gaps, and the
+    number of jumps.
     """
     together = _together(known, seen)
     steps = np.hypot(*np.diff(position[known], axis=0).T)
@@ -194,14 +197,6 @@ def _pieces(
         float(steps[~together & ~jumped].sum()),
         int(jumped.sum()),
     )
-
-
-def _unseen_by_wheels(odometer: Floats, seen: Bools, straight: float) -> float:
-    """A run's odometer only grows: over a gap it says more than the straight line, over a restart
-    nothing.
-    """
-    steps = np.diff(odometer)[~seen[:-1]]
-    return max(straight, float(np.nansum(np.maximum(steps, 0.0))))
 
 
 def _slipped(

@@ -11,8 +11,7 @@ from experiments.analysis.metrics.definitions import VERSION
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.plan.preregistration import before_data
 from experiments.analysis.statistics.descriptive import spread
-from experiments.analysis.tables.participant_kinds import counted
-from experiments.analysis.tables.people import NOT_REPORTED, table_2
+from experiments.analysis.tables.people import NOT_REPORTED, counted_by_kind, table_2
 from experiments.analysis.tables.table import NOTHING, Table, amount, spoken, words
 from experiments.dataset.exclusions import BY_HAND, OF_PLATFORM, excluded_participants
 from experiments.dataset.levels import ASSISTANCE, REPLACED, UNCOUNTED
@@ -50,8 +49,8 @@ def reporting_sheet(
     sessions; `everybody` has the participants, pilots and bots of the whole dataset.
     """
     lines = (
-        ("Participants", "in the dataset", counted(everybody, "participant")),
-        ("Participants", "in this sheet", counted(dataset.participants) or "nobody"),
+        ("Participants", "in the dataset", counted_by_kind(everybody, "participant")),
+        ("Participants", "in this sheet", counted_by_kind(dataset.participants) or "nobody"),
         *_participants(dataset),
         *_robots(dataset, measured),
         *_autonomy(dataset),

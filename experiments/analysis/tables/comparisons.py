@@ -2,12 +2,14 @@
 that a reader needs to check it.
 """
 
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from experiments.analysis.statistics.comparisons import IntervalEstimate, Test, holm
 from experiments.analysis.statistics.descriptive import Spread, spread
 from experiments.analysis.tables.table import (
+    Row,
     Table,
     TableCell,
     amount,
@@ -18,22 +20,10 @@ from experiments.analysis.tables.table import (
 )
 
 REMARK = "Remark"
+DIFFERENCE = ("Difference", "Difference: from", "Difference: to")
 TESTED = (
-    "Test",
-    "n tested",
-    "Statistic",
-    "df",
-    "df 2",
-    "p",
-    "p (Holm)",
-    "Difference",
-    "Difference: from",
-    "Difference: to",
-    "Effect",
-    "Size",
-    "Size: from",
-    "Size: to",
-    REMARK,
+    *("Test", "n tested", "Statistic", "df", "df 2", "p", "p (Holm)", *DIFFERENCE),
+    *("Effect", "Size", "Size: from", "Size: to", REMARK),
 )
 READ_AS = (
     "n tested: participants, or pairs for a paired test; from, to: 95 % confidence interval.",
@@ -48,8 +38,8 @@ READ_AS = (
 
 @dataclass(frozen=True)
 class ComparedSide:
-    """A side of a comparison: a value a participant, and the sessions behind them. Times that are
-    censored have no mean, and the median that is given.
+    """A side of a comparison: a value a participant, and the sessions that they come from. Times
+    that are censored have no mean, and the `median` that is given.
     """
 
     values: Mapping[str, float]
@@ -58,15 +48,21 @@ class ComparedSide:
     median: float | None = None
 
 
+def participant_means(values: Iterable[tuple[str, float]]) -> dict[str, float]:
+    """Return the mean of each participant's values, from pairs of a participant and a value."""
+    found: dict[str, list[float]] = {}
+    for who, value in values:
+        found.setdefault(who, []).append(value)
+    return {who: math.fsum(own) / len(own) for who, own in found.items()}
+
+
 def head_of(keys: Sequence[str]) -> tuple[str, ...]:
     """Return the head of `compared`, without its first word."""
     parts = ("n", "mean", "SD", "median", "IQR")
     return (*(f"{key}: {part}" for key in keys for part in parts), *TESTED)
 
 
-def compared(
-    label: str, groups: Sequence[ComparedSide], test: Test, corrected: float
-) -> tuple[TableCell, ...]:
+def compared(label: str, groups: Sequence[ComparedSide], test: Test, corrected: float) -> Row:
     """Return a row: what was compared, each group, and the test with its corrected p value."""
     cells: list[TableCell] = []
     for group in groups:
@@ -78,38 +74,23 @@ def compared(
     return words(label), *cells, *tested(test, corrected)
 
 
-def tested(test: Test, corrected: float) -> tuple[TableCell, ...]:
+def tested(test: Test, corrected: float) -> Row:
     """Return the cells of TESTED."""
-    first, second = (*test.df, None, None)[:2]
+    degrees = (*test.df, None, None)[:2]
     return (
-        words(test.name),
-        count(test.n),
-        number(test.statistic, 2),
-        _freedom(first),
-        _freedom(second),
-        probability(test.p),
-        probability(corrected),
-        *estimated(test.difference, 3),
-        words(test.effect_name),
-        *estimated(test.effect, 2),
-        words(test.remark),
+        *(words(test.name), count(test.n), number(test.statistic, 2)),
+        *(number(one, 0 if one is not None and one.is_integer() else 1) for one in degrees),
+        *(probability(test.p), probability(corrected), *estimated(test.difference, 3)),
+        *(words(test.effect_name), *estimated(test.effect, 2), words(test.remark)),
     )
 
 
-def estimated(estimate: IntervalEstimate, decimals: int) -> tuple[TableCell, TableCell, TableCell]:
+def estimated(estimate: IntervalEstimate, decimals: int) -> Row:
     """Return a number and the bounds of its interval."""
-    return (
-        number(estimate.value, decimals),
-        number(estimate.low, decimals),
-        number(estimate.high, decimals),
-    )
+    return tuple(number(one, decimals) for one in (estimate.value, estimate.low, estimate.high))
 
 
-def _freedom(value: float | None) -> TableCell:
-    return number(value, 0 if value is not None and value.is_integer() else 1)
-
-
-Comparison = tuple[str, Test, Sequence[ComparedSide]]  # what was compared, the test, its sides
+Compared = tuple[Test, Sequence[ComparedSide]]  # a test, and the sides that it compares
 
 
 def comparison_table(
@@ -117,7 +98,7 @@ def comparison_table(
     title: str,
     head: str,
     keys: Sequence[str],
-    found: Sequence[Comparison],
+    found: Sequence[tuple[str, Compared]],
     notes: Iterable[str],
 ) -> Table:
     """Return a table of comparisons between the same sides, whose tests are one family.
@@ -127,16 +108,15 @@ def comparison_table(
         title: above it.
         head: of the column that says what was compared.
         keys: the names of the sides.
-        found: a row each.
+        found: a row each: what was compared, and how.
         notes: below it, before what every such table says.
     """
-    corrected, members = corrected_for([test for _, test, _ in found], [own for *_, own in found])
-    rows = tuple(
+    corrected, members = corrected_for([one for _, one in found])
+    rows = (
         compared(label, own, test, p)
-        for (label, test, own), p in zip(found, corrected, strict=True)
+        for (label, (test, own)), p in zip(found, corrected, strict=True)
     )
-    heads = (head, *head_of(keys))
-    return Table(name, title, heads, rows, (*notes, family(members), *READ_AS))
+    return Table.of(name, title, (head, *head_of(keys)), rows, (*notes, family(members), *READ_AS))
 
 
 def family(members: int) -> str:
@@ -144,17 +124,10 @@ def family(members: int) -> str:
     return f"p (Holm): corrected for the {amount(members, 'different test')} of this table."
 
 
-def corrected_for(
-    tests: Sequence[Test], rows: Sequence[Sequence[ComparedSide]]
-) -> tuple[tuple[float, ...], int]:
+def corrected_for(found: Sequence[Compared]) -> tuple[tuple[float, ...], int]:
     """Return the p values of a table, corrected by Holm's method, and how many tests the family
     has: rows of the same data are one of them.
     """
-    members = [_data(groups) for groups in rows]
-    values = [test.p for test in tests]
-    known = {one for one, test in zip(members, tests, strict=True) if test.is_known}
-    return holm(values, members), len(known)
-
-
-def _data(groups: Sequence[ComparedSide]) -> Hashable:
-    return tuple(tuple(sorted(group.values.items())) for group in groups)
+    members = [tuple(tuple(sorted(one.values.items())) for one in own) for _, own in found]
+    known = {one for one, (test, _) in zip(members, found, strict=True) if test.is_known}
+    return holm([test.p for test, _ in found], members), len(known)

@@ -2,9 +2,7 @@
 more with the coefficients of a model.
 
 In tests of means and ranks, and in mixed models, a participant has one value of a measure in each
-condition: the mean over their sessions of a metric, or of the score of a questionnaire's item,
-topic or whole ("overall"), with reverse-coded items counted from the other end. Only a
-questionnaire whose items are one scale has a whole. Proportions, counts and times are of each
+condition: the mean over their sessions or responses. Proportions, counts and times are of each
 session.
 """
 
@@ -15,20 +13,15 @@ from typing import cast
 
 import numpy as np
 
-from experiments.analysis.metrics.definitions import (
-    CENSORED,
-    KINDS,
-    METRICS,
-    OF_COMPLETED,
-    PER_MINUTE,
-)
+from experiments.analysis.metrics.definitions import CENSORED, KINDS, OF_COMPLETED, PER_MINUTE
 from experiments.analysis.metrics.sessions import Measured
+from experiments.analysis.statistics import conditions
 from experiments.analysis.statistics.comparisons import Test, holm
-from experiments.analysis.statistics.conditions import Compared, compare
+from experiments.analysis.statistics.conditions import compare
 from experiments.analysis.statistics.mixed_models import fit
 from experiments.analysis.statistics.models import (
     CannotFitError,
-    Design,
+    Coding,
     FittedModel,
     Row,
     design_of,
@@ -41,10 +34,11 @@ from experiments.analysis.statistics.regression import (
     fit_family,
 )
 from experiments.analysis.tables.comparisons import (
+    DIFFERENCE,
     READ_AS,
     REMARK,
     TESTED,
-    ComparedSide,
+    Compared,
     compared,
     corrected_for,
     estimated,
@@ -52,34 +46,20 @@ from experiments.analysis.tables.comparisons import (
     head_of,
     tested,
 )
-from experiments.analysis.tables.drive_outcomes import (
-    CENSORED_AT_END,
-    ONLY_KNOWN,
-    RATES,
-    group_of,
-    outcomes,
-    values_by_participant,
-)
-from experiments.analysis.tables.paper_tables import behind_statements
-from experiments.analysis.tables.response_selection import RULES, counted
-from experiments.analysis.tables.scored_responses import coded, mean_scores
-from experiments.analysis.tables.table import Table, TableCell, count, number, probability, words
+from experiments.analysis.tables.drive_outcomes import CENSORED_AT_END, ONLY_KNOWN, RATES
+from experiments.analysis.tables.measures import StudyMeasures
+from experiments.analysis.tables.response_selection import RULES
+from experiments.analysis.tables.table import Table, TableCell, number, probability
 from experiments.dataset.records import Dataset
-from experiments.definition.analyses import AGE, FAMILIES, DeclaredAnalysis
+from experiments.definition.analyses import FAMILIES, DeclaredAnalysis
 from experiments.definition.factors import conditions_together
-from experiments.definition.plan import (
-    EXPLORATORY,
-    Hypothesis,
-    deciding_hypotheses,
-    is_confirmatory,
-)
-from surveys.scoring import ScoredScale, measured_scale
+from experiments.definition.plan import EXPLORATORY, deciding_hypotheses, is_confirmatory
+from experiments.definition.schema import StudyDefinition
 
-Cells = tuple[TableCell, ...]
+Cells = tuple[object, ...]
 PLANNED = "Plan"  # the column that names the hypotheses of a row; only in a study with hypotheses
 SIDES = ("first", "second")
 TESTS = {"mixed": "Wald F", **SCORE}
-DIFFERENCE = ("Difference", "Difference: from", "Difference: to")
 MODELS = {
     "mixed": "Linear mixed model with an intercept for each participant, by REML. Tests: Wald, by"
     " the residuals of participants (CR2), with the degrees of freedom of Pustejovsky and Tipton"
@@ -109,108 +89,9 @@ CODED = {
 }
 
 
-@dataclass(frozen=True)
-class Data:
-    """What an analysis reads: the study's dataset and its measured sessions."""
-
-    dataset: Dataset
-    measured: Sequence[Measured]
-
-    def of(self, measure: str, condition: str) -> ComparedSide:
-        """Return a measure in a condition: a value a participant, and the sessions behind them."""
-        questionnaire, point, item = measure.partition(".")
-        if not point:
-            own = self._driven(condition)
-            known = measure in {column.name for column in METRICS}
-            values = values_by_participant(own, measure) if known else {}
-            return ComparedSide(values, [one.session.id for one in own] if values else [])
-        scale = self._scale(questionnaire, item)
-        if scale is None:
-            return ComparedSide({})
-        responses = coded(self.dataset, counted(self.dataset, questionnaire, condition))
-        return ComparedSide(
-            mean_scores(responses, scale), behind_statements(scale.items, responses)
-        )
-
-    def drives(self, test: str, measure: str, condition: str) -> list[DriveOutcome]:
-        """Return what a model takes of a condition: each session's outcome, or each participant's
-        mean.
-        """
-        if test not in FAMILIES:
-            return [DriveOutcome(*one) for one in self.of(measure, condition).values.items()]
-        if KINDS.get(measure) != test:
-            return []
-        return list(outcomes(self._driven(condition), KINDS[measure], measure))
-
-    def _driven(self, condition: str) -> list[Measured]:
-        return [one for one in self.measured if one.session.condition == condition]
-
-    def side(
-        self, test: str, measure: str, keys: Sequence[str]
-    ) -> tuple[list[DriveOutcome], ComparedSide]:
-        """Return the drives of a side of a contrast and what is printed of them. Means of a
-        participant are over all conditions that they were to have on it; who lacks one has none.
-        """
-        found = {key: self.drives(test, measure, key) for key in keys}
-        if test in FAMILIES:
-            drives = [one for own in found.values() for one in own]
-            ids = [one.session.id for key in keys for one in self._driven(key)]
-            group = group_of(KINDS[measure], drives) if drives else ComparedSide({})
-            return drives, ComparedSide(group.values, ids, group.is_censored, group.median)
-        groups = {key: self.of(measure, key) for key in keys}
-        values: dict[str, float] = {}
-        for together in self.conditions_together():
-            own = [groups[key].values for key in keys if key in together]
-            if own:
-                shared = set.intersection(*(set(one) for one in own))
-                values |= {who: sum(one[who] for one in own) / len(own) for who in shared}
-        values = dict(sorted(values.items()))
-        ids = [session for group in groups.values() for session in group.sessions]
-        return [DriveOutcome(*one) for one in values.items()], ComparedSide(values, ids)
-
-    def covariate(self, name: str) -> tuple[dict[str, str | float], tuple[str, ...]]:
-        """Return each participant's value of a covariate, and its levels in the order of the
-        questionnaire; a number has none.
-        """
-        if name == AGE:
-            ages = {one.id: one.age for one in self.dataset.participants if one.age == one.age}
-            return dict(ages), ()
-        questionnaire, _, item = name.partition(".")
-        found = {
-            one.participant: one.values[item]
-            for one in coded(self.dataset, counted(self.dataset, questionnaire))
-            if one.values.get(item) is not None
-        }
-        if all(isinstance(value, int | float) for value in found.values()):
-            return {who: float(value) for who, value in found.items()}, ()
-        definition = self.dataset.questionnaire(questionnaire)
-        question = definition.question(item) if definition is not None else None
-        known = [str(value) for value, _ in question.labelled_values] if question else []
-        given = {str(value) for value in found.values()}
-        levels = [one for one in known if one in given] + sorted(given - set(known))
-        return {who: str(value) for who, value in found.items()}, tuple(levels)
-
-    def _scale(self, questionnaire: str, item: str) -> ScoredScale | None:
-        """Return the scale that a measure names: the whole, a topic, or an item by itself."""
-        definition = self.dataset.questionnaire(questionnaire)
-        return None if definition is None else measured_scale(definition, item)
-
-    def unknown(self, test: str, measure: str) -> str:
-        """Return why a measure has no value anywhere: it is misspelt, or the test is not for it."""
-        questionnaire, point, item = measure.partition(".")
-        is_metric = measure in {column.name for column in METRICS}
-        if not (is_metric if not point else self._scale(questionnaire, item)):
-            return "no such measure"
-        return f"not one of {test}" if test in FAMILIES and KINDS.get(measure) != test else ""
-
-    def conditions_together(self) -> list[set[str]]:
-        """Return the sets of conditions that one participant may have."""
-        return [set(keys) for keys in conditions_together(self.dataset.study)]
-
-
 def declared(dataset: Dataset, measured: Sequence[Measured]) -> tuple[Table, ...]:
     """Return the tables of all analyses that the study declared."""
-    data = Data(dataset, measured)
+    data = StudyMeasures(dataset, measured)
     return tuple(
         table
         for one in dataset.study.analyses
@@ -218,80 +99,82 @@ def declared(dataset: Dataset, measured: Sequence[Measured]) -> tuple[Table, ...
     )
 
 
-def planned(
+def name_of(one: DeclaredAnalysis) -> str:
+    """Return the name of an analysis's table."""
+    return f"analysis-{one.key.replace('_', '-')}"
+
+
+def _title(one: DeclaredAnalysis, data: StudyMeasures) -> str:
+    return data.dataset.say(one.title).removesuffix(".")
+
+
+def _plan_head(study: StudyDefinition) -> tuple[str, ...]:
+    return (PLANNED,) if is_confirmatory(study.plan) else ()
+
+
+def _planned(
     one: DeclaredAnalysis,
-    data: Data,
+    study: StudyDefinition,
     measure: str,
     *,
     contrast: int | None = None,
     effect: str = "",
-) -> Cells:
+) -> tuple[str, ...]:
     """Return the cell that names the hypotheses of a test; none in a study without hypotheses."""
-    study = data.dataset.study
     if not is_confirmatory(study.plan):
         return ()
     found = deciding_hypotheses(study.plan, one, measure, contrast=contrast, effect=effect)
-    return (words(_named(found, is_post_hoc=contrast is not None and not one.contrasts)),)
-
-
-def _named(found: Sequence[Hypothesis], *, is_post_hoc: bool) -> str:
-    if not found:
-        return EXPLORATORY
-    keys = ", ".join(one.key for one in found)
-    return f"post hoc of {keys}" if is_post_hoc else keys
-
-
-def _plan_head(data: Data) -> tuple[str, ...]:
-    return (PLANNED,) if is_confirmatory(data.dataset.study.plan) else ()
+    keys = ", ".join(it.key for it in found)
+    is_post_hoc = contrast is not None and not one.contrasts
+    return (f"post hoc of {keys}" if found and is_post_hoc else keys or EXPLORATORY,)
 
 
 # --- contrasts, and several conditions ------------------------------------------------------------
 
 
-def _compared(one: DeclaredAnalysis, data: Data) -> Table:
-    pairs = _pairs(one, data)
-    named = [(measure, *pair) for measure in one.measures for pair in enumerate(pairs, start=1)]
+def _compared(one: DeclaredAnalysis, data: StudyMeasures) -> Table:
+    study = data.dataset.study
+    named = [
+        (measure, place, *contrast)
+        for measure in one.measures
+        for place, contrast in enumerate(_contrasts(one, data), start=1)
+    ]
     found = [
         _test_sides(one, data, measure, dict(zip(SIDES, sides, strict=True)))
-        for measure, _, (_, *sides) in named
+        for measure, _, _, *sides in named
     ]
-    corrected, members = corrected_for([test for test, _ in found], [own for _, own in found])
-    cells = [
-        (
-            words(measure),
-            *compared(title, groups, test, p),
-            *planned(one, data, measure, contrast=number_),
-        )
-        for (measure, number_, (title, *_)), (test, groups), p in zip(
-            named, found, corrected, strict=True
-        )
-    ]
-    head = ("Measure", "Contrast", *head_of(SIDES), *_plan_head(data))
-    rows = [*([] if one.contrasts else _omnibus(one, data)), *cells]
+    corrected, members = corrected_for(found)
+    rows = [] if one.contrasts else list(_omnibus(one, data))
+    for (measure, place, title, *_), (test, groups), p in zip(named, found, corrected, strict=True):
+        plan = _planned(one, study, measure, contrast=place)
+        rows.append((measure, *compared(title, groups, test, p), *plan))
     notes = (
         "Declared in the study's definition, which is frozen when the study is published."
         + ("" if one.contrasts else " all: every condition at once, corrected among themselves."),
         f"p (Holm): {members} different tests of contrasts are one family.",
-        RULES[data.dataset.study.analysis.counts],
+        RULES[study.analysis.counts],
         *_about_metrics(one),
         *READ_AS,
         "r: rank-biserial correlation; ε²: epsilon squared. Difference of ranks: Hodges-Lehmann.",
     )
-    return Table(name_of(one), _title(one, data), head, tuple(rows), notes)
+    head = ("Measure", "Contrast", *head_of(SIDES), *_plan_head(study))
+    return Table.of(name_of(one), f"{_title(one, data)}.", head, rows, notes)
 
 
-def _about_metrics(one: DeclaredAnalysis) -> tuple[str, ...]:
-    """Return what is done about sessions that were cut short, in sentences."""
+def _about_metrics(one: DeclaredAnalysis) -> Iterator[str]:
+    """Yield sentences on sessions that were cut short."""
     if one.test == "times":
-        return (CENSORED_AT_END,)
-    times = (ONLY_KNOWN,) if CENSORED.intersection(one.measures) else ()
-    rates = (PER_MINUTE | OF_COMPLETED).intersection(one.measures)
-    return (*times, *((RATES,) if rates else ()))
+        yield CENSORED_AT_END
+        return
+    if CENSORED.intersection(one.measures):
+        yield ONLY_KNOWN
+    if (PER_MINUTE | OF_COMPLETED).intersection(one.measures):
+        yield RATES
 
 
 def _test_sides(
-    one: DeclaredAnalysis, data: Data, measure: str, sides: Mapping[str, Sequence[str]]
-) -> tuple[Test, list[ComparedSide]]:
+    one: DeclaredAnalysis, data: StudyMeasures, measure: str, sides: Mapping[str, Sequence[str]]
+) -> Compared:
     """Return the test of a measure between sides, of some conditions each, and their groups."""
     found = {name: data.side(one.test, measure, keys) for name, keys in sides.items()}
     groups = [group for _, group in found.values()]
@@ -301,120 +184,81 @@ def _test_sides(
         drives = {name: own for name, (own, _) in found.items()}
         return compare_drives(KINDS[measure], drives), groups
     values = {name: group.values for name, (_, group) in found.items()}
-    by, is_paired = cast("Compared", one.test), _is_paired(data, list(sides.values()))
-    return compare(values, is_paired=is_paired, by=by), groups
+    is_paired = any(
+        all(set(together).intersection(keys) for keys in sides.values())
+        for together in conditions_together(data.dataset.study)
+    )
+    return compare(values, is_paired=is_paired, by=cast("conditions.Compared", one.test)), groups
 
 
-def _omnibus(one: DeclaredAnalysis, data: Data) -> Iterator[Cells]:
-    keys = _conditions(one, data)
-    found = [
-        _test_sides(one, data, measure, {key: (key,) for key in keys}) for measure in one.measures
-    ]
-    corrected, _ = corrected_for([test for test, _ in found], [own for _, own in found])
-    blank = tuple(words("") for _ in head_of(SIDES)[: -len(TESTED)])
+def _omnibus(one: DeclaredAnalysis, data: StudyMeasures) -> Iterator[Cells]:
+    sides = {key: (key,) for key in _conditions(one, data)}
+    found = [_test_sides(one, data, measure, sides) for measure in one.measures]
+    corrected, _ = corrected_for(found)
+    blank = [""] * (len(head_of(SIDES)) - len(TESTED))
     for measure, (test, _), p in zip(one.measures, found, corrected, strict=True):
-        told = tested(test, p)
-        yield words(measure), words("all"), *blank, *told, *planned(one, data, measure)
+        plan = _planned(one, data.dataset.study, measure)
+        yield measure, "all", *blank, *tested(test, p), *plan
 
 
-def _conditions(one: DeclaredAnalysis, data: Data) -> tuple[str, ...]:
+def _conditions(one: DeclaredAnalysis, data: StudyMeasures) -> tuple[str, ...]:
     return one.conditions or tuple(condition.key for condition in data.dataset.study.conditions)
 
 
-def _pairs(one: DeclaredAnalysis, data: Data) -> list[tuple[str, tuple[str, ...], tuple[str, ...]]]:
+def _contrasts(
+    one: DeclaredAnalysis, data: StudyMeasures
+) -> list[tuple[str, tuple[str, ...], tuple[str, ...]]]:
+    """Return the title and the conditions of both sides of each contrast."""
     if one.contrasts:
         return [(data.dataset.say(it.title), it.first, it.second) for it in one.contrasts]
-    if not one.post_hoc:
-        return []
-    return [(f"{a} − {b}", (a,), (b,)) for a, b in combinations(_conditions(one, data), 2)]
-
-
-def _is_paired(data: Data, sides: Sequence[Sequence[str]]) -> bool:
-    """Tell whether a participant has conditions of all sides."""
-    return any(
-        all(together.intersection(side) for side in sides)
-        for together in data.conditions_together()
-    )
+    pairs = combinations(_conditions(one, data), 2) if one.post_hoc else ()
+    return [(f"{a} − {b}", (a,), (b,)) for a, b in pairs]
 
 
 # --- models ---------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class ModelData:
-    """The observations of a model, what each has of its terms, and the levels of these."""
-
-    observed: Sequence[DriveOutcome]
-    rows: Sequence[Row]
-    levels: Mapping[str, Sequence[str]]
-    remark: str
-
-    def fit(self, one: DeclaredAnalysis) -> FittedModel:
-        """Return the model with terms in sum coding and coefficients in the one that is declared.
-
-        Raises:
-            CannotFitError: there is none.
-        """
-        terms = (*one.effects, *one.covariates)
-        found = self._fit(one.test, terms, design_of(self.levels, terms, self.rows, "sum"))
-        if one.coding == "sum":
-            return found
-        design = design_of(self.levels, terms, self.rows, one.coding)
-        return replace(found, coefficients=self._fit(one.test, terms, design).coefficients)
-
-    def _fit(self, test: str, terms: Sequence[str], design: Design) -> FittedModel:
-        if test != "mixed":
-            return fit_family(cast("Family", test), self.observed, design, terms)
-        values = np.array([one.value for one in self.observed])
-        return fit(values, design, terms, [one.who for one in self.observed])
-
-
-def _modelled(one: DeclaredAnalysis, data: Data) -> tuple[Table, Table]:
+def _modelled(one: DeclaredAnalysis, data: StudyMeasures) -> tuple[Table, Table]:
+    study = data.dataset.study
     fits = {measure: _model(one, data, measure) for measure in one.measures}
-    ps = [
-        test.p
-        for model in fits.values()
-        if isinstance(model, FittedModel)
-        for test in model.terms[: len(one.effects)]
-    ]
+    fitted = {key: model for key, model in fits.items() if isinstance(model, FittedModel)}
+    n_effects = len(one.effects)  # a model's terms are its effects, then its covariates
+    ps = [test.p for model in fitted.values() for test in model.terms[:n_effects]]
     corrected = iter(holm(ps))
+    head = (
+        *("Measure", "Effect", "Participants", "Observations", "Test", "Statistic", "df", "df 2"),
+        *("p", "p (Holm)", *DIFFERENCE, REMARK),
+    )
     rows: list[Cells] = []
-    coefficients: list[Cells] = []
-    head = ("Measure", "Effect", "Participants", "Observations", "Test", "Statistic", "df", "df 2")
     for measure, model in fits.items():
         if isinstance(model, str):
-            blank = tuple(words("") for _ in range(len(head) + 4))
-            rows.append((words(measure), *blank, words(model), *planned(one, data, measure)))
+            blank = [""] * (len(head) - 2)
+            rows.append((measure, *blank, model, *_planned(one, study, measure)))
             continue
-        for test in model.terms:
-            p, own = words(""), tuple(words(EXPLORATORY) for _ in _plan_head(data))
-            if test.name in one.effects:
+        for at, test in enumerate(model.terms):
+            p: TableCell | str = ""
+            plan = tuple(EXPLORATORY for _ in _plan_head(study))
+            if at < n_effects:
                 p = probability(next(corrected))
-                own = planned(one, data, measure, effect=test.name)
+                plan = _planned(one, study, measure, effect=test.name)
             rows.append(
                 (
-                    *(words(measure), words(test.name), count(model.participants)),
-                    *(count(model.observations), words(TESTS[one.test]), number(test.f, 2)),
-                    *(number(test.df[0], 0), number(test.df[1], 1), probability(test.p), p),
-                    *(*estimated(test.difference, 3), words(model.remark), *own),
+                    *(measure, test.name, model.participants, model.observations),
+                    *(TESTS[one.test], number(test.f, 2), number(test.df[0], 0)),
+                    *(number(test.df[1], 1), probability(test.p), p),
+                    *(*estimated(test.difference, 3), model.remark, *plan),
                 )
             )
-        coefficients += _coefficients(measure, model)
-    title = _title(one, data)
     about = (MODELS[one.test], *(() if one.test == "mixed" else (CLUSTERED,)))
+    notes = (*about, IN_SUM_CODING, family(len(ps)), *_about_metrics(one))
+    heads = (*head, *_plan_head(study))
     return (
-        Table(
-            name_of(one),
-            title,
-            (*head, "p", "p (Holm)", *DIFFERENCE, REMARK, *_plan_head(data)),
-            tuple(rows),
-            (*about, IN_SUM_CODING, family(len(ps)), *_about_metrics(one)),
-        ),
-        Table(
+        Table.of(name_of(one), f"{_title(one, data)}.", heads, rows, notes),
+        Table.of(
             f"{name_of(one)}-coefficients",
-            title.removesuffix(".") + ": coefficients.",
+            f"{_title(one, data)}: coefficients.",
             ("Measure", "Coefficient", "Estimate", "from", "to", "SE", "t", "df", "p"),
-            tuple(coefficients),
+            (row for measure, model in fitted.items() for row in _coefficients(measure, model)),
             (CODED[one.coding], *about, SPREADS),
         ),
     )
@@ -423,39 +267,71 @@ def _modelled(one: DeclaredAnalysis, data: Data) -> tuple[Table, Table]:
 def _coefficients(measure: str, model: FittedModel) -> Iterator[Cells]:
     for it in model.coefficients:
         yield (
-            *(words(measure), words(it.name), *estimated(it.estimate, 3), number(it.error, 3)),
+            *(measure, it.name, *estimated(it.estimate, 3), number(it.error, 3)),
             *(number(it.t, 2), number(it.df, 1), probability(it.p)),
         )
     for name, value in model.spreads:
-        yield (words(measure), words(name), number(value, 3), *(words("") for _ in range(6)))
+        yield measure, name, number(value, 3), *[""] * 6
 
 
-def _model(one: DeclaredAnalysis, data: Data, measure: str) -> FittedModel | str:
-    """Return the model of a measure, or why there is none."""
+def _model(one: DeclaredAnalysis, data: StudyMeasures, measure: str) -> FittedModel | str:
+    """Return the model of a measure, with terms in sum coding and coefficients in the coding that
+    is declared, or why there is none.
+    """
     if why := data.unknown(one.test, measure):
         return why
     try:
-        own = model_data(one, data, measure)
-        found = own.fit(one)
+        own = _observations(one, data, measure)
+        found = own.fit(one, "sum")
+        if one.coding != "sum":
+            found = replace(found, coefficients=own.fit(one, one.coding).coefficients)
     except CannotFitError as error:
         return str(error)
     return replace(found, remark="; ".join(filter(None, (found.remark, own.remark))))
 
 
-def model_data(one: DeclaredAnalysis, data: Data, measure: str) -> ModelData:
+@dataclass(frozen=True)
+class ModelData:
+    """The observations of a model, each one's values of the model's terms, and the levels of
+    these.
+    """
+
+    observed: Sequence[DriveOutcome]
+    rows: Sequence[Row]
+    levels: Mapping[str, Sequence[str]]
+    remark: str
+
+    def fit(self, one: DeclaredAnalysis, coding: Coding) -> FittedModel:
+        """Return the model.
+
+        Raises:
+            CannotFitError: there is none.
+        """
+        terms = (*one.effects, *one.covariates)
+        design = design_of(self.levels, terms, self.rows, coding)
+        if one.test != "mixed":
+            return fit_family(cast("Family", one.test), self.observed, design, terms)
+        values = np.array([one.value for one in self.observed])
+        return fit(values, design, terms, [one.who for one in self.observed])
+
+
+def _observations(one: DeclaredAnalysis, data: StudyMeasures, measure: str) -> ModelData:
     """Return the observations of a model; participants whose covariates are unknown have none."""
-    study = data.dataset.study
     orders = {person.id: person.cell for person in data.dataset.participants}
     covariates = {name: data.covariate(name) for name in one.covariates}
     observed: list[DriveOutcome] = []
     rows: list[dict[str, str | float]] = []
     lacking: set[str] = set()
-    for condition in study.conditions:
+    for condition in data.dataset.study.conditions:
         if one.conditions and condition.key not in one.conditions:
             continue
         for drive in data.drives(one.test, measure, condition.key):
-            given = {name: values.get(drive.who) for name, (values, _) in covariates.items()}
-            if None in given.values():
+            given = {
+                name: values[drive.who]
+                for name, (values, _) in covariates.items()
+                if drive.who in values
+            }
+            if len(given) < len(covariates):
                 lacking.add(drive.who)
                 continue
             order = orders.get(drive.who, "")
@@ -463,34 +339,21 @@ def model_data(one: DeclaredAnalysis, data: Data, measure: str) -> ModelData:
             period = places.index(condition.key) + 1 if condition.key in places else 0
             own = {"condition": condition.key, "order": order, "period": str(period)}
             observed.append(drive)
-            rows.append({**condition.levels, **own, **given})  # type: ignore[dict-item]
+            rows.append({**condition.levels, **own, **given})
     if not observed:
         raise CannotFitError("fewer than three participants")
-    levels = _levels(data, rows) | {name: known for name, (_, known) in covariates.items()}
-    said = f"participants without a covariate: {len(lacking)}" if lacking else ""
-    return ModelData(observed, rows, levels, said)
+    levels = _levels(data.dataset.study, rows) | {key: own for key, (_, own) in covariates.items()}
+    remark = f"participants without a covariate: {len(lacking)}" if lacking else ""
+    return ModelData(observed, rows, levels, remark)
 
 
-def _levels(data: Data, rows: Sequence[Row]) -> dict[str, Sequence[str]]:
-    """Return the levels of everything that a model may name; of the study's own, those that it
+def _levels(study: StudyDefinition, rows: Sequence[Row]) -> dict[str, Sequence[str]]:
+    """Return the levels of every factor that a model may name: of the study's own, those that it
     declares and that have data.
     """
-    study = data.dataset.study
-    written = {factor.key: [level.key for level in factor.levels] for factor in study.factors}
-    written["condition"] = [condition.key for condition in study.conditions]
+    levels = {factor.key: [level.key for level in factor.levels] for factor in study.factors}
+    levels["condition"] = [condition.key for condition in study.conditions]
     for name in ("period", "order"):
-        written[name] = sorted({str(row[name]) for row in rows})
-    given = {name: {row[name] for row in rows if name in row} for name in written}
-    return {
-        name: [level for level in levels if level in given[name]]
-        for name, levels in written.items()
-    }
-
-
-def name_of(one: DeclaredAnalysis) -> str:
-    """Return the name of an analysis's table."""
-    return f"analysis-{one.key.replace('_', '-')}"
-
-
-def _title(one: DeclaredAnalysis, data: Data) -> str:
-    return f"{data.dataset.say(one.title).removesuffix('.')}."
+        levels[name] = sorted({str(row[name]) for row in rows})
+    given = {name: {row[name] for row in rows if name in row} for name in levels}
+    return {name: [one for one in own if one in given[name]] for name, own in levels.items()}

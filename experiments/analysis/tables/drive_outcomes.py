@@ -1,15 +1,12 @@
-"""What drives came to, as tests take it. Sessions that were cut short are never averaged with
+"""The outcomes of drives, as tests take them. Sessions that were cut short are never averaged with
 others as if they were complete: metrics/definitions.py says what takes the place of each metric.
 """
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
-from typing import Literal
 
 from experiments.analysis.metrics.definitions import KINDS, OF_COMPLETED, PER_MINUTE
 from experiments.analysis.metrics.sessions import Measured
-from experiments.analysis.statistics.comparisons import Test
 from experiments.analysis.statistics.conditions import compare
 from experiments.analysis.statistics.regression import (
     DriveOutcome,
@@ -17,10 +14,9 @@ from experiments.analysis.statistics.regression import (
     compare_drives,
     median_time,
 )
-from experiments.analysis.tables.comparisons import ComparedSide
+from experiments.analysis.tables.comparisons import Compared, ComparedSide, participant_means
 from experiments.dataset.records import COMPLETED
 
-MetricTest = Literal["means"] | Family
 CENSORED_AT_END = (
     "Times that never came are censored at the end of the session; their medians are by Kaplan and"
     " Meier."
@@ -46,25 +42,35 @@ def comparable(one: Measured, name: str) -> float:
 
 
 def _minutes(one: Measured) -> float:
-    """Return for how long something could be counted in a session: the time that has states."""
+    """Return for how long events could be counted in a session: the time that has states."""
     return one.values["total_time"] * one.values["seen"] / 60.0
 
 
-def values_by_participant(
-    measured: Sequence[Measured], name: str, condition: str | None = None
-) -> dict[str, float]:
-    """Return the mean of a metric over each participant's sessions, of all or of one condition."""
-    found: dict[str, list[float]] = {}
-    for one in measured:
-        if condition in {None, one.session.condition}:
-            value = comparable(one, name)
-            if math.isfinite(value):
-                found.setdefault(one.session.participant, []).append(value)
-    return {who: math.fsum(values) / len(values) for who, values in found.items()}
+def mean_side(measured: Sequence[Measured], name: str) -> ComparedSide:
+    """Return the mean of a metric over each participant's sessions."""
+    known = ((one.session.participant, comparable(one, name)) for one in measured)
+    values = participant_means((who, value) for who, value in known if math.isfinite(value))
+    return ComparedSide(values, [one.session.id for one in measured])
+
+
+def drive_side(
+    measured: Sequence[Measured], family: Family, name: str
+) -> tuple[list[DriveOutcome], ComparedSide]:
+    """Return the outcomes of sessions in a metric, and what is printed of them: of times only their
+    number and median.
+    """
+    drives = list(outcomes(measured, family, name))
+    values = participant_means(
+        (one.who, one.value / one.weight if family == "counts" else one.value) for one in drives
+    )
+    ids, is_censored = [one.session.id for one in measured], family == "times"
+    return drives, ComparedSide(
+        values, ids, is_censored, median_time(drives) if is_censored else None
+    )
 
 
 def outcomes(measured: Sequence[Measured], family: Family, name: str) -> Iterator[DriveOutcome]:
-    """Yield what the sessions came to in a metric, as a model of a family takes it."""
+    """Yield the outcomes of sessions in a metric, as a model of a family takes them."""
     for one in measured:
         who, value, total = one.session.participant, one.values[name], one.values["total_time"]
         if family == "times" and not math.isfinite(value) and total > 0.0:
@@ -77,36 +83,15 @@ def outcomes(measured: Sequence[Measured], family: Family, name: str) -> Iterato
             yield DriveOutcome(who, value)
 
 
-def metric_test(
-    name: str, sides: Mapping[str, Sequence[Measured]], *, is_paired: bool
-) -> tuple[Test, list[ComparedSide]]:
+def metric_test(name: str, sides: Mapping[str, Sequence[Measured]], *, is_paired: bool) -> Compared:
     """Return the test of a metric between sides of sessions, by what kind of number it is, and what
     is printed of each side.
     """
     family = KINDS.get(name)
-    ids = [tuple(one.session.id for one in side) for side in sides.values()]
     if family is None:
-        means = {key: values_by_participant(side, name) for key, side in sides.items()}
-        test = compare(means, is_paired=is_paired)
-        return test, [
-            ComparedSide(own, these) for own, these in zip(means.values(), ids, strict=True)
-        ]
-    drives = {key: tuple(outcomes(side, family, name)) for key, side in sides.items()}
-    test = compare_drives(family, drives)
-    groups = [
-        replace(group_of(family, own), sessions=these)
-        for own, these in zip(drives.values(), ids, strict=True)
-    ]
-    return test, groups
-
-
-def group_of(family: Family, drives: Sequence[DriveOutcome]) -> ComparedSide:
-    """Return what is printed of the drives of a side: of times only their number and median."""
-    found: dict[str, list[float]] = {}
-    for one in drives:
-        value = one.value / one.weight if family == "counts" else one.value
-        found.setdefault(one.who, []).append(value)
-    values = {who: math.fsum(own) / len(own) for who, own in found.items()}
-    if family != "times":
-        return ComparedSide(values)
-    return ComparedSide(values, is_censored=True, median=median_time(drives))
+        means = {key: mean_side(side, name) for key, side in sides.items()}
+        test = compare({key: one.values for key, one in means.items()}, is_paired=is_paired)
+        return test, [*means.values()]
+    found = {key: drive_side(side, family, name) for key, side in sides.items()}
+    test = compare_drives(family, {key: drives for key, (drives, _) in found.items()})
+    return test, [side for _, side in found.values()]

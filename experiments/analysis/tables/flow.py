@@ -8,28 +8,20 @@ it less those who are named between.
 
 import math
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.statistics.descriptive import spread
 from experiments.analysis.tables.table import (
     Table,
-    TableCell,
     amount,
-    count,
     number,
+    people_count,
+    session_count,
     spoken,
-    words,
 )
 from experiments.dataset.levels import EXCLUDED, EXCLUDED_BY_PLAN, REPLACED, UNCOUNTED
-from experiments.dataset.records import (
-    COMPLETED,
-    Dataset,
-    ParticipantRecord,
-    PlanExclusion,
-    SessionRecord,
-)
+from experiments.dataset.records import COMPLETED, Dataset, ParticipantRecord, SessionRecord
 
 FLOW = ("arrived", "assigned", "exposed", "drove", "ended", "counted", "answered")
 ARRIVED, ASSIGNED, EXPOSED, DROVE, ENDED, COUNTED, ANSWERED = range(len(FLOW))
@@ -52,22 +44,21 @@ PLACED = (
     " counted in the condition that was drawn for them first, and at the last stage that they"
     " reached; of withdrawn participants, only that stage is known."
 )
-Row = tuple[TableCell, ...]
+Rows = Iterator[tuple[object, ...]]
 
 
 def flow(dataset: Dataset) -> Table:
-    """Return how many participants of a dataset of what counts came how far, why the others did
-    not, and how the tasks of each condition ended.
+    """Return how many participants of a dataset of what counts reached each stage, why the others
+    did not, and how the tasks of each condition ended.
     """
-    found = _Flow.of(dataset)
-    rows = list(found.rows(dataset.participants, "all"))
-    cells = dict.fromkeys(filter(None, map(_first_cell, dataset.participants)))
+    found, people = _Flow(dataset), dataset.participants
+    rows = list(found.rows(people, "all"))
+    cells = dict.fromkeys(filter(None, map(_first_cell, people)))
     for cell in cells if len(cells) > 1 else ():
-        own = [one for one in dataset.participants if _first_cell(one) == cell]
-        rows += [*found.rows(own, cell)][1:]
-    below = (STAGES, PLACED, *_about_platform(dataset))
+        rows += [*found.rows([one for one in people if _first_cell(one) == cell], cell)][1:]
+    notes = (STAGES, PLACED, *_about_platform(dataset))
     head = ("Condition", "Stage", "Reason", "Participants")
-    return Table("flow", "Flow of participants.", head, tuple(rows), below)
+    return Table.of("flow", "Flow of participants.", head, rows, notes)
 
 
 def _first_cell(one: ParticipantRecord) -> str:
@@ -84,28 +75,24 @@ def _about_platform(dataset: Dataset) -> Iterator[str]:
         )
 
 
-@dataclass(frozen=True)
 class _Flow:
-    """The drives of the task by participant, whether they count or not, and who answered."""
+    """The drives of the task by participant, whether they count or not, the participants who
+    answered, and the rules of the plan that exclude participants.
+    """
 
-    dataset: Dataset
-    drives: dict[str, list[SessionRecord]]
-    answered: frozenset[str]
-    excluded: dict[str, PlanExclusion]
-
-    @classmethod
-    def of(cls, dataset: Dataset) -> "_Flow":
-        drives: dict[str, list[SessionRecord]] = {}
+    def __init__(self, dataset: Dataset) -> None:
+        self.dataset = dataset
+        self.drives: dict[str, list[SessionRecord]] = {}
         both = (*dataset.sessions, *dataset.others)
         for one in sorted(both, key=lambda one: (one.visit, one.round)):
-            drives.setdefault(one.participant, []).append(one)
-        answered = frozenset(
+            self.drives.setdefault(one.participant, []).append(one)
+        statements = dataset.study.analysis.statements
+        self.answered = {
             one.participant
             for one in dataset.responses
-            if one.questionnaire == dataset.study.analysis.statements and one.finished
-        )
-        excluded = {one.participant: one for one in dataset.exclusions if not one.session}
-        return cls(dataset, drives, answered, excluded)
+            if one.questionnaire == statements and one.finished
+        }
+        self.rules = {one.participant: one.rule for one in dataset.exclusions if not one.session}
 
     def stage(self, one: ParticipantRecord) -> int:
         """Return the last stage of FLOW that a participant reached, by its number."""
@@ -123,31 +110,30 @@ class _Flow:
         )
         return next((n for n, is_true in enumerate(reached) if not is_true), len(reached))
 
-    def rows(self, people: Sequence[ParticipantRecord], cell: str) -> Iterator[Row]:
+    def rows(self, people: Sequence[ParticipantRecord], cell: str) -> Rows:
         """Yield the lines of some participants."""
         stages = {one.id: self.stage(one) for one in people}
         for number_, stage in enumerate(FLOW):
-            lost = [one for one in people if stages[one.id] == number_ - 1]
-            for reason, n in sorted(Counter(self._reason(one, number_) for one in lost).items()):
-                ids = [one.id for one in lost if self._reason(one, number_) == reason]
-                yield words(cell), words(""), words(reason), self._count(n, ids)
+            lost: dict[str, list[str]] = {}
+            for one in people:
+                if stages[one.id] == number_ - 1:
+                    lost.setdefault(self._reason(one, number_), []).append(one.id)
+            for reason, ids in sorted(lost.items()):
+                yield cell, "", reason, people_count(self.dataset, ids)
             left = [one for one in people if stages[one.id] >= number_]
-            yield words(cell), words(stage), words(""), self._count(len(left), _ids(left))
+            yield cell, stage, "", people_count(self.dataset, [one.id for one in left])
             if number_ == ASSIGNED:
-                yield from self._among(cell, "drawn anew", [it for it in left if it.draws > 1])
+                again = [one.id for one in left if one.draws > 1]
+                yield from self._among(cell, "drawn anew", again)
             if number_ == EXPOSED:
-                replaced = [it for it in left if it.place == REPLACED]
+                replaced = [one.id for one in left if one.place == REPLACED]
                 yield from self._among(cell, "replaced by another participant", replaced)
             if number_ == ENDED:
                 yield from self._outcomes(left, cell)
 
-    def _count(self, n: int, ids: Collection[str]) -> TableCell:
-        return count(n, self.dataset.sessions_of(ids))
-
-    def _among(self, cell: str, what: str, people: Sequence[ParticipantRecord]) -> Iterator[Row]:
-        if people:
-            found = self._count(len(people), _ids(people))
-            yield words(cell), words(""), words(f"among them: {what}"), found
+    def _among(self, cell: str, what: str, ids: Sequence[str]) -> Rows:
+        if ids:
+            yield cell, "", f"among them: {what}", people_count(self.dataset, ids)
 
     def _reason(self, one: ParticipantRecord, stage: int) -> str:
         """Return why a participant did not reach a stage."""
@@ -166,67 +152,59 @@ class _Flow:
     def _uncounted(self, one: ParticipantRecord) -> str:
         last = [it for it in self.drives[one.id] if it.drove and it.outcome][-1]
         if last.counts_why == EXCLUDED_BY_PLAN:
-            return f"excluded: {self.excluded[one.id].rule}"
+            return f"excluded: {self.rules[one.id]}"
         if last.counts_why == EXCLUDED:
             return "excluded: researcher's decision"
         return f"excluded: {last.fault or UNCOUNTED[last.counts_why]}"
 
-    def _outcomes(self, people: Sequence[ParticipantRecord], cell: str) -> Iterator[Row]:
-        """Yield how the first tasks ended that participants drove."""
-        first = [
-            next((it for it in self.drives.get(one.id, []) if it.drove and it.outcome), None)
-            for one in people
-        ]
-        known = [one for one in first if one is not None]
-        for outcome in sorted({one.outcome for one in known}):
-            ids = [one.id for one in known if one.outcome == outcome]
-            label = f"first task: {spoken(outcome)}"
-            yield words(cell), words(""), words(label), count(len(ids), ids)
-
-
-def _ids(people: Sequence[ParticipantRecord]) -> list[str]:
-    return [one.id for one in people]
+    def _outcomes(self, people: Sequence[ParticipantRecord], cell: str) -> Rows:
+        """Yield how the first tasks ended in which participants drove."""
+        ended: dict[str, list[str]] = {}
+        for one in people:
+            drives = [it for it in self.drives.get(one.id, []) if it.drove and it.outcome]
+            for first in drives[:1]:
+                ended.setdefault(first.outcome, []).append(first.id)
+        for outcome, ids in sorted(ended.items()):
+            yield cell, "", f"first task: {spoken(outcome)}", session_count(ids)
 
 
 def orders(dataset: Dataset) -> Table:
     """Return how many participants had each order of conditions, a check of counterbalancing; no
     rows where a participant has one condition.
     """
-    cells = sorted({one.cell for one in dataset.participants if "-" in one.cell})
     driven: dict[str, set[str]] = {}
     for one in dataset.sessions:
         driven.setdefault(one.participant, set()).add(one.condition)
     rows = []
-    for cell in cells:
+    for cell in sorted({one.cell for one in dataset.participants if "-" in one.cell}):
         own = [one.id for one in dataset.participants if one.cell == cell]
         some = [who for who in own if who in driven]
         whole = [who for who in some if driven[who] >= set(cell.split("-"))]
-        counts = (count(len(ids), dataset.sessions_of(ids)) for ids in (own, some, whole))
-        rows.append((words(cell), *counts))
+        rows.append((cell, *(people_count(dataset, ids) for ids in (own, some, whole))))
     head = ("Condition", "Assigned", "With a drive that counts", "With all conditions")
-    return Table("orders", "Participants by order of conditions.", head, tuple(rows))
+    return Table.of("orders", "Participants by order of conditions.", head, rows)
 
 
 def fault_sides(dataset: Dataset) -> Table:
-    """Return on which side it lay that drives were not completed, by outcome; with those that do
-    not count.
+    """Return on which side the fault was for drives that were not completed, by outcome; with those
+    that do not count.
     """
-    ended = [
-        one for one in (*dataset.sessions, *dataset.others) if one.outcome not in {"", COMPLETED}
-    ]
-    keys = sorted({(one.outcome, one.fault_side) for one in ended})
-    rows = tuple(
-        (words(spoken(outcome)), words(side or "nobody"), count(len(ids), ids))
-        for outcome, side in keys
-        for ids in [[one.id for one in ended if (one.outcome, one.fault_side) == (outcome, side)]]
+    ended: dict[tuple[str, str], list[str]] = {}
+    for one in (*dataset.sessions, *dataset.others):
+        if one.outcome not in {"", COMPLETED}:
+            ended.setdefault((one.outcome, one.fault_side), []).append(one.id)
+    rows = (
+        (spoken(outcome), side or "nobody", session_count(ids))
+        for (outcome, side), ids in sorted(ended.items())
     )
-    below = (
+    note = (
         "All drives of the task, also those that do not count. Platform: the server was unavailable"
         " when the connection was lost; network: the connection was lost, and the visitor had not"
         " closed the page."
     )
     head = ("Outcome", "Side", "Sessions")
-    return Table("fault-sides", "Sessions that were not completed, by side.", head, rows, (below,))
+    title = "Sessions that were not completed, by side."
+    return Table.of("fault-sides", title, head, rows, (note,))
 
 
 # --- the funnel -----------------------------------------------------------------------------------
@@ -246,47 +224,41 @@ def funnel(dataset: Dataset, measured: Sequence[Measured]) -> Table:
         *(_page_row(dataset, key) for key in steps[task:]),
     )
     people = amount(len(dataset.participants), "participant")
-    below = (
+    note = (
         f"{people}, {amount(len(measured), 'session')}. Pages are counted by participant,"
         " milestones by session, with the sessions that do not count. Stopped: left, or is still"
         " there. The last page is reached by going on."
     )
     head = ("Page or milestone", "Came", "Went on", "Stopped", "Median (s)")
-    return Table("funnel", "Funnel.", head, rows, (below,))
+    return Table.of("funnel", "Funnel.", head, rows, (note,))
 
 
-def _page_row(dataset: Dataset, key: str) -> Row:
+def _page_row(dataset: Dataset, key: str) -> tuple[object, ...]:
     step = dataset.study.step(key)
     is_end = step is not None and step.is_end
     pages = [page for page in dataset.pages if page.step == key]
     came = {page.participant for page in pages}
     went = {page.participant for page in pages if page.finished or is_end}
     seconds = spread([page.seconds for page in pages if page.finished]).median
-    cells = (count(len(ids), dataset.sessions_of(ids)) for ids in (came, went, came - went))
-    return words(dataset.say(step.title) if step else key), *cells, number(seconds, 1)
+    cells = (people_count(dataset, ids) for ids in (came, went, came - went))
+    return dataset.say(step.title) if step else key, *cells, number(seconds, 1)
 
 
-def _milestone_rows(dataset: Dataset, measured: Sequence[Measured]) -> Iterator[Row]:
+def _milestone_rows(dataset: Dataset, measured: Sequence[Measured]) -> Rows:
     """Yield each milestone with the seconds since the one before it, of the sessions that reached
     both.
     """
-    stops = {stop.number for course in dataset.study.courses for stop in course.checkpoints}
-    times: list[tuple[str, Callable[[Measured], float]]] = [
-        ("first video frame", lambda one: one.milestones.start),
-        ("first motion", lambda one: one.milestones.motion),
-        *((f"checkpoint {n}", _passing(n)) for n in sorted(stops) if n > 0),
-        ("docked", lambda one: one.milestones.docked),
-    ]
-    came = list(measured)
-    before: Callable[[Measured], float] = lambda _: 0.0  # noqa: E731 -- one of several of its kind
-    for label, when in times:
-        went = [one for one in came if math.isfinite(when(one))]
-        stopped = [one for one in came if not math.isfinite(when(one))]
-        seconds = spread([when(one) - before(one) for one in went]).median
-        groups = ([one.session.id for one in group] for group in (came, went, stopped))
-        yield words(label), *(count(len(ids), ids) for ids in groups), number(seconds, 1)
-        came, before = went, when
-
-
-def _passing(checkpoint: int) -> Callable[[Measured], float]:
-    return lambda one: one.milestones.checkpoints.get(checkpoint, math.nan)
+    stops = {stop.number for course in dataset.study.courses for stop in course.checkpoints} - {0}
+    names = [f"checkpoint {n}" for n in sorted(stops)]
+    times: dict[str, tuple[float, ...]] = {}
+    for one in measured:
+        found = one.milestones
+        passed = (found.checkpoints.get(n, math.nan) for n in sorted(stops))
+        times[one.session.id] = (0.0, found.start, found.motion, *passed, found.docked)
+    came = list(times)
+    for at, name in enumerate(("first video frame", "first motion", *names, "docked"), start=1):
+        went = [one for one in came if math.isfinite(times[one][at])]
+        stopped = [one for one in came if not math.isfinite(times[one][at])]
+        seconds = spread([times[one][at] - times[one][at - 1] for one in went]).median
+        yield name, *map(session_count, (came, went, stopped)), number(seconds, 1)
+        came = went

@@ -29,29 +29,28 @@ def counted(
         if condition is None or one.condition == condition
     }
     finished = [
-        one for one in dataset.responses if one.questionnaire == questionnaire and one.finished
+        one
+        for one in dataset.responses
+        if one.questionnaire == questionnaire
+        and one.finished
+        and (condition is None or one.session in order)
     ]
-    finished = [one for one in finished if condition is None or one.session in order]
     finished.sort(key=lambda one: order.get(one.session, -1))
     rule = dataset.study.analysis.counts
     if rule == "all":
         return finished
-    by_participant: dict[str, ResponseRecord] = {}
-    for one in finished if rule == "last" else reversed(finished):
-        by_participant[one.participant] = one
-    kept = {one.id for one in by_participant.values()}
-    return [one for one in finished if one.id in kept]
+    in_order = finished if rule == "last" else reversed(finished)
+    counting = {one.participant: one.id for one in in_order}
+    return [one for one in finished if counting[one.participant] == one.id]
 
 
 def note(dataset: Dataset, responses: Sequence[ResponseRecord]) -> str:
-    """Return the sentence under a table: the rule, and how many participants and
-    sessions it left.
+    """Return the sentence under a table: the rule, and how many participants and sessions are left
+    by it.
     """
-    people, sessions = (
-        {one.participant for one in responses},
-        {one.session for one in responses if one.session},
-    )
+    people = len({one.participant for one in responses})
+    sessions = len({one.session for one in responses if one.session})
     return (
-        f"{RULES[dataset.study.analysis.counts]} {amount(len(people), 'participant')},"
-        f" {amount(len(sessions), 'session')}, {amount(len(responses), 'response')}."
+        f"{RULES[dataset.study.analysis.counts]} {amount(people, 'participant')},"
+        f" {amount(sessions, 'session')}, {amount(len(responses), 'response')}."
     )

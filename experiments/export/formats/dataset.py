@@ -7,7 +7,7 @@ from typing import Any
 
 from experiments.analysis.metrics.definitions import METRICS, VERSION
 from experiments.analysis.metrics.sessions import Measured
-from experiments.analysis.tables.reliability import PROBLEMS, judge
+from experiments.analysis.tables.summaries import PROBLEMS, problems_of
 from experiments.dataset.columns import Column
 from experiments.dataset.files import numbers, table, tables
 from experiments.dataset.records import SessionRecord
@@ -59,6 +59,6 @@ def metric_rows(source: ExportSource) -> Iterator[list[Any]]:
 
 def metric_row(measured: Measured, quality: Quality) -> list[Any]:
     """Return the row of a session."""
-    problems = "|".join(word for word, _ in judge(measured, quality).problems)
+    problems = "|".join(problems_of(measured, quality))
     numbers = (measured.values[column.name] for column in METRICS)
     return [measured.session.id, VERSION, problems, *numbers]

@@ -6,12 +6,13 @@ from collections.abc import Iterator
 
 from experiments.analysis.plan.preregistration import preregistration
 from experiments.analysis.plan.reporting_sheet import as_markdown, reporting_sheet
-from experiments.analysis.tables.participant_kinds import KINDS, of_whom
+from experiments.analysis.tables.people import of_whom
 from experiments.analysis.tables.table import Table
 from experiments.dataset.columns import Column, flag
 from experiments.dataset.counting import counting
 from experiments.dataset.exclusions import RULES
 from experiments.dataset.files import table
+from experiments.dataset.levels import KINDS
 from experiments.dataset.records import Dataset
 from experiments.export.format import ExportFormat, ExportSource, File, encoded
 

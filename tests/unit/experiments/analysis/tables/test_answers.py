@@ -14,8 +14,8 @@ from scipy.special import ndtr
 from experiments.analysis.metrics.definitions import METRICS
 from experiments.analysis.metrics.milestones import Milestones
 from experiments.analysis.metrics.sessions import Measured
-from experiments.analysis.tables.answers import compare_answers
 from experiments.analysis.tables.effects import compare_conditions
+from experiments.analysis.tables.paper_tables import compare_answers
 from experiments.bots.persona import Effect, Persona
 from experiments.dataset.records import Dataset, ResponseRecord, SessionRecord
 from experiments.definition.shipped import shipped

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from experiments.analysis.metrics.sessions import measure
-from experiments.analysis.tables.safety_limits import safety_limits
+from experiments.analysis.tables.delays import safety_limits
 from experiments.dataset.columns import columns_of
 from experiments.dataset.records import Dataset, SessionRecord
 from experiments.dataset.states import STATES

@@ -14,7 +14,7 @@ from experiments.analysis.figures.drawing import as_svg
 from experiments.analysis.metrics.sessions import measure_all
 from experiments.analysis.report import report
 from experiments.analysis.statistics.internal_consistency import cronbach, mcdonald
-from experiments.analysis.tables.declared import Data
+from experiments.analysis.tables.measures import StudyMeasures
 from experiments.analysis.tables.paper_tables import table_4, table_5
 from experiments.analysis.tables.scale_reliability import reliability_table
 from experiments.analysis.tables.scores import score_tables
@@ -332,12 +332,12 @@ def test_table_5_counts_reversed_statements_from_the_other_end_and_says_so():
 
 def test_a_declared_analysis_measures_the_score_and_no_whole_that_is_not_one_scale():
     dataset, _, _ = printed()
-    data = Data(dataset, [])
-    values = data.of("sus.overall", "alone").values
+    data = StudyMeasures(dataset, [])
+    values = data.means("sus.overall", "alone").values
     assert sorted(values.values()) == sorted(sus_scores(dataset, "alone"))
     assert data.unknown("means", "tlx.overall") == ""
     assert data.unknown("means", "impression.liking") == ""
     assert data.unknown("means", "impression.overall") == "no such measure"
-    reversed_ = data.of("impression.rude", "alone").values
+    reversed_ = data.means("impression.rude", "alone").values
     raw = {one.participant: one.values["rude"] for one in dataset.responses[2::6]}
     assert reversed_ == {who: 6 - value for who, value in raw.items()}

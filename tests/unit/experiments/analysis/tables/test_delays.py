@@ -8,7 +8,7 @@ import numpy as np
 from experiments.analysis.metrics.definitions import METRICS
 from experiments.analysis.metrics.milestones import Milestones
 from experiments.analysis.metrics.sessions import Measured
-from experiments.analysis.tables.ages import AGES, ages
+from experiments.analysis.tables.delays import AGES, ages
 from experiments.dataset.records import Dataset, SessionRecord
 from experiments.definition.schema import Impairment, Network
 from experiments.definition.shipped import shipped
