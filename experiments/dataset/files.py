@@ -1,7 +1,5 @@
 """A dataset as files: names and texts, made one after the other, so that they can be written into a
-folder or sent as they are made.
-
-Numbers are written with as many digits as they have, so that reading gives the same ones.
+folder or sent as they are made. Numbers have all their digits, so that reading gives the same ones.
 """
 
 import json
@@ -25,13 +23,13 @@ from experiments.dataset.names import (
     table_path,
 )
 from experiments.dataset.records import TABLES, Dataset, EventRecord
-from experiments.dataset.wide import wide_rows
 from experiments.definition.schema import to_json as study_json
 from robots.api import floorplan
 from robots.files.csv_text import csv_text
 from surveys.definition import to_json
+from surveys.scoring import WideTable
 
-File = tuple[str, Iterable[str]]  # where in the folder, and its text in parts
+File = tuple[str, Iterable[str]]  # path in the folder, and its text in parts
 LINES_AT_ONCE = 500
 EXACT = 1e15  # whole numbers below it are exact
 
@@ -56,18 +54,18 @@ def tables(
     """Yield everything but states and network samples.
 
     Args:
-        dataset: what is to be written.
-        events: its events, which may be too many to be held.
-        more: columns of tables that are written beside these, for the code book.
+        dataset: all of it but its events.
+        events: read as they are written, because there may be too many for the memory.
+        more: columns of tables that are written in addition to these, for the code book.
 
     Raises:
         DatasetError: two sessions with codes that would have the same file.
     """
     if len({one.id.replace("-", "") for one in dataset.sessions}) < len(dataset.sessions):
         raise DatasetError("two sessions have codes that differ only in hyphens")
-    yield from about(dataset, more)
+    yield from _about(dataset, more)
     for one in data_tables(dataset, events):
-        yield one.path, as_csv([column.name for column in one.layout], one.rows)
+        yield one.path, _as_csv(one.layout, one.rows)
 
 
 @dataclass(frozen=True)
@@ -93,13 +91,23 @@ def data_tables(dataset: Dataset, events: Iterable[EventRecord] = ()) -> Iterato
         "answers": (row for one in dataset.responses for row in one.answers()),
     }
     for name in TABLES:
-        rows = (values_of(one, layouts[name]) for one in records[name])
+        rows = values_of(records[name], layouts[name])
         yield DataTable(name, table_path(name), layouts[name], rows)
     for slug, path in questionnaire_paths(one.slug for one in dataset.questionnaires).items():
-        yield DataTable(slug, path, layouts[slug], wide_rows(dataset, slug))
+        yield DataTable(slug, path, layouts[slug], _wide_rows(dataset, slug))
 
 
-def about(dataset: Dataset, more: Mapping[str, tuple[Column, ...]]) -> Iterator[File]:
+def _wide_rows(dataset: Dataset, slug: str) -> Iterator[list[Any]]:
+    """Yield the responses to a questionnaire, a line each, as programs for statistics need them."""
+    known = {one.version: one for one in dataset.questionnaires if one.slug == slug}
+    table = WideTable([*known.values()])
+    for one in dataset.responses:
+        if one.questionnaire == slug:
+            own = table.row(known.get(one.version), one.values, one.missing)
+            yield [one.id, one.version, one.participant, one.session, one.finished, *own]
+
+
+def _about(dataset: Dataset, more: Mapping[str, tuple[Column, ...]]) -> Iterator[File]:
     """Yield what does not grow with the sessions: description, study, robots, plans and
     questionnaires.
     """
@@ -130,20 +138,21 @@ def _json(value: Any) -> str:
 
 def table(name: str, rows: Iterable[Sequence[Any]], layout: Sequence[Column]) -> File:
     """Return a table of values, in the order of its columns, as a file."""
-    return table_path(name), as_csv([column.name for column in layout], rows)
+    return table_path(name), _as_csv(layout, rows)
 
 
-def as_csv(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> Iterator[str]:
+def _as_csv(layout: Sequence[Column], rows: Iterable[Sequence[Any]]) -> Iterator[str]:
     """Yield rows of values as CSV, some at a time; none of their cells is a formula."""
-    yield csv_text([head])
+    yield csv_text([[column.name for column in layout]])
     rest = iter(rows)
     while some := list(islice(rest, LINES_AT_ONCE)):
         yield csv_text([map(as_cell, row) for row in some])
 
 
-def values_of(record: Any, layout: Sequence[Column]) -> list[Any]:
-    """Return the values of a record in the order of its columns."""
-    return [getattr(record, column.name) for column in layout]
+def values_of(records: Iterable[Any], layout: Sequence[Column]) -> Iterator[list[Any]]:
+    """Yield the values of each record in the order of its columns."""
+    for record in records:
+        yield [getattr(record, column.name) for column in layout]
 
 
 def as_cell(value: Any) -> Any:
@@ -154,9 +163,8 @@ def as_cell(value: Any) -> Any:
         case float():
             if math.isnan(value):
                 return ""
-            return (
-                str(int(value)) if value.is_integer() and abs(value) < EXACT else repr(float(value))
-            )
+            is_exact = value.is_integer() and abs(value) < EXACT
+            return str(int(value)) if is_exact else repr(float(value))
         case tuple():
             return "|".join(value)
         case dict():
@@ -168,20 +176,18 @@ def as_cell(value: Any) -> Any:
 
 
 def numbers(name: str, session: str, found: Columns) -> Iterator[File]:
-    """Yield the file of the states or network samples of a session; none is no file."""
+    """Yield the file of the states or network samples of a session, unless it has none."""
     if len(found):
         names = found.dtype.names or ()
-        rows = list(zip(*(_written(found[column]) for column in names), strict=True))
+        rows = list(zip(*(_as_json(found[column]) for column in names), strict=True))
         # some five times as fast as by Python's own repr
         lines = msgspec.json.encode(rows)[2:-2].replace(b"],[", b"\n").replace(b"null", b"nan")
         yield numbers_path(name, session), [f"{','.join(names)}\n{lines.decode()}\n"]
 
 
-def _written(column: Floats) -> list[float]:
-    """Return a column as numbers that JSON writes as a reader expects: whole ones without a
-    point.
-    """
-    # neither holds for what is no number
+def _as_json(column: Floats) -> list[float]:
+    """Return the numbers of a column; JSON writes integers without a point, as readers expect."""
+    # both comparisons are false for NaN
     is_whole = bool((column == np.trunc(column)).all() and (np.abs(column) < EXACT).all())
-    written: list[float] = (column.astype(np.int64) if is_whole else column).tolist()
-    return written
+    found: list[float] = (column.astype(np.int64) if is_whole else column).tolist()
+    return found

@@ -1,5 +1,5 @@
-"""Where the files of a dataset stand, named as Psych-DS asks for: pairs of a keyword of lower-case
-letters and a value of letters and digits, then `_data.csv`.
+"""The names of a dataset's files as Psych-DS requires them: pairs of a keyword (lower-case letters)
+and a value (letters and digits), then `_data.csv`.
 
     data/description-<table>_data.csv
     data/questionnaire-<name>_data.csv
@@ -18,18 +18,15 @@ _PARTS = re.compile(r"[^A-Za-z0-9]+")
 
 
 class DatasetError(ValueError):
-    """A folder that holds no dataset, or a broken one; says which file, and what is wrong with
-    it.
-    """
+    """A folder without a dataset, or with a broken one; names the file and what is wrong."""
 
 
 def table_path(name: str) -> str:
-    """Return where a table stands."""
     return f"data/description-{name}_data.csv"
 
 
 def numbers_path(name: str, session: str) -> str:
-    """Return where the states or network samples of a session stand.
+    """Return the path of the states or network samples of a session.
 
     Raises:
         DatasetError: a code that cannot be the name of a file.
@@ -38,7 +35,7 @@ def numbers_path(name: str, session: str) -> str:
 
 
 def plan_path(name: str) -> str:
-    """Return where a floor plan stands.
+    """Return the path of a floor plan.
 
     Raises:
         DatasetError: a name that cannot be the name of a file.
@@ -53,21 +50,18 @@ def _named(name: str, pattern: re.Pattern[str]) -> str:
 
 
 def questionnaire_paths(slugs: Iterable[str]) -> dict[str, str]:
-    """Return where each questionnaire's answers stand, a line a response, by its name in order."""
-    return {
-        slug: f"data/questionnaire-{value}_data.csv"
-        for slug, value in keyword_values(slugs).items()
-    }
+    """Return the path of each questionnaire's answers, a line a response, by its name in order."""
+    values = keyword_values(slugs)
+    return {slug: f"data/questionnaire-{value}_data.csv" for slug, value in values.items()}
 
 
 def keyword_values(slugs: Iterable[str]) -> dict[str, str]:
     """Return names as values of letters and digits alone, in their order: `nasa-tlx` is `nasaTlx`.
 
-    Those that would be the same, also where a file system does not tell capitals, have a part of
-    their SHA-256 at the end; so has one without any letter or digit.
+    Values that would be the same, also on a file system that ignores case, end with a part of the
+    name's SHA-256; so does the value of a name without any letter or digit.
     """
-    ordered = sorted(set(slugs))
-    plain = {slug: _camel(slug) for slug in ordered}
+    plain = {slug: _camel(slug) for slug in sorted(set(slugs))}
     shared = [value.casefold() for value in plain.values()]
     return {
         slug: value

@@ -11,6 +11,7 @@ An identified dataset has events as they are stored.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, get_args
 
 import msgspec
@@ -352,7 +353,9 @@ def event_columns() -> tuple[Column, ...]:
         for kind, listed in kinds.items():
             told.setdefault(kind, []).append(f"{source}: {in_words(listed)}".removesuffix(": "))
     types = {kind: "; or ".join(parts) for kind, parts in sorted(told.items())}
-    return tuple(one.one_of(types) if one.name == "type" else one for one in declared(EventRecord))
+    return tuple(
+        replace(one, levels=types) if one.name == "type" else one for one in declared(EventRecord)
+    )
 
 
 def end_reason(reason: str, release: Release) -> str:

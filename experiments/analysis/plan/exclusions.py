@@ -22,7 +22,7 @@ def exclusions_table(found: Sequence[PlanExclusion]) -> Table:
             words(one.session),
             words(one.rule),
             words(one.value),
-            words("yes" if one.is_planned else "no"),
+            words("yes" if one.planned else "no"),
         )
         for one in found
     )

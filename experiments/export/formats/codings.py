@@ -26,6 +26,13 @@ from experiments.extraction.forms import Origin, kept
 from experiments.models import Coding, CodingSchemeVersion, Drive
 
 NO_DATE = "1970-01-01T00:00:00"  # ELAN and BORIS want one, and a dataset has none
+CODE_KINDS = {"point": "a moment", "interval": "a time with a beginning and an end"}
+FIGURES = {
+    "alpha": "Krippendorff's α by time, of all coders",
+    "kappa": "Cohen's κ by time, of two coders",
+    "agreement": "share of the time that two coders coded alike",
+    "event_kappa": "Cohen's κ by events that two coders matched",
+}
 CODINGS = (
     Column("session", "", "code of the session"),
     Column("coder", "", "number of the coder"),
@@ -35,9 +42,7 @@ CODINGS = (
 CODED = (
     *CODINGS[:3],
     Column("code", "", "code of the scheme"),
-    Column("kind", "", "what the code marks").one_of(
-        {"point": "a moment", "interval": "a time with a beginning and an end"}
-    ),
+    Column("kind", "", "what the code marks", levels=CODE_KINDS),
     Column("begin", "s", "since the grant, by the server's clock"),
     Column("end", "s", "since the grant, by the server's clock; empty for a point"),
     Column("modifiers", "", "chosen values by the modifiers' names, as JSON"),
@@ -46,14 +51,7 @@ CODED = (
 AGREEMENT = (
     Column("scheme", "", "version of the coding scheme"),
     Column("code", "", "code of the scheme; all: all codes together"),
-    Column("figure", "", "how agreement is measured").one_of(
-        {
-            "alpha": "Krippendorff's α by time, of all coders",
-            "kappa": "Cohen's κ by time, of two coders",
-            "agreement": "share of the time that two coders coded alike",
-            "event_kappa": "Cohen's κ by events that two coders matched",
-        }
-    ),
+    Column("figure", "", "how agreement is measured", levels=FIGURES),
     Column("coders", "", "numbers of the coders, separated by |"),
     Column("value", "", "of the figure"),
     Column("low", "", "lower end of the 95 % confidence interval"),

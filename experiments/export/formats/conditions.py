@@ -23,16 +23,16 @@ from surveys.scoring import ScoredScale, parts_of, scales_of
 
 ABOUT = (
     Column("participant", "", "code of the participant"),
-    Column("kind", "", "who took part").one_of(KINDS),
+    Column("kind", "", "who took part", levels=KINDS),
     Column("condition", "", "assigned condition"),
     amount_of("order", "", "1 for the participant's first condition, by assignment"),
     amount_of("sessions", "", "drives of the participant in this condition, without practice"),
     flag("counts", "1 when a drive counts in the results on participants"),
-    Column("counts_why", "", "why the last drive does not count; empty when one does").one_of(
-        UNCOUNTED
+    Column(
+        "counts_why", "", "why the last drive does not count; empty when one does", levels=UNCOUNTED
     ),
     Column("session", "", "code of the last drive that counts, or of the last one without any"),
-    Column("outcome", "", "how that drive ended").one_of(OUTCOMES),
+    Column("outcome", "", "how that drive ended", levels=OUTCOMES),
 )
 
 
@@ -58,8 +58,11 @@ class ConditionsFormat(ExportFormat):
 def condition_columns(dataset: Dataset) -> tuple[Column, ...]:
     """Return the columns: factors and scores are called as in the study's plan and measures."""
     factors = (
-        Column(f"factor_{one.key}", "", f"level of the factor: {dataset.say(one.title)}").one_of(
-            {level.key: dataset.say(level.title) for level in one.levels}
+        Column(
+            f"factor_{one.key}",
+            "",
+            f"level of the factor: {dataset.say(one.title)}",
+            levels={level.key: dataset.say(level.title) for level in one.levels},
         )
         for one in dataset.study.factors
     )
@@ -68,7 +71,9 @@ def condition_columns(dataset: Dataset) -> tuple[Column, ...]:
             f"{slug}.{scale.key}",
             "",
             f"score of: {spoken(scale.label, dataset.language) or slug} – {scale.formula}",
-        ).within(*scale.bounds)
+            least=scale.bounds[0],
+            greatest=scale.bounds[1],
+        )
         for slug, scale in _scales(dataset)
     )
     return (*ABOUT[:3], *factors, *ABOUT[3:], *scores, *map(_averaged, METRICS))

@@ -24,7 +24,9 @@ METRIC_TABLE = (
         "problems",
         "",
         "rules for the record's quality that are not kept; empty: good",
-    ).some_of(PROBLEMS),
+        levels=PROBLEMS,
+        divider="|",
+    ),
     *METRICS,
 )
 

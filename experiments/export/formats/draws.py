@@ -6,24 +6,23 @@ import json
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from experiments.dataset import levels
 from experiments.dataset.columns import Column, amount_of, share
 from experiments.dataset.files import table
+from experiments.dataset.levels import KINDS
 from experiments.export.format import ExportFormat, File, encoded
 from experiments.models import Draw, Study
 
+REASONS = {
+    "first": "the first assignment",
+    "again": "again, because the participant had seen nothing of the first",
+}
 DRAWS = (
     Column("number", "", "order of the draws within a kind of participants"),
     Column("participant", "", "code of the participant; empty: not in this dataset"),
-    Column("kind", "", "for whom it was drawn").one_of(levels.KINDS),
+    Column("kind", "", "for whom it was drawn", levels=KINDS),
     amount_of("draw", "", "first, second … draw of the participant"),
-    Column("reason", "", "why it was drawn").one_of(
-        {
-            "first": "the first assignment",
-            "again": "again, because the participant had seen nothing of the first",
-        }
-    ),
-    Column("cell", "", "cell that was drawn").some_of({}, "-"),
+    Column("reason", "", "why it was drawn", levels=REASONS),
+    Column("cell", "", "cell that was drawn", divider="-"),
     Column("best", "", "cells with the lowest score, with | between them"),
     Column("counts", "", "JSON: places taken in each open cell before the draw"),
     Column("scores", "", "JSON: of these, those of participants alike in the balance factors"),

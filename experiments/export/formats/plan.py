@@ -8,20 +8,13 @@ from experiments.analysis.plan.preregistration import preregistration
 from experiments.analysis.plan.reporting_sheet import as_markdown, reporting_sheet
 from experiments.analysis.tables.participant_kinds import KINDS, of_whom
 from experiments.analysis.tables.table import Table
-from experiments.dataset.columns import Column, flag
+from experiments.dataset.columns import declared
 from experiments.dataset.counting import counting
-from experiments.dataset.exclusions import RULES
-from experiments.dataset.files import table
-from experiments.dataset.records import Dataset
+from experiments.dataset.files import table, values_of
+from experiments.dataset.records import Dataset, PlanExclusion
 from experiments.export.format import ExportFormat, ExportSource, File, encoded
 
-EXCLUSIONS = (
-    Column("participant", "", "who is excluded"),
-    Column("session", "", "session that is excluded; empty: the participant with all sessions"),
-    Column("rule", "", "rule that excludes them").one_of(RULES),
-    Column("value", "", "what was found"),
-    flag("planned", "1 when the plan of the study has the rule"),
-)
+EXCLUSIONS = declared(PlanExclusion)
 
 
 class PlanFormat(ExportFormat):
@@ -38,11 +31,8 @@ class PlanFormat(ExportFormat):
         """Yield the preregistration, and everybody who is excluded."""
         dataset = self.source.dataset
         text = preregistration(dataset.study, dataset.freeze, dataset.questionnaires)
-        rows = [
-            [one.participant, one.session, one.rule, one.value, one.is_planned]
-            for some in self._chosen
-            for one in some.exclusions
-        ]
+        found = (one for some in self._chosen for one in some.exclusions)
+        rows = values_of(found, EXCLUSIONS)
         yield from encoded([("preregistration.md", [text]), table("exclusions", rows, EXCLUSIONS)])
 
     def at_last(self) -> Iterator[File]:

@@ -22,17 +22,16 @@ MEANINGS = {
     "same_network": "participants of the study on one network",
     "same_id": "participants of the study with one recruitment id",
 }
+GRADES = {
+    "1": "note: happens to attentive participants as well",
+    "2": "doubtful: worth a look",
+    "3": "serious: hardly compatible with taking part as meant",
+}
 COLUMNS = (
     Column("participant", "", "code of the participant"),
     Column("session", "", "code of the session; empty where the flag is about no single one"),
-    Column("flag", "", "what was found").one_of(MEANINGS),
-    Column("grade", "", "how serious it is").one_of(
-        {
-            "1": "note: happens to attentive participants as well",
-            "2": "doubtful: worth a look",
-            "3": "serious: hardly compatible with taking part as meant",
-        }
-    ),
+    Column("flag", "", "what was found", levels=MEANINGS),
+    Column("grade", "", "how serious it is", levels=GRADES),
     Column("value", "", "what was found, in words and figures"),
 )
 

@@ -13,14 +13,19 @@ from tests.support.analysis.study_dataset import made_up
 
 LAYOUT = (
     Column("id", "", "code", is_text=True),
-    Column("kind", "", "who took part").one_of({"participant": "took part", "bot": "a program"}),
+    Column("kind", "", "who took part", levels={"participant": "took part", "bot": "a program"}),
     amount_of("seconds", "s", "how long it took"),
     flag("finished", "1 when it was finished"),
-    Column("q1", "", "I could drive the robot well")
-    .within(-2, 2)
-    .one_of({"-2": "not at all", "2": "very well"}),
-    Column("q1_missing", "", "why there is no answer").one_of(MISSING),
-    Column("doors", "", "closed doors").some_of({"lab": "", "hall": ""}),
+    Column(
+        "q1",
+        "",
+        "I could drive the robot well",
+        least=-2,
+        greatest=2,
+        levels={"-2": "not at all", "2": "very well"},
+    ),
+    Column("q1_missing", "", "why there is no answer", levels=MISSING),
+    Column("doors", "", "closed doors", levels={"lab": "", "hall": ""}, divider="|"),
     Column("r.a", "", "place of A"),
     Column("2nd", "", "ä" * 200),
 )
