@@ -1,8 +1,8 @@
 """Stored codings: schemes by version, and each coder's events, every change of which is a row.
 
 A page sends changes with ids of its own, so that a change that is sent twice is stored once. A
-change always becomes the newest version of its event: of two tabs that change one event, the later
-change counts, the other one stays stored, and the answer names the event.
+change always becomes the newest version of its event: if two tabs change one event, the later
+change is valid, the other one remains stored, and the answer names the event.
 """
 
 import contextlib
@@ -39,8 +39,8 @@ Seconds = Annotated[float, Meta(ge=0.0, le=MAX_SECONDS)]
 
 
 class EventEdit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A change as a page sends it: the event as it is from now on. `base` is the version that was
-    changed, 0 for a new event.
+    """A change from a page: the whole event after it. `base` is the changed version, 0 for a new
+    event.
     """
 
     id: uuid.UUID
@@ -60,9 +60,7 @@ class EventEdits(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class Saved:
-    """The result of saving changes: `conflicts` are events that another tab has changed, `refused`
-    the changes that cannot be stored, with the reason.
-    """
+    """Events that another tab has changed, and the changes that cannot be stored, with reasons."""
 
     conflicts: tuple[str, ...]
     refused: dict[str, str]
@@ -72,8 +70,8 @@ class Saved:
 
 
 def scheme_of(study: Study, now: datetime.datetime) -> CodingSchemeVersion | None:
-    """Return the newest scheme of a study; that of its definition is stored at its first use. None
-    when it has none.
+    """Return the newest scheme of a study, if it has any; that of its definition is stored at its
+    first use.
     """
     newest = _newest(study)
     if newest is None and (declared := study.as_definition().coding) is not None:
@@ -88,9 +86,9 @@ def store_scheme(study: Study, scheme: CodingScheme, now: datetime.datetime) -> 
         return newest
     fields = {"document": msgspec.to_builtins(scheme), "created_at": now}
     version = newest.version + 1 if newest else 1
-    row: CodingSchemeVersion = CodingSchemeVersion.objects.get_or_create(
-        study=study, version=version, defaults=fields
-    )[0]
+    rows = CodingSchemeVersion.objects
+    row: CodingSchemeVersion
+    row, _new = rows.get_or_create(study=study, version=version, defaults=fields)
     return row
 
 
@@ -157,9 +155,8 @@ def save(coding: Coding, edits: Sequence[EventEdit], now: datetime.datetime) -> 
     """
     refuse_if_done(coding)
     if coding.edits.count() + len(edits) > MAX_EDITS:
-        raise BadCodingError(
-            [_("Not saved: a coding can have at most %(n)d changes.") % {"n": MAX_EDITS}]
-        )
+        text = _("Not saved: a coding can have at most %(n)d changes.") % {"n": MAX_EDITS}
+        raise BadCodingError([text])
     scheme = read_scheme(coding.scheme)
     conflicts: list[str] = []
     refused: dict[str, str] = {}
@@ -184,7 +181,7 @@ def refuse_if_done(coding: Coding) -> None:
 
 
 def _store(coding: Coding, edit: EventEdit, now: datetime.datetime) -> bool:
-    """Store a change once; tell whether the event was changed since the version it was made of."""
+    """Store a change once; return whether another tab changed the event since `edit.base`."""
     for _attempt in range(ATTEMPTS):
         if CodingEdit.objects.filter(pk=edit.id).exists():
             return False
@@ -216,7 +213,7 @@ def _row(coding: Coding, noted: Any, now: datetime.datetime, **fields: Any) -> C
 
 
 def replace_events(coding: Coding, events: Iterable[CodedEvent], now: datetime.datetime) -> int:
-    """Put imported, checked events into a coding in place of those that it has; return how many.
+    """Replace the events of a coding by imported, checked ones, and return how many these are.
 
     Raises:
         BadCodingError: the coding is done.
@@ -267,7 +264,7 @@ def reopen(coding: Coding) -> None:
     Coding.objects.filter(pk=coding.pk).update(done_at=None)
 
 
-# --- who sees what --------------------------------------------------------------------------------
+# --- access ---------------------------------------------------------------------------------------
 
 
 def is_revealed(session: uuid.UUID, scheme: CodingSchemeVersion) -> bool:

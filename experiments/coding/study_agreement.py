@@ -1,4 +1,4 @@
-"""How the coders of a study agree on the sessions that several of them have finished."""
+"""The agreement of a study's coders on the sessions that several of them have finished."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,11 +23,8 @@ class StudyAgreement:
 
 
 def agreement_of(scheme: CodingSchemeVersion, only: Any = None) -> StudyAgreement:
-    """Return how coders agree by one scheme.
-
-    Args:
-        scheme: by which they coded.
-        only: a user: sessions that they did not code are left out.
+    """Return the agreement of coders by one scheme; with a user as `only`, on the sessions of this
+    coder.
     """
     sessions = [
         (session, codings)

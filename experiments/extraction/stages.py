@@ -1,4 +1,4 @@
-"""How far participants have come: the stages of a flow diagram (CONSORT 2010, item 13)."""
+"""The stages of participants, as in a flow diagram (CONSORT 2010, item 13)."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -12,8 +12,8 @@ EXPOSED = Q(exposed_at__isnull=False) | Q(session__first_motion_at__isnull=False
 
 
 def stages_of(study: Study, rows: Iterable[Participant]) -> dict[Any, str]:
-    """Return the last stage that each participant reached (experiments.dataset.levels
-    STAGES), by key; of those who withdrew what they had reached then.
+    """Return the last stage that each participant reached (experiments.dataset.levels STAGES), by
+    key; for those who withdrew, the stage at that time.
 
     `ended` needs a drive of the task that ended with an outcome, `answered` also a finished
     response to the questionnaire of the study's table.

@@ -1,5 +1,5 @@
-"""How participants were assigned to cells: each draw with what it was decided on, so that it
-can be repeated (experiments/participation/assignment.py).
+"""How participants were assigned to cells: each draw with its inputs, so that it can be repeated
+(experiments/participation/assignment.py).
 """
 
 import json
@@ -7,10 +7,9 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from experiments.dataset.columns import Column, amount_of, share
-from experiments.dataset.files import table
 from experiments.dataset.levels import KINDS
-from experiments.export.format import ExportFormat, File, encoded
-from experiments.models import Draw, Study
+from experiments.export.format import ExportFormat, File
+from experiments.models import Draw
 
 REASONS = {
     "first": "the first assignment",
@@ -37,14 +36,11 @@ class DrawsFormat(ExportFormat):
     tables = {"draws": DRAWS}
 
     def of_study(self) -> Iterator[File]:
-        about, there = (
-            self.source.dataset.study,
-            {one.id for one in self.source.dataset.participants},
-        )
-        study = Study.objects.get(slug=about.slug, version=about.version)
-        draws = Draw.objects.filter(study=study).select_related("participant")
-        rows = (self._row(one, there) for one in draws.order_by("kind", "number"))
-        yield from encoded([table("draws", rows, DRAWS)])
+        about = self.source.dataset.study
+        draws = Draw.objects.filter(study__slug=about.slug, study__version=about.version)
+        ordered = draws.select_related("participant").order_by("kind", "number")
+        there = {one.id for one in self.source.dataset.participants}
+        yield self.source.table("draws", (self._row(one, there) for one in ordered))
 
     def _row(self, draw: Draw, there: set[str]) -> Sequence[Any]:
         choice, code = self.source.release.choice, draw.participant.code
@@ -60,6 +56,6 @@ class DrawsFormat(ExportFormat):
             json.dumps(draw.scores),
             json.dumps({} if choice.public else draw.levels),
             draw.best_probability,
-            "" if draw.seed is None else draw.seed,
+            draw.seed,
             draw.at.isoformat() if draw.at is not None and choice.identified else "",
         )

@@ -1,4 +1,4 @@
-"""The quality flags of all participants, as CSV: graded, and nobody left out because of them."""
+"""The quality flags of all participants with their grades; they exclude no participant."""
 
 from collections.abc import Iterator
 
@@ -7,9 +7,8 @@ from experiments.analysis.quality.driving import driving_flags
 from experiments.analysis.quality.flag import Flag
 from experiments.analysis.quality.flags import network_flags
 from experiments.dataset.columns import Column
-from experiments.dataset.files import table
 from experiments.dataset.records import SessionRecord
-from experiments.export.format import ExportFormat, ExportSource, File, encoded
+from experiments.export.format import ExportFormat, ExportSource, File
 from experiments.models import Drive
 
 MEANINGS = {
@@ -51,12 +50,11 @@ class QualityFlagsFormat(ExportFormat):
         yield from ()
 
     def at_last(self) -> Iterator[File]:
-        """Yield the table."""
         dataset = self.source.dataset
         found = [*self._found, *answer_flags(dataset), *network_flags(dataset)]
         found.sort(key=lambda one: (one.participant, -one.grade, one.name, one.value))
-        rows = [
-            [one.participant, one.session, one.name, str(int(one.grade)), one.value]
+        rows = (
+            (one.participant, one.session, one.name, str(int(one.grade)), one.value)
             for one in found
-        ]
-        yield from encoded([table("quality_flags", rows, COLUMNS)])
+        )
+        yield self.source.table("quality_flags", rows)
