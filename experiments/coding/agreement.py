@@ -233,7 +233,7 @@ def _of_code(
         sums = pair_sums(values[list(pair)], cluster, shape)
         share = estimate(agreements, *sums, least=0.0)
         parts = [
-            [*map(len, matched(one, two, code, tolerance))]
+            [len(some) for some in matched(one, two, code, tolerance)]
             for _number, one, two in _of_both(sessions, pair)
             for code in codes
         ]
