@@ -48,10 +48,7 @@ OBSERVATION = {
 
 
 def to_boris(
-    codes: Sequence[Code],
-    observations: Mapping[str, Sequence[CodedEvent]],
-    name: str,
-    date: str,
+    codes: Sequence[Code], observations: Mapping[str, Sequence[CodedEvent]], name: str, date: str
 ) -> bytes:
     """Return codings as a project of a name; `observations` has the events of each coding by the
     observation's name, and `date` is YYYY-MM-DDTHH:MM:SS.

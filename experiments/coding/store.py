@@ -8,7 +8,7 @@ change is valid, the other one remains stored, and the answer names the event.
 import contextlib
 import datetime
 import uuid
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -30,7 +30,6 @@ from experiments.coding.scheme import (
 )
 from experiments.definition.coding import CodingScheme
 from experiments.models import Coding, CodingEdit, CodingSchemeVersion, Drive, Participant, Study
-from sessions.models import Session
 
 MAX_EDITS, MAX_EDITS_AT_ONCE = 50_000, 500
 ATTEMPTS = 5  # to store a version while another tab stores some
@@ -113,24 +112,20 @@ def coding_of(session: uuid.UUID, scheme: CodingSchemeVersion, user: Any) -> Cod
 
 def begin(drive: Drive, scheme: CodingSchemeVersion, user: Any, now: datetime.datetime) -> Coding:
     """Return a user's coding of a drive's session, begun now where there is none."""
+    slug, session = drive.participant.study.slug, drive.session_id
     for _attempt in range(ATTEMPTS + 1):
-        if found := coding_of(drive.session_id, scheme, user):
+        if found := coding_of(session, scheme, user):
             return found
         # refused when another tab has begun it, or another coder took the number
         with contextlib.suppress(IntegrityError), transaction.atomic():
-            number = _number_of(drive.participant.study.slug, user)
-            Coding.objects.create(
-                session_id=drive.session_id, scheme=scheme, coder=user, number=number, began_at=now
-            )
+            list(Study.objects.select_for_update().filter(slug=slug).values_list("pk"))
+            rows = Coding.objects.filter(scheme__study__slug=slug)
+            # a coder has one number in a study
+            own = rows.filter(coder=user).values_list("number", flat=True).first()
+            number = own or (rows.aggregate(most=Max("number"))["most"] or 0) + 1
+            fields = {"scheme": scheme, "coder": user, "number": number, "began_at": now}
+            Coding.objects.create(session_id=session, **fields)
     raise BadCodingError([_("The coding could not be started. Try again.")])
-
-
-def _number_of(slug: str, user: Any) -> int:
-    """Return a coder's number in a study: the one that they have, else the next."""
-    list(Study.objects.select_for_update().filter(slug=slug).values_list("pk"))
-    rows = Coding.objects.filter(scheme__study__slug=slug)
-    own = rows.filter(coder=user).values_list("number", flat=True).first()
-    return own or (rows.aggregate(most=Max("number"))["most"] or 0) + 1
 
 
 def current(coding: Coding) -> list[CodingEdit]:
@@ -275,24 +270,8 @@ def is_revealed(session: uuid.UUID, scheme: CodingSchemeVersion) -> bool:
 
 def released(scheme: CodingSchemeVersion) -> list[Coding]:
     """Return the codings that may be exported: those of sessions that no coder is still coding."""
-    rows = list(
-        Coding.objects.filter(scheme=scheme)
-        .exclude(session__drive__participant__status=Participant.Status.WITHDRAWN)
-        .select_related("session", "scheme")
-        .order_by("session__granted_at", "session", "number")
-    )
-    busy = {row.session_id for row in rows if row.done_at is None}
-    return [row for row in rows if row.session_id not in busy]
-
-
-def compared(codings: Iterable[Coding]) -> Iterator[tuple[Session, list[Coding]]]:
-    """Yield each session of codings with its own, where there are at least two."""
-    of_session: dict[uuid.UUID, list[Coding]] = {}
-    for coding in codings:
-        of_session.setdefault(coding.session_id, []).append(coding)
-    yield from ((some[0].session, some) for some in of_session.values() if len(some) > 1)
-
-
-def waiting(scheme: CodingSchemeVersion) -> int:
-    rows = Coding.objects.filter(scheme=scheme, done_at=None)
-    return len(set(rows.values_list("session", flat=True)))
+    every = Coding.objects.filter(scheme=scheme).select_related("session", "scheme")
+    rows = every.exclude(session__drive__participant__status=Participant.Status.WITHDRAWN)
+    found = list(rows.order_by("session__granted_at", "session", "number"))
+    busy = {row.session_id for row in found if row.done_at is None}
+    return [row for row in found if row.session_id not in busy]

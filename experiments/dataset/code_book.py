@@ -83,10 +83,7 @@ def layouts(
     """Yield every table by name, with its columns; `more` takes precedence over LAYOUTS."""
     named = _named(dataset)
     for name, layout in {**LAYOUTS, **more}.items():
-        yield (
-            name,
-            [replace(one, levels=named.get(one.name, one.levels)) for one in layout],
-        )
+        yield name, [replace(one, levels=named.get(one.name, one.levels)) for one in layout]
     for slug in sorted({one.slug for one in dataset.questionnaires}):
         versions = [one for one in dataset.questionnaires if one.slug == slug]
         yield slug, list(_wide(versions, dataset.language))

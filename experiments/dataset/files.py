@@ -1,11 +1,17 @@
 """A dataset as files: names and texts, made one after the other, so that they can be written into a
 folder or sent as they are made. Numbers have all their digits, so that reading gives the same ones.
+
+Names are those that Psych-DS requires: pairs of a keyword (lower-case letters) and a value (letters
+and digits), then `_data.csv`.
 """
 
 import json
 import math
+import re
+import unicodedata
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from itertools import islice
 from types import MappingProxyType
 from typing import Any
@@ -15,13 +21,6 @@ import numpy as np
 
 from experiments.dataset import code_book
 from experiments.dataset.columns import Column, Columns, Floats
-from experiments.dataset.names import (
-    DatasetError,
-    numbers_path,
-    plan_path,
-    questionnaire_paths,
-    table_path,
-)
 from experiments.dataset.records import TABLES, Dataset, EventRecord
 from experiments.definition.schema import to_json as study_json
 from robots.api import floorplan
@@ -32,6 +31,14 @@ from surveys.scoring import WideTable
 File = tuple[str, Iterable[str]]  # path in the folder, and its text in parts
 LINES_AT_ONCE = 500
 EXACT = 1e15  # whole numbers below it are exact
+DIGEST = 8  # characters of the sum that tells apart names that would be the same
+_CODE = re.compile(r"^[A-Za-z0-9-]{1,64}$")
+_PLAN = re.compile(r"^[a-z0-9][a-z0-9_-]{0,63}$")
+_PARTS = re.compile(r"[^A-Za-z0-9]+")
+
+
+class DatasetError(ValueError):
+    """A folder without a dataset, or with a broken one; names the file and what is wrong."""
 
 
 def contents(dataset: Dataset) -> Iterator[File]:
@@ -191,3 +198,62 @@ def _as_json(column: Floats) -> list[float]:
     is_whole = bool((column == np.trunc(column)).all() and (np.abs(column) < EXACT).all())
     found: list[float] = (column.astype(np.int64) if is_whole else column).tolist()
     return found
+
+
+# --- names ----------------------------------------------------------------------------------------
+
+
+def table_path(name: str) -> str:
+    return f"data/description-{name}_data.csv"
+
+
+def numbers_path(name: str, session: str) -> str:
+    """Return the path of the states or network samples of a session.
+
+    Raises:
+        DatasetError: a code that cannot be the name of a file.
+    """
+    return f"data/{name}/session-{_named(session, _CODE).replace('-', '')}_data.csv"
+
+
+def plan_path(name: str) -> str:
+    """Return the path of a floor plan.
+
+    Raises:
+        DatasetError: a name that cannot be the name of a file.
+    """
+    return f"plans/{_named(name, _PLAN)}.json"
+
+
+def _named(name: str, pattern: re.Pattern[str]) -> str:
+    if not pattern.match(name):
+        raise DatasetError(f"{name!r} cannot be used as a file name")
+    return name
+
+
+def questionnaire_paths(slugs: Iterable[str]) -> dict[str, str]:
+    """Return the path of each questionnaire's answers, a line a response, by its name in order."""
+    values = keyword_values(slugs)
+    return {slug: f"data/questionnaire-{value}_data.csv" for slug, value in values.items()}
+
+
+def keyword_values(slugs: Iterable[str]) -> dict[str, str]:
+    """Return names as values of letters and digits alone, in their order: `nasa-tlx` is `nasaTlx`.
+
+    Values that would be the same, also on a file system that ignores case, end with a part of the
+    name's SHA-256; so does the value of a name without any letter or digit.
+    """
+    plain = {slug: _camel(slug) for slug in sorted(set(slugs))}
+    shared = [value.casefold() for value in plain.values()]
+    return {
+        slug: value
+        if value and shared.count(value.casefold()) == 1
+        else f"{value}{sha256(slug.encode()).hexdigest()[:DIGEST]}"
+        for slug, value in plain.items()
+    }
+
+
+def _camel(slug: str) -> str:
+    letters = unicodedata.normalize("NFKD", slug).encode("ascii", "ignore").decode()
+    first, *rest = [part for part in _PARTS.split(letters) if part] or [""]
+    return first + "".join(part[0].upper() + part[1:] for part in rest)

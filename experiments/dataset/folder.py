@@ -26,8 +26,7 @@ import msgspec
 import numpy as np
 
 from experiments.dataset.columns import Column, Columns, columns_of, declared
-from experiments.dataset.files import File, contents
-from experiments.dataset.names import DatasetError, numbers_path, table_path
+from experiments.dataset.files import DatasetError, File, contents, numbers_path, table_path
 from experiments.dataset.records import (
     TABLES,
     AnswerRecord,

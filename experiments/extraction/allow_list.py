@@ -150,10 +150,7 @@ MESSAGES: Mapping[type, Fields] = {
     m.Pose: {**_read_by(StoredPose), "covariance": withheld},
     m.Velocity: _read_by(StoredVelocity),
     m.Battery: {**_read_by(StoredBattery), "voltage": withheld},
-    m.AppliedCommand: {
-        **_read_by(StoredCommand),
-        **dict.fromkeys(("seq", "stamp"), withheld),
-    },
+    m.AppliedCommand: {**_read_by(StoredCommand), **dict.fromkeys(("seq", "stamp"), withheld)},
     p.PageNetwork: {**_read_by(StoredSample), "stamp": in_columns, "path": withheld},
     # These are read into words: `facts` and `spell`.
     m.Factsheet: {

@@ -10,20 +10,20 @@ from functools import lru_cache
 
 from experiments.dataset.columns import Columns
 from experiments.dataset.counting import with_reasons
-from experiments.dataset.records import Dataset
+from experiments.dataset.records import Dataset, FreezeRecord
 from experiments.dataset.states import NO_NETWORK, NO_STATES
 from experiments.definition.publication import from_stored
 from experiments.extraction.answers import questionnaires_of, responses_of
 from experiments.extraction.events import events_of, page_offset
 from experiments.extraction.forms import Release
-from experiments.extraction.freeze import freeze_of
 from experiments.extraction.people import Round, pages_of, participants_of
 from experiments.extraction.pseudonyms import Pseudonyms
 from experiments.extraction.robots import plans_of, robots_of
 from experiments.extraction.selection import Selection
 from experiments.extraction.sessions import drives_of, granted, sessions_of
 from experiments.extraction.states import network_of, states_of
-from experiments.models import Drive, Study
+from experiments.models import Drive, Participant, ParticipantKind, Study
+from experiments.versions import software_version
 
 ANALYSED = Selection(sources=("task",))  # tables and figures need no other events
 
@@ -68,6 +68,22 @@ def release_of(study: Study, choice: Selection) -> Release:
     doors = frozenset(opening.name for plan in plans for opening in plan.openings)
     script = definition.wizard.steps if definition.wizard is not None else ()
     return Release(Pseudonyms(study.secret), choice, doors, frozenset(step.key for step in script))
+
+
+def freeze_of(study: Study) -> FreezeRecord:
+    at, more = study.published_at, {}
+    if at is not None:
+        people = Participant.objects.filter(
+            study__slug=study.slug, kind=ParticipantKind.PARTICIPANT, created_at__lt=at
+        )
+        more = {
+            "frozen_at": f"{at:%Y-%m-%d %H:%M} UTC",
+            "before_data": not people.filter(study=study).exists(),
+            "earlier": people.filter(study__version__lt=study.version).count(),
+        }
+    return FreezeRecord(
+        sha256=study.sha256, deviations=study.deviations, software=software_version(), **more
+    )
 
 
 def _states(drive: Drive) -> Columns:

@@ -3,6 +3,7 @@
 import math
 from bisect import bisect_right
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 from django.db.models import Q, QuerySet
 
@@ -10,13 +11,22 @@ from experiments.dataset.levels import AGE_BANDS, AGE_LIMITS, TURNED_AWAY, WITHD
 from experiments.dataset.records import PageRecord, ParticipantRecord
 from experiments.definition.schema import StudyDefinition
 from experiments.extraction.selection import Selection
-from experiments.extraction.stages import stages_of
-from experiments.models import SCREENED_OUT, ConsentReceipt, Draw, Drive, StepVisit, Study
+from experiments.models import (
+    SCREENED_OUT,
+    ConsentReceipt,
+    Draw,
+    Drive,
+    StepResponse,
+    StepVisit,
+    Study,
+)
 from experiments.models import Participant as Row
 
 LEFT = {Row.Status.SCREENED_OUT: TURNED_AWAY, Row.Status.WITHDRAWN: WITHDREW}
 CONTINUES = frozenset({"", "completed", "timed_out"})  # outcomes after which the study goes on
 Round = tuple[object, int, int]  # participant, visit and round
+# the page showed the robot's video; before a drive is settled, also: the robot moved
+EXPOSED = Q(exposed_at__isnull=False) | Q(session__first_motion_at__isnull=False)
 
 
 def people_of(study: Study, choice: Selection) -> "QuerySet[Row]":
@@ -68,6 +78,39 @@ def participants_of(
         )
         found.append(participant)
     return found
+
+
+def stages_of(study: Study, rows: Iterable[Row]) -> dict[Any, str]:
+    """Return the last stage that each participant reached (experiments.dataset.levels STAGES), by
+    key; for those who withdrew, the stage at that time.
+
+    `ended` needs a drive of the task that ended with an outcome, `answered` also a finished
+    response to the questionnaire of the study's table.
+    """
+    rows, definition = list(rows), study.as_definition()
+    own = Q(participant__in=[row.pk for row in rows])
+    seen = Drive.objects.filter(own & EXPOSED).exclude(step__in=definition.practice_keys)
+    exposed, ended = set(), set()
+    for who, *outcomes in seen.values_list("participant_id", "outcome", "session__outcome"):
+        exposed.add(who)
+        ended.update([who] if any(outcomes) else [])
+    responses = StepResponse.objects.filter(
+        own,
+        response__questionnaire__slug=definition.analysis.statements,
+        response__finished_at__isnull=False,
+    )
+    answered = set(responses.values_list("participant_id", flat=True))
+
+    def stage(row: Row) -> str:
+        if row.withdrawn_stage:
+            return str(row.withdrawn_stage)
+        if row.pk not in exposed:
+            return "assigned" if row.cell else "arrived"
+        if row.pk not in ended:
+            return "exposed"
+        return "answered" if row.pk in answered else "ended"
+
+    return {row.pk: stage(row) for row in rows}
 
 
 def pages_of(study: Study, sessions: Mapping[Round, str], choice: Selection) -> list[PageRecord]:

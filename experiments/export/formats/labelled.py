@@ -16,9 +16,8 @@ from typing import Any
 from django.utils.translation import gettext_lazy as _
 
 from experiments.dataset.columns import Column
-from experiments.dataset.files import as_cell, data_tables
+from experiments.dataset.files import as_cell, data_tables, keyword_values
 from experiments.dataset.levels import MISSING
-from experiments.dataset.names import keyword_values
 from experiments.export.format import ExportFormat, File
 from experiments.export.formats.conditions import condition_columns, condition_rows
 from experiments.export.formats.dataset import METRIC_TABLE, metric_rows

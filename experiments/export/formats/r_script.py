@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from experiments.dataset.code_book import layouts
 from experiments.dataset.columns import Column, declared
-from experiments.dataset.names import questionnaire_paths, table_path
+from experiments.dataset.files import questionnaire_paths, table_path
 from experiments.dataset.records import TABLES
 from experiments.export.format import ExportFormat, File, text_of
 

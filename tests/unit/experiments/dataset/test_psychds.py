@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments.dataset.code_book import description
+from experiments.dataset.files import keyword_values, questionnaire_paths
 from experiments.dataset.folder import read, write
-from experiments.dataset.names import keyword_values, questionnaire_paths
 from experiments.dataset.records import Dataset
 from experiments.definition.publication import Author, PublicationDetails
 from experiments.definition.shipped import shipped
