@@ -128,7 +128,7 @@ def from_eaf(document: bytes, codes: Sequence[Code]) -> tuple[list[CodedEvent], 
 
 
 class _Reading:
-    """The events that were read so far, by their annotations' ids, and what is not imported."""
+    """The events read so far, by their annotations' ids, and sentences on parts not imported."""
 
     def __init__(self, root: ET.Element, codes: Sequence[Code]) -> None:
         self.events: dict[str, CodedEvent] = {}

@@ -34,7 +34,7 @@ def description(
     """Return the description.
 
     Args:
-        dataset: what is described.
+        dataset: its subject.
         more: columns of tables that are written in addition to those of a dataset.
         without: tables that are not written, because they would be empty.
     """

@@ -128,7 +128,7 @@ def counting(
     Args:
         dataset: everything that was recorded.
         kinds: who is chosen.
-        with_excluded: whether what is excluded counts as well: a sensitivity analysis.
+        with_excluded: whether excluded drives count as well, as in a sensitivity analysis.
     """
     plan, found = _plan_of(dataset, kinds)
     if with_excluded:

@@ -38,7 +38,7 @@ _PARTS = re.compile(r"[^A-Za-z0-9]+")
 
 
 class DatasetError(ValueError):
-    """A folder without a dataset, or with a broken one; names the file and what is wrong."""
+    """A folder without a dataset, or with a broken one; names the file and the problem."""
 
 
 def contents(dataset: Dataset) -> Iterator[File]:

@@ -29,8 +29,8 @@ def text_of(name: str) -> str:
 
 @dataclass(frozen=True)
 class ExportSource:
-    """What is exported: `drives` are those of the dataset's sessions, in their order; `more` are
-    the columns of all tables beside those of a dataset, for the code book. `measured` has the
+    """The data of an export: `drives` are those of the dataset's sessions, in their order; `more`
+    are the columns of all tables beside those of a dataset, for the code book. `measured` has the
     numbers of the sessions so far, without segments and positions.
     """
 

@@ -4,6 +4,7 @@ page.
 
 import statistics
 from collections.abc import Iterable, Iterator
+from typing import Any
 
 from django.db.models import F, Min
 
@@ -21,40 +22,39 @@ def events_of(drives: Iterable[Drive], release: Release) -> Iterator[EventRecord
     clock.
     """
     for drive in drives:
-        found = [*_of_task(drive, release), *_of_session(drive, release)]
+        found = _of_drive(drive, release)
         yield from sorted(found, key=lambda event: (event.stamp, event.source, event.type))
 
 
-def _of_task(drive: Drive, release: Release) -> Iterator[EventRecord]:
-    if "task" not in release.choice.sources:
-        return
-    code, origin = release.names.session(drive.session_id), Origin(granted(drive))
-    rows = TaskEvent.objects.filter(drive=drive).order_by("number")
-    for stamp, kind, data in rows.values_list("stamp", "type", "data"):
-        kept = released("task", kind, data, release, origin)
+def _of_drive(drive: Drive, release: Release) -> Iterator[EventRecord]:
+    code, sources = release.names.session(drive.session_id), release.choice.sources
+    origins = {source: origin_of(drive, source) for source in sources}
+    for source, kind, stamp, received, data in _stored(drive, set(sources)):
+        kept = released(source, kind, data, release, origins[source])
         if kept is not None:
-            yield EventRecord(code, origin.relative(stamp), "task", kind, kept)
+            at = origins[source].relative(stamp)
+            if abs(at) >= NEAR:  # the difference to a clock that was never set reveals the date
+                at = Origin(granted(drive)).relative(received)
+            yield EventRecord(code, at, source, kind, kept)
 
 
-def _of_session(drive: Drive, release: Release) -> Iterator[EventRecord]:
-    sources = [source for source in release.choice.sources if source != "task"]
-    if not sources:
-        return
-    code, begin = release.names.session(drive.session_id), granted(drive)
-    origins = {
-        "robot": Origin(begin, robot_offset(drive.session_id)),
-        "page": Origin(begin, page_offset(drive.session_id)),
-    }
-    rows = SessionEvent.objects.filter(session=drive.session_id, source__in=sources)
-    for row in rows.order_by("received_at", "id").iterator(chunk_size=1000):
-        origin = origins.get(row.source, Origin(begin))
-        kept = released(row.source, row.type, row.data, release, origin)
-        if kept is None:
-            continue
-        at = origin.relative(row.stamp)
-        if abs(at) >= NEAR:  # the difference to a clock that was never set would reveal the date
-            at = round(row.received_at - begin, 6)
-        yield EventRecord(code, at, row.source, row.type, kept)
+def _stored(drive: Drive, sources: set[str]) -> Iterator[tuple[str, str, float, float, Any]]:
+    """Yield source, type, time by the sender's clock, time of receipt, and data of events."""
+    if "task" in sources:
+        tasks = TaskEvent.objects.filter(drive=drive).order_by("number")
+        for kind, stamp, data in tasks.values_list("type", "stamp", "data"):
+            yield "task", kind, stamp, stamp, data
+    if others := sources - {"task"}:
+        rows = SessionEvent.objects.filter(session=drive.session_id, source__in=others)
+        values = rows.values_list("source", "type", "stamp", "received_at", "data")
+        yield from values.order_by("received_at", "id").iterator(chunk_size=1000)
+
+
+def origin_of(drive: Drive, source: str) -> Origin:
+    """Return the zero of the times of a source's events."""
+    offsets = {"robot": robot_offset, "page": page_offset}
+    offset = offsets[source](drive.session_id) if source in offsets else 0.0
+    return Origin(granted(drive), offset)
 
 
 def robot_offset(session: object) -> float:

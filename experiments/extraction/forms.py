@@ -48,12 +48,12 @@ class Origin:
 
 @dataclass(frozen=True)
 class Form:
-    """`leave` returns the part of a stored value that a dataset has, or NOTHING; `told` is the note
+    """`leave` returns the part of a stored value that a dataset has, or NOTHING; `note` is that
     of the code book on a field of this form, which is not in it without `is_listed`.
     """
 
     leave: Callable[[Any, Release, Origin], Any]
-    told: str = ""
+    note: str = ""
     is_listed: bool = True
 
 
@@ -84,13 +84,13 @@ def _door_state(value: Any, release: Release, _origin: Origin) -> Any:
     return value if state in {"open", "closed"} and name in release.doors else NOTHING
 
 
-def _one_of(known: Callable[[Release], frozenset[str]], told: str) -> Form:
+def _one_of(known: Callable[[Release], frozenset[str]], note: str) -> Form:
     """A word of a set; another one is left out."""
 
     def leave(value: Any, release: Release, _origin: Origin) -> Any:
         return value if isinstance(value, str) and value in known(release) else NOTHING
 
-    return Form(leave, told)
+    return Form(leave, note)
 
 
 @cache
@@ -129,8 +129,8 @@ def words(*known: str, is_several: bool = False) -> Form:
         is_known = set(value.split() if is_several else [value]) <= set(known)
         return value if is_known else _text(value, release, origin)
 
-    told = " | ".join(filter(None, known))
-    return Form(leave, f" (some of {told})" if is_several else f" ({told})" if told else "")
+    note = " | ".join(filter(None, known))
+    return Form(leave, f" (some of {note})" if is_several else f" ({note})" if note else "")
 
 
 def fields(listed: Mapping[str, Form]) -> Form:
@@ -148,7 +148,7 @@ def private(form: Form) -> Form:
     def leave(value: Any, release: Release, origin: Origin) -> Any:
         return NOTHING if release.choice.public else form.leave(value, release, origin)
 
-    return Form(leave, f"{form.told} (in no public dataset)")
+    return Form(leave, f"{form.note} (in no public dataset)")
 
 
 def kept(
@@ -165,4 +165,4 @@ def kept(
 
 def in_words(listed: Mapping[str, Form]) -> str:
     """Return the fields that leave, each with its note, for a code book."""
-    return ", ".join(f"{name}{form.told}" for name, form in listed.items() if form.is_listed)
+    return ", ".join(f"{name}{form.note}" for name, form in listed.items() if form.is_listed)

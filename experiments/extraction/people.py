@@ -48,7 +48,7 @@ def asks_for_sharing(study: StudyDefinition) -> bool:
 def participants_of(
     study: Study, drives: Iterable[Drive], choice: Selection
 ) -> list[ParticipantRecord]:
-    """Return all participants, by code; of those who withdrew only what is kept."""
+    """Return all participants, by code; those who withdrew have only the fields that are kept."""
     visits = StepVisit.objects.filter(participant__study=study).order_by("began_at")
     begun = dict(visits.values_list("participant_id", "step"))
     outcomes = {drive.participant_id: drive.outcome or drive.session.outcome for drive in drives}

@@ -44,7 +44,7 @@ def read_back(ending, tmp_path, layout=LAYOUT, rows=ROWS, **options):
 
 
 @pytest.mark.parametrize("ending", ["sav", "dta"])
-def test_values_and_labels_come_back(ending, tmp_path):
+def test_values_and_labels_are_read_unchanged(ending, tmp_path):
     frame, about = read_back(ending, tmp_path)
     names = variable_names([column.name for column in LAYOUT], 32)
     assert list(frame) == names
@@ -104,7 +104,7 @@ def test_names_are_valid_in_both_programs_and_differ():
 
 
 @pytest.mark.parametrize("ending", ["sav", "dta"])
-def test_tables_of_a_whole_dataset_come_back(ending, tmp_path):
+def test_tables_of_a_whole_dataset_are_read_unchanged(ending, tmp_path):
     dataset = made_up(np.random.default_rng(4), 6)
     for one in data_tables(dataset):
         if one.name in {"events", "answers"}:
